@@ -6,6 +6,7 @@ the measurement's error is uniform, written in q = 1/range, where every wall is 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +19,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.hull import hull_moments
+from robocup_vision.kernels.floor.walls import Vector
 from robocup_vision.localization.outline_camera import OutlineCamera
 from robocup_vision.localization.outline_model import (
     OutlineCameraSettings,
@@ -136,11 +138,19 @@ class OutlineFitter:
         Pose2 or None
             One of the two headings, or None with fewer than three points.
         """
+        bearings, guess = self._guess(radius_px)
+        return None if bearings < 3 else Pose2(*guess)
+
+    def _guess(self, radius_px: FloatArray) -> tuple[int, Vector]:
+        """Return how many bearings have an edge, and the first guess's x, y and theta; zeros with fewer than three."""
         model = self._model
         known, x, y, axis = hull_moments(model.scene.cos_b, model.scene.sin_b, radius_px, *model.q_of_radius)
-        if known < 3:
-            return None
-        return Pose2(x, y, axis).inverse()
+        c, s = math.cos(axis), math.sin(axis)
+        return known, (-c * x - s * y, s * x - c * y, -axis)
+
+    def _too_little(self, radius_px: FloatArray, bearings: int) -> tuple[NotLocated, FloatArray]:
+        reason = f"the floor's edge is seen in only {bearings} of {len(radius_px)} directions"
+        return NotLocated(reason), _nothing(radius_px)
 
     def locate(
         self, radius_px: FloatArray, prior: Pose2 | None = None, arbiter: Arbiter | None = None
@@ -165,37 +175,36 @@ class OutlineFitter:
             Image radius at which the pose predicts the walls; NaN where it predicts none.
         """
         settings, model = self.settings, self._model
-        nothing = np.full(len(radius_px), np.nan)
-        known = int(np.count_nonzero(radius_px > 0))
-        if known < settings.min_bearings:
-            return NotLocated(f"the floor's edge is seen in only {known} of {len(radius_px)} directions"), nothing
         fit: OutlineFit | None = None
         if prior is not None:
-            fit = model.fit(prior.array, radius_px, self._prior_scales)
+            start = prior.x_m, prior.y_m, prior.theta_rad
+            fit, bearings = model.fit(start, radius_px, self._prior_scales)
+            if bearings < settings.min_bearings:
+                return self._too_little(radius_px, bearings)
             fit = self._camera.leaned(fit, radius_px)
             if not self._is_good(fit, settings.max_cost_at_prior):
-                leaning = self._camera.leaning((fit.pose, prior.array), radius_px)
+                leaning = self._camera.leaning((fit.pose, start), radius_px)
                 if leaning is not None:
                     return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
         if fit is None or not self._is_good(fit, settings.max_cost_at_prior):
-            guess = self.first_guess(radius_px)
-            if guess is None:
-                return NotLocated("the floor's edge encloses no area"), nothing
-            fit = model.fit(guess.array, radius_px, self._scales)
+            bearings, guess = self._guess(radius_px)
+            if bearings < settings.min_bearings:
+                return self._too_little(radius_px, bearings)
+            fit, _ = model.fit(guess, radius_px, self._scales)
             # a start from nowhere may have ended beside the right place: then even what agrees agrees badly
             if not self._is_good(fit, settings.max_cost) or fit.rms_px > settings.tight * model.unit_px:
                 fit = self._search.improve(fit, radius_px, arbiter)
         if fit is None:
-            return NotLocated("several places explain the floor's edge equally well"), nothing
+            return NotLocated("several places explain the floor's edge equally well"), _nothing(radius_px)
         if prior is not None and fit.along_m > settings.sliding_std_m and not any(fit.lean_rad):
             # found as an upright body sees it: one that moves may lean, and on a far field that is half a metre
             leaning = self._camera.leaning((fit.pose,), radius_px)
             if leaning is None:
-                return NotLocated("the floor's edge does not fix the pose of a body that may lean"), nothing
+                return NotLocated("the floor's edge does not fix the pose of a body that may lean"), _nothing(radius_px)
             return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
         estimate = self._judge(fit, settings.max_std_m)
         if isinstance(estimate, NotLocated):
-            return estimate, nothing
+            return estimate, _nothing(radius_px)
         return self._camera.corrected(estimate, fit, radius_px, settings.sliding_std_m)
 
     def _is_good(self, fit: OutlineFit, good_cost: float) -> bool:
@@ -218,8 +227,13 @@ class OutlineFitter:
             return NotLocated(f"only {fit.inlier_ratio:.0%} of the floor's edge agrees with the field's walls")
         if fit.along_m > max_std_m:
             return NotLocated("the part of the floor's edge in view does not fix the pose in every direction")
-        x, y, theta = fit.pose.tolist()
+        x, y, theta = fit.pose
         pose = Pose2(x, y, theta)
         if not self.field.is_on_floor(x, y):
             return NotLocated(f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m")
         return PoseEstimate(pose, fit.covariance, fit.inlier_ratio, fit.rms_px, (pose, pose.half_turn()))
+
+
+def _nothing(radius_px: FloatArray) -> FloatArray:
+    """Return a predicted outline (K,) of no pose."""
+    return np.full(len(radius_px), np.nan)

@@ -17,7 +17,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import doubted_camera as kernels
-from robocup_vision.kernels.floor.walls import FitSummary, FloorOutline, WallScene
+from robocup_vision.kernels.floor.walls import FitSummary, FloorOutline, Vector, WallScene
 from robocup_vision.localization.outline_model import OutlineCameraSettings, OutlineFit, OutlineModel
 
 _POSE, _LEAN = slice(0, 3), slice(5, 7)
@@ -58,10 +58,9 @@ class OutlineCamera:
         )
         if not summary.cost < fit.cost or _is_within(unknowns[_LEAN], gate * covariance[_LEAN, _LEAN]):
             return fit
-        lean = tuple(unknowns[_LEAN].tolist())
-        return OutlineFit(unknowns[_POSE], covariance[_POSE, _POSE], *summary, residual, predicted, lean)
+        return _leaning_fit(unknowns, covariance, summary, residual, predicted)
 
-    def leaning(self, starts: Sequence[FloatArray], radius_px: FloatArray) -> OutlineFit | None:
+    def leaning(self, starts: Sequence[Vector], radius_px: FloatArray) -> OutlineFit | None:
         """Return the best fit of pose and lean together from some poses (3,); None where there is none.
 
         Its covariance is that of a body which may lean, whether or not the outline tells that it does.
@@ -84,8 +83,7 @@ class OutlineCamera:
             if not (np.isfinite(own).all() and np.all(np.linalg.eigvalsh(own) > 0)):
                 continue
             if best is None or summary.cost < best.cost:
-                lean = tuple(unknowns[_LEAN].tolist())
-                best = OutlineFit(unknowns[_POSE], covariance[_POSE, _POSE], *summary, residual, predicted, lean)
+                best = _leaning_fit(unknowns, covariance, summary, residual, predicted)
         return best
 
     def corrected(
@@ -120,7 +118,9 @@ class OutlineCamera:
         """Return what another centre and tilt would explain beyond the fit of a body that leans."""
         model = self.model
         outline = model.outline(radius_px, model.scales(()))
-        return kernels.doubts_of_camera(fit.pose, self._scene(fit), outline, model.lean_doubt, model.file_doubt)[1]
+        return kernels.doubts_of_camera(
+            np.array(fit.pose), self._scene(fit), outline, model.lean_doubt, model.file_doubt
+        )[1]
 
     def _fit(
         self, start: FloatArray, scene: WallScene, outline: FloorOutline, doubt: kernels.CameraDoubt
@@ -135,9 +135,17 @@ class OutlineCamera:
         return summary, unknowns, covariance, residual, predicted
 
 
-def _start(pose: FloatArray) -> FloatArray:
+def _start(pose: Vector) -> FloatArray:
     """Unknowns (7,) of an upright body at a pose, whose camera is as its file says."""
     return np.append(pose, np.zeros(kernels.SIZE - 3))
+
+
+def _leaning_fit(
+    unknowns: FloatArray, covariance: FloatArray, summary: FitSummary, residual_px: FloatArray, predicted_px: FloatArray
+) -> OutlineFit:
+    """Return the fit of a body that leans, by unknowns (7,) and their covariance."""
+    x, y, theta, _, _, about_x, about_y = unknowns.tolist()
+    return OutlineFit((x, y, theta), covariance[_POSE, _POSE], *summary, residual_px, predicted_px, (about_x, about_y))
 
 
 def _is_within(vector: FloatArray, bound: FloatArray) -> bool:

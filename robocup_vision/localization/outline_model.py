@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.floor import walls as kernels
 from robocup_vision.kernels.floor.doubted_camera import CameraDoubt, UprightRules, fit_upright
+from robocup_vision.kernels.floor.walls import Vector
 from robocup_vision.perception.polar_view import PolarView
 
 # how well a centre or a tilt is known that is not doubted
@@ -92,13 +94,12 @@ class OutlineCameraSettings:
     min_inlier_ratio: float = 0.65
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OutlineFit:
-    """A pose fitted to an outline.
+class OutlineFit(NamedTuple):
+    """A pose fitted to an outline; a tuple, as one is made in each frame.
 
     Parameters
     ----------
-    pose : (3,) float64
+    pose : (float, float, float)
         x, y, theta.
     covariance : (3, 3) float64
         Of the pose.
@@ -109,7 +110,7 @@ class OutlineFit:
     along_m : float
         Largest standard deviation of the position.
     residual_px, predicted_px : (K,) float64
-        As in `WallFit`.
+        As the lines of `fit_upright`.
     lean_rad : (float, float)
         Turns of the body about x, ahead, and y, left, about its foot.
     lean_gain : float
@@ -118,7 +119,7 @@ class OutlineFit:
         What another centre and tilt of the camera would explain; None where not asked yet.
     """
 
-    pose: FloatArray
+    pose: Vector
     covariance: FloatArray
     cost: float
     inlier_ratio: float
@@ -231,12 +232,13 @@ class OutlineModel:
             )
         )
 
-    def fit(self, start: FloatArray, radius_px: FloatArray, scales: FloatArray) -> OutlineFit:
-        """Fit an upright body's pose, from a start (3,), to an outline (K,)."""
-        pose, lines, covariance = start.copy(), np.empty((2, len(radius_px))), np.empty((3, 3))
-        told = fit_upright(pose, radius_px, scales, self._rules, lines, covariance)
-        cost, inlier_ratio, rms_px, along_m, by_lean, by_file = told
+    def fit(self, start: Vector, radius_px: FloatArray, scales: FloatArray) -> tuple[OutlineFit, int]:
+        """Fit an upright body's pose, from a start x, y, theta, to an outline (K,); with the number of its bearings."""
+        lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
+        told = fit_upright(start, radius_px, scales, self._rules, lines, covariance)
+        pose, bearings, cost, inlier_ratio, rms_px, along_m, by_lean, by_file = told
         residual, predicted = lines
-        return OutlineFit(
+        fit = OutlineFit(
             pose, covariance, cost, inlier_ratio, rms_px, along_m, residual, predicted, (0.0, 0.0), by_lean, by_file
         )
+        return fit, bearings

@@ -13,6 +13,7 @@ from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import wall_search
 from robocup_vision.kernels.floor import walls as kernels
+from robocup_vision.kernels.floor.walls import Vector
 from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 
 Arbiter = Callable[[list[Pose2]], int | None]
@@ -83,7 +84,9 @@ class OutlineSearch:
         poses, costs = self._fit_coarsely(likely, half_px, model.scales(settings.coarse_scales))
         hopeful = poses[np.argsort(costs)][: np.count_nonzero(costs < costs.min() + settings.hopeless_cost)]
         scales = model.scales(settings.fine_scales)
-        refined = [model.fit(pose, radius_px, scales) for pose in self._apart(hopeful, settings.refined)]
+        refined = [
+            model.fit((x, y, t), radius_px, scales)[0] for x, y, t in self._apart(hopeful, settings.refined).tolist()
+        ]
         return self._choose(sorted([fit, *refined], key=lambda f: f.cost), arbiter)
 
     def _choose(self, fits: list[OutlineFit], arbiter: Arbiter | None) -> OutlineFit | None:
@@ -93,11 +96,11 @@ class OutlineSearch:
         for candidate in fits:
             others = np.array([rival.pose for rival in rivals]).reshape(-1, 3)
             is_rival = candidate.cost < fits[0].cost + settings.rival_cost
-            if is_rival and wall_search.is_apart(candidate.pose, others, settings.rival_apart):
+            if is_rival and wall_search.is_apart(np.array(candidate.pose), others, settings.rival_apart):
                 rivals.append(candidate)
         if len(rivals) == 1:
             return rivals[0]
-        chosen = None if arbiter is None else arbiter([Pose2(*rival.pose.tolist()) for rival in rivals])
+        chosen = None if arbiter is None else arbiter([Pose2(*rival.pose) for rival in rivals])
         if chosen is not None:
             return rivals[chosen]
         return None if rivals[1].cost < rivals[0].cost + settings.equal_cost else rivals[0]
@@ -115,8 +118,8 @@ class OutlineSearch:
         taken = np.empty((min(most, len(poses)), 3))
         return taken[: wall_search.spread_poses(poses, self.settings.fit_apart, taken)]
 
-    def _slides(self, pose: FloatArray) -> FloatArray:
-        """Return poses (N, 3) along and across the field from a pose (3,), of its heading."""
+    def _slides(self, pose: Vector) -> FloatArray:
+        """Return poses (N, 3) along and across the field from a pose x, y, theta, of its heading."""
         floor = self.model.field.floor_polygon
         low, high = floor.min(axis=0), floor.max(axis=0)
         along = [np.array([x, pose[1], pose[2]]) for x in np.linspace(low[0], high[0], 15)[1:-1]]

@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import FloatArray, UInt64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.floor.walls import (
     FitSummary,
     FloorOutline,
-    WallFit,
+    Vector,
     WallPrediction,
     WallScene,
     agreement,
@@ -25,6 +25,7 @@ from robocup_vision.kernels.floor.walls import (
     inliers_of,
     position_std_m,
     predict_walls,
+    room_for,
     summarise_fit,
     tabulated,
     truncated_loss,
@@ -32,6 +33,8 @@ from robocup_vision.kernels.floor.walls import (
 
 SIZE = 7  # x, y, theta; centre of the image along bearing 0 and a quarter turn on, pixels; turns about x and y
 STEPS = 4
+ONE, TWO, THREE, FOUR, FIVE, SIX = (np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6))
+SEVEN, EIGHT, NINE, TEN, ELEVEN = (np.uint64(7), np.uint64(8), np.uint64(9), np.uint64(10), np.uint64(11))
 LEAST_NOISE = 0.3  # of what is said of a bearing: exact outlines have errors of the tables
 
 
@@ -60,7 +63,8 @@ class DoubtedFit(NamedTuple):
     Parameters
     ----------
     information, scatter : (7, 7) float64
-        Sum of w J^T J, its lower triangle, without the prior; of groups' pulls, as in `WallFit`.
+        Sum of w J^T J, without the prior; sum over groups of neighbouring bearings of g g^T, g the group's sum of
+        w e J: the residuals' true scatter.
     pull : (7,) float64
         Sum of w e J.
     """
@@ -70,7 +74,7 @@ class DoubtedFit(NamedTuple):
     pull: FloatArray
 
 
-@compiled
+@compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
 def gather_doubted(
     unknowns: FloatArray,
     scene: WallScene,
@@ -94,61 +98,92 @@ def gather_doubted(
     fit : DoubtedFit
         Result.
     """
-    best_q, best_wall, planes = prediction
+    count = scene.cos_b.shape[0]
+    # derivatives and, last, residuals; then the same times their weights: a column a bearing, side by side
+    rows, weighed = np.empty((SIZE + 1, count)), np.empty((SIZE + 1, count))
+    which = np.empty(count, np.uint64)
+    used = 0
+    for k in range(count):
+        which[used] = k
+        used += (outline.radius[k] > 0.0) & (prediction.wall[k] >= 0)
+    squares, total = _linearise(unknowns, scene, outline, prediction, turns_body, which[:used], rows, weighed)
+    for i in range(SIZE):
+        for j in range(i + 1):
+            added = 0.0
+            for n in range(np.uint64(used)):
+                added += weighed[i, n] * rows[j, n]
+            fit.information[i, j] = fit.information[j, i] = added
+    # what four bearings pull errs together
+    groups = used // 4
+    pulls = np.empty((SIZE, groups))
+    for i in range(SIZE):
+        pulled = 0.0
+        for n in range(np.uint64(used)):
+            weighed[i, n] *= rows[SIZE, n]
+            pulled += weighed[i, n]
+        fit.pull[i] = pulled
+        for g in range(np.uint64(groups)):
+            at = FOUR * g
+            pulls[i, g] = weighed[i, at] + weighed[i, at + ONE] + weighed[i, at + TWO] + weighed[i, at + THREE]
+    for i in range(SIZE):
+        for j in range(i + 1):
+            added = 0.0
+            for g in range(np.uint64(groups)):
+                added += pulls[i, g] * pulls[j, g]
+            fit.scatter[i, j] = fit.scatter[j, i] = added
+    return squares, total
+
+
+@compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
+def _linearise(
+    unknowns: FloatArray,
+    scene: WallScene,
+    outline: FloorOutline,
+    prediction: WallPrediction,
+    turns_body: bool,
+    which: UInt64Array,
+    rows: FloatArray,
+    weighed: FloatArray,
+) -> tuple[float, float]:
+    """Write derivatives and residuals of some bearings, plain and times their weights; return as `gather_doubted`."""
+    plane, best_q, best_wall = prediction.planes.reshape(-1), prediction.q, prediction.wall
     cos_b, sin_b, radius, height = scene.cos_b, scene.sin_b, outline.radius, scene.height
     to_camera = scene.robot_to_camera
-    information, scatter, pull = fit.information, fit.scatter, fit.pull
     per_scale = 1.0 / outline.scales[outline.scales.shape[0] - 1]
-    cos_t, sin_t = math.cos(unknowns[2]), math.sin(unknowns[2])
+    cos_t, sin_t, center_u, center_v = math.cos(unknowns[2]), math.sin(unknowns[2]), unknowns[3], unknowns[4]
+    (x0, y0), (x1, y1), (x2, y2) = to_camera[0, :2], to_camera[1, :2], to_camera[2, :2]
     # a body that turns moves the viewpoint, as a pose does: about x to the right, about y ahead
     lever = height if turns_body else 0.0
-    jacobian, group = np.empty(SIZE), np.zeros(SIZE)
-    for i in range(SIZE):
-        pull[i] = 0.0
-        for j in range(SIZE):
-            information[i, j] = 0.0
-            scatter[i, j] = 0.0
-    squares, total, in_group = 0.0, 0.0, 0
-    for k in range(cos_b.shape[0]):
-        w = best_wall[k]
-        if not radius[k] > 0 or w < 0:
-            continue
+    squares, total = 0.0, 0.0
+    for n in range(np.uint64(which.shape[0])):
+        k = which[n]
+        at = np.uint64(12) * np.uint64(best_wall[k])
         c, s, q = cos_b[k], sin_b[k], best_q[k]
-        along, aside = planes[w, 0, 0], planes[w, 0, 1]
+        along, aside = plane[at], plane[at + ONE]
         predicted, slope = tabulated(outline, q)
         turn = slope * (aside * c - along * s) / predicted
         oblique = 1.0 / math.sqrt(1.0 + turn * turn)
         by_u, by_v = oblique * (c + turn * s), oblique * (s - turn * c)
-        e = (radius[k] - predicted) * oblique - by_u * unknowns[3] - by_v * unknowns[4]
+        e = (radius[k] - predicted) * oblique - by_u * center_u - by_v * center_v
         by_q = slope * oblique
-        for p in range(3):
-            jacobian[p] = by_q * (planes[w, p + 1, 0] * c + planes[w, p + 1, 1] * s - q * planes[w, p + 1, 2])
-        jacobian[3], jacobian[4] = by_u, by_v
+        by_x = by_q * (plane[at + THREE] * c + plane[at + FOUR] * s - q * plane[at + FIVE])
+        by_y = by_q * (plane[at + SIX] * c + plane[at + SEVEN] * s - q * plane[at + EIGHT])
+        by_theta = by_q * (plane[at + NINE] * c + plane[at + TEN] * s - q * plane[at + ELEVEN])
         # a turn t of the camera takes a plane's normal n to n - t x n
         by_t0 = by_q * (s / height + q * height * aside)
         by_t1 = -by_q * (c / height + q * height * along)
         by_t2 = by_q * (aside * c - along * s)
-        by_ahead, by_left = cos_t * jacobian[0] + sin_t * jacobian[1], cos_t * jacobian[1] - sin_t * jacobian[0]
-        for i in range(2):
-            by_turn = to_camera[0, i] * by_t0 + to_camera[1, i] * by_t1 + to_camera[2, i] * by_t2
-            jacobian[5 + i] = by_turn + (-lever * by_left if i == 0 else lever * by_ahead)
+        by_ahead, by_left = cos_t * by_x + sin_t * by_y, cos_t * by_y - sin_t * by_x
+        about_x = x0 * by_t0 + x1 * by_t1 + x2 * by_t2 - lever * by_left
+        about_y = y0 * by_t0 + y1 * by_t1 + y2 * by_t2 + lever * by_ahead
         weight = agreement(e, per_scale)
         squares += weight * e * e
         total += weight
-        for i in range(SIZE):
-            part = weight * jacobian[i]
-            pull[i] += part * e
-            group[i] += part * e
-            for j in range(i + 1):
-                information[i, j] += part * jacobian[j]
-        in_group += 1
-        if in_group == 4:
-            for i in range(SIZE):
-                for j in range(SIZE):
-                    scatter[i, j] += group[i] * group[j]
-            for i in range(SIZE):
-                group[i] = 0.0
-            in_group = 0
+        rows[0, n], rows[1, n], rows[2, n], rows[3, n], rows[4, n] = by_x, by_y, by_theta, by_u, by_v
+        rows[5, n], rows[6, n], rows[7, n], weighed[7, n] = about_x, about_y, e, weight
+    for i in range(SIZE):
+        for n in range(np.uint64(which.shape[0])):
+            weighed[i, n] = weighed[SIZE, n] * rows[i, n]
     return squares, total
 
 
@@ -208,13 +243,26 @@ def doubts_of_camera(
     (float, float)
         For each: decrease of the weighted sum of squares in one step, over the mean square that is left.
     """
-    count = scene.cos_b.shape[0]
-    prediction = WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
+    prediction = room_for(scene)
     fit = DoubtedFit(np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE))
+    predict_walls(pose, scene, prediction)
+    return _gather_doubts(pose, scene, outline, prediction, lean, file, fit)
+
+
+@compiled
+def _gather_doubts(
+    pose: FloatArray,
+    scene: WallScene,
+    outline: FloorOutline,
+    prediction: WallPrediction,
+    lean: CameraDoubt,
+    file: CameraDoubt,
+    fit: DoubtedFit,
+) -> tuple[float, float]:
+    """Fill the normal equations about a pose from which walls are predicted; return as `doubts_of_camera`."""
     unknowns, system = np.zeros(SIZE), np.empty((SIZE, SIZE))
     for i in range(3):
         unknowns[i] = pose[i]
-    predict_walls(pose, scene, prediction)
     squares, total = gather_doubted(unknowns, scene, outline, prediction, False, fit)
     if not total > SIZE:
         return 0.0, 0.0
@@ -249,43 +297,51 @@ class UprightRules(NamedTuple):
 
 @compiled
 def fit_upright(
-    pose: FloatArray,
+    start: Vector,
     radius: FloatArray,
     scales: FloatArray,
     rules: UprightRules,
     lines: FloatArray,
     covariance: FloatArray,
-) -> tuple[float, float, float, float, float, float]:
+) -> tuple[Vector, int, float, float, float, float, float, float]:
     """Fit an upright body's pose, and ask what a lean or another camera would explain: all of a frame in one call.
 
     Parameters
     ----------
-    pose : (3,) float64
-        In: where to start. Out: x, y, theta.
+    start : (float, float, float)
+        x, y, theta where to start.
     radius, scales : (K,), (I,) float64
         As in `FloorOutline`.
     rules : UprightRules
         May be plain.
     lines : (2, K) float64
-        Result: residual and predicted radius, as in `WallFit`.
+        Result: residual in pixels along the edge's normal, positive where floor is seen beyond the wall, NaN where
+        none; and image radius of the nearest wall's foot, NaN where none.
     covariance : (3, 3) float64
         Result.
 
     Returns
     -------
-    tuple of float
-        The values of a `FitSummary`, and what `doubts_of_camera` tells of the fit, by the last of the scales.
+    tuple
+        Pose; number of bearings with an edge; the values of a `FitSummary`; and what `doubts_of_camera` tells of the
+        fit, by the last of the scales.
     """
     known = UprightRules(*rules)
     scene = WallScene(*known.scene)
     outline = FloorOutline(radius, known.q_step, known.radius_of_q, scales, known.unit_px)
-    best = WallFit(pose, np.empty((3, 3)), np.empty((3, 3)), lines[0], lines[1])
-    cost = fit_walls(pose.copy().reshape(1, 3), scene, outline, best)
-    ratio, rms, along = summarise_fit(
-        best.residual, known.inlier_px, best.information, best.scatter, known.inflate, known.systematic, covariance
+    unknowns, prediction = np.zeros(SIZE), room_for(scene)
+    pose = unknowns[:3]
+    pose[0], pose[1], pose[2] = start
+    cost = fit_walls(pose, scene, outline, prediction)
+    fit = DoubtedFit(np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE))
+    by_lean, by_file = _gather_doubts(
+        pose, scene, outline, prediction, CameraDoubt(*known.lean), CameraDoubt(*known.file), fit
     )
-    by_lean, by_file = doubts_of_camera(pose, scene, outline, CameraDoubt(*known.lean), CameraDoubt(*known.file))
-    return cost, ratio, rms, along, by_lean, by_file
+    _, seen = _compare(unknowns, scene, outline, prediction, lines[0], lines[1])
+    ratio, rms, along = summarise_fit(
+        lines[0], known.inlier_px, fit.information, fit.scatter, known.inflate, known.systematic, covariance
+    )
+    return (pose[0], pose[1], pose[2]), seen, cost, ratio, rms, along, by_lean, by_file
 
 
 @compiled
@@ -342,8 +398,7 @@ def fit_with_camera(
     FitSummary
         Of the fit; its cost and standard deviation are infinite where the outline does not determine the unknowns.
     """
-    count = scene.cos_b.shape[0]
-    prediction = WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
+    prediction = room_for(scene)
     fit = DoubtedFit(np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE))
     system, step = np.empty((SIZE, SIZE)), np.empty(SIZE)
     for turn in range(STEPS + 1):
@@ -363,7 +418,7 @@ def fit_with_camera(
         for i in range(SIZE):
             unknowns[i] += step[i]
     _sandwich(doubt, fit, system, inflate, systematic, covariance)
-    cost = _compare(unknowns, scene, outline, prediction, residual, predicted)
+    cost, _ = _compare(unknowns, scene, outline, prediction, residual, predicted)
     ratio, rms = inliers_of(residual, inlier_px)
     return FitSummary(cost, ratio, rms, position_std_m(covariance))
 
@@ -376,9 +431,9 @@ def _sandwich(
     middle = np.empty((SIZE, SIZE))
     for p in range(SIZE):
         for q in range(SIZE):
-            middle[p, q] = inflate * fit.scatter[p, q] + systematic * fit.information[max(p, q), min(p, q)]
-        if p >= 3:
-            middle[p, p] += doubt.noise_px**2 * _file_information(doubt, p)
+            middle[p, q] = inflate * fit.scatter[p, q] + systematic * fit.information[p, q]
+        # of the pose, too: without it a direction that nothing tells of would come out as exact
+        middle[p, p] += doubt.noise_px**2 * _file_information(doubt, p)
     # both are symmetric: rows do for columns
     for p in range(SIZE):
         substitute(system, SIZE, middle[p])
@@ -388,7 +443,7 @@ def _sandwich(
         substitute(system, SIZE, out[p])
 
 
-@compiled
+@compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
 def _compare(
     unknowns: FloatArray,
     scene: WallScene,
@@ -396,23 +451,25 @@ def _compare(
     prediction: WallPrediction,
     residual: FloatArray,
     predicted: FloatArray,
-) -> float:
-    """Write what is predicted, and what the outline differs by; returns the truncated mean cost."""
-    cost, used = 0.0, 0
-    for k in range(scene.cos_b.shape[0]):
-        residual[k], predicted[k] = np.nan, np.nan
-        seen, w = outline.radius[k] > 0, prediction.wall[k]
-        if seen:
-            used += 1
-        if w < 0:
-            cost += 1.0 if seen else 0.0
-            continue
+) -> tuple[float, int]:
+    """Write what is predicted, and what the outline differs by.
+
+    Returns the truncated mean cost, and the number of bearings with an edge.
+    """
+    cost, used, missed, plane, per_two_units = 0.0, 0, 0, prediction.planes.reshape(-1), 0.5 / outline.unit_px
+    center_u, center_v = unknowns[3], unknowns[4]
+    for k in range(np.uint64(scene.cos_b.shape[0])):
+        r, wall = outline.radius[k], prediction.wall[k]
+        is_seen, is_met = r > 0.0, wall >= 0
         c, s = scene.cos_b[k], scene.sin_b[k]
+        place = np.uint64(12 * max(wall, 0))
         at, slope = tabulated(outline, prediction.q[k])
-        turn = slope * (prediction.planes[w, 0, 1] * c - prediction.planes[w, 0, 0] * s) / at
-        predicted[k] = at + unknowns[3] * (c + turn * s) + unknowns[4] * (s - turn * c)
-        if seen:
-            e = (outline.radius[k] - predicted[k]) / math.sqrt(1.0 + turn * turn)
-            residual[k] = e
-            cost += truncated_loss(e, 0.5 / outline.unit_px)
-    return cost / max(used, 1)
+        turn = slope * (plane[place + ONE] * c - plane[place] * s) / at
+        foot = at + center_u * (c + turn * s) + center_v * (s - turn * c)
+        e = (r - foot) / math.sqrt(1.0 + turn * turn)
+        predicted[k] = foot if is_met else np.nan
+        residual[k] = e if is_seen & is_met else np.nan
+        cost += truncated_loss(e, per_two_units) if is_seen & is_met else 0.0
+        used += is_seen
+        missed += is_seen & (not is_met)
+    return (cost + missed) / max(used, 1), used

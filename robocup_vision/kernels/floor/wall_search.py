@@ -9,7 +9,7 @@ import numpy as np
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.copies import copy_vector
-from robocup_vision.kernels.floor.walls import FloorOutline, WallFit, WallScene, fit_walls
+from robocup_vision.kernels.floor.walls import FloorOutline, WallScene, fit_walls, room_for
 
 
 @compiled(fastmath={"contract"})
@@ -121,8 +121,7 @@ def fit_each(
     out_costs: FloatArray,
 ) -> None:
     """Fit each start by itself, as `fit_walls` does; fills out_poses (N, 3) and out_costs (N,)."""
-    count = scene.cos_b.shape[0]
-    best = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(count), np.empty(count))
+    prediction = room_for(scene)
     for n in range(poses.shape[0]):
-        out_costs[n] = fit_walls(poses[n : n + 1], scene, outline, best)
-        copy_vector(best.pose, out_poses[n])
+        copy_vector(poses[n], out_poses[n])
+        out_costs[n] = fit_walls(out_poses[n], scene, outline, prediction)

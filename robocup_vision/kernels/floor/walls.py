@@ -9,10 +9,11 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
-from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
 from robocup_vision.kernels.algebra.three import adjugate_3x3, solve_3x3
 
 Vector = tuple[float, float, float]
+B1, B3, B4, B5, B6 = np.uint64(1), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6)
+B7, B8, B9, B10, B11 = np.uint64(7), np.uint64(8), np.uint64(9), np.uint64(10), np.uint64(11)
 
 
 class WallScene(NamedTuple):
@@ -80,30 +81,6 @@ class FloorOutline(NamedTuple):
     unit_px: float
 
 
-class WallFit(NamedTuple):
-    """The fit of a pose to an outline, written in place.
-
-    Parameters
-    ----------
-    pose : (3,) float64
-        x, y, theta.
-    information : (3, 3) float64
-        Sum of w J^T J.
-    scatter : (3, 3) float64
-        Sum over groups of neighbouring bearings of g g^T, g the group's sum of w e J: the residuals' true scatter.
-    residual : (K,) float64
-        Residual in pixels along the edge's normal, positive where floor is seen beyond the wall; NaN where none.
-    predicted : (K,) float64
-        Image radius of the nearest wall's foot, NaN where none.
-    """
-
-    pose: FloatArray
-    information: FloatArray
-    scatter: FloatArray
-    residual: FloatArray
-    predicted: FloatArray
-
-
 @compiled
 def _cross(a: Vector, b: Vector) -> Vector:
     """Cross product."""
@@ -155,6 +132,7 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
         wall = end[0] - start[0], end[1] - start[1], end[2] - start[2]
         normal = _cross(start, wall)
         if abs(normal[2]) < 1e-12:
+            planes[w] = 0.0
             continue
         # scaled so that a bearing's q needs no division
         per_nz = 1.0 / normal[2]
@@ -184,18 +162,18 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
                 bearing = 0
 
 
-@compiled
+@compiled(error_model="numpy")
 def tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
     """Image radius of an inverse range, and its derivative."""
     per_q = 1.0 / outline.q_step
     place = q * per_q
     # beyond the table its last cell goes on
-    cell = np.uint32(min(place, outline.radius_of_q.shape[0] - 2 + 0.999))
-    step = outline.radius_of_q[cell + 1] - outline.radius_of_q[cell]
+    cell = np.uint64(np.uint32(min(place, outline.radius_of_q.shape[0] - 2 + 0.999)))
+    step = outline.radius_of_q[cell + B1] - outline.radius_of_q[cell]
     return outline.radius_of_q[cell] + (place - cell) * step, step * per_q
 
 
-@compiled
+@compiled(error_model="numpy")
 def agreement(e: float, per_scale: float) -> float:
     """Weight of a residual: an edge nearer than the wall says little, for obstacles hide floor; beyond it none is."""
     ratio = e * (per_scale if e < 0 else per_scale / 3.0)
@@ -203,57 +181,51 @@ def agreement(e: float, per_scale: float) -> float:
     return share * share
 
 
-@compiled
+@compiled(error_model="numpy")
 def truncated_loss(e: float, per_two_units: float) -> float:
     """Cost of a residual: up to 1, and up to 2 where floor shows beyond a wall."""
     return min(1.0 if e < 0 else 2.0, (e * per_two_units) ** 2)
 
 
-@compiled
-def _accumulate(
+@compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
+def _add_up(
     scene: WallScene,
     outline: FloorOutline,
     prediction: WallPrediction,
     stride: int,
     scale: float,
-    fit: WallFit,
+    information: FloatArray,
     pull: FloatArray,
 ) -> float:
     """Add up the normal equations over every stride-th bearing; returns the truncated mean cost.
 
-    Fills `information`, `scatter` and `residual` of the fit, and `pull` (3,), the sum of w e J.
+    Fills `information` (3, 3), the sum of w J^T J, and `pull` (3,), the sum of w e J. Without branches, and with sums
+    in any order: the processor takes eight bearings at once.
     """
-    residual = fit.residual
     best_q, best_wall, planes = prediction
-    cos_b, sin_b, radius, unit_px = scene.cos_b, scene.sin_b, outline.radius, outline.unit_px
-    per_scale, per_two_units = 1.0 / scale, 0.5 / unit_px
-    # written out: sums in arrays would be stored and loaded at each bearing, twice the time
+    cos_b, sin_b, radius, plane = scene.cos_b, scene.sin_b, outline.radius, planes.reshape(-1)
+    per_scale, per_two_units = 1.0 / scale, 0.5 / outline.unit_px
+    # written out: sums in arrays would be stored and loaded at each bearing
     a00, a01, a02, a11, a12, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    s00, s01, s02, s11, s12, s22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    p0, p1, p2, g0, g1, g2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    cost, used, in_group = 0.0, 0, 0
-    for k in range(0, cos_b.shape[0], stride):
-        residual[k] = np.nan
-        if not radius[k] > 0:
-            continue
-        used += 1
-        w = best_wall[k]
-        if w < 0:
-            cost += 1.0
-            continue
-        q, c, s = best_q[k], cos_b[k], sin_b[k]
+    p0, p1, p2, cost, used, missed = 0.0, 0.0, 0.0, 0.0, 0, 0
+    # unsigned: a signed index would be checked for being negative
+    for k in range(np.uint64(0), np.uint64(cos_b.shape[0]), np.uint64(stride)):
+        wall, r, q, c, s = best_wall[k], radius[k], best_q[k], cos_b[k], sin_b[k]
+        is_seen, is_met = r > 0.0, wall >= 0
+        at = np.uint64(12 * max(wall, 0))
         predicted, slope = tabulated(outline, q)
-        turn = slope * (planes[w, 0, 1] * c - planes[w, 0, 0] * s) / predicted
+        turn = slope * (plane[at + B1] * c - plane[at] * s) / predicted
         # the edge is oblique to the ray: what is uniform in the image is the distance along its normal
         oblique = 1.0 / math.sqrt(1.0 + turn * turn)
-        e = (radius[k] - predicted) * oblique
-        residual[k] = e
+        e = (r - predicted) * oblique if is_seen & is_met else 0.0
         by_q = slope * oblique
-        j0 = by_q * (planes[w, 1, 0] * c + planes[w, 1, 1] * s - q * planes[w, 1, 2])
-        j1 = by_q * (planes[w, 2, 0] * c + planes[w, 2, 1] * s - q * planes[w, 2, 2])
-        j2 = by_q * (planes[w, 3, 0] * c + planes[w, 3, 1] * s - q * planes[w, 3, 2])
-        weight = agreement(e, per_scale)
+        j0 = by_q * (plane[at + B3] * c + plane[at + B4] * s - q * plane[at + B5])
+        j1 = by_q * (plane[at + B6] * c + plane[at + B7] * s - q * plane[at + B8])
+        j2 = by_q * (plane[at + B9] * c + plane[at + B10] * s - q * plane[at + B11])
+        weight = agreement(e, per_scale) if is_seen & is_met else 0.0
         cost += truncated_loss(e, per_two_units)
+        used += is_seen
+        missed += is_seen & (not is_met)
         w0, w1, w2 = weight * j0, weight * j1, weight * j2
         a00 += w0 * j0
         a01 += w0 * j1
@@ -264,92 +236,57 @@ def _accumulate(
         p0 += w0 * e
         p1 += w1 * e
         p2 += w2 * e
-        g0 += w0 * e
-        g1 += w1 * e
-        g2 += w2 * e
-        in_group += 1
-        if in_group == 4:
-            s00 += g0 * g0
-            s01 += g0 * g1
-            s02 += g0 * g2
-            s11 += g1 * g1
-            s12 += g1 * g2
-            s22 += g2 * g2
-            g0, g1, g2, in_group = 0.0, 0.0, 0.0, 0
-    _write_symmetric(fit.information, a00, a01, a02, a11, a12, a22)
-    _write_symmetric(fit.scatter, s00, s01, s02, s11, s12, s22)
+    information[0, 0], information[0, 1], information[0, 2] = a00, a01, a02
+    information[1, 0], information[1, 1], information[1, 2] = a01, a11, a12
+    information[2, 0], information[2, 1], information[2, 2] = a02, a12, a22
     pull[0], pull[1], pull[2] = p0, p1, p2
-    return cost / max(used, 1)
+    return (cost + missed) / max(used, 1)
 
 
 @compiled
-def _write_symmetric(out: FloatArray, m00: float, m01: float, m02: float, m11: float, m12: float, m22: float) -> None:
-    """Fill a symmetric matrix (3, 3) from its upper triangle."""
-    out[0, 0], out[0, 1], out[0, 2] = m00, m01, m02
-    out[1, 0], out[1, 1], out[1, 2] = m01, m11, m12
-    out[2, 0], out[2, 1], out[2, 2] = m02, m12, m22
+def room_for(scene: WallScene) -> WallPrediction:
+    """Return arrays for a prediction of a scene."""
+    count = scene.cos_b.shape[0]
+    return WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
 
 
 @compiled
-def _keep(outline: FloorOutline, prediction: WallPrediction, fit: WallFit, best: WallFit) -> None:
-    """Copy a fit, and the walls it predicts, to the best one."""
-    copy_vector(fit.pose, best.pose)
-    copy_matrix(fit.information, best.information)
-    copy_matrix(fit.scatter, best.scatter)
-    copy_vector(fit.residual, best.residual)
-    for k in range(best.predicted.shape[0]):
-        best.predicted[k] = np.nan
-        if prediction.wall[k] >= 0:
-            best.predicted[k] = tabulated(outline, prediction.q[k])[0]
-
-
-@compiled
-def fit_walls(poses: FloatArray, scene: WallScene, outline: FloorOutline, best: WallFit) -> float:
-    """Fit poses to a measured floor outline by Gauss-Newton on the image radius, with annealed redescending weights.
+def fit_walls(pose: FloatArray, scene: WallScene, outline: FloorOutline, prediction: WallPrediction) -> float:
+    """Fit a pose to a measured floor outline by Gauss-Newton on the image radius, with annealed redescending weights.
 
     Parameters
     ----------
-    poses : (N, 3) float64
-        Starts; the one that ends with the least truncated cost wins.
+    pose : (3,) float64
+        In: where to start. Out: x, y, theta.
     scene, outline : WallScene, FloorOutline
         What is fitted to what.
-    best : WallFit
-        Result: the winner.
+    prediction : WallPrediction
+        Result: from the fitted pose.
 
     Returns
     -------
     float
-        The winner's truncated mean cost, 0 (all fits) to 1 (nothing fits).
+        The truncated mean cost, 0 (all fits) to 1 (nothing fits).
     """
-    count, iterations = scene.cos_b.shape[0], outline.scales.shape[0]
-    prediction = WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
-    fit = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(count), np.empty(0))
-    pull, work, step = np.empty(3), np.empty((3, 3)), np.empty(3)
-    best_cost = math.inf
-    for n in range(poses.shape[0]):
-        copy_vector(poses[n], fit.pose)
-        for iteration in range(iterations + 1):
-            final = iteration == iterations
-            scale = outline.scales[min(iteration, iterations - 1)]
-            predict_walls(fit.pose, scene, prediction)
-            # far from the end every second bearing does
-            stride = 2 if not final and scale > 2.5 * outline.unit_px else 1
-            cost = _accumulate(scene, outline, prediction, stride, scale, fit, pull)
-            if final:
-                if cost < best_cost:
-                    best_cost = cost
-                    _keep(outline, prediction, fit, best)
-                break
-            for i in range(3):
-                fit.information[i, i] += 1e-6
-            if not solve_3x3(fit.information, pull, work, step):
-                continue
-            # a step is trusted as far as the linearised wall stays near
-            length = math.sqrt(step[0] * step[0] + step[1] * step[1])
-            shrink = min(1.0, 0.5 / max(length, 1e-9), 0.5 / max(abs(step[2]), 1e-9))
-            for i in range(3):
-                fit.pose[i] += shrink * step[i]
-    return best_cost
+    iterations = outline.scales.shape[0]
+    information, pull, work, step = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
+    for iteration in range(iterations):
+        scale = outline.scales[iteration]
+        predict_walls(pose, scene, prediction)
+        # far from the end every second bearing does
+        stride = 2 if scale > 2.5 * outline.unit_px else 1
+        _add_up(scene, outline, prediction, stride, scale, information, pull)
+        for i in range(3):
+            information[i, i] += 1e-6
+        if not solve_3x3(information, pull, work, step):
+            continue
+        # a step is trusted as far as the linearised wall stays near
+        length = math.sqrt(step[0] * step[0] + step[1] * step[1])
+        shrink = min(1.0, 0.5 / max(length, 1e-9), 0.5 / max(abs(step[2]), 1e-9))
+        for i in range(3):
+            pose[i] += shrink * step[i]
+    predict_walls(pose, scene, prediction)
+    return _add_up(scene, outline, prediction, 1, outline.scales[iterations - 1], information, pull)
 
 
 @compiled

@@ -62,7 +62,7 @@ def test_a_leaning_body_knows_where_it_is(pose, lean, seed):
 def test_a_lean_moves_a_fit_of_upright_bodies_by_centimetres():
     pose, lean = Pose2(0.8, 0.2, 0.3), (0.012, 0.004)
     radius = outline(pose, lean, 0.0)
-    level = MODEL.fit(pose.array, radius, MODEL.scales((2.0,)))
+    level, _ = MODEL.fit(tuple(pose.array), radius, MODEL.scales((2.0,)))
     assert math.dist(level.pose[:2], (pose.x_m, pose.y_m)) > 0.02
     estimate, _ = FITTER.locate(radius, pose)
     assert estimate.pose.error_to(pose)[0] < 0.005
@@ -73,7 +73,7 @@ def test_an_upright_body_is_located_as_without_the_question(seed):
     rng = np.random.default_rng(seed)
     pose = Pose2(rng.uniform(-1, 1), rng.uniform(-0.5, 0.5), rng.uniform(-3, 3))
     radius = outline(pose, (0.0, 0.0), rng.normal(0, 0.1, VIEW.bearings))
-    level = MODEL.fit(pose.array, radius, MODEL.scales((2.0,)))
+    level, _ = MODEL.fit(tuple(pose.array), radius, MODEL.scales((2.0,)))
     # points projected one by one lie up to 0.2 px from the walls, all on one side: as of a camera that is off
     trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(camera=OutlineCameraSettings(min_gain=math.inf)))
     estimate, _ = trusting.locate(radius, pose)
@@ -84,7 +84,7 @@ def test_one_wall_alone_tells_no_lean():
     pose, lean = Pose2(0.0, 0.2, math.pi / 2), (0.01, 0.0)
     radius = outline(pose, lean, np.random.default_rng(0).normal(0, 0.1, VIEW.bearings))
     radius[np.abs(np.mod(VIEW.bearing_rad + math.pi, math.tau) - math.pi) > 0.6] = np.nan
-    fit = MODEL.fit(pose.array, radius, MODEL.scales((2.0,)))
+    fit, _ = MODEL.fit(tuple(pose.array), radius, MODEL.scales((2.0,)))
     assert OutlineCamera(MODEL, OutlineCameraSettings()).leaned(fit, radius).lean_rad == (0.0, 0.0)
 
 

@@ -25,11 +25,11 @@ from robocup_vision.kernels.floor.doubted_camera import (
 )
 from robocup_vision.kernels.floor.walls import (
     FloorOutline,
-    WallFit,
     WallPrediction,
     WallScene,
     fit_walls,
     predict_walls,
+    room_for,
     summarise_fit,
 )
 
@@ -160,7 +160,7 @@ def test_normal_equations_agree_with_finite_differences(turned, turns_body, pose
     # at a corner, and between cells of the table, a difference may see another wall or slope
     scale = np.sqrt(np.diag(information))
     both = np.outer(scale, scale)
-    np.testing.assert_allclose(np.tril(fit.information) / both, np.tril(information) / both, atol=0.05)
+    np.testing.assert_allclose(fit.information / both, information / both, atol=0.05)
     np.testing.assert_allclose(fit.pull / scale, pull / scale, atol=0.05 * np.sqrt(sums[0]) + 0.05)
     np.testing.assert_allclose(fit.scatter / both, scatter / both, atol=0.1 * max(sums[0], 1.0))
     np.testing.assert_allclose((squares, total), sums, rtol=0.05)
@@ -168,9 +168,9 @@ def test_normal_equations_agree_with_finite_differences(turned, turns_body, pose
 
 def fit_pose(pose, radius):
     """Return the pose by a fit that takes the file for true."""
-    best = WallFit(np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(COUNT), np.empty(COUNT))
-    fit_walls(pose.array[None], scene(), floor_of(radius), best)
-    return best.pose
+    found = pose.array
+    fit_walls(found, scene(), floor_of(radius), room_for(scene()))
+    return found
 
 
 def fit_all(start, radius):
@@ -230,18 +230,25 @@ def test_a_fit_its_summary_and_its_doubts_are_the_same_in_one_call(pose, seed):
     rng = np.random.default_rng(seed)
     radius = seen_outline(pose, (0.3, -0.1), (0.002, 0.0), rng, 0.15)
     start = pose.array + rng.normal(0, (0.02, 0.02, 0.02))
-    one_by_one = WallFit(np.empty(3), *np.empty((2, 3, 3)), np.full(COUNT, np.nan), np.empty(COUNT))
-    cost = fit_walls(start[None], scene(), floor_of(radius), one_by_one)
+    found, prediction = start.copy(), room_for(scene())
+    cost = fit_walls(found, scene(), floor_of(radius), prediction)
+    fit = DoubtedFit(np.empty((7, 7)), np.empty((7, 7)), np.empty(7))
+    unknowns = np.concatenate([found, np.zeros(4)])
+    gather_doubted(unknowns, scene(), floor_of(radius), prediction, False, fit)
+    # residuals are along the edge's normal: what is across the ray shows less
+    predicted = np.where(prediction.wall >= 0, radius_at(prediction.q), np.nan)
     covariance, out_covariance, lines = *np.empty((2, 3, 3)), np.empty((2, COUNT))
-    _, information, scatter, residual, predicted = one_by_one
-    expected = cost, *summarise_fit(residual, 1.5, information, scatter, 1.7, 0.008, covariance)
-    doubts = doubts_of_camera(one_by_one.pose, scene(), floor_of(radius), LEAN, DOUBT)
     rules = UprightRules(tuple(scene()), Q_STEP, RADIUS_OF_Q, 1.0, 1.5, 1.7, 0.008, tuple(LEAN), tuple(DOUBT))
-    found = fit_upright(start, radius, SCALES, tuple(rules), lines, out_covariance)
-    assert found == pytest.approx((*expected, *doubts), rel=1e-9)
-    pairs = (start, one_by_one.pose), (lines[0], residual), (lines[1], predicted), (out_covariance, covariance)
-    for array, alone in pairs:
-        np.testing.assert_allclose(array, alone, rtol=1e-9, atol=1e-12)
+    told = fit_upright(tuple(start.tolist()), radius, SCALES, tuple(rules), lines, out_covariance)
+    residual = lines[0]
+    assert told[0] == pytest.approx(tuple(found), rel=1e-9, abs=1e-12)
+    assert told[1] == np.count_nonzero(radius > 0)
+    np.testing.assert_allclose(lines[1], predicted, rtol=1e-9)
+    assert (np.abs(residual) <= np.abs(radius - predicted) + 1e-9)[np.isfinite(radius + predicted)].all()
+    summary = summarise_fit(residual, 1.5, fit.information[:3, :3], fit.scatter[:3, :3], 1.7, 0.008, covariance)
+    doubts = doubts_of_camera(found, scene(), floor_of(radius), LEAN, DOUBT)
+    assert told[2:] == pytest.approx((cost, *summary, *doubts), rel=1e-9)
+    np.testing.assert_allclose(out_covariance, covariance, rtol=1e-9)
 
 
 def test_an_outline_that_shows_nothing_doubts_nothing():
