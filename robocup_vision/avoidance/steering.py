@@ -166,6 +166,7 @@ class Steering:
         )
         # Read-only arrays are another type to the compiler, so the kernel gets a copy of its own.
         self._kernel_directions = self._directions.copy()
+        self._nothing_moves = moving_table((), self._radius_m, settings)
         self._resize(3)
         prepare("steering")
 
@@ -248,12 +249,15 @@ class Steering:
         rules = self._plain_rules
         if speed_mps is not None:
             rules = plain(self._rules._replace(speed=min(float(speed_mps), self._rules.speed)))
-        if not isinstance(moving, Sequence) or not all(isinstance(disc, Disc) for disc in moving):
-            raise ArgumentError("moving must be a sequence of Disc: track.as_disc(robot, radius_m)")
-        if not self._rules.use_velocity:
-            moving = ()
+        table = self._nothing_moves
+        if type(moving) is not tuple or moving:
+            if not isinstance(moving, Sequence) or not all(isinstance(disc, Disc) for disc in moving):
+                raise ArgumentError("moving must be a sequence of Disc: track.as_disc(robot, radius_m)")
+            if not self._rules.use_velocity:
+                moving = ()
         if moving:
             range_m = ranges_past(bearing, range_m, moving, self.settings.return_margin_m)
+            table = moving_table(moving, self._radius_m, self.settings)
         time_to_contact = np.empty(self._directions.shape[0])
         outcome, index, speed, detour = kernel.steer(
             cast(kernel.Motion, (velocity, pending)),
@@ -263,7 +267,7 @@ class Steering:
             cast(kernel.Scan, (bearing, range_m, self._known_bearing, self._sectors)),
             self._radius_m,
             self._profile,
-            moving_table(moving, self._radius_m, self.settings),
+            table,
         )
         if outcome < 0:
             raise ArgumentError("bearing_rad must be finite and ascend within one turn")

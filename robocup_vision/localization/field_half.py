@@ -18,7 +18,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2, half_turn_covariance
-from robocup_vision.kernels.goal.colors import GoalPalette, GoalVotes, MirrorProjection, vote_goal_colors
+from robocup_vision.kernels.goal.colors import GoalVotes, MirrorProjection, vote_goal_colors
 from robocup_vision.localization.swapped_channels import (
     SWAPPED_BY_GOALS,
     SwappedChannelsSettings,
@@ -158,8 +158,8 @@ class GoalSide:
     def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> GoalVotes:
         if colors.goal_hue_difference < self.settings.min_hue_difference:
             return _NO_VOTES
-        palette = plain(GoalPalette(colors.goal_hues, colors.goal_log_ratios))
-        return vote_goal_colors(frame, pose.array, *self._points, self._projection, palette, self._hidden)
+        at, palette = (pose.x_m, pose.y_m, pose.theta_rad), colors.goal_palette
+        return vote_goal_colors(frame, at, *self._points, self._projection, palette, self._hidden)
 
     def _is_doubtful(self, own: int, swapped: int, colors: Colors) -> bool:
         """Whether the votes leave open that red and blue are swapped: they go by white, which may be some paint."""

@@ -76,7 +76,7 @@ class MirrorLocalizer:
             arbiter = None if self._lines is None else partial(self._choose, self._lines, evidence)
             estimate, walls = self._outline.locate(evidence.edge_px, start, arbiter)
             if isinstance(estimate, PoseEstimate):
-                if start is not None and float(estimate.std[:2].max()) > self._outline.settings.sliding_std_m:
+                if start is not None and _leaves_open(estimate, self._outline.settings.sliding_std_m):
                     estimate, walls = self._closed_by_lines(evidence, start, estimate, walls)
                 if self._is_supported(estimate, evidence):
                     return Localization(self._half.choose(frame, estimate, colors, start), camera, walls)
@@ -139,3 +139,9 @@ class MirrorLocalizer:
         shown = np.isfinite(edge) & np.isfinite(wall)
         beyond = edge[shown] > wall[shown] + _BEYOND_COLUMNS * evidence.view.step_px
         return int(beyond.sum()) <= _MAX_BEYOND_RATIO * int(shown.sum())
+
+
+def _leaves_open(estimate: PoseEstimate, std_m: float) -> bool:
+    """Whether x or y is known to no better than a standard deviation; in plain floats, as it is asked in each frame."""
+    covariance = estimate.covariance
+    return max(covariance.item(0), covariance.item(4)) > std_m * std_m

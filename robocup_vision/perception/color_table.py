@@ -22,8 +22,10 @@ from field_models.errors import FileError
 from field_models.field import COLOR_NAMES, Field
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array, UInt16Array, read_only
+from robocup_vision.compiling.loops import plain
 from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.kernels.floor import colors as kernel
+from robocup_vision.kernels.goal.colors import GoalPalette
 from robocup_vision.perception.floor_color import (
     LEVELS,
     FloorColor,
@@ -86,6 +88,11 @@ class Colors:
         goals = np.log([[p.red_ratio, p.blue_ratio] for p in (self.goal_positive_x, self.goal_negative_x)])
         # light falls on the paint as it is: only what the paint adds to white is swapped
         return read_only([*goals, *(white + (goals - white)[:, ::-1]), white])
+
+    @cached_property
+    def goal_palette(self) -> GoalPalette:
+        """Hues and ratios, plain, as the vote on the goals takes them."""
+        return plain(GoalPalette(self.goal_hues, self.goal_log_ratios))
 
     @cached_property
     def white_cast(self) -> float:

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array, read_only
+from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array, plain_frame, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.floor.unrolled import unroll
 
@@ -169,6 +169,5 @@ class PolarView:
         The average is over different pixels almost everywhere, which takes more noise away than interpolation would.
         """
         samples = np.empty((*self._places.shape, 3), dtype=np.uint8)
-        # compiled for plain arrays
-        unroll(np.require(frame, requirements=("C", "W")), self._places, samples)
+        unroll(plain_frame(frame), self._places, samples)
         return samples

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import UInt8Array, plain_frame
 from robocup_vision.avoidance.steady_free_space import carry_free_space
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
@@ -67,7 +67,7 @@ class _CarriedFloor:
 def to_bgr(frame: UInt8Array, channels: str) -> UInt8Array:
     """Return a frame (H, W, 3) as a plain array of blue, green, red: itself where it is one."""
     if channels == BGR:
-        return np.require(frame, requirements=("C", "W"))
+        return plain_frame(frame)
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2BGR), dtype=np.uint8)
 
 

@@ -99,13 +99,13 @@ class OmniPipeline(FramePipeline):
         if table is None:
             return self._blind(begin, t_s, "no floor is found around the robot: too dark, or none in view")
         colored = perf_counter()
-        edge, outermost, marks = self._outline(frame, samples, llr, table)
+        edge, outermost, marks, near = self._outline(frame, samples, llr, table)
         outlined = perf_counter()
         evidence = FrameEvidence(frame, self.camera, table, self.polar, edge, outermost, marks, t_s)
         answer = self._localizer.locate(evidence, prior)
         pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
         located = perf_counter()
-        near, robot = self._near_floor_nats(llr, self.polar), pose.pose if pose else None
+        robot = pose.pose if pose else None
         balls = self._on_floor(self._ball_finder.find(frame, table, near), robot)
         balled = perf_counter()
         for ball in balls:
@@ -156,14 +156,17 @@ class OmniPipeline(FramePipeline):
 
     def _outline(
         self, frame: UInt8Array, samples: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
-    ) -> tuple[FloatArray, npt.NDArray[np.int64], UInt8Array]:
-        """Return each bearing's edge of the floor (pixels) and outermost column of floor, and what samples show."""
+    ) -> tuple[FloatArray, npt.NDArray[np.int64], UInt8Array, float]:
+        """Return each bearing's edge of the floor (pixels) and outermost column of floor, and what samples show.
+
+        Last, the mean log-likelihood ratio of the floor in the nearest third of the columns.
+        """
         bearings = self.polar.bearings
         outermost, edge = np.empty(bearings, dtype=np.int64), np.empty(bearings)
         marks = np.empty(llr.shape, dtype=np.uint8)
         min_contrast = self.edge_settings.min_contrast * table.colors.floor.noise
-        outline.outline_floor(frame, samples, llr, self._outline_rules, min_contrast, outermost, edge, marks)
-        return edge, outermost, marks
+        total = outline.outline_floor(frame, samples, llr, self._outline_rules, min_contrast, outermost, edge, marks)
+        return edge, outermost, marks, total * LLR_PER_UNIT / self.polar.near_count
 
     def drop(self, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
         """Return the view of a frame that the camera did not give; see `Vision.look`."""

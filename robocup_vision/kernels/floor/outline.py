@@ -62,7 +62,7 @@ def outline_floor(
     outermost: Int64Array,
     edge_px: FloatArray,
     marks: UInt8Array,
-) -> None:
+) -> int:
     """Find the outermost floor of each bearing and its edge, and mark what may be driven over.
 
     Parameters
@@ -79,6 +79,11 @@ def outline_floor(
         Smallest colour difference (counts) that is an edge.
     outermost, edge_px, marks : (K,) int64, (K,) float64, (K, M) uint8
         Filled by `outer_boundary`, `radial_edges` and `passable`.
+
+    Returns
+    -------
+    int
+        Sum of the likelihood ratios in the nearest third of the columns.
     """
     rules = OutlineRules(*rules)
     outer_boundary(llr, rules.valid, rules.certain, rules.gap, rules.min_strip, outermost)
@@ -90,3 +95,8 @@ def outline_floor(
     search = EdgeSearch(rules.column_step_px, rules.half_width, min_contrast)
     radial_edges(frame, rules.hidden, rays, search, edge_px)
     passable(samples, llr, rules.valid, rules.line_columns, rules.line_rows, rules.columns_in_use, outermost, marks)
+    near = 0
+    for k in range(llr.shape[0]):
+        for m in range(llr.shape[1] // 3):
+            near += llr[k, m]
+    return near

@@ -12,6 +12,7 @@ from robocup_vision.arrays import (
     Float32Array,
     FloatArray,
     Int8Array,
+    Int16Array,
     Int32Array,
     Int64Array,
     UInt8Array,
@@ -77,30 +78,58 @@ def outer_boundary(llr: Int8Array, valid: UInt8Array, certain: int, gap: int, mi
     Writes out (K,) int64: its column, or -1 where a bearing has no floor, or where what follows cannot be seen.
     """
     rows, columns = llr.shape
+    # the last row before the first, and the first after the last
+    three, five = np.empty((rows + 2, columns), np.int16), np.empty((rows, columns), np.int16)
+    begins = np.empty((rows, columns), np.bool_)
+    _add_runs(llr.reshape(-1), three[1:-1].reshape(-1), five.reshape(-1))
+    three[0], three[rows + 1] = three[rows], three[1]
+    for k in range(rows):
+        # runs do not reach back into the row before
+        five[k, 0], five[k, 1] = -(2**15), -(2**15)
+    flat, count = three.reshape(-1), rows * columns
+    before, here, after = flat[:count], flat[columns : columns + count], flat[2 * columns :]
+    _find_runs(before, here, after, five.reshape(-1), certain, begins.reshape(-1))
     for k in range(rows):
         out[k] = -1
-        before, after = k - 1, (k + 1) % rows
-        for m in range(columns - 3, -1, -1):
-            own = llr[k, m] + llr[k, m + 1] + llr[k, m + 2]
-            if own < 2 * certain:
-                continue
-            beside = llr[before, m] + llr[before, m + 1] + llr[before, m + 2]
-            beside += llr[after, m] + llr[after, m + 1] + llr[after, m + 2]
-            if own + beside < 9 * certain:
-                if m < 2 or own + llr[k, m - 1] + llr[k, m - 2] < 5 * certain:
-                    continue
-            edge = m + 2
-            while edge > m and llr[k, edge] <= 0:
-                edge -= 1
-            ahead = edge + 1
-            while ahead + 1 < columns and ahead <= edge + gap + 1:
-                if llr[k, ahead] > 0 and llr[k, ahead] + llr[k, ahead + 1] >= min_strip:
-                    edge = ahead + 1 if llr[k, ahead + 1] > 0 else ahead
-                    ahead = edge
-                ahead += 1
-            if edge + 2 < columns and valid[k, edge + 1] and valid[k, edge + 2]:
-                out[k] = edge
-            break
+        m = columns - 3
+        while m >= 0 and not begins[k, m]:
+            m -= 1
+        if m < 0:
+            continue
+        edge = m + 2
+        while edge > m and llr[k, edge] <= 0:
+            edge -= 1
+        ahead = edge + 1
+        while ahead + 1 < columns and ahead <= edge + gap + 1:
+            if llr[k, ahead] > 0 and llr[k, ahead] + llr[k, ahead + 1] >= min_strip:
+                edge = ahead + 1 if llr[k, ahead + 1] > 0 else ahead
+                ahead = edge
+            ahead += 1
+        if edge + 2 < columns and valid[k, edge + 1] and valid[k, edge + 2]:
+            out[k] = edge
+
+
+@compiled
+def _add_runs(llr: Int8Array, three: Int16Array, five: Int16Array) -> None:
+    """Add up three samples in a row from each on, and with the two before them five; all rows in one loop."""
+    last = llr.shape[0] - 2
+    # what the ends of rows lack is not asked for
+    three[:2], three[last:], five[:2], five[last:] = 0, 0, 0, 0
+    for i in range(np.uint64(last)):
+        three[i] = np.int16(llr[i]) + np.int16(llr[i + B1]) + np.int16(llr[i + B2])
+    for i in range(np.uint64(2), np.uint64(last)):
+        five[i] = three[i] + llr[i - B1] + llr[i - B2]
+
+
+@compiled
+def _find_runs(
+    before: Int16Array, here: Int16Array, after: Int16Array, five: Int16Array, certain: int, out: BoolArray
+) -> None:
+    """Tell where floor begins: by the sums of three and of five samples there, and of three on both sides."""
+    least, least_around, least_five = np.int16(2 * certain), np.int16(9 * certain), np.int16(5 * certain)
+    for i in range(np.uint64(out.shape[0])):
+        around = np.int16(before[i] + here[i] + after[i])
+        out[i] = (here[i] >= least) & ((around >= least_around) | (five[i] >= least_five))
 
 
 class Rays(NamedTuple):

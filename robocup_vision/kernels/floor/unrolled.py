@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from robocup_vision.arrays import Int32Array, UInt8Array
+from robocup_vision.arrays import Int32Array, UInt8Array, UInt16Array
 from robocup_vision.compiling.loops import compiled
 
-ONE, TWO = np.uint64(1), np.uint64(2)
+ONE, TWO, THREE, SIX = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(6)
 # a ninth of up to 9 x 255 + 4 in whole numbers: the error of the factor stays below half of the next step
 NINTH, BITS = np.uint32(7282), np.uint32(16)
-HALF = np.uint32(4)
+HALF = np.uint16(4)
 
 
 @compiled
@@ -33,29 +33,34 @@ def unroll(frame: UInt8Array, places: Int32Array, out: UInt8Array) -> None:
     pixels = frame.reshape(-1)
     rows, columns = places.shape
     width = 3 * columns
-    averages = out.reshape(rows, width)
-    line = np.empty(width + 6, np.uint16)
-    # of three neighbouring rows, the sums over neighbouring columns
-    sums = np.empty((3, width), np.uint16)
-    for step in range(rows + 1):
-        if step < rows:
-            for m in range(columns):
-                at = np.uint64(places[step, m])
-                line[3 * m + 3] = pixels[at]
-                line[3 * m + 4] = pixels[at + ONE]
-                line[3 * m + 5] = pixels[at + TWO]
-            for c in range(3):
-                line[c] = line[6 + c]
-                line[width + 3 + c] = line[width - 3 + c]
-            row = sums[step % 3]
-            for i in range(width):
-                row[i] = line[i] + line[i + 3] + line[i + 6]
-        if step > 0:
-            k = step - 1
-            before = sums[(k - 1) % 3 if k > 0 else 1]
-            here = sums[k % 3]
-            after = sums[(k + 1) % 3 if step < rows else (k - 1) % 3]
-            average = averages[k]
-            for i in range(width):
-                total = np.uint32(before[i]) + np.uint32(here[i]) + np.uint32(after[i]) + HALF
-                average[i] = np.uint8((total * NINTH) >> BITS)
+    line = np.empty(width + 6, np.uint8)
+    # sums over neighbouring columns; before the first row and after the last what mirrors those beside them
+    sums = np.empty((rows + 2, width), np.uint16)
+    for k in range(rows):
+        for m in range(columns):
+            at = np.uint64(places[k, m])
+            line[3 * m + 3] = pixels[at]
+            line[3 * m + 4] = pixels[at + ONE]
+            line[3 * m + 5] = pixels[at + TWO]
+        for c in range(3):
+            line[c] = line[6 + c]
+            line[width + 3 + c] = line[width - 3 + c]
+        _add_columns(line, sums[k + 1])
+    sums[0], sums[rows + 1] = sums[2], sums[rows - 1]
+    flat, count = sums.reshape(-1), rows * width
+    _average(flat[:count], flat[width : width + count], flat[2 * width :], out.reshape(-1))
+
+
+@compiled
+def _add_columns(line: UInt8Array, out: UInt16Array) -> None:
+    """Add each channel of three neighbouring samples."""
+    for i in range(np.uint64(out.shape[0])):
+        out[i] = np.uint16(line[i]) + np.uint16(line[i + THREE]) + np.uint16(line[i + SIX])
+
+
+@compiled
+def _average(before: UInt16Array, here: UInt16Array, after: UInt16Array, out: UInt8Array) -> None:
+    """Divide the sums of three rows by nine, rounded; all rows in one loop, which leaves no short ends."""
+    for i in range(np.uint64(out.shape[0])):
+        total = np.uint16(before[i] + here[i] + after[i] + HALF)
+        out[i] = np.uint8((np.uint32(total) * NINTH) >> BITS)

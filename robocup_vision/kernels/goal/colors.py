@@ -13,6 +13,8 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled
 
+Vector = tuple[float, float, float]
+
 
 class MirrorProjection(NamedTuple):
     """A mirror camera on its robot, which projects points of space.
@@ -115,7 +117,7 @@ def _goal_pixel(camera: MirrorProjection, x: float, y: float, z: float) -> tuple
 @compiled
 def vote_goal_colors(
     frame: UInt8Array,
-    pose: FloatArray,
+    pose: Vector,
     points: FloatArray,
     sides: FloatArray,
     camera: MirrorProjection,
@@ -127,7 +129,7 @@ def vote_goal_colors(
     Parameters
     ----------
     frame : (H, W, 3) uint8
-    pose : (3,) float64
+    pose : (float, float, float)
         x, y, theta of the robot.
     points : (N, 3) float64
         On the goals' inner walls, field frame, metres.

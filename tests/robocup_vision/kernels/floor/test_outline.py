@@ -43,7 +43,8 @@ def test_one_call_does_what_the_steps_do(seed):
         columns_in_use=columns - 1,
     )
     outermost, edge, marks = np.empty(rows, dtype=np.int64), np.empty(rows), np.empty((rows, columns), dtype=np.uint8)
-    outline_floor(frame, samples, llr, rules, 20.0, outermost, edge, marks)
+    near = outline_floor(frame, samples, llr, rules, 20.0, outermost, edge, marks)
+    assert near == llr[:, : columns // 3].sum(dtype=int)
 
     expected = np.empty(rows, dtype=np.int64), np.empty(rows), np.empty((rows, columns), dtype=np.uint8)
     outer_boundary(llr, valid, 48, 3, 80, expected[0])

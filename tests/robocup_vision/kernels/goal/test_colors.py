@@ -40,7 +40,7 @@ def vote(frame, pose, points, sides, camera, hidden=NO_MASK):
         np.array(camera.viewpoint_m), to_camera, camera.center_px, camera.heading_rad, camera.mirrored,
         camera.usable_radius_px, Q_STEP, TABLE,
     )  # fmt: skip
-    return vote_goal_colors(frame, pose.array, points, sides, projection, GoalPalette(HUES, LOG_RATIOS), hidden)
+    return vote_goal_colors(frame, tuple(pose.array), points, sides, projection, GoalPalette(HUES, LOG_RATIOS), hidden)
 
 
 def twin(frame, pose, points, sides, camera, hidden):
