@@ -25,9 +25,11 @@ from robocup_vision.perception.color_table import (
     follow_colors,
     learn_colors,
 )
-from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUMNS, FloorColor, FloorColorSettings
+from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUMNS, FloorColorSettings
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
+
+_DARKEST = float(LEVELS[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +135,7 @@ class ColorMemory:
         self._fixed = None if fixed is None else build_color_table(fixed)
         self._table = self._fixed
         self._step_of_sum = np.zeros(1021, dtype=np.uint8)
-        self._sums = np.empty((len(LEVELS), 4))
+        self._ratios = np.ones((2, len(LEVELS)))
         self.forget()
 
     def forget(self) -> None:
@@ -179,7 +181,7 @@ class ColorMemory:
         if not is_hidden and self._frames % self._settings.look_every:
             self._hidden_frames = self._lost_frames = 0
             return self._table, llr
-        light = self._light(samples, llr, self._table.colors.floor)
+        light = self._light(samples, llr)
         is_readable = light.ratio > 0 and light.ratio >= self._settings.min_sure_ratio * self._learnt_light.ratio
         has_moved = is_readable and self._has_moved(light)
         # a robot parked at the camera, or the dark, must not cost an attempt a frame
@@ -222,7 +224,7 @@ class ColorMemory:
                 break
             table, new_llr = build_color_table(colors), np.empty_like(llr)
             new_ring = _look_up(samples, view, table, new_llr)
-            new_ratio = self._light(samples, new_llr, colors.floor).ratio
+            new_ratio = self._light(samples, new_llr).ratio
             is_better = (
                 new_ratio > self._settings.more_sure * ratio
                 or new_ring > ring + self._settings.better_ring * self._learnt_ring
@@ -248,45 +250,22 @@ class ColorMemory:
         level = np.log(np.maximum(np.arange(1021) / 4, 0.5) / floor.level)
         step = np.rint((level - LEVELS[0]) / LEVEL_STEP)
         self._step_of_sum = np.clip(step, 0, len(LEVELS) - 1).astype(np.uint8)
+        self._ratios = np.array([floor.red_ratio, floor.blue_ratio])
         self._table = table
         # learnt with a robot at the camera, the floor is nearer and larger than it seems
         self._learnt_ring = max(_look_up(samples, view, table, llr), self._settings.drift_ratio * self._learnt_ring)
-        light = self._light(samples, llr, floor)
+        light = self._light(samples, llr)
         self._learnt_light = replace(light, ratio=max(light.ratio, self._learnt_light.ratio / 2))
 
-    def _light(self, samples: UInt8Array, llr: Int8Array, floor: FloorColor) -> _LightOnFloor:
-        sums, settings = self._sums, self._settings
+    def _light(self, samples: UInt8Array, llr: Int8Array) -> _LightOnFloor:
+        settings = self._settings
         sure = int(settings.sure_nats / LLR_PER_UNIT)
-        floor_colors.light_on_floor(samples, llr, sure, settings.row_stride, self._step_of_sum, sums)
-        # in plain floats: of arrays so short each operation takes longer than all of this
-        number = blue = red = expected_blue = expected_red = 0.0
-        counts = []
-        steps = zip(sums.tolist(), floor.red_ratio.tolist(), floor.blue_ratio.tolist(), strict=True)
-        for (count, step_blue, step_green, step_red), red_ratio, blue_ratio in steps:
-            counts.append(count)
-            number += count
-            blue, red = blue + step_blue, red + step_red
-            expected_blue, expected_red = expected_blue + blue_ratio * step_green, expected_red + red_ratio * step_green
+        number, level, red, blue = floor_colors.light_on_floor(
+            samples, llr, sure, settings.row_stride, self._step_of_sum, self._ratios, settings.sunny_ratio
+        )
         if not number:
             return _LightOnFloor(0.0, 0.0, (0.0, 0.0))
-        cast = (
-            math.log(max(red, 1.0) / max(expected_red, 1.0)),
-            math.log(max(blue, 1.0) / max(expected_blue, 1.0)),
-        )
-        level = _level_of(counts, settings.sunny_ratio * number)
-        return _LightOnFloor(number * settings.row_stride / llr.size, level, cast)
-
-
-def _level_of(counts: list[float], wanted: float) -> float:
-    """Log brightness up to which the steps hold so many samples, between their upper ends."""
-    total = 0.0
-    for step, count in enumerate(counts):
-        if total + count > wanted:
-            # in the darkest step nothing tells where
-            share = (wanted - total) / count - 0.5 if step else 0.5
-            return float(LEVELS[step]) + share * LEVEL_STEP
-        total += count
-    return float(LEVELS[-1]) + LEVEL_STEP / 2
+        return _LightOnFloor(number * settings.row_stride / llr.size, _DARKEST + level * LEVEL_STEP, (red, blue))
 
 
 def _look_up(samples: UInt8Array, view: PolarView | FloorView, table: ColorTable, llr: Int8Array) -> float:

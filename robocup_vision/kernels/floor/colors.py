@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array
@@ -64,9 +66,15 @@ def tabulate(
 
 @compiled
 def light_on_floor(
-    samples: UInt8Array, llr: Int8Array, sure: int, row_stride: int, step_of_sum: UInt8Array, out: FloatArray
-) -> None:
-    """Add up what is surely floor by its brightness.
+    samples: UInt8Array,
+    llr: Int8Array,
+    sure: int,
+    row_stride: int,
+    step_of_sum: UInt8Array,
+    ratios: FloatArray,
+    sunny_ratio: float,
+) -> tuple[int, float, float, float]:
+    """Measure how bright, and of which hue, what is surely floor is.
 
     Parameters
     ----------
@@ -79,17 +87,40 @@ def light_on_floor(
         Every so many rows are looked at.
     step_of_sum : (1021,) uint8
         Brightness step of each R + 2 G + B.
-    out : (L, 4) float64
-        Filled: number of samples in each step, sums of their B, G and R.
+    ratios : (2, L) float64
+        R/G and B/G that the floor is expected to have in each step of brightness.
+    sunny_ratio : float
+        Ratio of the floor that is darker than its sunny part.
+
+    Returns
+    -------
+    tuple
+        Number of samples; brightness of the sunny part, in steps, the middle of the first step being 0; logarithms of
+        R/G and of B/G, off what is expected.
     """
-    out[:] = 0.0
+    steps = ratios.shape[1]
+    counts = np.zeros(steps, np.int64)
+    number, red, blue, expected_red, expected_blue = 0, 0.0, 0.0, 0.0, 0.0
     rows, columns = llr.shape
     for k in range(0, rows, row_stride):
         for m in range(columns):
             if llr[k, m] >= sure:
-                blue, green, red = samples[k, m, 0], samples[k, m, 1], samples[k, m, 2]
-                step = step_of_sum[np.intp(red) + 2 * np.intp(green) + np.intp(blue)]
-                out[step, 0] += 1.0
-                out[step, 1] += blue
-                out[step, 2] += green
-                out[step, 3] += red
+                b, g, r = samples[k, m, 0], samples[k, m, 1], samples[k, m, 2]
+                step = step_of_sum[np.intp(r) + 2 * np.intp(g) + np.intp(b)]
+                counts[step] += 1
+                number += 1
+                red += r
+                blue += b
+                expected_red += ratios[0, step] * g
+                expected_blue += ratios[1, step] * g
+    if number == 0:
+        return 0, 0.0, 0.0, 0.0
+    wanted, darker, level = sunny_ratio * number, 0, steps - 0.5
+    for step in range(steps):
+        if darker + counts[step] > wanted:
+            # in the darkest step nothing tells where
+            level = step + ((wanted - darker) / counts[step] - 0.5 if step > 0 else 0.5)
+            break
+        darker += counts[step]
+    red_cast = math.log(max(red, 1.0) / max(expected_red, 1.0))
+    return number, level, red_cast, math.log(max(blue, 1.0) / max(expected_blue, 1.0))

@@ -1,6 +1,7 @@
 """The floor's compiled loops against plain NumPy."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -39,9 +40,18 @@ def test_light_is_added_up_by_brightness(seed, stride, sure):
     samples = rng.integers(0, 256, (23, 17, 3)).astype(np.uint8)
     llr = rng.integers(-64, 65, (23, 17)).astype(np.int8)
     step_of_sum = np.sort(rng.integers(0, len(LEVELS), 1021)).astype(np.uint8)
-    out = np.full((len(LEVELS), 4), 7.0)
-    kernel.light_on_floor(samples, llr, sure, stride, step_of_sum, out)
+    ratios, sunny = rng.uniform(0.3, 3.0, (2, len(LEVELS))), rng.uniform(0.0, 1.0)
+    found = kernel.light_on_floor(samples, llr, sure, stride, step_of_sum, ratios, sunny)
     b, g, r = (samples[::stride, :, i][llr[::stride] >= sure].astype(int) for i in range(3))
     step = step_of_sum[r + 2 * g + b]
-    expected = [np.bincount(step, w, len(LEVELS)) for w in (np.ones(len(b)), b, g, r)]
-    np.testing.assert_allclose(out, np.stack(expected, axis=1))
+    if not len(step):
+        assert found == (0, 0.0, 0.0, 0.0)
+        return
+    counts = np.bincount(step, minlength=len(LEVELS))
+    upper = np.cumsum(counts)
+    sunlit = int(np.searchsorted(upper, sunny * len(step), side="right"))
+    share = (sunny * len(step) - upper[sunlit - 1]) / counts[sunlit] - 0.5 if sunlit else 0.5
+    casts = [
+        np.log(max(seen.sum(), 1) / max((ratio[step] * g).sum(), 1)) for seen, ratio in zip((r, b), ratios, strict=True)
+    ]
+    assert found == pytest.approx((len(step), sunlit + share, *casts), abs=1e-9)
