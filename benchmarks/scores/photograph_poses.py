@@ -288,6 +288,7 @@ ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
     noisy_carpet,
     lambda: single_photographs(None),
     lambda: single_photographs("camera_team.toml"),
+    lambda: several_photographs("omni_msl_lab", 1),
     lambda: several_photographs("omni_msl_lab", 2),
     lambda: several_photographs("omni_msl_lab", 3),
     lambda: several_photographs("omni_msl_table", 2),

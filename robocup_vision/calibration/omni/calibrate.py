@@ -16,11 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.choice import Chooser
 from robocup_vision.calibration.omni.confirm import confirmed
@@ -29,7 +28,6 @@ from robocup_vision.calibration.omni.model import CENTER, HORIZON, SCALE, Camera
 from robocup_vision.calibration.omni.result import (
     CalibratedFrame,
     OmniCalibration,
-    range_std,
     standard_deviations,
     undetermined,
 )
@@ -37,17 +35,15 @@ from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.calibration.omni.shape import FieldShape
 from robocup_vision.calibration.omni.sightings import Observer, Sighting, points_of
 from robocup_vision.calibration.omni.starts import Search
+from robocup_vision.calibration.omni.trust import MORE, Trust
 from robocup_vision.calibration.starts import StartTrials
-from robocup_vision.camera.floor_range import Tangent
+from robocup_vision.camera.floor_range import Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.progress import progress
 
 __all__ = ["CalibratedFrame", "NotCalibrated", "OmniCalibration", "calibrate_omni", "guessed_cameras"]
-
-
-_MORE = "give more frames, from other places and headings"
 
 
 def guessed_cameras(
@@ -157,8 +153,9 @@ class _Calibration:
             if self.start is None:
                 usable = observer.inner_radius_px, first.usable_radius_px[1]
                 first = dataclasses.replace(first, usable_radius_px=usable)
-            search = self._search(first)
-            attempts.append((search.best(seen, observer.polar, self._trials), seen, search))
+            for family in self._families(first):
+                search = self._search(first, family)
+                attempts.append((search.best(seen, observer.polar, self._trials), seen, search))
         if not attempts:
             return self._refuse("no frame shows enough of " + self._wanted)
         attempts = [attempt for attempt in attempts if attempt[0]]
@@ -185,7 +182,7 @@ class _Calibration:
             center_px, curve = _apart(*rivals[:2])
             return self._refuse(
                 f"two cameras explain the images about equally well: their centres lie {center_px:.1f} px, "
-                f"their curves {100 * curve:.0f} % apart; {_MORE}"
+                f"their curves {100 * curve:.0f} % apart; {MORE}"
             )
         return self._finish(answers[0])
 
@@ -230,8 +227,13 @@ class _Calibration:
     def _leave_out(self, index: int, reason: str) -> None:
         self.notes[index] = f"left out {self.names[index]}: {reason.removeprefix(self.names[index] + ': ')}"
 
-    def _search(self, first: OmniCamera) -> Search:
-        curve: Curve = "tangent" if isinstance(first.floor_range, Tangent) else "hyperboloid"
+    def _families(self, first: OmniCamera) -> tuple[Curve, ...]:
+        """Families that a search begins with."""
+        if isinstance(first.floor_range, Tangent):
+            return ("tangent",)
+        return ("own", "hyperboloid") if isinstance(first.floor_range, Table) else ("hyperboloid",)
+
+    def _search(self, first: OmniCamera, curve: Curve) -> Search:
         model = CameraModel(first, curve, self.settings.model)
         vector = model.vector(first)
         bounds = model.bounds(vector, self.settings.max_center_ratio * min(first.size_px), *self._max_log_curve)
@@ -306,10 +308,11 @@ class _Calibration:
         settings = self.settings
         reach = (settings.max_center_ratio * side, *self._max_log_curve)
         chooser = Chooser(self.shape, points, fit, reach, search.unit_px, settings)
-        choices = chooser.choose("tangent" if search.model.curve == "tangent" else "hyperboloid")
+        choices = chooser.choose()
         fit = chooser.final(choices[0], max(1.0, 2 * spread_px(fit.residual_px, settings.fit)))
         covariance = JointFit(self.shape, points, settings.fit, painted=True).covariance(fit)
-        problem = self._problem(fit, covariance, points, search)
+        trust = Trust(self.field, self.line_map, self.start is not None, search.unit_px, settings)
+        problem = trust.problem(fit, covariance, points, search.model)
         if problem:
             return self._refuse(problem)
         if not self.field.is_bounded:
@@ -317,7 +320,7 @@ class _Calibration:
             for index, reason in unlike.items():
                 self._leave_out(index, reason)
             if len(kept) < max(settings.min_kept_ratio * len(sightings), 1):
-                return self._refuse(f"by the camera found, the robot does not find itself in its images; {_MORE}")
+                return self._refuse(f"by the camera found, the robot does not find itself in its images; {MORE}")
             if len(kept) < len(sightings):
                 poses = np.array([sighting.pose.array for sighting in kept if sighting.pose is not None])
                 rest = dataclasses.replace(explained.fit, poses=poses)
@@ -345,73 +348,6 @@ class _Calibration:
             choices,
             (*notes, *self.notes.values()),
         )
-
-    def _problem(self, fit: Fit, covariance: FloatArray, points: Points, search: Search) -> str:
-        """Return why a fit cannot be trusted; empty if it can."""
-        settings = self.settings
-        agrees = np.abs(fit.residual_px) < settings.agreement * search.unit_px
-        ratio = float(points.weight[agrees].sum() / points.weight.sum())
-        if ratio < settings.min_inlier_ratio:
-            return f"only {ratio:.0%} of the points found lie on the walls and lines of field '{self.field.name}'"
-        is_free = self.start is None and not self.field.is_bounded
-        if is_free and self._features(fit, points, agrees) < settings.min_features:
-            return "the few lines in view look alike at any size; give more frames, from other places, or a start"
-        problem = "" if self.field.is_bounded else self._unsure_of_lines(fit, covariance, points, agrees)
-        if problem:
-            return problem
-        side = min(fit.camera.size_px)
-        std = np.sqrt(np.diag(covariance))
-        if std[CENTER].max() > settings.max_center_std_ratio * side:
-            return (
-                f"the images do not determine the centre: its standard deviation is {std[CENTER].max():.1f} px; {_MORE}"
-            )
-        if std[SCALE : HORIZON + 1].max() > settings.max_curve_std:
-            worst = 100 * std[SCALE : HORIZON + 1].max()
-            return f"the images do not determine the mirror's curve: its standard deviation is {worst:.0f} %; {_MORE}"
-        center_px = settings.max_center_ratio * side
-        low, high = fit.model.bounds(fit.model.vector(search.model.frame), center_px, *settings.max_log_curve)
-        off = np.minimum(fit.vector - low, high - fit.vector)
-        if off[CENTER].min() < 1e-6:
-            limit = f"{center_px:.0f} px from the start's"
-            return f"the centre reached its limit, {limit}: are camera file and field those of the images?"
-        if self.start is not None and off[SCALE : HORIZON + 1].min() < 1e-6:
-            return "the curve reached the limit that the start sets; try without a start"
-        return ""
-
-    def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
-        """Return why lines alone do not determine a camera; empty if they do."""
-        settings = self.settings
-        features = self._features(fit, points, agrees)
-        few = len(fit.poses) == 1 and features < settings.min_single_features
-        # a start tells how large things look
-        if few and features < settings.min_single_features - (self.start is not None):
-            return f"one image of so few lines does not determine a camera: lines lie where they were painted; {_MORE}"
-        off_m = float(np.hypot(*fit.camera.tilt_rad)) * (fit.camera.height_m or 0.0)
-        highest_m = settings.max_height_radii * self.field.robot_radius_m
-        if off_m > settings.model.max_tilt_rad * highest_m:
-            return (
-                f"the tilt found puts the mirror's axis {100 * off_m:.0f} cm beside the robot's place: give a start "
-                f"with viewpoint_height_m, or {_MORE.removeprefix('give ')}"
-            )
-        range_m = np.array(settings.range_radii) * self.field.robot_radius_m
-        worst = range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / range_m))
-        if worst > (settings.max_range_std if few or self.start is None else settings.max_started_range_std):
-            return (
-                f"the images do not determine the floor's range: its standard deviation is {100 * worst:.1f} %; {_MORE}"
-            )
-        return ""
-
-    def _features(self, fit: Fit, points: Points, agrees: npt.NDArray[np.bool_]) -> int:
-        """Count the field's lines and arcs that have enough points on them."""
-        floor_m = fit.camera.pixel_to_floor(points.pixels[agrees])
-        frame = points.frame[agrees]
-        count = np.zeros(len(self.field.lines) + len(self.field.arcs), dtype=np.int64)
-        for place, pose in enumerate(fit.poses):
-            on_field = Pose2(*pose.tolist()).transform(floor_m[frame == place])
-            on_field = on_field[np.isfinite(on_field).all(axis=1)]
-            count += np.bincount(self.line_map.nearest(on_field).index, minlength=len(count))
-        least = max(self.settings.min_feature_points, self.settings.min_feature_ratio * count.sum())
-        return int(np.count_nonzero(count >= least))
 
 
 @dataclass(frozen=True, eq=False)

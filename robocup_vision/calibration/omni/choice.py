@@ -21,7 +21,7 @@ class Choice:
 
     Parameters
     ----------
-    curve : {"hyperboloid", "tangent", "table"}
+    curve : {"hyperboloid", "tangent", "table", "own"}
         Its curve.
     tilted : bool
         Whether its tilt was free.
@@ -83,15 +83,18 @@ class Chooser:
         # points of one sector of one frame err together
         self._group = np.unique(points.frame * 2 * sectors + sector, return_inverse=True)[1].ravel()
 
-    def choose(self, usual: Curve) -> tuple[Choice, ...]:
-        """Return all that was tried, the best first: `usual`, level, unless another is significantly better.
+    def choose(self) -> tuple[Choice, ...]:
+        """Return all that was tried, the best first: the fit's family, level, unless another is significantly better.
 
         Where lines may be painted somewhat beside where the field has them, a tilt is hardly ever significant; a level
         camera then puts the whole of it into the centre. So the tilt stays free, within what its prior says.
         """
-        tried = {curve: self._try(curve, True) for curve in CURVES}
+        usual = self.fit.model.curve
+        assert usual != "magnified"
+        curves = dict.fromkeys((usual, *CURVES))
+        tried = {curve: self._try(curve, True) for curve in curves}
         best = tried[usual]
-        for curve in CURVES:
+        for curve in curves:
             if self._is_better(tried[curve], best):
                 best = tried[curve]
         if self.shape.paint_std_m > 0:
@@ -139,14 +142,15 @@ class Chooser:
 
     def _fit(self, points: Points, curve: Curve, tilted: bool, scales: Sequence[float]) -> Fit:
         model = dataclasses.replace(self.fit.model, curve=curve)
-        vector = model.vector(self.fit.camera)
+        vector = self.fit.vector.copy() if model.curve == self.fit.model.curve else model.vector(self.fit.camera)
         start = model.vector(model.frame)
         free = np.ones(model.size, dtype=bool)
         if not tilted:
             vector[TILT] = start[TILT]
             free[TILT] = False
-        prior = vector.copy()
-        prior[:4] = start[:4]
+        prior = start.copy()
+        if curve != "own":
+            prior[4:] = vector[4:]
         bounds = model.bounds(start, *self._reach)
         return self._joint(points).solve(model, vector, self.fit.poses, tuple(scales), prior, bounds, free)
 

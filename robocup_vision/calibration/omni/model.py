@@ -10,17 +10,20 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.omni.settings import CameraModelSettings
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent, magnified
 from robocup_vision.camera.omni import OmniCamera
 
-Curve = Literal["hyperboloid", "tangent", "table"]
+# "own": the curve of a start that is a table, stretched; it keeps the kinks that no other family has
+Curve = Literal["hyperboloid", "tangent", "table", "own"]
 CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")
 # the curve of the camera at hand, whatever it is: centre and tilt move, and its image radii are magnified
 Family = Literal[Curve, "magnified"]
@@ -30,11 +33,11 @@ CENTER, TILT, SCALE, HORIZON, SHAPE = slice(0, 2), slice(2, 4), 4, 5, slice(6, N
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BentCurve:
-    """A hyperboloid whose image radius is stretched a little, smoothly along the radius; written as a table.
+    """A curve whose image radius is stretched a little, smoothly along the radius; written as a table.
 
     Parameters
     ----------
-    base : Hyperboloid
+    base : Hyperboloid or Table
         What is bent.
     nodes_px : (B,) float64
         Image radii, increasing.
@@ -42,7 +45,7 @@ class BentCurve:
         By how much the radius is stretched at the nodes, of itself; linear between them, constant beyond.
     """
 
-    base: Hyperboloid
+    base: Hyperboloid | Table
     nodes_px: FloatArray
     stretch: FloatArray
 
@@ -61,7 +64,7 @@ class BentCurve:
 
     @property
     def implied_height_m(self) -> float | None:
-        """Height of the hyperboloid that was bent."""
+        """Height of the hyperboloid that was bent; a table has none."""
         return self.base.implied_height_m
 
 
@@ -97,18 +100,32 @@ def scale_and_horizon(curve: FloorRange, usable_radius_px: tuple[float, float]) 
     return float(scale), math.sqrt(scale / fall)
 
 
+def _prolonged(table: Table, ratio: float) -> Table:
+    """Table with a row more at either end, its radius so many times smaller or larger, on along the last rows."""
+    radius, q = table.table_radius_px, 1.0 / table.table_range_m
+    first, last = radius[0] / ratio, radius[-1] * ratio
+    inner = q[0] + (q[0] - q[1]) / (radius[1] - radius[0]) * (radius[0] - first)
+    outer = q[-1] - (q[-2] - q[-1]) / (radius[-1] - radius[-2]) * (last - radius[-1])
+    if outer <= 0.1 * q[-1]:
+        # short of the horizon
+        last = radius[-1] + (last - radius[-1]) * 0.9 * q[-1] / (q[-1] - outer)
+        outer = 0.1 * q[-1]
+    return Table(np.array([first, *radius, last]), 1.0 / np.array([inner, *q, outer]))
+
+
 @dataclass(frozen=True, eq=False)
 class CameraModel:
     """A family of cameras: what stays as it is, and how a vector becomes one of them.
 
-    The vector: centre u, v (px); tilt about x, y (rad); log K, log H; a hyperboloid's and a table's log of sqrt(C)/H; a
-    table's stretches. Of the family "magnified" the first four, and the logarithm of the curve's magnification.
+    The vector: centre u, v (px); tilt about x, y (rad); log K, log H; a hyperboloid's and a table's log of sqrt(C)/H;
+    the stretches of a table, and of the family "own", which stretches the table of `frame`. Of the family "magnified"
+    the first four, and the logarithm of the curve's magnification.
 
     Parameters
     ----------
     frame : OmniCamera
         Gives everything that is not in the vector: size, usable radii, heading, offset, whether it is mirrored.
-    curve : {"hyperboloid", "tangent", "table", "magnified"}
+    curve : {"hyperboloid", "tangent", "table", "own", "magnified"}
         The family.
     settings : CameraModelSettings, optional
         Prior and bounds of the vector.
@@ -121,7 +138,8 @@ class CameraModel:
     @property
     def size(self) -> int:
         """Length of the vector."""
-        return {"hyperboloid": 7, "tangent": 6, "table": 7 + self.settings.bends, "magnified": 5}[self.curve]
+        bends = self.settings.bends
+        return {"hyperboloid": 7, "tangent": 6, "table": 7 + bends, "own": 6 + bends, "magnified": 5}[self.curve]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -129,11 +147,20 @@ class CameraModel:
         if self.curve == "magnified":
             return ("center u", "center v", "tilt x", "tilt y", "magnification")
         bends = (f"bend at {radius:.0f} px" for radius in self._nodes_px)
-        return ("center u", "center v", "tilt x", "tilt y", "scale", "horizon", "shape", *bends)[: self.size]
+        head = ("center u", "center v", "tilt x", "tilt y", "scale", "horizon")
+        return (*head, *bends) if self.curve == "own" else (*head, "shape", *bends)[: self.size]
 
     @property
     def _nodes_px(self) -> FloatArray:
         return np.linspace(*self.frame.usable_radius_px, self.settings.bends)
+
+    @cached_property
+    def _own(self) -> tuple[Table, float, float]:
+        """The start's table, somewhat longer, and its K and H."""
+        table = self.frame.floor_range
+        if not isinstance(table, Table):
+            raise ArgumentError(f"only a table can be stretched as it is, got a {type(table).__name__}")
+        return _prolonged(table, self.settings.prolonged), *scale_and_horizon(table, self.frame.usable_radius_px)
 
     def vector(self, camera: OmniCamera) -> FloatArray:
         """Vector (G,) of the member of this family that is most like a camera."""
@@ -151,7 +178,8 @@ class CameraModel:
             root = min(max(math.sqrt(camera.floor_range.C_px2) / horizon, low), high)
         vector = np.zeros(self.size)
         vector[:6] = head
-        vector[6:7] = math.log(root)
+        if self.curve != "own":
+            vector[6:7] = math.log(root)
         return vector
 
     def camera(self, vector: FloatArray) -> OmniCamera:
@@ -166,9 +194,15 @@ class CameraModel:
             scale, horizon = math.exp(vector[SCALE]), math.exp(vector[HORIZON])
         if self.curve == "tangent":
             curve = tangent_of(scale, horizon)
+        elif self.curve == "own":
+            table, own_scale, own_horizon = self._own
+            larger = horizon / own_horizon
+            farther = own_scale * larger / scale
+            base = Table(table.table_radius_px * larger, table.table_range_m * farther)
+            curve = BentCurve(base, self._nodes_px, vector[6:])
         elif self.curve != "magnified":
-            base = hyperboloid_of(scale, horizon, horizon * math.exp(vector[6]))
-            curve = base if self.curve == "hyperboloid" else BentCurve(base, self._nodes_px, vector[7:])
+            mirror = hyperboloid_of(scale, horizon, horizon * math.exp(vector[6]))
+            curve = mirror if self.curve == "hyperboloid" else BentCurve(mirror, self._nodes_px, vector[7:])
         if self.curve != "hyperboloid":
             # a picture of the floor does not show it: the start's, or that of the paraboloid with this K and H
             height = self.frame.height_m if self.frame.height_m is not None else horizon / (2 * scale)
@@ -183,15 +217,20 @@ class CameraModel:
     def written(self, vector: FloatArray) -> OmniCamera:
         """Return the camera of a vector as a camera file holds it."""
         camera = self.camera(vector)
-        if self.curve != "table":
+        bent = camera.floor_range
+        if not isinstance(bent, BentCurve):
             return camera
+        if isinstance(bent.base, Table):
+            # the rows that it has, where they went: a kink is one of them
+            rows = np.union1d(bent.radius_px(1.0 / bent.base.table_range_m), bent.nodes_px)
+            return dataclasses.replace(camera, floor_range=Table(rows, 1.0 / bent.inverse_range_per_m(rows)))
         inner, outer = camera.usable_radius_px
         radius = np.linspace(0.5 * inner, 1.1 * outer, 2000)
-        q = camera.floor_range.inverse_range_per_m(radius)
+        q = bent.inverse_range_per_m(radius)
         reach = 1.0 / (self.settings.farthest_heights * (camera.height_m or 1.0))
         last = int(np.argmax(q < reach)) if (q < reach).any() else len(q)
         rows = np.linspace(radius[0], radius[last - 1], self.settings.table_rows)
-        curve = Table(rows, 1.0 / camera.floor_range.inverse_range_per_m(rows))
+        curve = Table(rows, 1.0 / bent.inverse_range_per_m(rows))
         return dataclasses.replace(camera, floor_range=curve)
 
     def prior_std(self) -> FloatArray:
@@ -202,7 +241,8 @@ class CameraModel:
         std[CENTER] = settings.center_std_ratio * min(width, height)
         std[TILT] = settings.tilt_std_rad
         std[SCALE : HORIZON + 1] = settings.curve_std
-        std[6:7] = settings.shape_std
+        if self.curve != "own":
+            std[6:7] = settings.shape_std
         return std
 
     def bounds(
@@ -224,5 +264,6 @@ class CameraModel:
         reach[TILT] = self.settings.max_tilt_rad
         reach[SCALE], reach[HORIZON] = log_scale, log_horizon
         low, high = start - reach, start + reach
-        low[6:7], high[6:7] = np.log(self.settings.root_over_horizon)
+        if self.curve != "own":
+            low[6:7], high[6:7] = np.log(self.settings.root_over_horizon)
         return low, high

@@ -26,6 +26,8 @@ class CameraModelSettings:
         That of the tilt about either axis: a mount is level to a degree or two.
     curve_std : float
         That of the logarithms of scale and horizon: a curve from another robot is off by a third.
+    prolonged : float
+        A start's own table is prolonged to so many times its radii: its centre may be beside the true one.
     shape_std : float
         That of the logarithm of a hyperboloid's sqrt(C)/H.
     bend_std : float
@@ -43,6 +45,7 @@ class CameraModelSettings:
     center_std_ratio: float = 0.05
     tilt_std_rad: float = math.radians(1.5)
     curve_std: float = 0.3
+    prolonged: float = 1.1
     shape_std: float = 0.5
     bend_std: float = 0.02
     max_tilt_rad: float = math.radians(6.0)
@@ -90,6 +93,8 @@ class StartSettings:
     ----------
     horizons, unknown_horizons : tuple of float
         Horizons that are tried, as factors of the start's; without a start, of the outer usable radius.
+    own_horizons : tuple of float
+        The same where the start's own table is stretched: its kinks say how large the image is.
     scales_by_area : tuple of float
         Scales that are tried where walls bound the floor, as factors of the one that gives the floor its area.
     scales, guessed_scales : tuple of float
@@ -110,6 +115,7 @@ class StartSettings:
 
     horizons: tuple[float, ...] = (0.78, 0.88, 1.0, 1.13, 1.28)
     unknown_horizons: tuple[float, ...] = (0.75, 0.88, 1.02, 1.2, 1.45, 1.8)
+    own_horizons: tuple[float, ...] = (0.93, 1.0, 1.07)
     scales_by_area: tuple[float, ...] = (0.93, 1.0, 1.07)
     scales: tuple[float, ...] = (0.62, 0.79, 1.0, 1.27, 1.61)
     guessed_scales: tuple[float, ...] = (0.8, 1.0, 1.25)
@@ -206,18 +212,21 @@ class OmniCalibrationSettings:
         Lines and arcs that must be seen without walls and without a start: a circle and a line across it have no size.
     min_feature_points, min_feature_ratio : int, float
         A line is seen if so many points lie on it, and this part of all that agree.
-    min_single_features : int
-        Those of a single frame without walls: each line tells one number for sure, where it is painted. Unknown are
-        centre, tilt, two numbers of the curve, and the pose; with a start, one less.
+    min_single_features, min_started_features : int
+        Those of a single frame without walls: each line tells two numbers, where its ends are painted. Unknown are
+        nine: centre, tilt, two of the curve, and the pose. With a start only what is like it is searched, and a camera
+        that explains few lines as well may lie beyond: more lines must agree.
     max_height_radii : float
         Without walls: a robot's height by the middle-size league's rules, in radii. No tilt may put the mirror's axis
-        farther beside the robot's place than the largest tilt does at that height.
+        farther beside the robot's place than the largest tilt does at that height, and one image of few lines shows no
+        higher mirror.
     max_center_std_ratio, max_curve_std : float
         Largest standard deviations of a result: centre, of the image's smaller side; curve, relative.
     range_radii : tuple of float
         Without walls: ranges, in radii of the robot, that must be known.
     max_range_std, max_started_range_std : float
-        Their largest relative standard deviations: three are 8 percent. With a start that fits, and enough lines, two.
+        Their largest relative standard deviations: three are 8 percent. With a start that fits, and several frames or
+        more lines than those, two.
     max_confirmed_radii : float
         Without walls: a look by the camera found must put the robot this near to where the fit does, in its radii.
     max_cost : float
@@ -254,7 +263,8 @@ class OmniCalibrationSettings:
     min_features: int = 4
     min_feature_points: int = 12
     min_feature_ratio: float = 0.02
-    min_single_features: int = 9
+    min_single_features: int = 5
+    min_started_features: int = 8
     max_height_radii: float = 3.2
     max_center_std_ratio: float = 0.015
     max_curve_std: float = 0.04

@@ -129,7 +129,8 @@ class Search:
         outer = self.model.frame.usable_radius_px[1]
         horizons = [math.log(outer * f) for f in settings.unknown_horizons]
         if not self.is_guess:
-            horizons = [float(self.start[HORIZON]) + math.log(f) for f in settings.horizons]
+            tried = settings.own_horizons if self.model.curve == "own" else settings.horizons
+            horizons = [float(self.start[HORIZON]) + math.log(f) for f in tried]
         for horizon in horizons:
             vector = self.start.copy()
             vector[HORIZON] = horizon

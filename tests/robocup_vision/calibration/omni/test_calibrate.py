@@ -11,7 +11,7 @@ from robocup_vision import Vision
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni, guessed_cameras
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
-from robocup_vision.camera import OmniCamera, Tangent
+from robocup_vision.camera import OmniCamera, Table, Tangent
 from robocup_vision.geometry import Pose2
 
 
@@ -212,6 +212,32 @@ def test_one_image_of_few_lines_is_refused(carpet_camera, paint_field):
     refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(1.2, 1.3, 0.3), start=near)
     assert isinstance(refused, NotCalibrated)
     assert "so few lines" in refused.reason
+    assert "try without a start" in refused.reason
+
+
+@pytest.mark.slow
+def test_without_a_start_more_lines_may_be_asked_for(carpet_camera, paint_field):
+    settings = dataclasses.replace(OmniCalibrationSettings(), min_single_features=30)
+    refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), settings=settings)
+    assert isinstance(refused, NotCalibrated)
+    assert "so few lines" in refused.reason
+    assert "without a start" not in refused.reason
+
+
+@pytest.mark.slow
+def test_a_table_with_a_kink_is_mended(carpet_camera, paint_field, floor_error_m):
+    radius = np.array([18.0, 28.0, 38.0, 48.0, 58.0, 68.0, 73.0, 78.0, 83.0, 88.0, 93.0, 98.0, 103.0, 108.0, 113.0])
+    kinked = Table(radius, 0.25 + 0.22 * np.arange(len(radius)))
+    true = dataclasses.replace(carpet_camera, floor_range=kinked, tilt_rad=(0.004, -0.003), viewpoint_height_m=0.6)
+    rough = Table(radius + np.sin(radius / 20.0), 1.05 * kinked.table_range_m)
+    start = dataclasses.replace(true, floor_range=rough, center_px=(160.0, 118.0), tilt_rad=(0.0, 0.0))
+    result = calibrated_on_carpet(paint_field, true, Pose2(0.2, -0.1, 0.3), start)
+    assert isinstance(result, OmniCalibration)
+    assert floor_error_m(start, true) > 0.03
+    assert floor_error_m(result.camera, true) < 0.015
+    assert result.choices[0].curve == "own"
+    assert [choice.curve for choice in result.choices].count("own") == 1
+    assert len(result.choices) == 4
 
 
 @pytest.mark.parametrize(

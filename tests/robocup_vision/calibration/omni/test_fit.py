@@ -184,7 +184,7 @@ def test_held_out_points_choose_curve_and_tilt(shape, curve, tilt):
         model, vector, POSES, (4.0, 2.0, 1.0), vector, model.bounds(vector, 20.0, 0.7, 0.4)
     )
     chooser = Chooser(shape, points, fit, (20.0, 0.7, 0.4), 1.0)
-    choices = chooser.choose("hyperboloid")
+    choices = chooser.choose()
     assert choices[0].curve == curve
     assert choices[0].tilted == any(tilt)
     assert {choice.curve for choice in choices} == {"hyperboloid", "tangent", "table"}

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from field_models.errors import ArgumentError
 from robocup_vision.calibration.omni.model import (
     CENTER,
     CURVES,
@@ -114,6 +115,78 @@ def test_a_bent_curve_is_inverted(stretch):
     radius = np.linspace(28, 100, 20)
     np.testing.assert_allclose(curve.radius_px(curve.inverse_range_per_m(radius)), radius, atol=0.02)
     assert curve.implied_height_m == curve.base.implied_height_m
+
+
+def kinked_camera():
+    """Return a mirror of two zones by its table: 12 px a step within 70 px, 5 px beyond."""
+    radius = np.array([22.0, 34.0, 46.0, 58.0, 70.0, 75.0, 80.0, 85.0, 90.0, 95.0, 100.0, 105.0, 108.0])
+    table = Table(radius, 0.1 + 0.25 * np.arange(len(radius)))
+    return OmniCamera((256, 220), (127.5, 109.5), USABLE, table)
+
+
+def test_an_own_table_starts_as_it_is():
+    frame = kinked_camera()
+    model = CameraModel(frame, "own")
+    vector = model.vector(frame)
+    assert len(vector) == model.size == len(model.names) == len(model.prior_std())
+    assert model.names[5:7] == ("horizon", "bend at 26 px")
+    radius = np.linspace(22.0, 108.0, 50)
+    np.testing.assert_allclose(
+        model.camera(vector).floor_range.inverse_range_per_m(radius),
+        frame.floor_range.inverse_range_per_m(radius),
+        rtol=1e-9,
+    )
+    low, high = model.bounds(vector, 10.0, 0.5, 0.3)
+    np.testing.assert_allclose((high - low)[6:], 2 * CameraModelSettings().max_bend)
+
+
+@given(st.floats(0.7, 1.4), st.floats(0.8, 1.25))
+def test_an_own_table_grows_in_the_image_and_on_the_floor(larger, farther):
+    frame = kinked_camera()
+    model = CameraModel(frame, "own")
+    vector = model.vector(frame)
+    vector[HORIZON] += math.log(larger)
+    vector[SCALE] += math.log(larger / farther)
+    curve = model.camera(vector).floor_range
+    radius = np.linspace(30.0, 100.0, 20)
+    np.testing.assert_allclose(
+        curve.inverse_range_per_m(radius * larger), frame.floor_range.inverse_range_per_m(radius) / farther, rtol=1e-9
+    )
+
+
+@given(st.lists(st.floats(-0.02, 0.02), min_size=BENDS, max_size=BENDS))
+def test_a_stretched_table_keeps_its_kink_when_written(stretch):
+    frame = kinked_camera()
+    model = CameraModel(frame, "own")
+    vector = model.vector(frame)
+    vector[6:] = stretch
+    written = model.written(vector).floor_range
+    assert isinstance(written, Table)
+    before, kink, after = written.radius_px(1 / np.array([0.85, 1.1, 1.35]))
+    assert kink == pytest.approx(70.0, rel=0.03)
+    assert kink - before > 1.5 * (after - kink)
+    inside = np.linspace(*USABLE, 30)
+    np.testing.assert_allclose(
+        written.inverse_range_per_m(inside), model.camera(vector).floor_range.inverse_range_per_m(inside), rtol=0.02
+    )
+
+
+def test_an_own_table_goes_on_beyond_its_rows_and_never_reaches_the_horizon():
+    radius = np.linspace(30.0, 111.0, 80)
+    whole = hyperboloid_of(270.0, 114.0, 900.0)
+    frame = dataclasses.replace(kinked_camera(), floor_range=Table(radius, 1 / whole.inverse_range_per_m(radius)))
+    model = CameraModel(frame, "own")
+    curve = model.camera(model.vector(frame)).floor_range
+    assert curve.inverse_range_per_m(28.0) == pytest.approx(float(whole.inverse_range_per_m(28.0)), rel=0.02)
+    assert curve.inverse_range_per_m(111.5) == pytest.approx(float(whole.inverse_range_per_m(111.5)), rel=0.02)
+    far = curve.inverse_range_per_m(np.linspace(111.0, 125.0, 50))
+    assert np.all(np.isnan(far) | (far > 0))
+
+
+def test_only_a_table_is_stretched_as_it_is():
+    frame = sekimori_camera()
+    with pytest.raises(ArgumentError, match="only a table can be stretched as it is, got a Hyperboloid"):
+        CameraModel(frame, "own").camera(np.zeros(6 + BENDS))
 
 
 def test_a_written_table_passes_the_camera_file_s_checks(tmp_path):
