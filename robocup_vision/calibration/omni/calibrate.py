@@ -341,6 +341,8 @@ class _Calibration:
                 )
             )
         notes = undetermined(fit, covariance, choices[0].tilted, self.start is None, settings)
+        if not self.field.is_bounded:
+            notes.append(f"the floor's range: {trust.range_note(fit, covariance)}")
         return OmniCalibration(
             fit.model.written(fit.vector),
             tuple(frames),

@@ -76,8 +76,8 @@ def standard_deviations(fit: Fit, covariance: FloatArray) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, std, strict=False)}
 
 
-def range_std(fit: Fit, covariance: FloatArray, radius_px: FloatArray) -> float:
-    """Return the largest relative standard deviation of the floor's range at some image radii (R,), all around.
+def range_std(fit: Fit, covariance: FloatArray, radius_px: FloatArray) -> FloatArray:
+    """Return the largest relative standard deviation (R,), all around, of the floor's range at some image radii (R,).
 
     The range is that from the foot of the mirror's axis, where the calibration puts the robot: a centre and a tilt that
     compensate for each other leave it as it is.
@@ -92,7 +92,8 @@ def range_std(fit: Fit, covariance: FloatArray, radius_px: FloatArray) -> float:
         ahead[g] += 1e-4
         by_vector[:, g] = (np.hypot(*fit.model.camera(ahead).pixel_to_floor(pixels).T) - range_m) / 1e-4
     variance = np.einsum("ng,gh,nh->n", by_vector, covariance, by_vector) / range_m**2
-    return float(np.sqrt(np.nanmax(variance)))
+    std: FloatArray = np.sqrt(np.fmax.reduce(variance.reshape(len(bearing), -1), axis=0))
+    return std
 
 
 def undetermined(

@@ -87,6 +87,19 @@ class Trust:
             return "the curve reached the limit that the start sets; try without a start"
         return ""
 
+    def range_note(self, fit: Fit, covariance: FloatArray) -> str:
+        """Return how well the floor's range is known, near and far."""
+        std = self._range_std(fit, covariance)
+        known = [f"{100 * one:.1f} % at {at:.2g} m" for one, at in zip(std, self._range_m, strict=True) if one >= 0]
+        return f"its standard deviation is {', '.join(known)}"
+
+    @property
+    def _range_m(self) -> FloatArray:
+        return np.array(self.settings.range_radii) * self.field.robot_radius_m
+
+    def _range_std(self, fit: Fit, covariance: FloatArray) -> FloatArray:
+        return range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / self._range_m))
+
     def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
         """Return why lines alone do not determine a camera; empty if they do."""
         settings = self.settings
@@ -109,12 +122,9 @@ class Trust:
                 f"the tilt found puts the mirror's axis {100 * off_m:.0f} cm beside the robot's place: give a start "
                 f"with viewpoint_height_m, or {MORE.removeprefix('give ')}"
             )
-        range_m = np.array(settings.range_radii) * self.field.robot_radius_m
-        worst = range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / range_m))
-        if worst > (settings.max_range_std if few or unknown else settings.max_started_range_std):
-            return (
-                f"the images do not determine the floor's range: its standard deviation is {100 * worst:.1f} %; {MORE}"
-            )
+        limit = settings.max_range_std if few or unknown else settings.max_started_range_std
+        if np.nanmax(self._range_std(fit, covariance)) > limit:
+            return f"the images do not determine the floor's range: {self.range_note(fit, covariance)}; {MORE}"
         return ""
 
     def _features(self, fit: Fit, points: Points, agrees: npt.NDArray[np.bool_]) -> int:

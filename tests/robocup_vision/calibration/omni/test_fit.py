@@ -289,10 +289,12 @@ def test_the_floors_range_is_as_unsure_as_the_scale(carpet, carpet_camera):
     only_scale = np.zeros((7, 7))
     only_scale[4, 4] = 0.02**2
     # at a given radius the range is inverse to the scale
-    assert range_std(level, only_scale, radius_px) == pytest.approx(0.02, rel=1e-3)
+    np.testing.assert_allclose(range_std(level, only_scale, radius_px), 0.02, rtol=1e-3)
     only_center = np.zeros((7, 7))
     only_center[0, 0] = 1.0
     step_m = 1.0 / level.camera.floor_range.inverse_range_per_m(np.stack([radius_px + 0.5, radius_px - 0.5]))
     expected = (step_m[0] - step_m[1]) * level.camera.floor_range.inverse_range_per_m(radius_px)
-    assert range_std(level, only_center, radius_px) == pytest.approx(expected.max(), rel=1e-3)
-    assert range_std(level, np.zeros((7, 7)), radius_px) == 0.0
+    np.testing.assert_allclose(range_std(level, only_center, radius_px), expected, rtol=1e-3)
+    np.testing.assert_array_equal(range_std(level, np.zeros((7, 7)), radius_px), 0.0)
+    beyond = range_std(level, only_scale, np.array([80.0, np.nan]))
+    assert np.isnan(beyond).tolist() == [False, True]

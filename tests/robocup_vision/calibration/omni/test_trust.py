@@ -90,3 +90,11 @@ def test_few_lines_show_no_mirror_that_is_higher_than_robots(seen):
     few = {**low, "min_started_features": lines}
     assert "more than robots are: is field 'msl_6x4' that of the image?" in problem(seen, **few)
     assert problem(seen, started=True, **few) == ""
+
+
+def test_how_well_the_range_is_known_is_said_near_and_far(seen):
+    fit, _ = seen
+    covariance = np.zeros((len(fit.vector), len(fit.vector)))
+    covariance[4, 4] = 0.01**2
+    note = Trust(FIELD, LineMap(FIELD), False, 1.0).range_note(fit, covariance)
+    assert note == "its standard deviation is 1.0 % at 0.75 m, 1.0 % at 1.5 m, 1.0 % at 2.5 m"
