@@ -31,13 +31,13 @@ FAR_BELOW_PX = 20_000
 # what a head's pan leaves as it is: where the samples lie in the picture, and how far away
 _UNCHANGED_BY_PAN = (
     "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px", "bearings",
-    "_columns_told", "below_px", "hidden_px", "pixels", "_planes", "_map", "valid", "near_count", "ends_px",
+    "_columns_told", "below_px", "hidden_px", "pixels", "_planes", "_map", "valid", "near_count",
     "_distance_m",
 )  # fmt: skip
 # what a nod or roll of the body leaves as it is: where the samples lie on the floor
 _UNCHANGED_BY_TURN = (
     "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px",
-    "_rows_rad", "bearings", "bearing_rad", "span_rad", "_columns_told", "hidden_px", "valid", "ends_px",
+    "_rows_rad", "bearings", "bearing_rad", "span_rad", "_columns_told", "hidden_px", "valid",
     "_distance_m",
 )  # fmt: skip
 
@@ -329,11 +329,6 @@ class FloorView:
         width, height = self.camera.size_px
         rim = np.array([width - 1, height - 1], dtype=np.float32)[:, None, None]
         return np.asarray(np.clip(np.nan_to_num(self._planes), 0, rim), dtype=np.float32)
-
-    @cached_property
-    def ends_px(self) -> FloatArray:
-        """(M + 1,) float64: where the floor ends that is last seen in each column, as `radius_px`; NaN for none."""
-        return read_only(np.append(self.radius_px + self.step_px / 2, np.nan))
 
     @cached_property
     def near_count(self) -> int:

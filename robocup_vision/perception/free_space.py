@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array, read_only
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Array, read_only
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
@@ -29,7 +29,8 @@ class FreeSpace:
     bearing_rad : (J,) float64
         Directions in the robot frame, ascending, radians.
     range_m : (J,) float64
-        Distance from the robot's centre to the first thing that is not floor, on the safe side by up to a cell, metres.
+        Distance from the robot's centre to the first thing that is not floor, metres; by a mirror camera on the safe
+        side by up to a cell.
     """
 
     bearing_rad: FloatArray
@@ -41,6 +42,7 @@ class FreeSpaceGrid:
     """The polar cells of one camera: I rings times J directions on the floor around the robot.
 
     A pinhole camera takes the floor nearer than it sees for free; where the nearest in view is blocked, the range is 0.
+    Its rings grow with the range, so that a range ends at the first blocked sample of its first blocked cell.
 
     Parameters
     ----------
@@ -93,8 +95,8 @@ class FreeSpaceGrid:
     def panned(self, view: FloorView) -> FreeSpaceGrid:
         """Return the grid of a view that `FloorView.panned` made of this one's."""
         other = replace(self, view=view)
-        kept = {name: getattr(self, name) for name in ("ring_bounds_m", "cell", "_needed", "_seen", "_first_seen")}
-        vars(other).update(kept)
+        names = ("ring_bounds_m", "cell", "_needed", "_seen", "_first_seen", "_near_m")
+        vars(other).update({name: getattr(self, name) for name in names})
         return other
 
     @cached_property
@@ -121,6 +123,13 @@ class FreeSpaceGrid:
         cell = np.where(known, ring * self.directions + direction, -1).astype(np.int32)
         cell.flags.writeable = False
         return cell
+
+    @cached_property
+    def _near_m(self) -> Float32Array:
+        """(K, M) float32: range of each sample's near rim, metres."""
+        floor = self.view.floor_m
+        middle = np.hypot(floor[..., 0], floor[..., 1])
+        return np.asarray(middle - 0.5 * np.diff(middle, axis=1, prepend=middle[:, :1]), dtype=np.float32)
 
     @cached_property
     def _first_seen(self) -> npt.NDArray[np.int64]:
@@ -150,6 +159,7 @@ class FreeSpaceGrid:
         free_floor.free_rings(passable, self.cell, self._needed, self._seen, rings)
         range_m = self.ring_bounds_m[rings]
         if not self.view.is_ring:
+            free_floor.to_first_blocked(passable, self.cell, self._near_m, rings, range_m)
             # what stands in the nearest floor in view may stand anywhere nearer
             range_m = np.where(rings <= self._first_seen, 0.0, range_m)
         return FreeSpace(self.bearing_rad, range_m)

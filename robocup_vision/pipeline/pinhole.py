@@ -19,6 +19,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.floor import dark_feet
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import calibrated_localizer, make_pinhole_localizer
 from robocup_vision.localization.swapped_channels import (
@@ -33,7 +34,7 @@ from robocup_vision.localization.wall_tilt import tilt_by_walls
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.balls.patterned import PatternedBallFinder
 from robocup_vision.perception.balls.pinhole import PinholeBallFinder
-from robocup_vision.perception.color_table import Colors, ColorTable
+from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
@@ -270,6 +271,16 @@ class PinholePipeline(FramePipeline):
             balls, find_swapped, pose, lambda: self._goal_nats(frame, floor.camera, table.colors, robot)
         )
 
+    def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
+        """Whether a ball lies on the floor, or would one standard deviation nearer: a nod moves a far one by metres."""
+        if super()._is_on_floor(ball, pose):
+            return True
+        place = np.array([ball.x_m, ball.y_m])
+        away_m = float(np.hypot(*place))
+        ahead = place / max(away_m, 1e-9)
+        nearer_m = max(away_m - math.sqrt(float(ahead @ ball.covariance @ ahead)), 0.0)
+        return super()._is_on_floor(replace(ball, x_m=nearer_m * ahead[0], y_m=nearer_m * ahead[1]), pose)
+
     def _goal_nats(self, frame: UInt8Array, camera: PinholeCamera, colors: Colors, robot: Pose2 | None) -> float:
         """Return what goals of two colours in view tell of swapped red and blue, nats."""
         settings = SwappedChannelsSettings()
@@ -319,7 +330,9 @@ class PinholePipeline(FramePipeline):
         columns = np.full(view.bearings, -1) if table is None else self._last_floor(llr, view)
         if timings is not None:
             timings["colors"] = perf_counter() - begin
-        return _FloorSamples(colors, table, llr, columns, _edge_px(view, columns))
+        edge_px = np.empty(view.bearings)
+        dark_feet.foot_px(colors, view.valid, columns, view.radius_px, view.step_px, edge_px)
+        return _FloorSamples(colors, table, llr, columns, edge_px)
 
     def _sample_to_walls(
         self, frame: UInt8Array, floor: _Floor, pose: PoseEstimate | NotLocated, timings: dict[str, float]
@@ -369,7 +382,10 @@ class PinholePipeline(FramePipeline):
                 balls = self._patterned.find(frame, floor.camera)
             balls = self._on_floor(balls, robot)
             ball_found = perf_counter()
-            marks = floor.marking.mark(samples.colors, samples.llr)
+            llr = samples.llr.copy()
+            dark_feet.doubt_beyond(samples.columns, int(self.edge_settings.certain_nats / LLR_PER_UNIT), llr)
+            marks = floor.marking.mark(samples.colors, llr)
+            dark_feet.block_dark_feet(samples.colors, floor.view.valid, floor.view.columns_in_use, marks)
             for ball in balls:
                 floor.finder.clear(ball, floor.view, marks)
             free_space = floor.grid.measure(marks)
@@ -384,11 +400,6 @@ def _none_free(grid: FreeSpaceGrid) -> FreeSpace:
 def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:
     assert isinstance(camera, PinholeCamera)
     return camera
-
-
-def _edge_px(view: FloorView, columns: Int64Array) -> FloatArray:
-    """(K,) float64: where the floor ends at each bearing, as `radius_px`; NaN where none is seen."""
-    return np.asarray(view.ends_px[columns])
 
 
 def _same_mounting(a: PinholeCamera, b: PinholeCamera, *, with_pan: bool) -> bool:

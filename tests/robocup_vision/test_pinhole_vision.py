@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import cv2
 import numpy as np
 import pytest
 
@@ -81,6 +82,18 @@ def test_free_floor_ends_at_the_wall(vision, camera):
     edge = view.boundary_px[np.isfinite(view.boundary_px).all(axis=1)]
     assert len(edge) > 120
     np.testing.assert_allclose(camera.pixel_to_floor(edge)[:, 0], 2.5, rtol=0.15)
+
+
+@pytest.mark.parametrize("wall_at_m", [1.2, 2.0, 3.0])
+@pytest.mark.parametrize("blur_px", [0.0, 2.0])
+def test_free_floor_ends_at_the_foot_of_a_black_board_however_blurred(vision, camera, wall_at_m, blur_px):
+    frame = painted(camera, wall_at_m=wall_at_m)
+    vision.forget()
+    view = vision.look(cv2.GaussianBlur(frame, (0, 0), blur_px) if blur_px else frame)
+    truth = wall_at_m / np.cos(view.free_space.bearing_rad)
+    ratio = view.free_space.range_m / truth
+    assert np.median(ratio) == pytest.approx(0.99, abs=0.02)
+    assert np.mean(np.abs(ratio - 1) < 0.08) > 0.95
 
 
 def test_a_box_blocks_its_bearings_and_is_an_obstacle(vision, camera):

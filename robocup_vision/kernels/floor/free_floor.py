@@ -6,7 +6,16 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import BoolArray, FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array, UInt64Array
+from robocup_vision.arrays import (
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    Int8Array,
+    Int32Array,
+    Int64Array,
+    UInt8Array,
+    UInt64Array,
+)
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, lowest
 
@@ -336,6 +345,38 @@ def free_rings(
         while ring < seen[j] and count[ring * directions + j] >= needed[ring, j]:
             ring += 1
         free[j] = ring
+
+
+@compiled
+def to_first_blocked(
+    passable_mask: UInt8Array, cell: Int32Array, near_m: Float32Array, rings: Int32Array, range_m: FloatArray
+) -> None:
+    """Lengthen ranges that end before a blocked cell to the nearest of its samples that is blocked.
+
+    Parameters
+    ----------
+    passable_mask : (K, M) uint8
+    cell : (K, M) int32
+        Index of each sample's cell, ring * J + direction; -1: none.
+    near_m : (K, M) float32
+        Range of each sample's near rim, metres.
+    rings : (J,) int32
+        Free rings of each direction.
+    range_m : (J,) float64
+        Range of their far bound, metres; lengthened.
+    """
+    rows, columns = cell.shape
+    directions = len(rings)
+    nearest = np.full(directions, np.inf, np.float32)
+    for k in range(rows):
+        for m in range(columns):
+            if passable_mask[k, m] == BLOCKED and cell[k, m] >= 0:
+                j = cell[k, m] % directions
+                if cell[k, m] // directions == rings[j]:
+                    nearest[j] = min(nearest[j], near_m[k, m])
+    for j in range(directions):
+        if nearest[j] < np.inf:
+            range_m[j] = max(range_m[j], nearest[j])
 
 
 @compiled

@@ -15,6 +15,7 @@ from robocup_vision.kernels.floor.free_floor import (
     first_blocked,
     free_rings,
     passable,
+    to_first_blocked,
 )
 
 seeds = st.integers(0, 2**32 - 1)
@@ -34,6 +35,24 @@ def test_free_rings_are_counted_as_numpy_counts_them(seed):
     ring = np.arange(4)[:, None]
     expected = np.cumprod((count >= needed) & (ring < seen), axis=0).sum(axis=0)
     np.testing.assert_array_equal(free, expected)
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds)
+def test_ranges_reach_to_the_nearest_blocked_sample_of_the_first_blocked_cell(seed):
+    rng = np.random.default_rng(seed)
+    mask = rng.integers(0, 3, (30, 20), dtype=np.uint8)
+    cell = rng.integers(-1, 12, (30, 20), dtype=np.int32)
+    near_m = rng.random((30, 20)).astype(np.float32)
+    rings = rng.integers(0, 5, 3).astype(np.int32)
+    range_m = rng.random(3)
+    expected = range_m.copy()
+    for j, ring in enumerate(rings):
+        blocked = near_m[(mask == 0) & (cell == ring * 3 + j)]
+        if ring < 4 and len(blocked):
+            expected[j] = max(range_m[j], blocked.min())
+    to_first_blocked(mask, cell, near_m, rings, range_m)
+    np.testing.assert_array_equal(range_m, expected)
 
 
 @settings(deadline=None, max_examples=60)
