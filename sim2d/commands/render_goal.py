@@ -13,9 +13,11 @@ GOAL_CONDITION_NAMES = (
     "clean_416x320",
     "mild_glare_416x320",
     "heavy_glare_416x320",
+    "streaks_416x320",
     "clean_208x160",
     "mild_glare_208x160",
     "heavy_glare_208x160",
+    "streaks_208x160",
     "white_640x480",
 )
 PLACES = ("paper", "anywhere")

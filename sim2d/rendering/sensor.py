@@ -12,6 +12,8 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 
 Bgr = tuple[float, float, float]
+# a lens scatters light near and far, standard deviations as fractions of the width
+BLOOM_SPREAD = (0.005, 0.02)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,8 @@ class Sensor:
         Overall gain.
     jpeg_quality : int or None
         Compress and expand with chroma at half resolution, at this quality.
+    bloom : float
+        Fraction of the light beyond white that spreads around where it falls: what is burnt out bleeds over its border.
     """
 
     noise_sigma: float = 0.0
@@ -40,13 +44,15 @@ class Sensor:
     cast_bgr: Bgr = (1.0, 1.0, 1.0)
     gain: float = 1.0
     jpeg_quality: int | None = None
+    bloom: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("noise_sigma", "blur_px", "gain"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
-        if not 0 <= self.vignette <= 1:
-            raise ArgumentError(f"vignette must be within 0 to 1, got {self.vignette}")
+        for name in ("bloom", "vignette"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ArgumentError(f"{name} must be within 0 to 1, got {getattr(self, name)}")
         if not all(0 <= value < np.inf for value in self.cast_bgr):
             raise ArgumentError(f"cast_bgr must not be negative, got {self.cast_bgr}")
         if self.jpeg_quality is not None and not 1 <= self.jpeg_quality <= 100:
@@ -70,6 +76,11 @@ class Sensor:
         light = radiance.astype(np.float32)
         if self.vignette:
             light *= vignette_gain(light.shape[0], light.shape[1], self.vignette)[..., None]
+        if self.bloom:
+            beyond = np.maximum(light * np.float32(self.gain) - 255, 0) * np.float32(self.bloom)
+            for spread_ratio in BLOOM_SPREAD:
+                sigma_px = spread_ratio * light.shape[1]
+                light += cv2.GaussianBlur(beyond, (0, 0), sigma_px, borderType=cv2.BORDER_REPLICATE)
         if self.blur_px:
             light = np.asarray(cv2.GaussianBlur(light, (0, 0), self.blur_px, borderType=cv2.BORDER_REPLICATE))
         light *= np.array(self.cast_bgr, dtype=np.float32) * np.float32(self.gain)

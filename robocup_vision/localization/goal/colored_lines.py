@@ -24,6 +24,7 @@ from robocup_vision.localization.goal.fit import (
     GoalModel,
     are_mostly_within,
     covariance_of,
+    doubting_edges,
     fit,
     residuals,
 )
@@ -83,6 +84,8 @@ class ColoredLineSettings:
         A goal that leaves its camera's position more uncertain than this is searched along its arc.
     iterations : int
         Steps of each round.
+    doubting_rounds : int
+        Rounds in which edges that contradict the rest lose weight: the border of a lamp's streak along a bar, say.
     prior_weight : float
         So many places of the expected noise are added to those whose scatter is measured.
     """
@@ -109,6 +112,7 @@ class ColoredLineSettings:
     min_drawn_evidence: float = 6.0
     certain_m: float = 0.06
     iterations: int = 4
+    doubting_rounds: int = 3
     prior_weight: float = 4.0
 
 
@@ -199,6 +203,8 @@ class ColoredGoalLines:
 
     def _drawn_alone(self, drawing: LineDrawing, model: GoalModel, found: GoalFit, arc: GoalArc) -> list[_Fitted]:
         """Settle the goal along its arc where too few lines are seen one by one, by all of them drawn."""
+        if len(arc.cost) < 2:
+            return []
         evidence = np.array([drawing.likelihood(model, p) for p in arc.unknowns]) - arc.cost / 2
         best = int(np.argmax(evidence))
         if evidence[best] <= 0.0:
@@ -270,10 +276,15 @@ class ColoredGoalLines:
                 return None
             covariance = covariance_of(model, information)
         assert marked is not None
-        samples = self._as_scattered(model, marked.samples, p)
-        p, cost, information = fit(model, samples, p, np.full(self._settings.iterations, self._settings.scales_px[-1]))
-        if not math.isfinite(cost):
-            return None
+        samples = marked.samples
+        for _ in range(self._settings.doubting_rounds):
+            samples = doubting_edges(marked.samples, residuals(model, marked.samples, p))
+            samples = self._as_scattered(model, samples, p)
+            p, cost, information = fit(
+                model, samples, p, np.full(self._settings.iterations, self._settings.scales_px[-1])
+            )
+            if not math.isfinite(cost):
+                return None
         covariance = covariance_of(model, information)
         off = residuals(model, found.samples, p)
         deviation = np.where(np.isinf(model.weight), 0.0, model.weight) * (p - model.prior) ** 2

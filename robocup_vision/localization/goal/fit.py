@@ -305,6 +305,24 @@ def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -
     return replace(samples, sigma=sigma)
 
 
+def doubting_edges(samples: EdgeSamples, residual: FloatArray) -> EdgeSamples:
+    """Let each edge as a whole be as uncertain as it is off: one that all others contradict is somebody else's.
+
+    Parameters
+    ----------
+    samples : EdgeSamples
+        Weighed, see `weigh`.
+    residual : (N + M + L,) float64
+        Of a fit to them, pixels.
+    """
+    count = len(samples.edge)
+    per_edge = np.bincount(samples.edge, minlength=EDGES)
+    off = np.bincount(samples.edge, residual[:count], minlength=EDGES) / np.maximum(per_edge, 1)
+    sigma = samples.sigma.copy()
+    sigma[:count] = np.hypot(sigma[:count], (np.abs(off) * np.sqrt(per_edge))[samples.edge])
+    return replace(samples, sigma=sigma)
+
+
 def without(samples: EdgeSamples, edge: int) -> EdgeSamples:
     """Drop the samples of one edge."""
     keep = samples.edge != edge

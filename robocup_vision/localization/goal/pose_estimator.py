@@ -16,8 +16,8 @@ from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.goal.arc import follow_arc
 from robocup_vision.localization.goal.colored_lines import ColoredGoalLines, ColoredLineSettings
 from robocup_vision.localization.goal.edges import measure
-from robocup_vision.localization.goal.fit import GoalFit, GoalFitSettings, covariance_of, residuals
-from robocup_vision.localization.goal.geometry import BAR_TOP, HEADING, LOG_FOCAL, TILT, IdealView, X, Y, pose_of
+from robocup_vision.localization.goal.fit import GoalFit, GoalFitSettings, covariance_of, max_prior_deviation, residuals
+from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES, HEADING, LOG_FOCAL, TILT, IdealView, X, Y, pose_of
 from robocup_vision.localization.goal.half_goal import PriorSettings, find_half_goal, under_prior
 from robocup_vision.localization.goal.line_marks import LineFit
 from robocup_vision.localization.goal.profile import polish
@@ -46,12 +46,14 @@ class GoalSettings:
         How well a prior pose is known.
     max_line_trials : int
         So many candidates, the best ones, are tried with lines.
-    max_rivals, rival_margin : int, float
-        Goals of a hue that lines may choose among, and how much worse than the best they may be.
+    max_rivals : int
+        Goals of a hue that lines may choose among.
+    min_overruling_ratio : float
+        Of the places on lines that are due, those that must be seen before lines overrule an objection to such a goal.
     min_line_points : int
         White line points from which a frame's lines are fitted.
     post_reach_px : float
-        How far from where lines put it a post may stand.
+        How far from where lines put it a post of a white goal may stand: as near as goals are built.
     telling_marks : int
         So many places on lines predicted in view, and lines that are not seen speak against a white goal.
     min_alone_score, min_alone_hue_score : float
@@ -65,8 +67,8 @@ class GoalSettings:
     colored_lines: ColoredLineSettings = field(default_factory=ColoredLineSettings)
     prior: PriorSettings = field(default_factory=PriorSettings)
     max_line_trials: int = 2
-    max_rivals: int = 3
-    rival_margin: float = 0.1
+    max_rivals: int = 6
+    min_overruling_ratio: float = 0.6
     min_line_points: int = 20
     post_reach_px: float = 3.0
     telling_marks: int = 60
@@ -164,11 +166,13 @@ class GoalPoseEstimator:
         """Locate the camera as `locate` does, with its tilt, roll and height and what was measured."""
         self._check(frame)
         candidates, reason = self._search.candidates(frame)
-        if candidates and candidates[0].objection is None and candidates[0].model is self._search.colored_model:
-            placed = self._colored(frame, candidates)
+        colored = [c for c in candidates if c.model is self._search.colored_model]
+        if colored and candidates[0] is colored[0]:
+            placed = self._colored(frame, colored)
             if isinstance(placed, CameraEstimate):
                 return placed
-            reason, candidates = placed.reason, []
+            if placed is not None:
+                reason, candidates = placed.reason, []
         for candidate in candidates[: self.settings.max_line_trials]:
             joined = self._with_lines(frame, candidate)
             if joined is not None:
@@ -193,26 +197,43 @@ class GoalPoseEstimator:
             self._goal_alone(part) if part is not None else NotLocated(f"{reason}; too little of it confirms the prior")
         )
 
-    def _colored(self, frame: UInt8Array, candidates: list[Candidate]) -> CameraEstimate | NotLocated:
-        """Make a goal of a hue exact by its profiles, and by the lines where they confirm it."""
-        best = candidates[0]
-        rivals = [
-            c
-            for c in candidates[: self.settings.max_rivals]
-            if c.objection is None and c.model is best.model and c.rank > best.rank - self.settings.rival_margin
-        ]
-        alone = None
-        for candidate in rivals:
+    def _colored(self, frame: UInt8Array, candidates: list[Candidate]) -> CameraEstimate | NotLocated | None:
+        """Make a goal of a hue exact by its profiles, and by the lines where they confirm it.
+
+        Lines choose among the candidates, and may overrule an objection: where lamps draw white streaks along posts and
+        bar, a streak's border passes for the silhouette, or hides it. None: only objections, and no lines against them.
+        """
+        settings, lines = self.settings, self._colored_lines
+        alone, best, best_evidence = None, None, -math.inf
+        for candidate in candidates[: settings.max_rivals]:
             fine = polish(frame, self.camera, candidate.model, candidate.fit, candidate.appearance)
-            alone = alone or replace(candidate, fit=fine)
-            lines = self._colored_lines
+            if candidate.objection is None:
+                alone = alone or replace(candidate, fit=fine)
             joined = lines.join(frame, candidate.model, fine) if lines is not None else None
-            if joined is not None:
-                return CameraEstimate(joined[1].unknowns, joined[1].covariance, candidate.sides, fine, joined[1])
-        assert alone is not None
-        if alone.fit.score < self.settings.min_alone_hue_score and self._colored_lines is not None:
+            if joined is None or joined[0] <= best_evidence:
+                continue
+            evidence, fit = joined
+            if candidate.objection is not None and not self._is_overruled(frame, candidate, fit):
+                continue
+            best_evidence = evidence
+            best = CameraEstimate(fit.unknowns, fit.covariance, candidate.sides, fine, fit)
+            if candidate.objection is None and fine.score >= settings.min_alone_hue_score:
+                break
+        if best is not None or alone is None:
+            return best
+        if alone.fit.score < settings.min_alone_hue_score and lines is not None:
             return NotLocated("no certain goal: posts and bar agree too badly to count without the lines around them")
         return self._goal_alone(alone)
+
+    def _is_overruled(self, frame: UInt8Array, candidate: Candidate, lines: LineFit) -> bool:
+        """Whether lines confirm a goal that seemed none: most of them are seen, and posts and bar stand after all."""
+        return bool(
+            lines.line_ratio >= self.settings.min_overruling_ratio
+            and np.all(np.abs(lines.unknowns[:2]) <= self._search.extent_m)
+            and max_prior_deviation(candidate.model, lines.unknowns) <= self.settings.fit.max_deviation
+            and self._shown_ratios(frame, candidate, lines.unknowns, self.settings.fit.reaches_px[-1]).min()
+            >= self.settings.fit.min_other_ratio
+        )
 
     def _with_lines(self, frame: UInt8Array, candidate: Candidate) -> CameraEstimate | None:
         """Fit goal and lines together; None where lines do not confirm the goal."""
@@ -232,24 +253,31 @@ class GoalPoseEstimator:
         joined = lines.fit_predicted(frame, model, start, samples)
         if joined is None or np.any(np.abs(joined.unknowns[:2]) > self._search.extent_m):
             return None
-        if candidate.objection is not None and not self._both_posts_stand(frame, candidate, joined.unknowns):
+        if candidate.objection is not None and (
+            self._shown_ratios(frame, candidate, joined.unknowns, self.settings.post_reach_px)[:2].min()
+            < self.settings.fit.min_element_ratio
+        ):
             return None
         return CameraEstimate(joined.unknowns, joined.covariance, candidate.sides, candidate.fit, joined)
 
-    def _both_posts_stand(self, frame: UInt8Array, candidate: Candidate, unknowns: FloatArray) -> bool:
-        """Whether both posts are near where the lines put them, as near as goals are built."""
+    def _shown_ratios(
+        self, frame: UInt8Array, candidate: Candidate, unknowns: FloatArray, reach_px: float
+    ) -> FloatArray:
+        """(3,) float64: how much of the better edge of each post and of the bar is so near to where it is due.
+
+        Before a bright wall one edge of a post may be all there is.
+        """
         scale = math.exp(float(unknowns[LOG_FOCAL]))
         fu, fv = self.camera.focal_px
         view = IdealView((fu * scale, fv * scale), self.camera.center_px)
         model = candidate.model
-        reach_px, edges = self.settings.post_reach_px, self.settings.fit.edges
+        edges = self.settings.fit.edges
         samples = measure(frame, self.camera, view, model.shape, unknowns, reach_px, candidate.appearance, edges)
         if samples is None:
-            return False
-        near = np.abs(residuals(model, samples, unknowns)[: len(samples.edge)]) < self.settings.post_reach_px
-        ratio = np.bincount(samples.edge[near], minlength=6) / np.maximum(samples.expected, 4)
-        # before a bright wall one edge of a post may be all there is
-        return bool(min(max(ratio[0], ratio[1]), max(ratio[2], ratio[3])) >= self.settings.fit.min_element_ratio)
+            return np.zeros(3)
+        near = np.abs(residuals(model, samples, unknowns)[: len(samples.edge)]) < reach_px
+        ratio = np.bincount(samples.edge[near], minlength=EDGES) / np.maximum(samples.expected, 4)
+        return np.asarray(ratio.reshape(3, 2).max(axis=1))
 
     def _is_contradicted(self, candidate: Candidate) -> bool:
         """Whether a white goal, found among clutter, predicts many lines: had they been there, they had been found."""

@@ -71,6 +71,7 @@ def nao_camera(width: int = 640, height: int = 480) -> PinholeCamera:
 
 CLEAR_SHOT = Sensor(noise_sigma=2.0, blur_px=0.5, vignette=0.10)
 ROUGH_SHOT = Sensor(noise_sigma=4.0, blur_px=0.7, vignette=0.20, jpeg_quality=90)
+BURNT_SHOT = dataclasses.replace(ROUGH_SHOT, bloom=0.4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +82,8 @@ class GoalCondition:
     ----------
     camera : PinholeCamera
         The camera handed to the localiser: without pan, tilt and roll.
-    glare : {"none", "mild", "heavy"}
-        How much of the goal's paint shines white.
+    glare : {"none", "mild", "heavy", "streaks"}
+        How much of the goal's paint shines white: a few patches, many, or streaks along whole posts and bar.
     sensor : Sensor
         Noise, blur, compression.
     smear_px : float
@@ -117,6 +118,7 @@ def _ers7_conditions(width: int, height: int) -> dict[str, GoalCondition]:
         f"clean_{size}": GoalCondition(camera),
         f"mild_glare_{size}": GoalCondition(camera, "mild", ROUGH_SHOT, smear_px),
         f"heavy_glare_{size}": GoalCondition(camera, "heavy", ROUGH_SHOT, smear_px),
+        f"streaks_{size}": GoalCondition(camera, "streaks", BURNT_SHOT, smear_px, sun_patches=2),
     }
 
 

@@ -12,7 +12,7 @@ from robocup_vision.geometry import Pose2
 from sim2d.rendering.goal.light import MEMBERS, Glare, SunPatch
 from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Robot
 
-GlareLevel = Literal["none", "mild", "heavy"]
+GlareLevel = Literal["none", "mild", "heavy", "streaks"]
 TRIES = 200
 
 
@@ -86,9 +86,26 @@ def lying_ball(field: Field, pose: Pose2, rng: np.random.Generator) -> Ball | No
 
 
 def lamp_glare(level: GlareLevel, goal: Goal, rng: np.random.Generator) -> tuple[Glare, ...]:
-    """Draw patches on the upper parts of the posts and anywhere on the bar, for there the lamps hang."""
+    """Draw patches on the upper parts of the posts and anywhere on the bar, for there the lamps hang; or whole streaks.
+
+    A lamp far from a smooth round bar is mirrored along all of it.
+    """
     if level == "none":
         return ()
+    if level == "streaks":
+        return tuple(
+            Glare(
+                goal_side=goal.side,
+                member=member,
+                middle=0.5,
+                half_length=float(rng.uniform(0.6, 2.0)),
+                turn_rad=float(rng.uniform(-1.4, 1.4)),
+                half_width_rad=float(rng.uniform(0.15, 0.6)),
+                amplitude=float(rng.uniform(150, 600)),
+            )
+            for member in MEMBERS
+            for _ in range(int(rng.integers(0, 3)))
+        )
     heavy = level == "heavy"
     patches = []
     for _ in range(int(rng.integers(4, 9) if heavy else rng.integers(1, 4))):

@@ -49,6 +49,19 @@ def test_blur_spreads_a_point_by_its_sigma():
     assert np.sqrt((frame * (v - 60) ** 2).sum() / frame.sum()) == pytest.approx(2.5, rel=0.05)
 
 
+def test_only_what_is_burnt_out_bleeds():
+    light = flat(100)
+    light[:, 70:90] = 250
+    plain, bleeding = Sensor(), Sensor(bloom=0.5)
+    rng = np.random.default_rng(0)
+    np.testing.assert_array_equal(bleeding.expose(light, rng), plain.expose(light, rng))
+    light[:, 70:90] = 600
+    beside = bleeding.expose(light, rng).astype(int)[60, :70, 0]
+    assert beside[-1] > 110
+    assert np.all(np.diff(beside) >= 0)
+    assert beside[0] == 100
+
+
 def test_clipping_comes_last():
     frame = Sensor(gain=0.5).expose(flat(400), np.random.default_rng(0))
     assert np.all(frame == 200)
@@ -84,6 +97,7 @@ def test_input_is_left_alone_and_noise_comes_from_the_generator_alone():
         ({"noise_sigma": -1.0}, "noise_sigma must not be negative, got -1.0"),
         ({"blur_px": float("nan")}, "blur_px must not be negative"),
         ({"gain": -0.1}, "gain must not be negative"),
+        ({"bloom": -0.1}, "bloom must be within 0 to 1, got -0.1"),
         ({"vignette": 1.5}, "vignette must be within 0 to 1, got 1.5"),
         ({"cast_bgr": (1.0, -1.0, 1.0)}, "cast_bgr must not be negative"),
         ({"jpeg_quality": 0}, "jpeg_quality must be within 1 to 100, got 0"),

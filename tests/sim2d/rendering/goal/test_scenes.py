@@ -185,6 +185,14 @@ def test_heavier_glare_washes_out_more_paint():
     assert washed_out("clean") < washed_out("mild_glare") < 0.5 * washed_out("heavy_glare")
 
 
+def test_streaks_run_along_whole_members():
+    rng = np.random.default_rng(0)
+    drawn = [lamp_glare("streaks", DOGS.goals[0], rng) for _ in range(50)]
+    assert {len(streaks) for streaks in drawn} >= {1, 2, 3, 4}
+    for streak in (s for streaks in drawn for s in streaks):
+        assert streak.middle - streak.half_length < 0 < 1 < streak.middle + streak.half_length
+
+
 def test_true_height_strays_as_set():
     strays = dataclasses.replace(PLAIN, height_std_m=0.01)
     heights = [s.camera.height_m for s in sample_goal(DOGS, strays, 0, 12, supersample=2)]
