@@ -10,7 +10,7 @@ import numpy as np
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor
 from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
-from robocup_vision.kernels.model_edges.conclude import covariance_with_prior, pose_alone, position_std
+from robocup_vision.kernels.model_edges.conclude import covariance_with_prior, gained_nats, pose_alone, position_std
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import reaches, search, whiten
@@ -72,10 +72,11 @@ class Fit(NamedTuple):
         Of that log-likelihood at the fit.
     carpet : (5,) or (8,) float64
         See `carpet_look`.
-    figures : (13,) float64
+    figures : (14,) float64
         Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
         line points that a pose must explain, those explained, hidden upright, standard deviation of the position by the
-        measurements alone where it is greatest (m), and how many edges of the field were found.
+        measurements alone where it is greatest (m), how many edges of the field were found, and what the pose gained on
+        its prior (nats).
     """
 
     unknowns: FloatArray
@@ -227,7 +228,14 @@ def _propose(
 
 @compiled(fastmath=True, error_model="numpy")
 def follow(
-    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, most_modes: int
+    image: UInt8Array,
+    scene: Scene,
+    prior: Prior,
+    settings: FollowSettings,
+    room: Room,
+    fit: Fit,
+    most_modes: int,
+    knows_carpet: bool,
 ) -> bool:
     """Fit one frame to what a prior lets it show; the tuples may be plain.
 
@@ -247,6 +255,8 @@ def follow(
         Result.
     most_modes : int
         How many modes are looked at, at most `MODES`.
+    knows_carpet : bool
+        Whether `fit.carpet` is of this image already, seen with about the same tilt.
 
     Returns
     -------
@@ -263,17 +273,26 @@ def follow(
         of_room,
         Fit(*fit),
         most_modes,
+        knows_carpet,
     )
 
 
 @compiled(fastmath=True, error_model="numpy")
 def _follow(
-    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, most_modes: int
+    image: UInt8Array,
+    scene: Scene,
+    prior: Prior,
+    settings: FollowSettings,
+    room: Room,
+    fit: Fit,
+    most_modes: int,
+    knows_carpet: bool,
 ) -> bool:
     """See `follow`."""
     for i in range(fit.figures.shape[0]):
         fit.figures[i] = 0.0
-    carpet_look(image, int(scene.lens[3] + scene.lens[1] * math.tan(prior.mean[3])), fit.carpet)
+    if not knows_carpet:
+        carpet_look(image, int(scene.lens[3] + scene.lens[1] * math.tan(prior.mean[3])), fit.carpet)
     # the best mode alone is chosen sooner, and in most frames no other needs a look
     modes = np.zeros((1, UNKNOWNS))
     looked, kept = _propose(image, scene, prior, settings, room, fit, modes)
@@ -308,6 +327,7 @@ def _follow(
     if not pose_alone(prior.root, z, room.information, room.gradient, fit.information, fit.gradient):
         return False
     fit.figures[11] = position_std(fit.information)
+    fit.figures[13] = gained_nats(prior.root, fit.covariance)
     return True
 
 
@@ -359,8 +379,10 @@ def _assess(
         - weights[2] * hidden / (upright + hidden + 4.0)
         - weights[3] * (number - right) / (number + 4.0)
         - weights[4] * far
+        - weights[5] * rms
     )
     clear = missing <= settings.clear_missing * seen and number - right <= 1.0 + settings.clear_unexplained * number
+    clear = clear and rms <= settings.clear_rms_px
     return clear, worth
 
 

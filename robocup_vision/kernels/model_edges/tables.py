@@ -156,11 +156,11 @@ class FollowSettings(NamedTuple):
         Of painted lines.
     point_stride : int
         Rows and columns between those that are read for line points.
-    mode_weights : (5,) float64
+    mode_weights : (6,) float64
         Weights by which modes are compared: of inliers, and against missing and hidden samples, line points left
-        unexplained, and distance from the prior.
-    clear_missing, clear_unexplained : float
-        Fractions up to which no other mode is examined.
+        unexplained, distance from the prior, and the inliers' root mean square.
+    clear_missing, clear_unexplained, clear_rms_px : float
+        Fractions, and inliers' root mean square, up to which no other mode is examined.
     coarse_gates_px, fine_gates_px : (G,) float64
         Of the fit's steps.
     max_line_widths : float
@@ -188,6 +188,7 @@ class FollowSettings(NamedTuple):
     mode_weights: FloatArray
     clear_missing: float
     clear_unexplained: float
+    clear_rms_px: float
     coarse_gates_px: FloatArray
     fine_gates_px: FloatArray
     max_line_widths: float

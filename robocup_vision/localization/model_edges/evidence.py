@@ -1,8 +1,9 @@
 """Decides whether a frame confirms a pose.
 
 Hidden is neutral on the floor, where robots stand before lines, and counts a little against it higher up; missing
-counts against it. The pose must explain the line points that are there, and the measurements alone must fix it: a pose
-that only repeats its prior is not located.
+counts against it. The pose must explain the line points that are there, and the measurements must tell something: a
+pose that only repeats its prior is not located. What leaves a direction open is accepted where the rest tells enough,
+with the covariance of what is left.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ class Evidence(NamedTuple):
     hidden_upright: float
     position_std_m: float
     edges: float
+    gained_nats: float
 
     @property
     def found_ratio(self) -> float:
@@ -43,7 +45,8 @@ class Evidence(NamedTuple):
         """Logarithm of the odds, and the same whatever the picture leaves open."""
         s = settings
         whatever_is_open = s.odds_at_all + s.odds_of_edge * self.edges - against
-        return whatever_is_open - s.odds_against_std * min(self.position_std_m, 0.5), whatever_is_open
+        open_ = s.odds_against_open + s.odds_against_std * min(self.position_std_m, 0.5)
+        return whatever_is_open - max(open_ - s.odds_of_nat * self.gained_nats, 0.0), whatever_is_open
 
     def _against(self, settings: EdgeSettings) -> float:
         s = settings
@@ -52,7 +55,8 @@ class Evidence(NamedTuple):
             + s.odds_against_hidden * self.hidden_upright / (self.found_upright + self.hidden_upright + 4.0)
             + s.odds_against_unexplained * (self.points - self.explained) / (self.points + 4.0)
             + s.odds_against_distance * self.prior_distance2
-            + s.odds_against_rms * self.rms_px
+            # of fewer samples than a picture alone must show it says less
+            + s.odds_against_rms * self.rms_px * min(self.inliers / s.min_inliers, 1.0)
         )
 
     def contradiction(self, settings: EdgeSettings) -> str | None:

@@ -33,7 +33,7 @@ class FinderSettings:
     spacing_m: float = 0.25
     heading_step_rad: float = math.radians(6.0)
     # scored by all points; aligned; fitted; weighed against each other
-    scored: int = 1000
+    scored: int = 600
     aligned: int = 150
     fitted: int = 12
     weighed: int = 6
@@ -44,6 +44,8 @@ class FinderSettings:
     likely: int = 24
     # where that gives no answer, for a camera that nods so much: standard deviations of its sway
     nods: tuple[float, ...] = (-1.5, 1.5)
+    # fewer inliers are no fit
+    min_inliers: int = 6
     # in line points: what is off by more than the best and so much is not fitted
     behind: float = 6.0
     # as a logarithm: what its first fit says to be less likely than the best by more is not weighed
@@ -104,6 +106,7 @@ class EdgeFinder:
         self.settings = s = settings or FinderSettings()
         field, camera = follower.field, follower.camera
         self._bank = prepare_bank(field, camera, s.spacing_m, s.heading_step_rad)
+        self._is_same_frame = False  # as that of the last fit
         self._scores = np.zeros((len(self._bank.places), len(self._bank.headings)))
         self._seen = np.zeros((len(self._bank.paints), BINS + 1))
         self._rows = np.zeros((s.points, 3))
@@ -214,6 +217,7 @@ class EdgeFinder:
             Whoever proposes them.
         """
         s, follower = self.settings, self.follower
+        self._is_same_frame = False
         places = self._places(frame, proposals)
         if follower.field.shows_half:
             # lines alone look alike from both halves, whichever of them was proposed
@@ -250,7 +254,7 @@ class EdgeFinder:
         ends: list[tuple[float, Pose2]] = []
         for proposal in proposals:
             answer, evidence = self._fit(frame, proposal), follower.evidence
-            if evidence.inliers >= follower.settings.min_inliers_followed:
+            if evidence.inliers >= s.min_inliers:
                 ends.append((log_weight(evidence, s.candidates), self._end(answer)))
         ends.sort(key=lambda one: -one[0])
         return self._first_apart((pose for weight, pose in ends if weight > ends[0][0] - s.unlikelier), s.weighed)
@@ -278,4 +282,5 @@ class EdgeFinder:
         """Fit one pose, with a proposal for a prior."""
         self.follower.forget()
         near = PoseEstimate(pose, self._covariance, 1.0, 0.0)
-        return self.follower.follow(frame, near, modes=1, is_proposal=True)
+        same, self._is_same_frame = self._is_same_frame, True
+        return self.follower.follow(frame, near, modes=1, is_proposal=True, is_same_frame=same)

@@ -170,11 +170,15 @@ class EdgeFollower:
     def __init__(self, field: Field, camera: PinholeCamera, settings: EdgeSettings | None = None) -> None:
         self.field, self.camera = field, camera
         self.settings = settings or EdgeSettings()
+        self._for_proposals = self.settings.for_proposals()
         self.edges = field_edges(field, self.settings.lines_end_m)
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
         # the odds by which places of a search are compared were found with every sample counted in full
-        self._plain_numbers = plain((self.numbers, self.numbers._replace(stray_ratio=0.0)))
+        proposed = self.numbers._replace(stray_ratio=0.0)
+        # a prior that frames before support lies so near that large residuals are no other mode's
+        followed = self.numbers._replace(clear_rms_px=math.inf)
+        self._plain_numbers, self._proposed_numbers, self._followed_numbers = plain((self.numbers, proposed, followed))
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
         self._room = empty_room(_MAX_SAMPLES, _MAX_POINTS)
@@ -184,7 +188,7 @@ class EdgeFollower:
             np.zeros((3, 3)),
             np.zeros(3),
             np.zeros(LIT_CARPET if self.settings.in_sun_and_shade else CARPET),
-            np.zeros(13),
+            np.zeros(14),
         )
         sway = camera.sway_std_rad(self.settings.sway_std_rad)
         self.sway_std_rad = sway
@@ -304,6 +308,7 @@ class EdgeFollower:
         *,
         modes: int = MODES,
         is_proposal: bool = False,
+        is_same_frame: bool = False,
     ) -> FollowedCamera | NotLocated:
         """Locate the camera by a frame and a prior.
 
@@ -319,6 +324,8 @@ class EdgeFollower:
             How many places near the prior may be looked at before giving up.
         is_proposal : bool
             Whether the prior is a search's proposal, whose fit is compared with others, and nothing that is known.
+        is_same_frame : bool
+            Whether the last call was of this frame and tilt at rest, too: the carpet is not looked at again.
         """
         if dt_s != self._dt_s:
             self._pass_time(dt_s)
@@ -326,12 +333,23 @@ class EdgeFollower:
         at = np.array((pose.x_m, pose.y_m, pose.theta_rad))
         if not prepare(at, prior.covariance, self._camera_prior, self._keep, self._sway, self._prior):
             raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
+        prior_log_odds = self._prior_log_odds(prior, dt_s)
+        numbers = self._followed_numbers if prior_log_odds > 0.0 else self._plain_numbers
         scene, unknowns, room, result = self._plain
-        if not follow(frame, scene, unknowns, self._plain_numbers[is_proposal], room, result, modes):
+        if not follow(
+            frame,
+            scene,
+            unknowns,
+            self._proposed_numbers if is_proposal else numbers,
+            room,
+            result,
+            modes,
+            is_same_frame,
+        ):
             return NotLocated("no edge of the field file is in view")
         evidence = self.evidence
-        prior_log_odds = self._prior_log_odds(prior, dt_s)
-        reason, log_ratio = weigh(evidence, self.settings, prior_log_odds)
+        settings = self._for_proposals if is_proposal else self.settings
+        reason, log_ratio = weigh(evidence, settings, prior_log_odds)
         if reason is not None:
             # the prior goes on without a measurement
             known = self._last_pose is not None and prior_log_odds > 0.0

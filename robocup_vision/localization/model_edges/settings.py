@@ -54,31 +54,40 @@ class EdgeSettings:
     lines_end_m: float = math.inf
     # hypotheses of which the mode is chosen
     hypotheses: int = 100
-    # verdict: smallest number of inliers, and where the frames before support the prior; their fraction of the visible
-    # samples, fraction of line points explained
+    # verdict: smallest number of inliers, and where the frames before support the prior: two may agree by chance; their
+    # fraction of the visible samples, fraction of line points explained
     min_inliers: int = 12
-    min_inliers_followed: int = 6
+    min_inliers_followed: int = 3
     min_found_ratio: float = 0.5
     min_explained_ratio: float = 0.7
     min_points: int = 6
     # greatest squared distance from the prior, all six or seven unknowns: 0.01 % of right ones are farther
     max_prior_distance2: float = 27.9
-    # modes near one prior are compared by these: logarithm of the inliers, fractions, squared distance from the prior
+    # modes near one prior are compared by these: logarithm of the inliers, fractions, squared distance from the prior,
+    # residuals (px)
     mode_of_inliers: float = 1.3
     mode_against_missing: float = 8.0
     mode_against_hidden: float = 2.0
     mode_against_unexplained: float = 20.0
     mode_against_distance: float = 0.36
+    mode_against_rms: float = 2.95
     # odds that a pose is right, by logistic regression on 530 pictures of development sequences (right priors and wrong
-    # ones): each edge found, fractions, squared distance from the prior, standard deviation (m), residuals (px)
+    # ones): each edge found, fractions, squared distance from the prior, residuals (px)
     odds_at_all: float = 4.8
     odds_of_edge: float = 0.17
     odds_against_missing: float = 11.3
     odds_against_hidden: float = 1.4
     odds_against_unexplained: float = 8.0
     odds_against_distance: float = 0.23
-    odds_against_std: float = 8.6
     odds_against_rms: float = 2.95
+    # a picture that leaves the pose open agrees with wrong ones, too: greatest standard deviation of the position (m),
+    # less what the pose gained on its prior (nats). Found on 650 pictures of development walks: of 2550 wrong priors
+    # 1 % are accepted, as by the standard deviation alone, and of 1250 right ones 2 % more
+    odds_against_open: float = 1.7
+    odds_against_std: float = 4.0
+    odds_of_nat: float = 0.2
+    # the same for a search's proposal, by the standard deviation alone
+    odds_against_proposed_std: float = 8.6
     min_log_odds: float = 0.0
     # a frame's odds count for those after it, but not more than so much, and for so long: neighbouring frames err alike
     max_log_odds: float = 5.0
@@ -86,9 +95,11 @@ class EdgeSettings:
     # faster than any robot drives, or turns its head: a prior farther off than that is not the last answer moved on
     max_speed_mps: float = 4.0
     max_turn_radps: float = 10.0
-    # fractions of missing samples and unexplained line points up to which no other mode is examined
+    # fractions of missing samples and unexplained line points, and residuals (pixels of any picture), up to which no
+    # other mode is examined: of fits that end at the truth six in seven leave smaller residuals
     clear_missing: float = 0.08
     clear_unexplained: float = 0.06
+    clear_rms_px: float = 0.35
     # tilt and roll are forgotten with this time constant: a step takes about half a second
     attitude_memory_s: float = 0.12
     # of tilt and roll where the camera file gives no `roll_std_rad`
@@ -117,6 +128,11 @@ class EdgeSettings:
     def for_doubted_frames(self) -> EdgeSettings:
         """Return the settings for a frame that confirmed nothing: it may be blurred, or its lines be wider."""
         return replace(self, max_line_widths=self.max_doubted_line_widths, ample_samples=math.inf)
+
+    def for_proposals(self) -> EdgeSettings:
+        """Return the settings for a proposal's fit: what it gained on the proposal is no evidence."""
+        against_std = self.odds_against_proposed_std
+        return replace(self, odds_against_open=0.0, odds_against_std=against_std, odds_of_nat=0.0)
 
     def for_width(self, width_px: int, line_width_m: float) -> FollowSettings:
         """Return the numbers for a picture of this width."""
@@ -149,10 +165,12 @@ class EdgeSettings:
                     self.mode_against_hidden,
                     self.mode_against_unexplained,
                     self.mode_against_distance,
+                    self.mode_against_rms,
                 ]
             ),
             clear_missing=self.clear_missing,
             clear_unexplained=self.clear_unexplained,
+            clear_rms_px=self.clear_rms_px,
             coarse_gates_px=np.array([6.0, 4.0]) * grown,
             fine_gates_px=np.array([4.0, 3.0, 2.5]) * grown,
             max_line_widths=self.max_line_widths,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robocup_vision.kernels.model_edges.conclude import covariance_with_prior, pose_alone, position_std
+from robocup_vision.kernels.model_edges.conclude import covariance_with_prior, gained_nats, pose_alone, position_std
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS
 
 POSE, REST = slice(0, 3), slice(3, UNKNOWNS)
@@ -52,6 +52,17 @@ def test_the_pose_alone_and_its_prior_give_the_covariance_with_the_prior(seed):
     prior = root[POSE, POSE] @ root[POSE, POSE].T
     joined = np.linalg.inv(pose_information + np.linalg.inv(prior))
     np.testing.assert_allclose(covariance[POSE, POSE], joined, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_gained_is_half_the_logarithm_of_how_much_smaller_the_covariance_of_the_pose_is(seed):
+    root, _, information, _ = measured(seed)
+    covariance = np.empty((UNKNOWNS, UNKNOWNS))
+    covariance_with_prior(root, information, covariance)
+    before = np.linalg.slogdet(root[POSE, POSE] @ root[POSE, POSE].T)[1]
+    after = np.linalg.slogdet(covariance[POSE, POSE])[1]
+    assert gained_nats(root, covariance) == pytest.approx((before - after) / 2)
+    assert gained_nats(root, root @ root.T) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_an_indefinite_system_is_told():

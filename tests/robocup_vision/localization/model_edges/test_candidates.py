@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from robocup_vision.localization.model_edges.candidates import CandidateSettings, accepted, log_weight, posterior
 from robocup_vision.localization.model_edges.evidence import Evidence
 
-GOOD = Evidence(100, 100, 80, 0, 20, 80, 0.2, 3.0, 40, 40, 5, 0.02, 8)
+GOOD = Evidence(100, 100, 80, 0, 20, 80, 0.2, 3.0, 40, 40, 5, 0.02, 8, 4.0)
 
 
 @pytest.mark.parametrize(

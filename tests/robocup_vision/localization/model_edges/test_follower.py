@@ -94,22 +94,25 @@ def test_a_prior_without_a_covariance_is_refused(fl_shot):
 
 def test_every_reason_to_refuse():
     settings = EdgeSettings()
-    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 6)
+    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 6, 4.0)
     assert weigh(good, settings).reason is None
     assert "places on edges agree" in str(weigh(good._replace(inliers=5), settings).reason)
     assert "missing" in str(weigh(good._replace(missing=200), settings).reason)
     assert "explained" in str(weigh(good._replace(explained=10), settings).reason)
     assert "from where the prior puts it" in str(weigh(good._replace(prior_distance2=99.0), settings).reason)
     assert "odds" in str(weigh(good._replace(rms_px=2.5), settings).reason)
-    # a frame that leaves the pose open is not located, however well it agrees
-    assert "odds" in str(weigh(good._replace(position_std_m=5.0), settings).reason)
+    # a frame that leaves a direction open is located where it tells more than its prior does
+    open_ = good._replace(position_std_m=5.0)
+    assert weigh(open_, settings).reason is None
+    assert "odds" in str(weigh(open_._replace(gained_nats=0.0), settings).reason)
 
 
 def test_the_frames_before_vouch_for_a_prior_that_a_frame_hardly_shows():
     settings = EdgeSettings()
-    faint = Evidence(100, 100, 8, 0, 4, 8, 0.3, 3.0, 0, 0, 5, 0.5, 2)
+    faint = Evidence(100, 100, 4, 0, 2, 4, 0.3, 3.0, 0, 0, 5, 0.5, 2, 0.5)
     assert weigh(faint, settings).reason is not None
     assert weigh(faint, settings, 3.0).reason is None
+    assert "places on edges agree" in str(weigh(faint._replace(found=2, inliers=2), settings, 3.0).reason)
     # what contradicts the pose outweighs that
     assert "odds" in str(weigh(faint._replace(prior_distance2=27.0, rms_px=2.0), settings, 3.0).reason)
     assert "missing" in str(weigh(faint._replace(missing=30), settings, 3.0).reason)
@@ -117,7 +120,7 @@ def test_the_frames_before_vouch_for_a_prior_that_a_frame_hardly_shows():
 
 def test_a_frame_that_fixes_nothing_is_neutral():
     settings = EdgeSettings()
-    open_ = Evidence(60, 60, 30, 0, 4, 30, 0.4, 3.0, 0, 0, 3, 0.9, 3)
+    open_ = Evidence(60, 60, 30, 0, 4, 30, 0.4, 3.0, 0, 0, 3, 0.9, 3, 0.1)
     assert open_.log_odds(settings) < 0.0
     assert weigh(open_, settings).log_likelihood_ratio == 0.0
     few = open_._replace(found=3, inliers=3, position_std_m=9.0, edges=1)
@@ -125,7 +128,7 @@ def test_a_frame_that_fixes_nothing_is_neutral():
     assert weigh(few._replace(prior_distance2=20.0), settings).log_likelihood_ratio < 0.0
     # what contradicts the prior counts in full
     assert weigh(open_._replace(missing=40), settings).log_likelihood_ratio < -4.0
-    assert weigh(open_._replace(position_std_m=0.02), settings).log_likelihood_ratio > 2.0
+    assert weigh(open_._replace(position_std_m=0.02, gained_nats=4.0), settings).log_likelihood_ratio > 1.5
 
 
 def test_a_hidden_view_is_followed_on_but_not_from_elsewhere(fl_shot):
