@@ -217,7 +217,8 @@ class GoalPoseEstimator:
                 continue
             best_evidence = evidence
             best = CameraEstimate(fit.unknowns, fit.covariance, candidate.sides, fine, fit)
-            if candidate.objection is None and fine.score >= settings.min_alone_hue_score:
+            is_plain = candidate.objection is None and fine.score >= settings.min_alone_hue_score
+            if is_plain and fit.line_ratio >= settings.min_overruling_ratio:
                 break
         if best is not None or alone is None:
             return best
