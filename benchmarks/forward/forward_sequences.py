@@ -193,13 +193,13 @@ def cold(what: Walk, pitch: Field, frames: list[WalkFrame], table: Table, name: 
         what_is_seen = "goal in view" if has_goal else "no whole goal"
         title = f"{name}, {what_is_seen}"
         if not number:
-            table.row(title, 0, None, None, 0, None, None, percent(goal), max_ratio, None)
+            table.row(title, 0, None, None, 0, None, None, percent(goal), None, max_ratio, None)
             continue
         times = [float(np.quantile(ratios[has_goal], part)) for part in (0.5, 0.99)]
-        ok = right >= goal * number and wrong <= 0.005 * number and times[0] <= max_ratio
-        all_ok &= ok
+        ok, is_fast = right >= goal * number and wrong <= 0.005 * number, times[0] <= max_ratio
+        all_ok &= ok and is_fast
         rates = percent(right / number), percent(later / number)
-        table.row(title, number, *rates, wrong, *times, percent(goal), max_ratio, verdict(ok))
+        table.row(title, number, *rates, wrong, *times, percent(goal), verdict(ok), max_ratio, verdict(is_fast))
     return all_ok
 
 
@@ -334,7 +334,7 @@ def main() -> None:
         all_ok &= whole_look(WALKS[name], load_field(WALKS[name].field_name), walks[name][::step], factor, table)
     found_columns = (
         "cold                  ", "frames", col.rate("right %"), "among %", col.count("wrong"),
-        col.time_ratio("x cvtColor"), col.time_ratio("p99"), "target %", "at most x", "verdict",
+        col.time_ratio("x cvtColor"), col.time_ratio("p99"), "target", "verdict", "at most x", "verdict",
     )  # fmt: skip
     table = Table(found_columns, "Found without a prior", name="cold")
     for name in ("FL", "SPL"):
