@@ -9,8 +9,6 @@ import math
 import numbers
 from pathlib import Path
 
-import numpy as np
-
 from field_models.catalog import load_field
 from field_models.errors import ArgumentError
 from field_models.field import Field
@@ -85,7 +83,7 @@ def as_prior(value: object) -> PoseEstimate | Pose2 | None:
     if not isinstance(value, PoseEstimate):
         return as_pose("prior", value)
     as_pose("prior", value.pose)
-    if not np.isfinite(value.covariance).all():
+    if not all(map(math.isfinite, value.covariance.ravel().tolist())):
         raise ArgumentError(f"the prior's covariance must be finite, got {value.covariance.tolist()}")
     return value
 

@@ -102,7 +102,8 @@ class View:
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
-        if self.polar is None or not self.marks.any():
+        # the largest is found several at a time, unlike any
+        if self.polar is None or not (self.marks.size and self.marks.max()):
             return ()
         blocked = np.empty(self.polar.bearings, dtype=np.int64)
         columns = self.polar.columns_in_use

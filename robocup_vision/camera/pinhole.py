@@ -6,7 +6,6 @@ the camera's own frame still works. Only the mappings to and from the robot fram
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -88,9 +87,18 @@ class PinholeCamera:
     def with_orientation(self, pan_rad: float | None, tilt_rad: float | None, roll_rad: float | None) -> PinholeCamera:
         """Return this camera as the neck holds it now; None: unknown."""
         # once or more a frame: what is checked, and what is worked out of the lens, stays as it is
-        other = copy(self)
-        vars(other).update(pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
+        other = object.__new__(PinholeCamera)
+        vars(other).update(vars(self), pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
         vars(other).pop("camera_to_robot", None)
+        return other
+
+    def as_fitted(
+        self, tilt_rad: float, roll_rad: float, height_m: float, focal_px: tuple[float, float]
+    ) -> PinholeCamera:
+        """Return this camera as a frame shows it to be held and focused, all lengths positive; an unknown pan is 0."""
+        other = self.with_orientation(self.pan_rad or 0.0, tilt_rad, roll_rad)
+        vars(other).update(focal_px=focal_px, height_m=height_m)
+        vars(other).pop("viewpoint_m", None)
         return other
 
     def sway_std_rad(self, usual_rad: float) -> float:

@@ -7,7 +7,7 @@ row. The rows cover the view only. Some empty rows follow them, so that the last
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.floor.turned_view import map_pixels
+from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
 
 BEARINGS = 160
 COLUMNS = 144
@@ -28,17 +28,15 @@ _BEYOND_HORIZON_PX = 12.0
 _STEEPEST = 8.0
 # seen from so far below the picture, rays up it are all but parallel, and circles are rows
 FAR_BELOW_PX = 20_000
-# what a head's pan leaves as it is: where the samples lie in the picture, and how far away
-_UNCHANGED_BY_PAN = (
-    "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px", "bearings",
-    "_columns_told", "below_px", "hidden_px", "pixels", "_planes", "_map", "valid", "near_count",
-    "_distance_m",
-)  # fmt: skip
-# what a nod or roll of the body leaves as it is: where the samples lie on the floor
-_UNCHANGED_BY_TURN = (
-    "_rim", "sees_floor", "_slopes", "radius_px", "step_px", "columns_in_use", "range_m", "across_m_per_px",
-    "_rows_rad", "bearings", "bearing_rad", "span_rad", "_columns_told", "hidden_px", "valid",
-    "_distance_m",
+# rows that see nothing after those in view: loops look at two neighbours on either side, and a ring's last is its first
+_EMPTY_ROWS = 3
+# what a head's pan changes: where samples lie about the robot; and what a nod or roll of the body does: where in the
+# picture
+_OF_THE_PAN = ("_rows_rad", "bearing_rad", "span_rad", "floor_m")
+_OF_THE_TURN = ("below_px", "pixels", "_homography")
+# what every frame needs, and neither changes
+_OF_EVERY_FRAME = (
+    "_camera_of_planes", "_planes", "_distance_m", "valid", "near_count", "step_px", "columns_in_use",
 )  # fmt: skip
 
 
@@ -62,15 +60,11 @@ class FloorView:
         Number of bearings in view.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
-    guard_m : float
-        No line along the rows is wider than this: so wide a stretch of the nearest floor is left between the last
-        bearing and the first.
     """
 
     camera: PinholeCamera
     seen_bearings: int = BEARINGS
     mask: UInt8Array | None = None
-    guard_m: float = 0.1
 
     @cached_property
     def _rim(self) -> tuple[FloatArray, FloatArray]:
@@ -86,43 +80,38 @@ class FloorView:
         slope = ray[:, 2] / np.maximum(level, 1e-9)
         return np.remainder(bearing + math.pi, math.tau) - math.pi, slope
 
-    def panned(self, pan_rad: float) -> FloorView:
-        """Return the view of the same head at another pan; only what the pan changes is computed again.
+    def held(self, camera: PinholeCamera) -> FloorView:
+        """Return the view of the same samples by the same camera, whose neck or body has turned a little.
 
-        Only for a camera whose foot is the robot's centre: else its rings about the robot change, too.
-        """
-        other = replace(self, camera=self.camera.with_orientation(pan_rad, self.camera.tilt_rad, self.camera.roll_rad))
-        turn_rad = pan_rad - (self.camera.pan_rad or 0.0)
-        first, width = self.span_rad
-        kept = {name: getattr(self, name) for name in _UNCHANGED_BY_PAN}
-        vars(other).update(kept, span_rad=(first + turn_rad, width))
-        return other
-
-    def turned(self, camera: PinholeCamera) -> FloorView:
-        """Return the view of the same samples on the floor by the same camera, turned a little and at the same pan.
-
-        The samples are found in the frame by the homography of a turn about the viewpoint: what the body's nod and roll
-        do. Nothing else is computed again; samples that the turn moves out of the frame show its rim.
+        At another tilt and roll the same places on the floor are found in the frame by the homography of a turn about
+        the viewpoint; places that the turn moves out of the frame show its rim. At another pan they lie elsewhere about
+        the robot, and at the same places in the frame. Nothing else is worked out again.
 
         Parameters
         ----------
         camera : PinholeCamera
-            As this one, at another tilt and roll.
+            As this one, at another orientation; at the same pan, unless its foot is the robot's centre: else the rings
+            about the robot change, too.
         """
-        other = FloorView(camera, self.seen_bearings, self.mask, self.guard_m)
-        vars(other).update({name: getattr(self, name) for name in _UNCHANGED_BY_TURN})
-        if "floor_m" in vars(self):
-            vars(other)["floor_m"] = self.floor_m
-        focal, (cu, cv) = self.camera.focal_px, self.camera.center_px
-        # pixels to directions of the camera frame (ahead, left, up), and back
-        ray = np.array([[0.0, 0.0, 1.0], [-1.0 / focal[0], 0.0, cu / focal[0]], [0.0, -1.0 / focal[1], cv / focal[1]]])
-        fu, fv = camera.focal_px
-        pixel = np.array([[camera.center_px[0], -fu, 0.0], [camera.center_px[1], 0.0, -fv], [1.0, 0.0, 0.0]])
-        homography = pixel @ camera.camera_to_robot.T @ self.camera.camera_to_robot @ ray
-        places = np.empty_like(self._planes)
-        map_pixels(self._planes, homography, *camera.size_px, places)
-        vars(other)["_map"] = places
+        before, other = self.camera, object.__new__(FloorView)
+        vars(other).update(self._prepared, camera=camera)
+        if (before.pan_rad or 0.0) != (camera.pan_rad or 0.0):
+            turn_rad = (camera.pan_rad or 0.0) - (before.pan_rad or 0.0)
+            (first, width), (row, step) = self.span_rad, self._rows_rad
+            for name in _OF_THE_PAN:
+                vars(other).pop(name, None)
+            vars(other).update(span_rad=(first + turn_rad, width), _rows_rad=(row + turn_rad, step))
+        if (before.tilt_rad, before.roll_rad) != (camera.tilt_rad, camera.roll_rad):
+            for name in _OF_THE_TURN:
+                vars(other).pop(name, None)
         return other
+
+    @property
+    def _prepared(self) -> dict[str, object]:
+        """All that has been worked out, with what every frame needs."""
+        for name in _OF_EVERY_FRAME:
+            getattr(self, name)
+        return vars(self)
 
     @cached_property
     def sees_floor(self) -> bool:
@@ -183,11 +172,10 @@ class FloorView:
         """Angle between neighbouring bearings."""
         return self._rows_rad[1]
 
-    @cached_property
+    @property
     def bearings(self) -> int:
         """Number K of rows, those that see nothing included."""
-        nearest = float(self.range_m[0]) * self.row_step_rad
-        return self.seen_bearings + min(math.ceil(self.guard_m / nearest) + 3, self.seen_bearings)
+        return self.seen_bearings + _EMPTY_ROWS
 
     @cached_property
     def bearing_rad(self) -> FloatArray:
@@ -290,12 +278,9 @@ class FloorView:
         columns : (K,) int64
             The sample of each bearing.
         """
-        distance, bearing = self._distance_m[columns], self.bearing_rad
-        floor = np.empty((len(bearing), 2))
-        np.multiply(np.cos(bearing), distance, out=floor[:, 0])
-        np.multiply(np.sin(bearing), distance, out=floor[:, 1])
-        floor += self.camera.offset_m
-        floor[self.seen_bearings :] = np.nan
+        floor = np.empty((self.bearings, 2))
+        first, step = self._rows_rad
+        place_on_floor(columns, self._distance_m, first, step, self.camera.offset_m, self.seen_bearings, floor)
         return floor
 
     @cached_property
@@ -310,7 +295,8 @@ class FloorView:
         u, v = self.pixels[..., 0], self.pixels[..., 1]
         inside = (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
         if self.mask is not None:
-            u, v = np.rint(self._map).astype(np.intp)
+            rim = np.clip(np.nan_to_num(self.pixels), 0, (width - 1, height - 1))
+            u, v = np.rint(np.moveaxis(rim, -1, 0)).astype(np.intp)
             hidden = self.mask[v, u] > 0
             # the 3 x 3 blur of the samples reaches one further in each direction
             inside &= cv2.dilate(hidden.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
@@ -320,15 +306,22 @@ class FloorView:
 
     @cached_property
     def _planes(self) -> Float32Array:
-        """(2, K, M) float32: u and v of `pixels`."""
-        return np.ascontiguousarray(np.moveaxis(self.pixels, -1, 0), dtype=np.float32)
+        """(2, K, M) float32: u and v of `pixels` in the rows in view, in the frame of `_camera_of_planes`."""
+        return np.ascontiguousarray(np.moveaxis(self.pixels[: self.seen_bearings], -1, 0), dtype=np.float32)
 
     @cached_property
-    def _map(self) -> Float32Array:
-        """(2, K, M) float32: u and v of the samples, those outside the frame at its rim."""
-        width, height = self.camera.size_px
-        rim = np.array([width - 1, height - 1], dtype=np.float32)[:, None, None]
-        return np.asarray(np.clip(np.nan_to_num(self._planes), 0, rim), dtype=np.float32)
+    def _camera_of_planes(self) -> PinholeCamera:
+        return self.camera
+
+    @cached_property
+    def _homography(self) -> FloatArray:
+        """(3, 3) float64: from pixels of `_planes` to this camera's, at the same pan."""
+        camera, known = self.camera, self._camera_of_planes
+        before, after = ((one.tilt_rad or 0.0, one.roll_rad or 0.0) for one in (known, camera))
+        homography = np.eye(3)
+        if before != after:
+            map_turn(before, after, camera.focal_px, camera.center_px, homography)
+        return homography
 
     @cached_property
     def near_count(self) -> int:
@@ -337,7 +330,9 @@ class FloorView:
 
     def sample(self, frame: UInt8Array) -> UInt8Array:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples."""
-        nearest = cv2.remap(frame, self._map[0], self._map[1], cv2.INTER_NEAREST)
-        seen = self.seen_bearings
-        nearest[:seen] = cv2.blur(nearest[:seen], (3, 3), borderType=cv2.BORDER_REPLICATE)
-        return np.asarray(nearest, dtype=np.uint8)
+        seen, shape = self.seen_bearings, (COLUMNS, 3)
+        nearest, samples = np.empty((seen, *shape), np.uint8), np.empty((self.bearings, *shape), np.uint8)
+        sample_turned(frame, self._planes, self._homography, nearest)
+        cv2.blur(nearest, (3, 3), dst=samples[:seen], borderType=cv2.BORDER_REPLICATE)
+        samples[seen:] = 0
+        return samples

@@ -7,7 +7,7 @@ not. Counting floor samples per cell gives the same as the paper's AND with a te
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,9 @@ from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Arr
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
+
+# what every frame needs, wherever the camera's neck turns it
+_OF_EVERY_FRAME = ("ring_bounds_m", "cell", "_needed", "_seen", "_first_seen", "_near_m")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,11 +95,13 @@ class FreeSpaceGrid:
         first, width = self.view.span_rad
         return read_only((np.arange(self.directions) + 0.5) * (width / self.directions) + first)
 
-    def panned(self, view: FloorView) -> FreeSpaceGrid:
-        """Return the grid of a view that `FloorView.panned` made of this one's."""
-        other = replace(self, view=view)
-        names = ("ring_bounds_m", "cell", "_needed", "_seen", "_first_seen", "_near_m")
-        vars(other).update({name: getattr(self, name) for name in names})
+    def held(self, view: FloorView) -> FreeSpaceGrid:
+        """Return the grid of a view that `FloorView.held` made of this one's."""
+        for name in _OF_EVERY_FRAME:
+            getattr(self, name)
+        other = object.__new__(FreeSpaceGrid)
+        vars(other).update(vars(self), view=view)
+        vars(other).pop("bearing_rad", None)
         return other
 
     @cached_property
@@ -236,5 +241,6 @@ class FloorMarking:
         if outermost is None:
             outermost = np.full(len(llr), -1)
         out = np.empty(llr.shape, dtype=np.uint8)
-        free_floor.passable(samples, llr, self.view.valid, *self.widest_line, self.view.columns_in_use, outermost, out)
+        view, is_ring = self.view, self.view.is_ring
+        free_floor.passable(samples, llr, view.valid, *self.widest_line, view.columns_in_use, is_ring, outermost, out)
         return out

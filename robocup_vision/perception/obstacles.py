@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +33,10 @@ class Obstacle(NamedTuple):
     range_m: float
 
 
+# what `Obstacle._make` does, without a call of Python for each
+_made = cast("Callable[[list[float]], Obstacle]", partial(tuple.__new__, Obstacle))
+
+
 def join_places(
     places_m: FloatArray, seen: npt.NDArray[np.bool_], gap_m: float, step_rad: float
 ) -> tuple[Obstacle, ...]:
@@ -52,4 +58,4 @@ def join_places(
     x_m, y_m = found[:, 0], found[:, 1]
     np.arctan2(y_m, x_m, out=found[:, 3])
     np.hypot(x_m, y_m, out=found[:, 4])
-    return tuple(map(Obstacle._make, found.tolist()))
+    return tuple(map(_made, found.tolist()))

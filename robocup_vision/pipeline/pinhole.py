@@ -61,18 +61,11 @@ class _Floor:
     finder: PinholeBallFinder
     sway_std_rad: tuple[float, float] | None = None
 
-    def panned(self, camera: PinholeCamera) -> _Floor:
-        """Return the same with the head turned to the pan of `camera`."""
-        view = self.view.panned(camera.pan_rad or 0.0)
-        return replace(self, camera=camera, view=view, grid=self.grid.panned(view))
-
-    def turned(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None) -> _Floor:
-        """Return the same for a frame in which the body has nodded and rolled to the orientation of `camera`."""
-        as_now, view = self.camera, self.view
-        if (as_now.tilt_rad, as_now.roll_rad) != (camera.tilt_rad, camera.roll_rad):
-            as_now = as_now.with_orientation(as_now.pan_rad, camera.tilt_rad, camera.roll_rad)
-            view = view.turned(as_now)
-        return _Floor(as_now, view, self.grid, self.marking, self.finder, sway_std_rad)
+    def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> _Floor:
+        """Return the same for a frame in which neck and body hold the camera in the orientation of `camera`."""
+        held = self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad)
+        view = self.view.held(held)
+        return _Floor(held, view, self.grid.held(view), self.marking, self.finder, sway_std_rad)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +92,9 @@ class PinholePipeline(FramePipeline):
         tells = len({goal.color for goal in panelled}) == 2
         self._goal_points = goal_points(field) if tells else (np.empty((0, 3)), np.empty(0))
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
-        self._floor = self._make_floor(camera) if camera.known_orientation else None
+        # made once for the camera of the file, and as the camera was held in the last frame
+        self._made = self._floor = self._make_floor(camera) if camera.known_orientation else None
+        self._made_for = camera
         self._patterned = PatternedBallFinder(field, camera, self._mask) if field.ball_patches else None
         prepare(f"pinhole_{method.name}")
         if self._patterned is not None:
@@ -121,7 +116,7 @@ class PinholePipeline(FramePipeline):
 
     @property
     def polar(self) -> FloorView | None:
-        """The floor samples of the last frame; None: there are none."""
+        """The floor samples of the last frame, or of the one to come; None: there are none."""
         return None if self._floor is None else self._floor.view
 
     @property
@@ -130,20 +125,17 @@ class PinholePipeline(FramePipeline):
         return None if self._floor is None else self._floor.grid
 
     def _floor_for(self, camera: PinholeCamera) -> _Floor | None:
-        """Return the parts that measure the floor in the camera's present orientation: kept, turned, or made again."""
-        floor = self._floor
-        if floor is not None:
-            if floor.camera == camera or _same_mounting(floor.camera, camera, with_pan=True):
-                return floor
-            if not any(camera.offset_m) and _same_mounting(floor.camera, camera, with_pan=False):
-                return floor.panned(camera)
-        return self._make_floor(camera)
+        """Return the parts that measure the floor in some orientation of the camera: those before, or made again."""
+        made = self._made
+        has_moved = made is not None and any(camera.offset_m) and made.camera.pan_rad != camera.pan_rad
+        if made is None or has_moved or self._made_for is not self.camera:
+            made = self._made = self._make_floor(camera)
+            self._made_for = self.camera
+        return made
 
     def _make_floor(self, camera: PinholeCamera) -> _Floor | None:
         """Prepare to look at the floor by a camera whose tilt is known; None if it sees none."""
-        view = FloorView(
-            camera, max(BEARINGS, 2 * self._options.directions), self._mask, 1.1 * self.field.robot_radius_m
-        )
+        view = FloorView(camera, max(BEARINGS, 2 * self._options.directions), self._mask)
         if not view.sees_floor:
             return None
         return _Floor(
@@ -184,10 +176,11 @@ class PinholePipeline(FramePipeline):
         camera = self.camera
         if pan_rad is not None:
             camera = camera.with_orientation(pan_rad, camera.tilt_rad, camera.roll_rad)
-        samples = None
+        samples = made = None
         if camera.known_orientation:
-            self._floor = self._floor_for(camera)
-            if self._floor is not None and self._needs_samples:
+            made = self._floor_for(camera)
+            if made is not None and self._needs_samples:
+                self._floor = made.held(camera)
                 samples = self._sample(frame, self._floor.view, timings)
         start = perf_counter()
         if prior is None and odometry is not None and self._last_pose is not None:
@@ -198,9 +191,13 @@ class PinholePipeline(FramePipeline):
         timings["pose"] = perf_counter() - start
         if not camera.known_orientation:
             self._floor = self._make_floor(_as_held(answer.camera)) if pose else None
+        elif made is None:
+            self._floor = None
+        elif samples is None:
+            # as the pose tells that the body holds it in this frame
+            held = _as_held(answer.camera) if pose else camera
+            self._floor = made.held(held, answer.sway_std_rad if pose else None)
         floor = self._floor
-        if floor is not None and pose and not self._needs_samples and camera.known_orientation:
-            floor = floor.turned(_as_held(answer.camera), answer.sway_std_rad)
         if floor is None:
             self._carried = None
             # patterned balls say themselves how the camera is tilted
@@ -347,7 +344,7 @@ class PinholePipeline(FramePipeline):
         if tilt is None:
             return floor, samples
         as_told = floor.camera.with_orientation(floor.camera.pan_rad, tilt, floor.camera.roll_rad)
-        floor = floor.turned(as_told, floor.sway_std_rad)
+        floor = self._floor = floor.held(as_told, floor.sway_std_rad)
         return floor, self._sample(frame, floor.view, timings)
 
     def _see_floor(
@@ -400,9 +397,3 @@ def _none_free(grid: FreeSpaceGrid) -> FreeSpace:
 def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:
     assert isinstance(camera, PinholeCamera)
     return camera
-
-
-def _same_mounting(a: PinholeCamera, b: PinholeCamera, *, with_pan: bool) -> bool:
-    """Whether two calibrations of one camera see the floor alike, up to the pan unless that is asked for, too."""
-    mounted = [(c.tilt_rad, c.roll_rad, c.height_m, c.focal_px, c.center_px) for c in (a, b)]
-    return mounted[0] == mounted[1] and (not with_pan or a.camera_in_robot == b.camera_in_robot)

@@ -31,6 +31,7 @@ def passable(
     line_columns: Int32Array,
     line_rows: Int32Array,
     columns_in_use: int,
+    is_ring: bool,
     outermost: Int64Array,
     out: UInt8Array,
 ) -> None:
@@ -47,6 +48,8 @@ def passable(
         Widest line at each column, in samples across and along the rows.
     columns_in_use : int
         Columns below the horizon.
+    is_ring : bool
+        Whether the last row is next to the first. Where it is not, the last two rows are not valid.
     outermost : (K,) int64
         Column of the outermost floor of each bearing: beyond it all is blocked. -1: not known.
     out : (K, M) uint8
@@ -72,7 +75,7 @@ def passable(
     _clear_single(shown, columns_in_use, free, out)
     has_line = np.zeros(rows, np.bool_)
     _mark_lines_along(samples, llr, valid, line_columns, free, has_line, out)
-    _mark_lines_across(samples, llr, valid, line_rows, free, has_line, out)
+    _mark_lines_across(samples, llr, valid, line_rows, is_ring, free, has_line, out)
     _block_corners(valid, line_columns, columns_in_use, has_line, out)
 
 
@@ -219,6 +222,7 @@ def _mark_lines_across(
     llr: Int8Array,
     valid: UInt8Array,
     line_rows: Int32Array,
+    is_ring: bool,
     free: UInt64Array,
     has_line: BoolArray,
     out: UInt8Array,
@@ -229,8 +233,10 @@ def _mark_lines_across(
     """
     rows = len(free)
     visited = free.copy()
-    # once round and a little further, so that a line across row 0 is closed, too
+    # once round and a little further, so that a line across row 0 of a ring is closed, too, and that the first rows are
+    # told by floor that the others show, where none lies before them
     for step in range(1, rows + line_rows[0] + 1):
+        begin = 0 if is_ring or step < rows else rows
         k, before = step % rows, (step - 1) % rows
         for word in range(1, free.shape[1] - 1):
             ends = free[k, word] & ~free[before, word]
@@ -239,9 +245,9 @@ def _mark_lines_across(
                 one, m = ONE << np.uint64(bit), 64 * (word - 1) + bit
                 ends &= ends - ONE
                 last = step - 1
-                while last >= 0 and out[last % rows, m] == BLOCKED and step - last <= line_rows[m] + 1:
+                while last >= begin and out[last % rows, m] == BLOCKED and step - last <= line_rows[m] + 1:
                     last -= 1
-                if last < 0 or step - last > line_rows[m] + 1:
+                if last < begin or step - last > line_rows[m] + 1:
                     continue
                 at = step
                 while at >= 0 and llr[at % rows, m] <= 0:
@@ -294,10 +300,14 @@ def clear_ball(
     center_radius: float,
     half_rows: float,
     half_px: float,
+    is_ring: bool,
     radius_px: FloatArray,
     marks: UInt8Array,
 ) -> None:
-    """Mark the blocked samples on a ball and its shadow as BALL: within an ellipse about (row, image radius)."""
+    """Mark the blocked samples on a ball and its shadow as BALL: within an ellipse about (row, image radius).
+
+    In a ring the last row is next to the first.
+    """
     rows = marks.shape[0]
     for m in range(radius_px.shape[0]):
         along = (radius_px[m] - center_radius) / half_px
@@ -305,7 +315,7 @@ def clear_ball(
             continue
         reach = half_rows * math.sqrt(1.0 - along * along)
         for step in range(int(math.ceil(center_row - reach)), int(math.floor(center_row + reach)) + 1):
-            if marks[step % rows, m] == BLOCKED:
+            if (is_ring or 0 <= step < rows) and marks[step % rows, m] == BLOCKED:
                 marks[step % rows, m] = BALL
 
 

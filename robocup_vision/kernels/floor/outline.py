@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.floor.free_floor import passable
 from robocup_vision.kernels.floor.polar import EdgeSearch, Rays, outer_boundary, radial_edges
 
@@ -94,7 +94,9 @@ def outline_floor(
     rays = Rays(rules.center_u, rules.center_v, rules.step_u, rules.step_v, start_px)
     search = EdgeSearch(rules.column_step_px, rules.half_width, min_contrast)
     radial_edges(frame, rules.hidden, rays, search, edge_px)
-    passable(samples, llr, rules.valid, rules.line_columns, rules.line_rows, rules.columns_in_use, outermost, marks)
+    is_ring = variable(1) > 0
+    widest = rules.line_columns, rules.line_rows
+    passable(samples, llr, rules.valid, widest[0], widest[1], rules.columns_in_use, is_ring, outermost, marks)
     near = 0
     for k in range(llr.shape[0]):
         for m in range(llr.shape[1] // 3):

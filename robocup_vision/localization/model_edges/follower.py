@@ -109,15 +109,9 @@ class FollowedCamera:
 
     def as_held(self, camera: PinholeCamera) -> PinholeCamera:
         """Return the robot's camera as it was held and focused in this frame."""
-        held = self.camera
-        return replace(
-            camera,
-            focal_px=held.focal_px,
-            height_m=held.height_m,
-            pan_rad=camera.pan_rad or 0.0,
-            tilt_rad=held.tilt_rad,
-            roll_rad=held.roll_rad,
-        )
+        tilt_rad, roll_rad, height_m, log_focal = self.camera_unknowns
+        (fu, fv), scale = self.file_camera.focal_px, math.exp(log_focal)
+        return camera.as_fitted(tilt_rad, roll_rad, height_m, (fu * scale, fv * scale))
 
     @property
     def camera(self) -> PinholeCamera:

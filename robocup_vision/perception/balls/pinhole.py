@@ -198,7 +198,7 @@ class PinholeBallFinder(BallSearch):
         row_px = view.row_step_rad * float(view.range_m[column] / view.across_m_per_px[column])
         half_px = 1.5 * along + view.step_px + 1.5
         half_rows = (1.5 * across + 1.5) / row_px + 1
-        free_floor.clear_ball(row, radius, half_rows, half_px, view.radius_px, marks)
+        free_floor.clear_ball(row, radius, half_rows, half_px, view.is_ring, view.radius_px, marks)
 
 
 def _means_at(frame: UInt8Array, pixels: FloatArray) -> FloatArray | None:

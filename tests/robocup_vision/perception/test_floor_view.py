@@ -9,6 +9,7 @@ import pytest
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.floor.turned_view import sample_turned
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.vision import Vision
 from sim2d.rendering.pinhole import render_pinhole
@@ -23,13 +24,29 @@ CAMERA = PinholeCamera(
 def test_a_turned_view_samples_the_same_floor(nod_rad, roll_rad):
     view = FloorView(CAMERA)
     held = replace(CAMERA, tilt_rad=CAMERA.tilt_rad + nod_rad, roll_rad=roll_rad)
-    turned = view.turned(held)
+    turned = view.held(held)
     np.testing.assert_array_equal(turned.floor_m, view.floor_m)
     expected = held.floor_to_pixel(view.floor_m.reshape(-1, 2)).reshape(view.floor_m.shape)
     shown = np.isfinite(expected).all(axis=-1) & (expected >= 0).all(axis=-1) & (expected <= (207, 159)).all(axis=-1)
     assert shown.sum() > 0.3 * shown.size
-    np.testing.assert_allclose(turned._map[:, shown].T, expected[shown], atol=1e-3)
     np.testing.assert_allclose(turned.pixels[shown], expected[shown], atol=1e-6)
+    frame = np.random.default_rng(0).integers(0, 256, (160, 208, 3), dtype=np.uint8)
+    nearest = np.rint(expected[shown]).astype(int)
+    sampled = np.empty((view.seen_bearings, len(view.radius_px), 3), np.uint8)
+    sample_turned(frame, turned._planes, turned._homography, sampled)
+    same = sampled[shown[: view.seen_bearings]] == frame[nearest[:, 1], nearest[:, 0]]
+    assert same.all(axis=-1).mean() > 0.999
+
+
+def test_a_panned_view_shows_the_same_pixels_elsewhere():
+    view = FloorView(CAMERA)
+    turned = view.held(CAMERA.with_orientation(0.1, CAMERA.tilt_rad, CAMERA.roll_rad))
+    made = FloorView(turned.camera)
+    for name in ("bearing_rad", "span_rad", "floor_m", "valid", "range_m"):
+        np.testing.assert_allclose(getattr(turned, name), getattr(made, name), atol=1e-9)
+    np.testing.assert_allclose(turned.pixels, made.pixels, atol=1e-6)
+    columns = np.arange(view.bearings) % len(view.radius_px)
+    np.testing.assert_allclose(turned.floor_at(columns), turned.floor_m[np.arange(view.bearings), columns], atol=1e-12)
 
 
 def test_free_space_goes_by_the_tilt_that_the_frame_shows():

@@ -76,17 +76,17 @@ def test_first_blocked_agrees_with_its_twin(seed, first, run):
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.floats(-30, 30), st.floats(0, 30), st.floats(0.5, 6), st.floats(0.5, 8), seeds)
-def test_a_ball_clears_its_ellipse_only(row, radius, half_rows, half_px, seed):
+@given(st.floats(-30, 30), st.floats(0, 30), st.floats(0.5, 6), st.floats(0.5, 8), st.booleans(), seeds)
+def test_a_ball_clears_its_ellipse_only(row, radius, half_rows, half_px, is_ring, seed):
     rng = np.random.default_rng(seed)
     marks = rng.integers(0, 3, (20, 25), dtype=np.uint8)
     radius_px = np.linspace(2.0, 28.0, 25)
     rows = np.arange(math.floor(row - half_rows) - 1, math.ceil(row + half_rows) + 2)
     inside = np.zeros((20, 25), dtype=bool)
-    for k in rows:
+    for k in rows if is_ring else rows[(rows >= 0) & (rows < 20)]:
         inside[k % 20] |= ((k - row) / half_rows) ** 2 + ((radius_px - radius) / half_px) ** 2 <= 1
     expected = np.where(inside & (marks == BLOCKED), BALL, marks)
-    clear_ball(row, radius, half_rows, half_px, radius_px, marks)
+    clear_ball(row, radius, half_rows, half_px, is_ring, radius_px, marks)
     # on the very rim rounding decides
     assert (marks != expected).sum() <= 1
 
@@ -97,7 +97,7 @@ def whiter(samples, hidden, floor):
     return all(brightest[c] > float(floor[c]) for c in (0, 2))
 
 
-def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermost):
+def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, is_ring, outermost):
     rows = len(llr)
     floor, level = llr > 0, samples.sum(axis=2, dtype=int)
     out = np.where(floor, FLOOR, BLOCKED)
@@ -135,6 +135,8 @@ def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermos
         last = base = None
         for step in range(rows + line_rows[0] + 1):
             k = step % rows
+            if step == rows and not is_ring:
+                last = None
             if out[k, m] == BLOCKED:
                 continue
             base = k if floor[k, m] or base is None else base
@@ -156,8 +158,8 @@ def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermos
 
 
 @settings(deadline=None, max_examples=60)
-@given(seeds)
-def test_passable_agrees_with_its_twin(seed):
+@given(seeds, st.booleans())
+def test_passable_agrees_with_its_twin(seed, is_ring):
     rng = np.random.default_rng(seed)
     # up to three words of 64 bits a row
     rows, columns = int(rng.integers(6, 16)), int(rng.integers(6, 20) + 58 * rng.integers(3))
@@ -166,6 +168,8 @@ def test_passable_agrees_with_its_twin(seed):
         k, m = rng.integers(0, rows), rng.integers(0, columns)
         llr[k : k + rng.integers(1, 6), m : m + rng.integers(1, 8)] = 40
     valid = (rng.random((rows, columns)) < 0.95).astype(np.uint8)
+    if not is_ring:
+        valid[-2:], llr[-2:] = 0, 0
     llr[valid == 0] = 0
     samples = rng.integers(60, 140, (rows, columns, 3), dtype=np.uint8)
     line_columns = rng.integers(1, 5, columns, dtype=np.int32)
@@ -173,8 +177,9 @@ def test_passable_agrees_with_its_twin(seed):
     in_use = int(rng.integers(3, columns + 1))
     out = np.empty((rows, columns), dtype=np.uint8)
     outermost = rng.integers(-1, columns, rows)
-    passable(samples, llr, valid, line_columns, line_rows, in_use, outermost, out)
-    np.testing.assert_array_equal(out, passable_twin(samples, llr, valid, line_columns, line_rows, in_use, outermost))
+    rules = valid, line_columns, line_rows, in_use, is_ring, outermost
+    passable(samples, llr, *rules, out)
+    np.testing.assert_array_equal(out, passable_twin(samples, llr, *rules))
 
 
 def test_a_bright_corner_is_no_line_and_a_line_is_no_corner():
@@ -188,7 +193,7 @@ def test_a_bright_corner_is_no_line_and_a_line_is_no_corner():
         llr = np.where(shape, -64, 40).astype(np.int8)
         out = np.empty((rows, columns), dtype=np.uint8)
         valid = np.ones((rows, columns), dtype=np.uint8)
-        passable(samples, llr, valid, widest, widest, columns, np.full(rows, -1), out)
+        passable(samples, llr, valid, widest, widest, columns, True, np.full(rows, -1), out)
         marks.append(out)
     assert (marks[0][~corner] == FLOOR).all()
     # what is taken back of the blur costs a sample of its sides, and two of its tip
@@ -211,7 +216,8 @@ def test_what_hidden_samples_show_changes_no_mark(seed):
         # a hidden sample beside the marks may become floor by its neighbours, whose colour is then its own
         shown = np.where(valid[..., None] > 0, samples, np.uint8(color))
         out = np.empty((12, 15), dtype=np.uint8)
-        passable(shown, np.where(valid > 0, llr, -64).astype(np.int8), valid, widest, widest, 15, np.full(12, -1), out)
+        seen_llr = np.where(valid > 0, llr, -64).astype(np.int8)
+        passable(shown, seen_llr, valid, widest, widest, 15, True, np.full(12, -1), out)
         outs.append(out)
     hidden_floor = (outs[0] == FLOOR) & (valid == 0)
     if not hidden_floor.any():

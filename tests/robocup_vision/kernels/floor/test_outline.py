@@ -52,7 +52,7 @@ def test_one_call_does_what_the_steps_do(seed):
     rays = Rays(64.5, 59.2, rules.step_u, rules.step_v, start)
     radial_edges(frame, rules.hidden, rays, EdgeSearch(37.0 / 19, 0.05, 20.0), expected[1])
     in_use = columns - 1
-    passable(samples, llr, valid, rules.line_columns, rules.line_rows, in_use, expected[0], expected[2])
+    passable(samples, llr, valid, rules.line_columns, rules.line_rows, in_use, True, expected[0], expected[2])
     assert (expected[0] >= 0).any()
     for found, one_by_one in zip((outermost, edge, marks), expected, strict=True):
         np.testing.assert_array_equal(found, one_by_one)

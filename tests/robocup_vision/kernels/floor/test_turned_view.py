@@ -1,27 +1,58 @@
-"""Pixels mapped by a homography, against OpenCV's own."""
+"""Samples of a camera that is turned: their places against plain algebra, their colours against OpenCV's."""
+
+import math
 
 import cv2
 import numpy as np
 import pytest
 
-from robocup_vision.kernels.floor.turned_view import map_pixels
+from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
+
+
+def sampled(frame, pixels, homography):
+    out = np.empty((*pixels.shape[:2], 3), np.uint8)
+    sample_turned(frame, np.ascontiguousarray(np.moveaxis(pixels, -1, 0)), homography, out)
+    return out
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_pixels_are_mapped_into_the_frame(seed):
+def test_the_nearest_pixels_are_fetched(seed):
     rng = np.random.default_rng(seed)
+    frame = rng.integers(0, 256, (160, 208, 3), dtype=np.uint8)
     pixels = rng.uniform(-10.0, 220.0, (20, 30, 2)).astype(np.float32)
     homography = np.eye(3) + rng.normal(0.0, 1.0, (3, 3)) * [[0.02, 0.02, 5.0], [0.02, 0.02, 5.0], [1e-5, 1e-5, 0.0]]
-    out = np.empty((2, 20, 30), np.float32)
-    map_pixels(np.ascontiguousarray(np.moveaxis(pixels, -1, 0)), homography, 208, 160, out)
-    expected = np.clip(cv2.perspectiveTransform(pixels.astype(float), homography), 0, (207, 159))
-    np.testing.assert_allclose(np.moveaxis(out, 0, -1), expected, atol=1e-3)
+    places = cv2.perspectiveTransform(pixels.astype(float), homography)
+    expected = np.clip(places, 0, (207, 159)).astype(np.float32)
+    same = sampled(frame, pixels, homography) == cv2.remap(frame, expected, None, cv2.INTER_NEAREST)
+    # half-way between two pixels rounding decides
+    assert (~same.all(axis=-1)).sum() <= 1
 
 
-def test_no_pixel_stays_none_and_what_lies_behind_is_none():
-    out = np.ones((2, 1, 2), np.float32)
-    map_pixels(np.full((2, 1, 2), np.nan, np.float32), np.eye(3), 208, 160, out)
-    np.testing.assert_array_equal(out, 0)
-    out[:] = 1
-    map_pixels(np.full((2, 1, 2), 30, np.float32), np.diag([1.0, 1.0, -1.0]), 208, 160, out)
-    np.testing.assert_array_equal(out, 0)
+def test_no_pixel_and_what_lies_behind_show_the_first_pixel():
+    frame = np.arange(4 * 5 * 3, dtype=np.uint8).reshape(4, 5, 3)
+    none = np.full((1, 2, 2), np.nan, np.float32)
+    np.testing.assert_array_equal(sampled(frame, none, np.eye(3)), np.broadcast_to(frame[0, 0], (1, 2, 3)))
+    behind = sampled(frame, np.full((1, 2, 2), 3, np.float32), np.diag([1.0, 1.0, -1.0]))
+    np.testing.assert_array_equal(behind, np.broadcast_to(frame[0, 0], (1, 2, 3)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_turn_maps_pixels_as_rays_say(seed):
+    rng = np.random.default_rng(seed)
+    (tilt, roll), (held_tilt, held_roll) = before, after = rng.uniform(-0.3, 0.3, (2, 2))
+    focal, center, homography = (190.0, 205.0), (103.5, 79.5), np.empty((3, 3))
+    map_turn(tuple(before), tuple(after), focal, center, homography)
+    slopes = (np.array([150.0, 60.0]) - center) / focal
+    world = camera_rotation(0.0, tilt, roll) @ [1.0, -slopes[0], -slopes[1]]
+    ahead, left, up = camera_rotation(0.0, held_tilt, held_roll).T @ world
+    u, v, scale = homography @ [150.0, 60.0, 1.0]
+    np.testing.assert_allclose([u / scale, v / scale], center - np.multiply(focal, [left, up]) / ahead)
+
+
+def test_bearings_are_placed_about_the_foot():
+    distance, out = np.array([0.5, 1.0, np.nan]), np.empty((4, 2))
+    place_on_floor(np.array([0, 1, 2, 1]), distance, 0.2, 0.1, (0.03, -0.01), 3, out)
+    expected = [(0.03 + r * math.cos(b), -0.01 + r * math.sin(b)) for r, b in ((0.5, 0.2), (1.0, 0.3))]
+    np.testing.assert_allclose(out[:2], expected)
+    assert np.isnan(out[2:]).all()
