@@ -11,8 +11,9 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.order import quantiles
 from robocup_vision.kernels.floor.patterned_ball import BLUE_WEIGHT, DARK_COUNTS
 
-# pixels from one that is looked at to the next, along rows and columns
-STRIDE = 4
+# pixels from one that is looked at to the next, along rows and columns: at least so many, and so many in a wide row,
+# for a few thousand tell quartiles to a hundredth of what carpet varies
+STRIDE, PER_ROW = 4, 80
 # what is told of the carpet
 RATIO, QUARTER, HUE, THREE_QUARTERS, GREEN, LEVEL, TOLD = range(7)
 
@@ -38,9 +39,9 @@ def measure_carpet(
     """
     _, height, width = planes.shape
     hues, greens, levels = scratch[0], scratch[1], scratch[2]
-    count, number = 0, 0
-    for v in range(first, height, STRIDE):
-        for u in range(0, width, STRIDE):
+    count, number, stride = 0, 0, max(STRIDE, width // PER_ROW)
+    for v in range(first, height, stride):
+        for u in range(0, width, stride):
             number += 1
             b, g, r = planes[0, v, u], planes[1, v, u], planes[2, v, u]
             total = float(b) + float(g) + float(r)

@@ -234,10 +234,15 @@ class PatternedBallFinder:
         search = self._search
         found = self._found[: kernel.find_discs(kinds, _DIRECTIONS, self._radii_px, row_radii, search, self._found)]
         count = kernel.best_discs(kinds, planes[1], _DIRECTIONS, search, found, self._kept)
+        kept = self._kept[:count]
         # a disc may have shrunk below what is looked for when its place and size were fitted
-        return [
-            self._weighed(row, camera) for row in self._kept[:count] if row[kernel.RADIUS] >= settings.min_radius_px
-        ]
+        kept = kept[kept[:, kernel.RADIUS] >= settings.min_radius_px]
+        if not len(kept):
+            return []
+        rays = (
+            camera.pixel_to_camera_ray(kept[:, : kernel.RADIUS]) @ camera_rotation(0.0, 0.0, camera.roll_rad or 0.0).T
+        )
+        return [self._weighed(*one, camera) for one in zip(kept.tolist(), rays.tolist(), strict=True)]
 
     def _row_radii_px(self, camera: PinholeCamera) -> tuple[FloatArray, int]:
         """Return the least and greatest radius (H, 2) of a ball on the floor in each row, and the first row of use.
@@ -277,9 +282,10 @@ class PatternedBallFinder:
         pixels = np.stack(np.broadcast_arrays([0.0, (width - 1) / 2, width - 1.0], at[:, None]), axis=-1)
         return self._camera.pixel_to_camera_ray(pixels)
 
-    def _weighed(self, row: FloatArray, camera: PinholeCamera) -> _Disc:
+    def _weighed(self, row: list[float], ray: list[float], camera: PinholeCamera) -> _Disc:
+        """Return a disc of the search and what speaks for it; its ray is the camera's, with the roll undone."""
         settings = self.settings
-        u, v, radius, rim, _, white, dark, carpet, around, shown = row.tolist()
+        u, v, radius, rim, _, white, dark, carpet, around, shown = row
         nats = (
             shown
             * min(settings.rim_signs, settings.signs_per_px * radius)
@@ -295,11 +301,10 @@ class PatternedBallFinder:
         if not settings.min_white * carpet <= white <= settings.max_white * carpet:
             nats -= settings.min_log_likelihood_ratio
         # the depression of the ray to the centre by the ball's size, and the tilt that puts the ray there
-        ray = camera.pixel_to_camera_ray((u, v)) @ camera_rotation(0.0, 0.0, camera.roll_rad or 0.0).T
-        half = radius * float(ray[0]) / camera.focal_px[0]
+        half = radius * ray[0] / camera.focal_px[0]
         fall = min((camera.height_m - self._radius_m) / self._radius_m * math.sin(half), 0.99)
-        reach = math.hypot(float(ray[0]), float(ray[2]))
-        tilt = math.asin(max(-fall / reach, -1.0)) - math.atan2(float(ray[2]), float(ray[0]))
+        reach = math.hypot(ray[0], ray[2])
+        tilt = math.asin(max(-fall / reach, -1.0)) - math.atan2(ray[2], ray[0])
         std = math.hypot(settings.tilt_std_rad, settings.radius_std * fall / math.sqrt(1 - fall * fall))
         return _Disc(u, v, radius, nats, tilt, std)
 
