@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.align import LEFT_BEHIND, Alignment, align_likeliest, slopes_of
@@ -127,6 +127,11 @@ class EdgeFinder:
         other = copy(self)
         other.follower = follower
         return other
+
+    @property
+    def proposal_std(self) -> FloatArray:
+        """(3,) float64: standard deviations that the prior of a proposal's fit has, m, m and rad."""
+        return np.asarray(np.sqrt(self._covariance.diagonal()))
 
     def propose(self, frame: UInt8Array) -> list[Pose2]:
         """Poses of the camera worth a fit, the likeliest first."""

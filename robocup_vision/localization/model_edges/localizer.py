@@ -23,7 +23,7 @@ from robocup_vision.localization.model_edges.wide_finder import WideFinder
 # between frames without times
 _USUAL_STEP_S = 1 / 30
 # a head's pan is known to no less, and a prior's heading never better than that
-_PAN_STD_RAD = math.radians(0.1)
+_PAN_COVARIANCE = np.diag([0.0, 0.0, math.radians(0.1) ** 2])
 
 
 class EdgeLocalizer:
@@ -44,6 +44,7 @@ class EdgeLocalizer:
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._last_s: float | None = None
+        self._was_located = False  # in the last look
         self._failed_s: float | None = None  # when the last search beside a prior found nothing
 
     def with_camera(self, camera: PinholeCamera) -> EdgeLocalizer:
@@ -66,10 +67,10 @@ class EdgeLocalizer:
         else:
             near = _with_pan_error(self._as_estimate(prior).seen_from(camera.camera_in_robot))
             answer, points = self._follow(evidence, near)
-            if isinstance(answer, NotLocated) and self._may_search(evidence.t_s):
-                found = self._find(evidence.frame)
-                self._failed_s = evidence.t_s if isinstance(found, NotLocated) else None
+            if isinstance(answer, NotLocated):
+                found = self._search_beside(evidence, near)
                 answer = answer if isinstance(found, NotLocated) else found
+        self._was_located = bool(answer)
         self._last_s = evidence.t_s
         is_open = isinstance(answer, NotLocated) or bool(answer.others)
         if is_open and prior is None and self._has_posts:
@@ -105,6 +106,25 @@ class EdgeLocalizer:
             return answer, None
         self.follower.state = self._second_look.state
         return again, self._second_look.edge_points()
+
+    def _search_beside(self, evidence: FrameEvidence, near: PoseEstimate) -> FollowedCamera | NotLocated:
+        """Search for a camera whose prior is not confirmed: all over the field only where it may be lost.
+
+        Where the prior goes on from the look before, and is no wider than a search's own proposals, it is one: it is
+        fitted and judged as they are, which bounds what a look takes. If that is no answer the next look searches.
+        """
+        state, finder = self.follower.state, self._made_finder()
+        goes_on = self._was_located and state.last_pose is not None
+        if goes_on and (near.std <= finder.proposal_std).all():
+            found = finder.judge(evidence.frame, (near.pose,))
+            if not found:
+                self.follower.state = state
+            return found
+        if not self._may_search(evidence.t_s):
+            return NotLocated("the last search found nothing")
+        found = self._find(evidence.frame)
+        self._failed_s = evidence.t_s if isinstance(found, NotLocated) else None
+        return found
 
     def _may_search(self, t_s: float | None) -> bool:
         if t_s is None or self._failed_s is None:
@@ -156,5 +176,5 @@ class EdgeLocalizer:
 
 
 def _with_pan_error(prior: PoseEstimate) -> PoseEstimate:
-    covariance: FloatArray = prior.covariance + np.diag([0.0, 0.0, _PAN_STD_RAD**2])
+    covariance: FloatArray = prior.covariance + _PAN_COVARIANCE
     return PoseEstimate(prior.pose, covariance, prior.inlier_ratio, prior.residual_px)

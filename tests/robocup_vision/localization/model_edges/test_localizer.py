@@ -59,6 +59,44 @@ def test_a_search_that_found_nothing_is_not_repeated_at_once(fl_shot, monkeypatc
         assert len(searches) == count
 
 
+def test_a_followed_camera_is_searched_for_in_the_second_look_that_does_not_confirm_it(fl_shot, monkeypatch):
+    vision, finder = Vision(fl_shot.field, fl_shot.camera), EdgeFinder
+    proposed, searches = [], []
+    judge = finder.judge
+    monkeypatch.setattr(finder, "judge", lambda self, frame, poses: proposed.append(poses) or judge(self, frame, poses))
+    monkeypatch.setattr(finder, "find", lambda self, frame: searches.append(frame) or NotLocated("none is right"))
+    empty = np.full_like(fl_shot.frame, 90)
+    near = PoseEstimate(fl_shot.pose, np.diag([0.02, 0.02, 0.02]) ** 2, 1.0, 0.0)
+    wide = replace(near, covariance=np.diag([0.3, 0.3, 0.2]) ** 2)
+    for frame, prior, tried, searched in (
+        (fl_shot.frame, near, 0, 0),
+        (empty, near, 1, 0),
+        (empty, near, 1, 1),
+        (fl_shot.frame, near, 1, 1),
+        # so wide a prior may be anywhere
+        (empty, wide, 1, 2),
+    ):
+        assert bool(vision.look(frame, prior=prior).pose) == (frame is fl_shot.frame)
+        assert (len(proposed), len(searches)) == (tried, searched)
+    assert proposed[0] == (near.seen_from(fl_shot.camera.camera_in_robot).pose,)
+
+
+def test_a_frame_that_does_not_confirm_a_prior_may_confirm_the_place(fl_shot, monkeypatch):
+    vision = Vision(fl_shot.field, fl_shot.camera)
+    near = PoseEstimate(fl_shot.pose, np.diag([0.02, 0.02, 0.02]) ** 2, 1.0, 0.0)
+    assert vision.look(fl_shot.frame, prior=near).pose
+    follow = EdgeFollower.follow
+
+    def doubt(self, frame, prior, dt_s=1 / 30, **how):
+        answer = follow(self, frame, prior, dt_s, **how)
+        return answer if how.get("is_proposal") else NotLocated("some line points are not explained")
+
+    monkeypatch.setattr(EdgeFollower, "follow", doubt)
+    view = vision.look(fl_shot.frame, prior=near)
+    assert view.pose
+    assert view.pose.pose.error_to(fl_shot.pose)[0] < 0.03
+
+
 def test_memory_takes_the_frame_s_own_word(fl_shot):
     memory = Memory(fl_shot.field)
     vision = Vision(fl_shot.field, fl_shot.camera, memory=memory)
