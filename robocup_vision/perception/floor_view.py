@@ -37,6 +37,7 @@ _OF_THE_TURN = ("below_px", "pixels", "_homography")
 # what every frame needs, and neither changes
 _OF_EVERY_FRAME = (
     "_camera_of_planes", "_planes", "_distance_m", "valid", "near_count", "step_px", "columns_in_use",
+    "no_edges_px",
 )  # fmt: skip
 
 
@@ -318,10 +319,16 @@ class FloorView:
         """(3, 3) float64: from pixels of `_planes` to this camera's, at the same pan."""
         camera, known = self.camera, self._camera_of_planes
         before, after = ((one.tilt_rad or 0.0, one.roll_rad or 0.0) for one in (known, camera))
-        homography = np.eye(3)
-        if before != after:
-            map_turn(before, after, camera.focal_px, camera.center_px, homography)
+        if before == after:
+            return np.eye(3)
+        homography = np.empty((3, 3))
+        map_turn(before, after, camera.focal_px, camera.center_px, homography)
         return homography
+
+    @cached_property
+    def no_edges_px(self) -> FloatArray:
+        """(K,) float64, all NaN: of things that no bearing shows."""
+        return read_only(np.full(self.bearings, np.nan))
 
     @cached_property
     def near_count(self) -> int:

@@ -100,9 +100,15 @@ class FreeSpaceGrid:
         for name in _OF_EVERY_FRAME:
             getattr(self, name)
         other = object.__new__(FreeSpaceGrid)
-        vars(other).update(vars(self), view=view)
-        vars(other).pop("bearing_rad", None)
+        bearing_rad = self.bearing_rad + ((view.camera.pan_rad or 0.0) - self._pan_rad)
+        bearing_rad.flags.writeable = False
+        vars(other).update(vars(self), view=view, bearing_rad=bearing_rad, _pan_rad=view.camera.pan_rad or 0.0)
         return other
+
+    @cached_property
+    def _pan_rad(self) -> float:
+        assert isinstance(self.view, FloorView)
+        return self.view.camera.pan_rad or 0.0
 
     @cached_property
     def cell(self) -> Int32Array:
@@ -224,6 +230,10 @@ class FloorMarking:
         rows = np.maximum(np.minimum(rows, np.floor(settings.max_obstacle_ratio * self.obstacle_width_m / per_row)), 1)
         return columns.astype(np.int32), rows.astype(np.int32)
 
+    @cached_property
+    def _none_known(self) -> npt.NDArray[np.int64]:
+        return np.full(self.view.bearings, -1)
+
     def mark(
         self, samples: UInt8Array, llr: npt.NDArray[np.int8], outermost: npt.NDArray[np.int64] | None = None
     ) -> UInt8Array:
@@ -239,7 +249,7 @@ class FloorMarking:
             Column of each bearing's outermost floor, -1 where not known: saves looking beyond it.
         """
         if outermost is None:
-            outermost = np.full(len(llr), -1)
+            outermost = self._none_known
         out = np.empty(llr.shape, dtype=np.uint8)
         view, is_ring = self.view, self.view.is_ring
         free_floor.passable(samples, llr, view.valid, *self.widest_line, view.columns_in_use, is_ring, outermost, out)

@@ -226,7 +226,7 @@ class PinholePipeline(FramePipeline):
             opened = self._as_told(measured)
             measured = opened if opened else None
         self._keep_floor(free_space, t_s)
-        walls = np.full(floor.view.bearings, np.nan)
+        walls = floor.view.no_edges_px
         if robot is not None and self.field.is_bounded:
             walls = wall_px(self.field.walls, robot, floor.view)
         timings["total"] = perf_counter() - begin

@@ -390,6 +390,16 @@ def to_first_blocked(
 
 
 @compiled
+def sum_near(llr: Int8Array, columns: int) -> int:
+    """Return the sum of the likelihood ratios (K, M) in the nearest columns."""
+    total = 0
+    for k in range(llr.shape[0]):
+        for m in range(columns):
+            total += llr[k, m]
+    return total
+
+
+@compiled
 def first_blocked(
     passable_mask: UInt8Array, valid: UInt8Array, first_column: int, columns_in_use: int, run: int, out: Int64Array
 ) -> None:

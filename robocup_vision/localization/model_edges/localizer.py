@@ -65,7 +65,7 @@ class EdgeLocalizer:
         if prior is None:
             answer = self._find(evidence.frame)
         else:
-            near = _with_pan_error(self._as_estimate(prior).seen_from(camera.camera_in_robot))
+            near = _camera_prior(self._as_estimate(prior), camera.camera_in_robot)
             answer, points = self._follow(evidence, near)
             if isinstance(answer, NotLocated):
                 found = self._search_beside(evidence, near)
@@ -175,6 +175,12 @@ class EdgeLocalizer:
         return t_s - self._last_s
 
 
-def _with_pan_error(prior: PoseEstimate) -> PoseEstimate:
-    covariance: FloatArray = prior.covariance + _PAN_COVARIANCE
-    return PoseEstimate(prior.pose, covariance, prior.inlier_ratio, prior.residual_px)
+def _camera_prior(robot: PoseEstimate, mount: Pose2) -> PoseEstimate:
+    """Return the camera's prior by the robot's, with the error of the pan."""
+    if mount.x_m or mount.y_m:
+        robot = robot.seen_from(mount)
+        pose = robot.pose
+    else:
+        pose = robot.pose.compose(mount)
+    covariance: FloatArray = robot.covariance + _PAN_COVARIANCE
+    return PoseEstimate(pose, covariance, robot.inlier_ratio, robot.residual_px)

@@ -15,6 +15,7 @@ from robocup_vision.kernels.floor.free_floor import (
     first_blocked,
     free_rings,
     passable,
+    sum_near,
     to_first_blocked,
 )
 
@@ -35,6 +36,11 @@ def test_free_rings_are_counted_as_numpy_counts_them(seed):
     ring = np.arange(4)[:, None]
     expected = np.cumprod((count >= needed) & (ring < seen), axis=0).sum(axis=0)
     np.testing.assert_array_equal(free, expected)
+
+
+def test_the_nearest_columns_are_summed():
+    llr = np.random.default_rng(0).integers(-128, 128, (30, 20)).astype(np.int8)
+    assert sum_near(llr, 7) == llr[:, :7].sum(dtype=int)
 
 
 @settings(deadline=None, max_examples=40)

@@ -15,10 +15,17 @@ LOGS = np.log(np.arange(256) + NOISE_COUNTS)
 
 
 @settings(deadline=None, max_examples=30)
-@given(st.integers(0, 2**32 - 1), st.floats(-0.4, 0.4), st.floats(-0.2, 0.4), st.integers(0, 12))
-def test_the_carpet_is_measured_as_plainly_defined(seed, max_hue, min_green, first):
-    planes = np.random.default_rng(seed).integers(0, 256, (3, 30, 41)).astype(np.uint8)
-    b, g, r = planes[:, first :: kernel.STRIDE, :: kernel.STRIDE].astype(float).reshape(3, -1)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.floats(-0.4, 0.4),
+    st.floats(-0.2, 0.4),
+    st.integers(0, 12),
+    st.sampled_from([41, 500]),
+)
+def test_the_carpet_is_measured_as_plainly_defined(seed, max_hue, min_green, first, width):
+    planes = np.random.default_rng(seed).integers(0, 256, (3, 30, width)).astype(np.uint8)
+    stride = {41: kernel.STRIDE, 500: 500 // kernel.PER_ROW}[width]
+    b, g, r = planes[:, first::stride, ::stride].astype(float).reshape(3, -1)
     hue = LOGS[r.astype(int)] - LOGS[g.astype(int)] + BLUE_WEIGHT * (LOGS[b.astype(int)] - LOGS[g.astype(int)])
     green = (2 * g - b - r) / (b + g + r + DARK_COUNTS)
     is_carpet = (hue < max_hue) & (green > min_green)
