@@ -1,17 +1,31 @@
-"""The plain NumPy picture of a goal that the compiled one is tested against."""
+"""The plain NumPy picture of a goal that the compiled one is tested against, and samples that it would give."""
 
 import numpy as np
 
+from field_models import load_field
 from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.kernels.goal.fit import FitSamples
+from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.geometry import (
     BLOOM,
     HEADING,
     LOG_FOCAL,
     ROLL,
     TILT,
+    IdealView,
     foot_points,
+    goal_shape,
     project,
     silhouette_normals,
+)
+
+SHAPE = goal_shape(load_field("four_legged_2007"))
+VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
+OFFSETS = np.array([-0.7, 0.0, 0.7])
+SCENE = GoalScene(
+    np.array([SHAPE.line_x_m, SHAPE.width_m, SHAPE.height_m, SHAPE.radius_m]),
+    np.array([384.0, 380.0, 207.5, 159.5]),
+    OFFSETS,
 )
 
 
@@ -40,3 +54,41 @@ def floor_px(view, unknowns, points_m):
 def derivative(function, unknowns, step=1e-6):
     """Central differences (8, ...) of a function of the unknowns."""
     return np.array([(function(unknowns + step * e) - function(unknowns - step * e)) / (2 * step) for e in np.eye(8)])
+
+
+def some_camera(rng):
+    x, y = rng.uniform(-2.5, 1.8), rng.uniform(-1.2, 1.2)
+    heading = np.arctan2(-y, SHAPE.line_x_m - x) + rng.uniform(-0.1, 0.1)
+    return np.array(
+        [x, y, heading, *rng.uniform(-0.1, 0.1, 2), 0.185, rng.uniform(-0.02, 0.02), rng.uniform(-0.5, 0.5)]
+    )
+
+
+def perfect_samples(p, per_edge=10, sigma=None):
+    """Points on each predicted line, and the predicted feet."""
+    lines = silhouette_lines(SHAPE, VIEW, p)
+    corners = project(VIEW, p, SHAPE.corners)
+    ends = [(0, 1), (0, 1), (3, 2), (3, 2), (1, 2), (1, 2)]
+    edge, uv = [], []
+    for e, (a, b) in enumerate(ends):
+        for t in np.linspace(0.1, 0.9, per_edge):
+            point = corners[a] + t * (corners[b] - corners[a])
+            point = point - lines[e, :2] * (lines[e, :2] @ point + lines[e, 2])
+            edge.append(e)
+            uv.append(point)
+    feet = feet_px(SHAPE, VIEW, p, OFFSETS).reshape(-1, 2)
+    direction = np.tile([0.0, 1.0], (6, 1))
+    # eight places on the goal line beside the posts
+    marks = np.column_stack([np.full(8, SHAPE.line_x_m), np.linspace(-0.8, 0.8, 8)])
+    return FitSamples(
+        np.array(edge),
+        np.array(uv),
+        np.repeat([0, 1], 3),
+        np.tile([0, 1, 2], 2),
+        feet + p[7] * direction,
+        direction,
+        marks,
+        floor_px(VIEW, p, marks),
+        np.tile([0.6, 0.8], (8, 1)),
+        np.full(len(edge) + 14, 0.1) if sigma is None else sigma,
+    )

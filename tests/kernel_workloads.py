@@ -147,7 +147,15 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
         # white goals, and lines by which the tilt is told
         white = tuple(replace(goal, color="white") for goal in field.goals)
         visions.append(Vision(replace(field, goals=white, beacons=()), camera))
+        condition = GOAL_CONDITIONS["white_640x480"]
+        spl = load_field("spl_2020")
+        white_vision = Vision(spl, condition.camera, method=method)
+        white_frames = [(one.frame, one.pose) for one in sample_goal(spl, condition, seed, count)]
     yield
+    if method == "goal":
+        look_at(white_vision, white_frames)
+        for frame, _ in white_frames:
+            white_vision.look(frame)
     frames = frames + [(one, Pose2(0.0, 0.0, 0.0)) for one in empty_frames(camera.size_px, np.random.default_rng(seed))]
     for vision in visions:
         look_at(vision, frames)

@@ -132,13 +132,16 @@ class PinholeCamera:
 
     def pixel_to_camera_ray(self, pixels: npt.ArrayLike) -> FloatArray:
         """Return unit directions (..., 3) in the camera frame of pixels (..., 2); NaN where the lens shows nothing."""
-        slopes = (np.asarray(pixels, dtype=np.float64) - self.center_px) / self.focal_px
-        if any(self.distortion):
-            slopes = self._undistort(slopes)
+        slopes = self._ideal_slopes(pixels)
         ray = np.empty((*slopes.shape[:-1], 3))
         ray[..., 0] = 1.0 / np.sqrt(1.0 + slopes[..., 0] ** 2 + slopes[..., 1] ** 2)
         ray[..., 1:] = -slopes * ray[..., :1]
         return ray
+
+    def _ideal_slopes(self, pixels: npt.ArrayLike) -> FloatArray:
+        """How far right and down per unit ahead the lens shows what pixels (..., 2) show; NaN where nothing."""
+        slopes = (np.asarray(pixels, dtype=np.float64) - self.center_px) / self.focal_px
+        return self._undistort(slopes) if any(self.distortion) else slopes
 
     def camera_ray_to_pixel(self, rays: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) of directions (..., 3) in the camera frame; NaN behind the camera or beyond its lens."""
@@ -160,10 +163,15 @@ class PinholeCamera:
 
     def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
         """Floor points (..., 2), robot frame, metres, seen at pixels (..., 2); NaN from the horizon on."""
-        ray = self.pixel_to_ray(pixels)
+        slopes = self._ideal_slopes(pixels)
+        right, down, turn = slopes[..., 0], slopes[..., 1], self.camera_to_robot
+        rise = turn[2, 0] - turn[2, 1] * right - turn[2, 2] * down
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.where(ray[..., 2] < -1e-9, -self.height_m / ray[..., 2], np.nan)
-        return np.asarray(self.offset_m + ray[..., :2] * scale[..., None])
+            depth_m = np.where(rise < -1e-9, -self.height_m / rise, np.nan)
+        floor = np.empty(slopes.shape)
+        for axis, offset_m in enumerate(self.offset_m):
+            floor[..., axis] = offset_m + (turn[axis, 0] - turn[axis, 1] * right - turn[axis, 2] * down) * depth_m
+        return floor
 
     def point_to_pixel(self, points_m: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) of points (..., 3) in the robot frame, metres."""

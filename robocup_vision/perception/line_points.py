@@ -19,12 +19,14 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision.arrays import Float32Array, FloatArray, read_only
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.kernels.lines.lines import floor_mask_by_tone, line_ridge_points
+from robocup_vision.kernels.lines.lines import floor_mask_by_tone, line_ridge_points, line_widths
 
 # Image steps of the four axes a line may be crossed along, u right, v down.
 AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))
 # Widths are kept as sixteenths of a pixel.
 WIDTH_UNITS_PER_PX = 16
+# the floor beside a line is looked for so many of its widths and pixels from its middle: past its blur
+_SIDE_WIDTHS, _SIDE_PX = 0.7, 1.8
 
 
 class FloorCamera(Protocol):
@@ -74,6 +76,9 @@ class LineSettings:
         Grey levels a channel may leave the tone's ratios by: sensor noise, which weighs more the darker the floor is.
     min_samples : int
         Samples of a tone that determine it.
+    cell_bits : int
+        How wide a line looks is worked out once in each square of so many pixels to a side, as a power of two: more
+        than one for large frames whose camera is another in each.
     """
 
     width_px: tuple[float, float] = (0.6, 60.0)
@@ -90,6 +95,7 @@ class LineSettings:
     bright_ratio: float = 1.9
     slack: float = 2.0
     min_samples: int = 50
+    cell_bits: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +196,8 @@ class LineFinder:
         width, height = camera.size_px
         if mask is not None and mask.shape[:2] != (height, width):
             raise ArgumentError(f"mask must be {width}x{height}, got {mask.shape[1]}x{mask.shape[0]}")
-        v, u = np.mgrid[:height, :width].astype(np.float64)
+        cell = 2**settings.cell_bits
+        v, u = np.mgrid[cell // 2 : height : cell, cell // 2 : width : cell].astype(np.float64)
         floor = camera.pixel_to_floor(np.stack([u, v], axis=-1))
         seen: npt.NDArray[np.bool_] = np.asarray(np.isfinite(floor).all(axis=-1))
         if isinstance(camera, OmniCamera):
@@ -198,8 +205,12 @@ class LineFinder:
             inner, outer = camera.usable_radius_px
             seen &= (radius >= inner) & (radius <= outer)
         if mask is not None:
-            seen &= np.asarray(mask).reshape(height, width, -1)[..., 0] == 0
-        self._width_units = _line_width_units(floor, seen, line_width_m, settings.width_px)
+            shown = np.asarray(mask).reshape(height, width, -1)[..., 0] == 0
+            seen &= shown[v.astype(np.intp), u.astype(np.intp)]
+        self._width_units = np.empty((len(AXES_PX), *seen.shape), dtype=np.uint16)
+        # steps are from cell to cell
+        line_widths(floor, seen.astype(np.uint8), float(line_width_m) * cell, settings.width_px, self._width_units)
+        self._reach_px = _reaches_px(self._width_units)
         self._seen = np.ascontiguousarray((seen & (self._width_units > 0).any(axis=0)).astype(np.uint8))
         # where a line would be too wide for the floor's tone to hide it
         self._resolved = (self._width_units.min(axis=0) >= settings.resolved_px * WIDTH_UNITS_PER_PX).astype(np.uint8)
@@ -207,7 +218,8 @@ class LineFinder:
         flat = np.flatnonzero(self._seen)
         # the nearest quarter of the visible floor: hardly anything but carpet stands that close
         order = np.argsort(range_m.ravel()[flat], kind="stable")[: max(1, len(flat) // 4)]
-        self._near = np.sort(flat[order])[::4]
+        near = np.sort(flat[order])[:: max(1, 4 // cell**2)]
+        self._near = (v.ravel()[near] * width + u.ravel()[near]).astype(np.intp)
 
     def find(self, frame: npt.NDArray[np.uint8]) -> LinePoints:
         """Find line points.
@@ -231,12 +243,19 @@ class LineFinder:
         if tone is None:
             return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
         settings = self.settings
-        floor = floor_mask_by_tone(smooth, self._seen, tone)
+        floor = floor_mask_by_tone(smooth, self._seen, settings.cell_bits, tone)
         blue, green, red = (np.asarray(channel, dtype=np.uint8) for channel in cv2.split(frame))
         whiteness = np.asarray(cv2.min(blue, red), dtype=np.uint8)
-        limit = int(settings.max_point_ratio * np.count_nonzero(self._seen)) + 1
+        limit = int(settings.max_point_ratio * 4**settings.cell_bits * np.count_nonzero(self._seen)) + 1
         found = line_ridge_points(
-            whiteness, green, floor, self._width_units, self._noise_threshold(whiteness, floor), limit
+            whiteness,
+            green,
+            floor,
+            self._width_units,
+            self._reach_px,
+            settings.cell_bits,
+            self._noise_threshold(whiteness, floor),
+            limit,
         )
         if not 0 < len(found) < limit:
             return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
@@ -245,7 +264,10 @@ class LineFinder:
         strong = contrast >= settings.min_contrast_ratio * np.percentile(
             contrast[two_sided] if two_sided.any() else contrast, 80
         )
-        bare = cv2.erode(floor & self._resolved, np.ones((9, 9), dtype=np.uint8)).view(np.bool_)
+        resolved = self._resolved
+        if settings.cell_bits:
+            resolved = np.asarray(cv2.resize(resolved, (width, height), interpolation=cv2.INTER_NEAREST), np.uint8)
+        bare = cv2.erode(floor & resolved, np.ones((9, 9), dtype=np.uint8)).view(np.bool_)
         return LinePoints.from_pixels(
             self.camera, found[strong, :2], np.where(two_sided[strong], 1.0, settings.one_sided_weight), bare
         )
@@ -292,18 +314,8 @@ class LineFinder:
         )
 
 
-def _line_width_units(
-    floor_m: FloatArray, seen: npt.NDArray[np.bool_], line_width_m: float, range_px: tuple[float, float]
-) -> npt.NDArray[np.uint16]:
-    """How wide a line that is crossed along each of `AXES_PX` looks, (4, H, W), in 1/16 px; 0 where not looked at."""
-    by_v, by_u = (np.asarray(slope) for slope in np.gradient(floor_m, axis=(0, 1)))
-    area = np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0])
-    widths = np.zeros((len(AXES_PX), *seen.shape), dtype=np.uint16)
-    for k, (du, dv) in enumerate(AXES_PX):
-        tangent = np.array([-dv, du]) / math.hypot(du, dv)
-        along = by_u * tangent[0] + by_v * tangent[1]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            width_px = line_width_m * np.hypot(along[..., 0], along[..., 1]) / area
-            good = seen & (width_px >= range_px[0]) & (width_px <= range_px[1])
-        widths[k] = np.where(good, np.round(np.where(good, width_px, 0) * WIDTH_UNITS_PER_PX), 0)
-    return widths
+def _reaches_px(width_units: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint8]:
+    """Count the steps along each of `AXES_PX`, (4, H, W), from a line's middle to the floor beside it; 0: no line."""
+    step_px = np.hypot(*np.transpose(AXES_PX))[:, None, None]
+    steps = np.ceil((_SIDE_WIDTHS * width_units / WIDTH_UNITS_PER_PX + _SIDE_PX) / step_px)
+    return np.where(width_units > 0, steps, 0).astype(np.uint8)

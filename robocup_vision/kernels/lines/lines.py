@@ -11,18 +11,21 @@ from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Arr
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.three import solve_3x3
 
+_DIAGONAL = math.sqrt(0.5)
+
 
 @compiled
-def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, tone: Float32Array) -> UInt8Array:
+def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, cell_bits: int, tone: Float32Array) -> UInt8Array:
     """Mark the pixels that have the floor's tone. Returns (H, W) uint8 of 0 and 1.
 
-    tone is (7,): least and greatest R/G, B/G and G, then the slack of each channel in grey levels.
+    seen has an entry for each cell of 2 to the power of cell_bits pixels to a side; tone is (7,): least and greatest
+    R/G, B/G and G, then the slack of each channel in grey levels.
     """
-    height, width = seen.shape
+    height, width = smooth.shape[:2]
     out = np.zeros((height, width), dtype=np.uint8)
     for y in range(height):
         for x in range(width):
-            if seen[y, x] == 0:
+            if seen[y >> cell_bits, x >> cell_bits] == 0:
                 continue
             b = np.float32(smooth[y, x, 0])
             g = np.float32(smooth[y, x, 1])
@@ -40,6 +43,51 @@ def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, tone: Float32Array)
 
 
 @compiled
+def line_widths(
+    floor_m: FloatArray, seen: UInt8Array, line_width_m: float, range_px: tuple[float, float], width_units: UInt16Array
+) -> None:
+    """Work out how wide a line looks that is crossed along the axes of `line_ridge_points`.
+
+    Parameters
+    ----------
+    floor_m : (R, C, 2) float64
+        Where cells of the picture show the floor, robot frame, in metres over pixels from cell to cell.
+    seen : (R, C) uint8
+        Cells that are looked at.
+    line_width_m : float
+        Of the paint, in the same unit.
+    range_px : (float, float)
+        Narrower and wider ones are left out.
+    width_units : (4, R, C) uint16
+        Results, 1/16 px; 0 where not to be looked at.
+    """
+    rows, columns = seen.shape
+    for y in range(rows):
+        above, below = max(y - 1, 0), min(y + 1, rows - 1)
+        for x in range(columns):
+            width_units[:, y, x] = 0
+            if seen[y, x] == 0:
+                continue
+            before, after = max(x - 1, 0), min(x + 1, columns - 1)
+            ux = (floor_m[y, after, 0] - floor_m[y, before, 0]) / (after - before)
+            uy = (floor_m[y, after, 1] - floor_m[y, before, 1]) / (after - before)
+            vx = (floor_m[below, x, 0] - floor_m[above, x, 0]) / (below - above)
+            vy = (floor_m[below, x, 1] - floor_m[above, x, 1]) / (below - above)
+            area = abs(ux * vy - uy * vx)
+            if not area > 0.0:
+                continue
+            scale = line_width_m / area
+            for k in range(4):
+                # along the line: across the axis
+                du, dv = (0.0, 1.0) if k == 0 else ((-_DIAGONAL, _DIAGONAL) if k == 1 else (-1.0, 0.0))
+                if k == 3:
+                    du, dv = -_DIAGONAL, -_DIAGONAL
+                width_px = scale * math.hypot(ux * du + vx * dv, uy * du + vy * dv)
+                if range_px[0] <= width_px <= range_px[1]:
+                    width_units[k, y, x] = round(width_px * 16.0)
+
+
+@compiled
 def _half_crossing(whiteness: UInt8Array, x: int, y: int, dx: int, dy: int, reach: int, level: float) -> float:
     """Count the steps from (x, y) along (dx, dy) until whiteness falls to the level; -1 if not within reach."""
     before = float(whiteness[y, x])
@@ -53,7 +101,14 @@ def _half_crossing(whiteness: UInt8Array, x: int, y: int, dx: int, dy: int, reac
 
 @compiled
 def line_ridge_points(
-    whiteness: UInt8Array, green: UInt8Array, floor: UInt8Array, width_units: UInt16Array, threshold: int, limit: int
+    whiteness: UInt8Array,
+    green: UInt8Array,
+    floor: UInt8Array,
+    width_units: UInt16Array,
+    reach_px: UInt8Array,
+    cell_bits: int,
+    threshold: int,
+    limit: int,
 ) -> FloatArray:
     """Find ridges as wide as a line should be, with floor beside them.
 
@@ -63,8 +118,12 @@ def line_ridge_points(
         min(R, B) and G.
     floor : (H, W) uint8
         1 where a pixel has the floor's tone.
-    width_units : (4, H, W) uint16
-        Expected width along the axes (1, 0), (1, 1), (0, 1), (-1, 1), in 1/16 px; 0 where not to be looked at.
+    width_units : (4, R, C) uint16
+        Expected width along the axes (1, 0), (1, 1), (0, 1), (-1, 1), in 1/16 px.
+    reach_px : (4, R, C) uint8
+        Steps along each axis to the floor beside such a line; 0 where not to be looked at.
+    cell_bits : int
+        Of both: pixels to a side of each cell, as a power of two.
     threshold : int
         Least height of a ridge over both its sides, grey levels.
     limit : int
@@ -83,15 +142,13 @@ def line_ridge_points(
             value = np.int64(whiteness[y, x])
             if value < threshold:
                 continue
-            best, best_axis, best_reach, best_two = 0.0, -1, variable(0), np.int64(0)
+            best, best_axis, best_reach, best_two = np.int64(0), -1, variable(0), np.int64(0)
             for k in range(4):
-                units = width_units[k, y, x]
-                if units == 0:
+                reach = int(reach_px[k, y >> cell_bits, x >> cell_bits])
+                if reach == 0:
                     continue
                 dx = 1 if k < 2 else (0 if k == 2 else -1)
                 dy = 0 if k == 0 else 1
-                step_px = 1.0 if k == 0 or k == 2 else 1.4142135623730951
-                reach = math.ceil((0.7 * units / 16.0 + 1.8) / step_px)
                 xa, ya, xb, yb = x + reach * dx, y + reach * dy, x - reach * dx, y - reach * dy
                 if xa < 0 or xa >= width or xb < 0 or xb >= width or ya >= height or yb < 0:
                     continue
@@ -102,7 +159,7 @@ def line_ridge_points(
                 # a ridge with floor on both sides goes before a higher one with floor on one
                 if two == 0 or two < best_two or (two == best_two and rise <= best):
                     continue
-                best, best_axis, best_reach, best_two = float(rise), k, reach, two
+                best, best_axis, best_reach, best_two = rise, k, reach, two
             if best_axis < 0:
                 continue
             k, reach = best_axis, best_reach
@@ -119,7 +176,7 @@ def line_ridge_points(
                 continue
             step_px = 1.0 if k == 0 or k == 2 else 1.4142135623730951
             seen_px = (to_a + to_b) * step_px
-            expected_px = width_units[k, y, x] / 16.0
+            expected_px = width_units[k, y >> cell_bits, x >> cell_bits] / 16.0
             if seen_px < 0.5 * expected_px or seen_px > 1.5 * expected_px + 1.5:
                 continue
             if count == limit:
@@ -138,7 +195,7 @@ def line_ridge_points(
 
 
 @compiled
-def _nearest_line(x: float, y: float, lines: FloatArray, arcs: FloatArray) -> tuple[float, float, float, int]:
+def nearest_line(x: float, y: float, lines: FloatArray, arcs: FloatArray) -> tuple[float, float, float, int]:
     """Nearest point of the field's lines and arcs: distance, unit normal (from the line towards the point), index."""
     best, foot_x, foot_y, index = 1e30, 0.0, 0.0, -1
     for i in range(lines.shape[0]):
@@ -190,7 +247,7 @@ def nearest_lines(points: FloatArray, lines: FloatArray, arcs: FloatArray) -> tu
     count = points.shape[0]
     distance, normal, index = np.empty(count), np.empty((count, 2)), np.empty(count, dtype=np.int64)
     for i in range(count):
-        distance[i], normal[i, 0], normal[i, 1], index[i] = _nearest_line(points[i, 0], points[i, 1], lines, arcs)
+        distance[i], normal[i, 0], normal[i, 1], index[i] = nearest_line(points[i, 0], points[i, 1], lines, arcs)
     return distance, normal, index
 
 
@@ -307,7 +364,7 @@ def refine_line_poses(
             loss[k] = 0.0
             for i in range(points.shape[0]):
                 rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
-                d, nx, ny, _ = _nearest_line(poses[k, 0] + rx, poses[k, 1] + ry, lines, arcs)
+                d, nx, ny, _ = nearest_line(poses[k, 0] + rx, poses[k, 1] + ry, lines, arcs)
                 v2 = scale * scale + noise_m[i] * noise_m[i]
                 loss[k] += weight[i] * math.log(1.0 + d * d / v2)
                 w = weight[i] / (v2 + d * d)

@@ -113,6 +113,8 @@ class LineDrawing:
             self._nearby = np.maximum(cv2.blur(self._on_carpet, self._around), np.float32(1e-3))
             paint = self._over_nearby(np.asarray(cv2.min(below[..., 0], below[..., 2]), np.float32))
             self._light = np.clip(paint, -settings.max_levels, settings.max_levels)
+            self._light_square = float(np.vdot(self._light, self._light))
+        self._pixels = np.count_nonzero(self._on_carpet) / settings.pixels_for_one
 
     def _over_nearby(self, light: Float32Array) -> Float32Array:
         mean = np.asarray(cv2.blur(light * self._on_carpet, self._around), np.float32) / self._nearby
@@ -124,11 +126,10 @@ class LineDrawing:
             return 0.0
         drawn = self._over_nearby(self._drawn(model, unknowns))
         both = float(np.vdot(drawn, self._light))
-        own, light = float(np.vdot(drawn, drawn)), float(np.vdot(self._light, self._light))
+        own = float(np.vdot(drawn, drawn))
         if both <= 0.0 or own <= 0.0:
             return 0.0
-        pixels = np.count_nonzero(self._on_carpet) / self._settings.pixels_for_one
-        return -0.5 * pixels * math.log(max(1.0 - both * both / (own * light), 1e-9))
+        return -0.5 * self._pixels * math.log(max(1.0 - both * both / (own * self._light_square), 1e-9))
 
     def _drawn(self, model: GoalModel, unknowns: FloatArray) -> Float32Array:
         draw_lines(
@@ -208,7 +209,10 @@ class LineDrawing:
 
     def _motion(self, model: GoalModel, cameras: FloatArray) -> FloatArray:
         """How far lines move across themselves between two cameras each, (2K, 8): mean products (K, K), px^2."""
-        drawn = [self._drawn(model, camera).astype(np.float64) for camera in cameras]
-        steepness = sum(float(np.sum(np.diff(drawn[0], axis=axis) ** 2)) for axis in (0, 1))
-        moved = np.array([(after - before).ravel() for before, after in zip(drawn[::2], drawn[1::2], strict=True)])
-        return np.asarray(moved @ moved.T / max(steepness, 1e-12), np.float64)
+        drawn = [self._drawn(model, camera).copy() for camera in cameras]
+        first = drawn[0]
+        slopes = ((first[1:] - first[:-1]).ravel(), (first[:, 1:] - first[:, :-1]).ravel())
+        steepness = sum(float(np.vdot(slope, slope)) for slope in slopes)
+        moved = [(after - before).ravel() for before, after in zip(drawn[::2], drawn[1::2], strict=True)]
+        products = [[float(np.vdot(one, other)) for other in moved] for one in moved]
+        return np.array(products) / max(steepness, 1e-12)

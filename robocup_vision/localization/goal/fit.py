@@ -265,14 +265,8 @@ def fit(
     model: GoalModel, samples: EdgeSamples, start: FloatArray, scales: FloatArray
 ) -> tuple[FloatArray, float, FloatArray]:
     """Fit the unknowns to samples; returns them, the robust cost (infinite: failed) and the information matrix."""
-    return fit_robustly(model, samples, start, FitLoss(scales, scales, False))
-
-
-def fit_robustly(
-    model: GoalModel, samples: EdgeSamples, start: FloatArray, loss: FitLoss
-) -> tuple[FloatArray, float, FloatArray]:
-    """Fit as `fit` does, with a loss of the marks' own."""
     p, information = start.copy(), np.zeros((UNKNOWNS, UNKNOWNS))
+    loss = FitLoss(scales, scales, False)
     cost = fit_goal(model.scene, samples.for_fit, model.priors, loss, p, information)
     return p, float(cost), information
 

@@ -127,11 +127,6 @@ def project(view: IdealView, unknowns: npt.ArrayLike, points_m: npt.ArrayLike) -
     return project_ideal((view.focal_px[0] * scale, view.focal_px[1] * scale), view.center_px, ray)
 
 
-def project_floor(view: IdealView, unknowns: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Ideal pixels (N, 2) of points (N, 2) on the floor, field frame; NaN behind the camera."""
-    return project(view, unknowns, np.column_stack([points_m, np.zeros(len(points_m))]))
-
-
 def foot_points(shape: GoalShape, unknowns: npt.ArrayLike, offsets: npt.ArrayLike) -> FloatArray:
     """Points (..., 2, K, 3), field frame, where the near half of each post's foot meets the floor.
 

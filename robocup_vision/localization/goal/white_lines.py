@@ -17,8 +17,9 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.kernels.goal.fit import FitLoss
+from robocup_vision.kernels.goal.line_points import AssociatedMarks, LinePlaces, associate_points, fit_to_points
 from robocup_vision.localization.goal.edges import EdgeSamples, no_samples, to_ideal
-from robocup_vision.localization.goal.fit import GoalModel, covariance_of, fit_robustly, residuals, system_at
+from robocup_vision.localization.goal.fit import GoalModel, covariance_of, residuals, system_at
 from robocup_vision.localization.goal.geometry import (
     EDGES,
     HEADING,
@@ -28,11 +29,10 @@ from robocup_vision.localization.goal.geometry import (
     TILT,
     X,
     Y,
-    project_floor,
 )
 from robocup_vision.localization.goal.line_marks import LineFit, LineMarks, MarkSettings, with_marks
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.perception.line_points import LineFinder, LinePoints
+from robocup_vision.perception.line_points import LineFinder, LinePoints, LineSettings
 
 _MARKS = MarkSettings(
     spacing_px=0.0,
@@ -80,6 +80,8 @@ class WhiteLineSettings:
         Scale of the goal's edges as a fraction of that, and its minimum.
     height_std_m, log_focal_std : float
         Lines calibrate height and focal length better than most camera files: priors are no tighter than this.
+    cells_across : int
+        In how many cells across the picture it is worked out how wide a line looks.
     """
 
     marks: MarkSettings = _MARKS
@@ -101,10 +103,7 @@ class WhiteLineSettings:
     min_goal_scale_px: float = 1.5
     height_std_m: float = 0.02
     log_focal_std: float = 0.02
-
-
-# a line's direction in the picture is taken over this length
-_AHEAD_M = 0.005
+    cells_across: int = 320
 
 
 def loosened(model: GoalModel, settings: WhiteLineSettings = WhiteLineSettings()) -> GoalModel:
@@ -144,7 +143,8 @@ class WhiteGoalLines:
             roll_rad=float(p[ROLL]),
             height_m=float(p[HEIGHT]),
         )
-        return LineFinder(camera, self._marks.line_width_m).find(frame)
+        settings = LineSettings(cell_bits=max(0, (camera.size_px[0] // self._settings.cells_across).bit_length() - 1))
+        return LineFinder(camera, self._marks.line_width_m, settings=settings).find(frame)
 
     def expected(self, model: GoalModel, p: FloatArray) -> int:
         """How many places along lines a camera should have in view."""
@@ -221,43 +221,30 @@ class WhiteGoalLines:
         index = index[self._thinned(floor[index])]
         if len(index) < settings.min_points:
             return None
-        pixels, weight = np.ascontiguousarray(pixels[index]), weight[index]
+        weight = weight[index]
+        sigma = settings.line_error_px / np.sqrt(weight)
+        places = LinePlaces(np.ascontiguousarray(pixels[index]), sigma, self._line_map.lines, self._line_map.arcs)
         goal = no_samples() if samples is None else self._as_built(model, samples, start)
-        p, scale = start, first_scale_px
-        for _ in range(iterations):
-            joined, _ = self._associated(model, p, goal, pixels, weight)
-            p, cost, _ = fit_robustly(model, joined, p, self._loss(scale))
-            if not math.isfinite(cost):
-                return None
-            scale = max(settings.narrowing * scale, settings.min_scale_px)
-        joined, near = self._associated(model, p, goal, pixels, weight)
+        scales = np.maximum(first_scale_px * settings.narrowing ** np.arange(iterations), settings.min_scale_px)
+        loss = self._loss(scales)
+        p, marks = start.copy(), _room(len(sigma))
+        if not math.isfinite(fit_to_points(model.scene, goal.for_fit, places, model.priors, loss, marks, p)):
+            return None
+        count = associate_points(places, model.scene.camera, p, marks)
+        near = marks.point[:count]
+        joined = with_marks(
+            goal, marks.mark_m[:count], marks.mark_uv[:count], marks.mark_direction[:count], sigma[near]
+        )
         residual = residuals(model, joined, p)[len(goal.sigma) :]
         shared = np.concatenate([goal.sigma, joined.sigma[len(goal.sigma) :] / math.sqrt(settings.worth)])
-        information, _ = system_at(model, replace(joined, sigma=shared), p, self._loss(scale))
+        information, _ = system_at(model, replace(joined, sigma=shared), p, self._loss(scales[-1:]))
         good = np.abs(residual) < settings.inlier_px
         ratio = float(weight[near[good]].sum() / weight.sum())
         return LineFit(p, covariance_of(model, information), ratio, residual[good])
 
-    def _loss(self, scale_px: float) -> FitLoss:
-        goal_px = max(self._settings.min_goal_scale_px, self._settings.goal_scale * scale_px)
-        return FitLoss(np.array([goal_px]), np.array([scale_px]), True)
-
-    def _associated(
-        self, model: GoalModel, p: FloatArray, goal: EdgeSamples, pixels: FloatArray, weight: FloatArray
-    ) -> tuple[EdgeSamples, npt.NDArray[np.intp]]:
-        """Add ideal pixels (N, 2), as marks on the nearest lines, to a goal's samples; also which show the floor."""
-        floor = _on_floor(model, p, pixels)
-        index = np.flatnonzero(np.isfinite(floor).all(axis=1))
-        near = self._line_map.nearest(floor[index])
-        mark = floor[index] - near.normal * near.distance_m[:, None]
-        ahead = mark + _AHEAD_M * np.column_stack([-near.normal[:, 1], near.normal[:, 0]])
-        along = project_floor(model.view, p, ahead) - project_floor(model.view, p, mark)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            direction = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(along[:, 0], along[:, 1])[:, None]
-        good = np.isfinite(direction).all(axis=1)
-        index = index[good]
-        sigma = self._settings.line_error_px / np.sqrt(weight[index])
-        return with_marks(goal, mark[good], pixels[index], direction[good], sigma), index
+    def _loss(self, scales_px: FloatArray) -> FitLoss:
+        goal_px = np.maximum(self._settings.min_goal_scale_px, self._settings.goal_scale * scales_px)
+        return FitLoss(goal_px, scales_px, True)
 
     def _thinned(self, floor_m: FloatArray) -> npt.NDArray[np.intp]:
         """Choose at most `max_points` floor points (N, 2), one a patch; patches grow until they are few enough."""
@@ -307,6 +294,10 @@ class WhiteGoalLines:
             if len(chosen) == max_starts:
                 break
         return [starts[k] for k in chosen]
+
+
+def _room(count: int) -> AssociatedMarks:
+    return AssociatedMarks(np.empty(count, np.int64), *(np.empty((count, 2)) for _ in range(3)))
 
 
 def _on_floor(model: GoalModel, p: FloatArray, pixels: FloatArray) -> FloatArray:

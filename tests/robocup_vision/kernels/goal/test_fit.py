@@ -4,71 +4,21 @@ import math
 
 import numpy as np
 import pytest
-from goal_twins import derivative, feet_px, floor_px, silhouette_lines
+from goal_twins import SCENE, SHAPE, VIEW, derivative, perfect_samples, silhouette_lines, some_camera
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from field_models import load_field
 from robocup_vision.kernels.goal.fit import (
     FitLoss,
     FitPriors,
-    FitSamples,
     NormalSystem,
     fit_goal,
     goal_residuals,
     normal_equations,
     robust_cost,
 )
-from robocup_vision.kernels.goal.picture import GoalScene
-from robocup_vision.localization.goal.geometry import IdealView, goal_shape, project
 
-SHAPE = goal_shape(load_field("four_legged_2007"))
-VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
-OFFSETS = np.array([-0.7, 0.0, 0.7])
-SCENE = GoalScene(
-    np.array([SHAPE.line_x_m, SHAPE.width_m, SHAPE.height_m, SHAPE.radius_m]),
-    np.array([384.0, 380.0, 207.5, 159.5]),
-    OFFSETS,
-)
 seeds = st.integers(0, 2**32 - 1)
-
-
-def some_camera(rng):
-    x, y = rng.uniform(-2.5, 1.8), rng.uniform(-1.2, 1.2)
-    heading = np.arctan2(-y, SHAPE.line_x_m - x) + rng.uniform(-0.1, 0.1)
-    return np.array(
-        [x, y, heading, *rng.uniform(-0.1, 0.1, 2), 0.185, rng.uniform(-0.02, 0.02), rng.uniform(-0.5, 0.5)]
-    )
-
-
-def perfect_samples(p, per_edge=10, sigma=None):
-    """Points on each predicted line, and the predicted feet."""
-    lines = silhouette_lines(SHAPE, VIEW, p)
-    corners = project(VIEW, p, SHAPE.corners)
-    ends = [(0, 1), (0, 1), (3, 2), (3, 2), (1, 2), (1, 2)]
-    edge, uv = [], []
-    for e, (a, b) in enumerate(ends):
-        for t in np.linspace(0.1, 0.9, per_edge):
-            point = corners[a] + t * (corners[b] - corners[a])
-            point = point - lines[e, :2] * (lines[e, :2] @ point + lines[e, 2])
-            edge.append(e)
-            uv.append(point)
-    feet = feet_px(SHAPE, VIEW, p, OFFSETS).reshape(-1, 2)
-    direction = np.tile([0.0, 1.0], (6, 1))
-    # eight places on the goal line beside the posts
-    marks = np.column_stack([np.full(8, SHAPE.line_x_m), np.linspace(-0.8, 0.8, 8)])
-    return FitSamples(
-        np.array(edge),
-        np.array(uv),
-        np.repeat([0, 1], 3),
-        np.tile([0, 1, 2], 2),
-        feet + p[7] * direction,
-        direction,
-        marks,
-        floor_px(VIEW, p, marks),
-        np.tile([0.6, 0.8], (8, 1)),
-        np.full(len(edge) + 14, 0.1) if sigma is None else sigma,
-    )
 
 
 @settings(deadline=None, max_examples=30)
