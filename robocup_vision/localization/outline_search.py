@@ -122,9 +122,10 @@ class OutlineSearch:
         """Return poses (N, 3) along and across the field from a pose x, y, theta, of its heading."""
         floor = self.model.field.floor_polygon
         low, high = floor.min(axis=0), floor.max(axis=0)
-        along = [np.array([x, pose[1], pose[2]]) for x in np.linspace(low[0], high[0], 15)[1:-1]]
-        across = [np.array([pose[0], y, pose[2]]) for y in np.linspace(low[1], high[1], 9)[1:-1]]
-        return np.array(along + across)
+        along, across = np.linspace(low[0], high[0], 15)[1:-1], np.linspace(low[1], high[1], 9)[1:-1]
+        poses = np.tile(pose, (len(along) + len(across), 1))
+        poses[: len(along), 0], poses[len(along) :, 1] = along, across
+        return poses
 
     @cached_property
     def _bank(self) -> tuple[FloatArray, Float32Array]:
@@ -160,7 +161,7 @@ class OutlineSearch:
         weight = (known / max(np.count_nonzero(known), 1)).astype(np.float32)
         cost = np.empty((len(places), count), dtype=np.float32)
         width_px = np.float32(settings.bank_width * self.model.unit_px)
-        wall_search.score_bank(profiles, np.nan_to_num(radius).astype(np.float32), weight, width_px, cost)
+        wall_search.score_bank(profiles, np.where(known, radius, 0.0).astype(np.float32), weight, width_px, cost)
         most = min(10 * settings.bank_starts, cost.size)
         best = np.argpartition(cost, most - 1, axis=None)[:most]
         best = best[np.argsort(cost.ravel()[best])]
