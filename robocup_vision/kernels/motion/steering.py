@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.mapping.grown_profile import Profile, Sectors, grow_profile, measure_sectors, profile_bin
+from robocup_vision.kernels.motion.contact_times import contact_times
 from robocup_vision.kernels.motion.moving_contact import moving_contact_then_stop, moving_contact_time
 from robocup_vision.kernels.motion.trajectories import contact_time, predict_position, predict_velocity
 
@@ -137,40 +138,75 @@ def _coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, movi
     return Start(position, predict_velocity(velocity, pending, acceleration, dead_time), coasted)
 
 
-@compiled(error_model="numpy")
-def _try_command(
-    start: Start, target: Pair, speed: float, rules: Rules, profile: Profile, smallest: float, moving: FloatArray
-) -> tuple[float, float, float]:
-    """Return when a velocity (m/s, of this size) meets something, when it may at the earliest, and when what moves.
+class Commands(NamedTuple):
+    """Velocities that are tried, and what each of them meets; those beyond the ones tried are not used.
 
-    Steps 3 and 4 of the paper for one direction. Times in seconds from now, the last one from the end of the dead time.
+    Parameters
+    ----------
+    direction : (J,) int64
+        Index of each one's direction.
+    velocities : (2, J) float64
+        m/s.
+    times, needed : (J,) float64, written
+        When it meets something, and when it may at the earliest; seconds from now.
+    meets : (J,) float64, written
+        When it meets what moves, seconds from the end of the dead time.
     """
-    here = (0.0, 0.0)
+
+    direction: Int64Array
+    velocities: FloatArray
+    times: FloatArray
+    needed: FloatArray
+    meets: FloatArray
+
+
+@compiled(error_model="numpy")
+def _try_commands(
+    start: Start,
+    tried: int,
+    speed: float,
+    rules: Rules,
+    profile: Profile,
+    smallest: float,
+    moving: FloatArray,
+    commands: Commands,
+) -> None:
+    """Predict the first `tried` of the commands, all of this speed (m/s): Steps 3 and 4 of the paper.
+
+    Fills their `times`, `needed` and `meets`.
+    """
     acceleration, dead_time, period, step_m = rules.acceleration, rules.dead_time, rules.period, rules.step_m
-    present = start.velocity if rules.use_velocity else target
-    meets = np.inf
-    settle = math.sqrt((target[0] - present[0]) ** 2 + (target[1] - present[1]) ** 2) / acceleration
-    needed = rules.threshold
-    if needed < 0.0:
-        needed = 2.0 * dead_time + period + settle + 0.5 * speed / acceleration
-    horizon = 1.1 * needed
-    if not rules.use_velocity:
-        t = contact_time(here, target, target, acceleration, horizon, step_m, profile, smallest)
-    elif start.coasted < np.inf:
-        t = start.coasted
-    else:
-        rest = max(horizon - dead_time, 0.0)
-        position, velocity = start.position, start.velocity
-        t = dead_time + contact_time(position, velocity, target, acceleration, rest, step_m, profile, smallest)
-        if moving.shape[0] > 0:
-            # safe where it can be carried out to its end, or given up at the next decision, and then stopped
-            carried = settle + dead_time + period
-            meets = min(
-                moving_contact_then_stop(position, velocity, target, acceleration, dead_time, carried, step_m, moving),
-                moving_contact_then_stop(position, velocity, target, acceleration, dead_time, period, step_m, moving),
-            )
-            t = min(t, dead_time + meets)
-    return t, needed, meets
+    targets, times, needed, meets = commands.velocities, commands.times, commands.needed, commands.meets
+    present, horizons = targets.copy(), np.empty(tried)
+    position, begin = (0.0, 0.0), 0.0
+    if rules.use_velocity:
+        position, begin = start.position, dead_time
+        present[0], present[1] = start.velocity
+    for n in range(tried):
+        settle = math.sqrt((targets[0, n] - present[0, n]) ** 2 + (targets[1, n] - present[1, n]) ** 2) / acceleration
+        needed[n] = rules.threshold
+        if needed[n] < 0.0:
+            needed[n] = 2.0 * dead_time + period + settle + 0.5 * speed / acceleration
+        horizons[n], meets[n] = max(1.1 * needed[n] - begin, 0.0), np.inf
+    if rules.use_velocity and start.coasted < np.inf:
+        times[:tried] = start.coasted
+        return
+    contact_times(position, present, targets, acceleration, horizons, step_m, profile, smallest, times[:tried])
+    for n in range(tried):
+        times[n] += begin
+    if not rules.use_velocity or moving.shape[0] == 0:
+        return
+    velocity = start.velocity
+    for n in range(tried):
+        target = targets[0, n], targets[1, n]
+        settle = math.sqrt((target[0] - velocity[0]) ** 2 + (target[1] - velocity[1]) ** 2) / acceleration
+        # safe where it can be carried out to its end, or given up at the next decision, and then stopped
+        carried = settle + dead_time + period
+        meets[n] = min(
+            moving_contact_then_stop(position, velocity, target, acceleration, dead_time, carried, step_m, moving),
+            moving_contact_then_stop(position, velocity, target, acceleration, dead_time, period, step_m, moving),
+        )
+        times[n] = min(times[n], dead_time + meets[n])
 
 
 @compiled(error_model="numpy")
@@ -267,31 +303,42 @@ def choose_direction(
         speed = min(speed, math.sqrt(lag * lag + 2.0 * rules.acceleration * wanted.distance) - lag)
     start = _coast(motion, rules, profile, smallest, moving)
     best, nearest, progress, toward, pace = -1, np.inf, -np.inf, 0.0, 0.0
+    turns, aways = np.empty(count), np.empty(count)
+    for j in range(count):
+        turned = directions.angles[j] - wanted_bearing
+        if turned >= math.pi:
+            turned -= turn
+        elif turned < -math.pi:
+            turned += turn
+        turns[j], aways[j] = turned, abs(turned)
+        if turned * wanted.turn < 0.0 and aways[j] > same:
+            aways[j] += rules.other_side_rad
+    commands = Commands(
+        np.empty(count, np.int64), np.empty((2, count)), np.empty(count), np.empty(count), np.empty(count)
+    )
     for level in range(rules.levels):
         slower = speed * 0.5**level
         # At best it goes straight there; and a direction no nearer to it is not worth the lower speed.
         if slower <= progress:
             break
-        chosen, least, longest, turned_least = -1, nearest - 1e-9, 0.0, 0.0
+        tried = 0
         for j in range(count):
-            turned = directions.angles[j] - wanted_bearing
-            if turned >= math.pi:
-                turned -= turn
-            elif turned < -math.pi:
-                turned += turn
-            ahead = abs(turned) <= same
-            away = abs(turned)
-            if turned * wanted.turn < 0.0 and not ahead:
-                away += rules.other_side_rad
-            if level > 0 and away > least + 1e-9:
-                continue
-            target = (slower * directions.units[j, 0], slower * directions.units[j, 1])
-            t, needed, meets = _try_command(start, target, slower, rules, profile, smallest, moving)
-            if level == 0:
-                directions.time_to_contact[j] = t
-            is_unsafe = t < needed or meets < np.inf
-            if is_unsafe and not (ahead and _passes_target(start, target, slower, t, wanted.distance, rules)):
-                continue
+            if level == 0 or aways[j] <= nearest:
+                commands.direction[tried] = j
+                commands.velocities[0, tried] = slower * directions.units[j, 0]
+                commands.velocities[1, tried] = slower * directions.units[j, 1]
+                tried += 1
+        _try_commands(start, tried, slower, rules, profile, smallest, moving, commands)
+        if level == 0:
+            copy_vector(commands.times, directions.time_to_contact)
+        chosen, least, longest, turned_least = -1, nearest - 1e-9, 0.0, 0.0
+        for n in range(tried):
+            j, t = commands.direction[n], commands.times[n]
+            turned, away = turns[j], aways[j]
+            if t < commands.needed[n] or commands.meets[n] < np.inf:
+                target = commands.velocities[0, n], commands.velocities[1, n]
+                if not (abs(turned) <= same and _passes_target(start, target, slower, t, wanted.distance, rules)):
+                    continue
             if away < least - 1e-9 or (away < least + 1e-9 and t > longest):
                 chosen, least, longest, turned_least = j, min(away, least), t, turned
         if chosen >= 0 and slower * math.cos(min(least, math.pi)) > progress:

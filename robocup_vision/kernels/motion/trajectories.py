@@ -12,8 +12,8 @@ from robocup_vision.kernels.mapping.grown_profile import BINS, COARSE, FINE, Pro
 Pair = tuple[float, float]
 
 # The diamond angle turns at most as fast as the bearing, so a group is at least 4 / groups radians wide.
-_FINE_SIN, _FINE_TAN = math.sin(4.0 / FINE), math.tan(4.0 / FINE)
-_COARSE_SIN, _COARSE_TAN = math.sin(4.0 / COARSE), math.tan(4.0 / COARSE)
+FINE_SIN, FINE_TAN = math.sin(4.0 / FINE), math.tan(4.0 / FINE)
+COARSE_SIN, COARSE_TAN = math.sin(4.0 / COARSE), math.tan(4.0 / COARSE)
 
 
 @compiled(error_model="numpy")
@@ -119,8 +119,8 @@ def contact_time(
             later = max(
                 later,
                 (smallest - r) * slowness,
-                _sure_time(r, clear_coarse, out, inward, sideward, _COARSE_SIN, _COARSE_TAN),
-                _sure_time(r, clear_fine, out, inward, sideward, _FINE_SIN, _FINE_TAN),
+                _sure_time(r, clear_coarse, out, inward, sideward, COARSE_SIN, COARSE_TAN),
+                _sure_time(r, clear_fine, out, inward, sideward, FINE_SIN, FINE_TAN),
             )
         free = t
         if t >= horizon:
