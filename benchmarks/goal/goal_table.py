@@ -41,6 +41,7 @@ MIN = {
     "clean_416x320": (1.0, 1.0, 0.85),
     "mild_glare_416x320": (0.99, 1.0, 0.80),
     "heavy_glare_416x320": (0.97, 0.97, 0.75),
+    "streaks_416x320": (0.97, 0.97, 0.75),
     "mild_glare_208x160": (0.92, 0.99, 0.58),
 }
 METHODS = ("direct fit", "IPPE", "SQPNP", "paper", "closed form")
