@@ -7,15 +7,18 @@ brightness is half way between the floor before it and what is behind it.
 
 from __future__ import annotations
 
+import numpy as np
+
 from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.bits import NO_BITS
 from robocup_vision.kernels.floor.free_floor import BLOCKED, FLOOR
 
 # columns over which an edge is spread: by the averages over 3 x 3 samples, by the lens, and by motion
 SPREAD = 4
 
 
-@compiled
+@compiled(inline="always")
 def _brightness(samples: UInt8Array, k: int, m: int) -> int:
     return int(samples[k, m, 0]) + int(samples[k, m, 1]) + int(samples[k, m, 2])
 
@@ -48,16 +51,29 @@ def block_dark_feet(samples: UInt8Array, valid: UInt8Array, columns_in_use: int,
     marks : (K, M) uint8
         What the samples show, FLOOR turned to BLOCKED where it is so.
     """
+    columns, words = marks.shape[1], (columns_in_use + 7) // 8
+    begins = np.zeros(8 * words, np.bool_)
+    eights = begins.view(np.uint64)
     for k in range(len(marks)):
         row = marks[k]
+        # told of a whole row without branches; what is blocked below lies before where the next thing begins
         for m in range(1, columns_in_use):
-            if row[m] != BLOCKED or row[m - 1] != FLOOR:
+            begins[m] = (row[m] == BLOCKED) & (row[m - 1] == FLOOR)
+        for word in range(words):
+            if eights[word] == NO_BITS:
                 continue
-            half = _half_way(samples, valid, k, m - 1)
-            at = m - 1
-            while at > max(m - 1 - SPREAD, 0) and row[at] == FLOOR and _brightness(samples, k, at) < half:
-                row[at] = BLOCKED
-                at -= 1
+            # written out, not called: a call takes longer than all that it does
+            for m in range(8 * word, 8 * word + 8):
+                if not begins[m] or m + 1 >= columns or not valid[k, m] or not valid[k, m + 1]:
+                    continue
+                behind = min(_brightness(samples, k, m), _brightness(samples, k, m + 1))
+                first, floor = max(m - 1 - SPREAD, 0), 0
+                for j in range(first, m):
+                    floor = max(floor, _brightness(samples, k, j))
+                at = m - 1 if behind < floor else first
+                while at > first and row[at] == FLOOR and 2 * _brightness(samples, k, at) < floor + behind:
+                    row[at] = BLOCKED
+                    at -= 1
 
 
 @compiled
@@ -104,6 +120,7 @@ def doubt_beyond(columns: Int64Array, certain: int, llr: Int8Array) -> None:
     """Take back what little speaks for floor beyond the outermost floor (K,) of each bearing; -1: none is known."""
     for k in range(len(llr)):
         if columns[k] >= 0:
-            for m in range(columns[k] + 1, llr.shape[1]):
-                if 0 < llr[k, m] < certain:
-                    llr[k, m] = 0
+            row = llr[k, columns[k] + 1 :]
+            # written in any case: without branches several are done at once
+            for m in range(len(row)):
+                row[m] = row[m] if (row[m] <= 0) | (row[m] >= certain) else 0

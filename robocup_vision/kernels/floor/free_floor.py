@@ -21,6 +21,8 @@ from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, lowest
 
 BLOCKED, FLOOR, LINE, BALL = 0, 1, 2, 3
 TWO, ALL = np.uint64(2), np.uint64(64)
+# in each byte of a word of eight marks its lowest and its highest bit
+EACH_BYTE, HIGH_BITS = np.uint64(0x0101010101010101), np.uint64(0x8080808080808080)
 
 
 @compiled
@@ -244,29 +246,41 @@ def _mark_lines_across(
                 bit = lowest(ends)
                 one, m = ONE << np.uint64(bit), 64 * (word - 1) + bit
                 ends &= ends - ONE
-                last = step - 1
-                while last >= begin and out[last % rows, m] == BLOCKED and step - last <= line_rows[m] + 1:
-                    last -= 1
+                # rows are counted back, not divided: that takes longer than all that is done with them
+                last, row = step - 1, before
+                while last >= begin and out[row, m] == BLOCKED and step - last <= line_rows[m] + 1:
+                    last, row = last - 1, row - 1 if row > 0 else rows - 1
                 if last < begin or step - last > line_rows[m] + 1:
                     continue
-                at = step
-                while at >= 0 and llr[at % rows, m] <= 0:
-                    at -= 1
-                if at < 0:
+                at, left = k, step
+                while left >= 0 and llr[at, m] <= 0:
+                    left, at = left - 1, at - 1 if at > 0 else rows - 1
+                if left < 0:
                     at = 0
                     while visited[at, word] & one == NO_BITS:
                         at += 1
-                at %= rows
-                blue, red = 0, 0
-                for i in range(last + 1, step):
-                    if valid[i % rows, m]:
-                        blue = max(blue, int(samples[i % rows, m, 0]))
-                        red = max(red, int(samples[i % rows, m, 2]))
+                blue, red, row = 0, 0, before
+                for _ in range(last + 1, step):
+                    if valid[row, m]:
+                        blue = max(blue, int(samples[row, m, 0]))
+                        red = max(red, int(samples[row, m, 2]))
+                    row = row - 1 if row > 0 else rows - 1
                 if blue > samples[at, m, 0] and red > samples[at, m, 2]:
-                    for i in range(last + 1, step):
-                        if valid[i % rows, m]:
-                            out[i % rows, m], has_line[i % rows] = LINE, True
-                            free[i % rows, word] |= one
+                    row = before
+                    for _ in range(last + 1, step):
+                        if valid[row, m]:
+                            out[row, m], has_line[row] = LINE, True
+                            free[row, word] |= one
+                        row = row - 1 if row > 0 else rows - 1
+
+
+@compiled
+def _ends_blocked(marks: UInt8Array, columns_in_use: int) -> bool:
+    """Whether any line of a bearing has something blocked, or not seen, just behind it; without branches."""
+    ends = False
+    for m in range(columns_in_use - 1):
+        ends |= (marks[m] == LINE) & (marks[m + 1] == BLOCKED)
+    return ends
 
 
 @compiled
@@ -279,7 +293,7 @@ def _block_corners(
     has opened to that width.
     """
     for k in range(out.shape[0]):
-        if not has_line[k]:
+        if not has_line[k] or not _ends_blocked(out[k], columns_in_use):
             continue
         left = 0
         for m in range(columns_in_use - 1, -1, -1):
@@ -378,11 +392,17 @@ def to_first_blocked(
     rows, columns = cell.shape
     directions = len(rings)
     nearest = np.full(directions, np.inf, np.float32)
+    # looked up, as dividing by the number of directions takes longer than all else
+    ended = np.full((max(rings) + 1) * directions, -1, np.int16)
+    for j in range(directions):
+        ended[rings[j] * directions + j] = j
+    count = np.uint32(len(ended))
     for k in range(rows):
         for m in range(columns):
-            if passable_mask[k, m] == BLOCKED and cell[k, m] >= 0:
-                j = cell[k, m] % directions
-                if cell[k, m] // directions == rings[j]:
+            # no cell, -1, is beyond all of them as an unsigned number
+            if passable_mask[k, m] == BLOCKED and np.uint32(cell[k, m]) < count:
+                j = ended[np.uint32(cell[k, m])]
+                if j >= 0:
                     nearest[j] = min(nearest[j], near_m[k, m])
     for j in range(directions):
         if nearest[j] < np.inf:
@@ -399,6 +419,12 @@ def sum_near(llr: Int8Array, columns: int) -> int:
     return total
 
 
+@compiled(inline="always")
+def _has_blocked(eight: np.uint64) -> bool:
+    """Whether any of eight marks is BLOCKED, 0: the first such byte borrows from the bit above it."""
+    return bool((eight - EACH_BYTE) & ~eight & HIGH_BITS)
+
+
 @compiled
 def first_blocked(
     passable_mask: UInt8Array, valid: UInt8Array, first_column: int, columns_in_use: int, run: int, out: Int64Array
@@ -407,17 +433,25 @@ def first_blocked(
 
     Writes out (K,) int64: its column; `columns_in_use` where nothing blocks.
     """
-    rows = passable_mask.shape[0]
+    rows, columns = passable_mask.shape
+    flat, count = passable_mask.reshape(-1), rows * columns
+    eights = flat[: count - count % 8].view(np.uint64)
     for k in range(rows):
         out[k] = columns_in_use
         blocked = 0
-        for m in range(first_column, columns_in_use):
-            if not valid[k, m]:
+        m = first_column
+        while m < columns_in_use:
+            at = k * columns + m
+            # most of a row is floor: eight samples at once
+            if blocked == 0 and at % 8 == 0 and m + 8 <= columns_in_use and not _has_blocked(eights[at // 8]):
+                m += 8
                 continue
-            blocked = 0 if passable_mask[k, m] else blocked + 1
-            if blocked == run:
-                first = m
-                while first > first_column and not passable_mask[k, first - 1] and valid[k, first - 1]:
-                    first -= 1
-                out[k] = first
-                break
+            if valid[k, m]:
+                blocked = 0 if passable_mask[k, m] else blocked + 1
+                if blocked == run:
+                    first = m
+                    while first > first_column and not passable_mask[k, first - 1] and valid[k, first - 1]:
+                        first -= 1
+                    out[k] = first
+                    break
+            m += 1
