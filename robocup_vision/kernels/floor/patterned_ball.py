@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, UInt8Array, UInt64Array
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, UInt64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, lowest
 
@@ -67,14 +67,16 @@ class DiscSearch(NamedTuple):
 
 
 @compiled(error_model="numpy")
-def classify(planes: UInt8Array, first: int, hue: float, green: float, level: float, kinds: UInt8Array) -> None:
+def classify(
+    blurred: UInt8Array, first: int, hue: float, green: float, level: float, levels: UInt8Array, kinds: UInt8Array
+) -> None:
     """Say of each pixel whether it may be carpet or ball, from a row on.
 
     Nothing in the loop branches or is looked up, so that several pixels are told at once.
 
     Parameters
     ----------
-    planes : (3, H, W) uint8
+    blurred : (H, W, 3) uint8
         Blue, green and red.
     first : int
         The row. Those before it are `COLORED`.
@@ -85,20 +87,27 @@ def classify(planes: UInt8Array, first: int, hue: float, green: float, level: fl
         And more of this: twice the green less red and blue, by their sum and `DARK_COUNTS`.
     level : float
         And their green is at least this: black in the carpet's reflected light is as green as carpet, but darker.
+    levels : (H, W) uint8
+        Filled with the green, from that row on.
     kinds : (H, W) uint8
         Filled with `CARPET`, `NEUTRAL` or `COLORED`.
     """
-    _, height, width = planes.shape
+    height, width, _ = blurred.shape
     # powers in the place of logarithms: the 20th of red by green times the third of blue by green
     most, least, dark = np.float32(math.exp(20.0 * hue)), np.float32(green), np.float32(level)
     max_red, max_blue = np.float32(math.exp(_MAX_RED)), np.float32(math.exp(_MAX_BLUE))
     noise, counts, three = np.float32(NOISE_COUNTS), np.float32(DARK_COUNTS), np.float32(3.0)
+    blues, reds = np.empty((2, width), np.uint8)
     for v in range(first):
         for u in range(width):
             kinds[v, u] = COLORED
     for v in range(first, height):
+        # channels apart, a row at a time
+        row, greens = blurred[v].reshape(-1), levels[v]
         for u in range(width):
-            b, g, r = np.float32(planes[0, v, u]), np.float32(planes[1, v, u]), np.float32(planes[2, v, u])
+            blues[u], greens[u], reds[u] = row[3 * u], row[3 * u + 1], row[3 * u + 2]
+        for u in range(width):
+            b, g, r = np.float32(blues[u]), np.float32(greens[u]), np.float32(reds[u])
             total, by_green = b + g + r, np.float32(1.0) / (g + noise)
             red, blue = (r + noise) * by_green, (b + noise) * by_green
             squared = red * red
@@ -145,6 +154,42 @@ def measure_disc(
         shown += 1
         agree += is_ball and kinds[y, x] == CARPET
     return agree, shown, inside / max(count, 1)
+
+
+@compiled
+def _offsets(directions: FloatArray, radius: float, search: DiscSearch, width: int, out: Int64Array) -> int:
+    """Write how far a disc's places are from its middle in a flattened frame, and return how many pixels they reach.
+
+    Parameters
+    ----------
+    directions, radius, search
+        As those of `measure_disc`.
+    width : int
+        Of the frame.
+    out : (3, DIRECTIONS) int64
+        Result: within the rim, half-way to the middle, and beyond the rim.
+    """
+    away = search.inner * radius, 0.5 * radius, search.outer * radius + search.beyond_px
+    for i in range(3):
+        for k in range(len(directions)):
+            x, y = math.floor(away[i] * directions[k, 0] + 0.5), math.floor(away[i] * directions[k, 1] + 0.5)
+            out[i, k] = int(y) * width + int(x)
+    return int(max(away[0], away[2])) + 2
+
+
+@compiled
+def _measure_within(kinds: UInt8Array, directions: FloatArray, at: int, offsets: Int64Array) -> tuple[int, int, float]:
+    """Measure as `measure_disc` does, where all places are in the frame: of a flattened one, about a pixel of it."""
+    agree, shown, inside = 0, 0, 0
+    for k in range(len(directions)):
+        near = kinds[np.uint64(at + offsets[0, k])]
+        counts = not ((directions[k, 1] > _UNDERSIDE) & (near == CARPET))
+        is_ball = near == NEUTRAL
+        shown += counts
+        inside += counts & is_ball
+        inside += counts & (kinds[np.uint64(at + offsets[1, k])] == NEUTRAL)
+        agree += is_ball & (kinds[np.uint64(at + offsets[2, k])] == CARPET)
+    return agree, shown, inside / max(2 * shown, 1)
 
 
 @compiled
@@ -215,10 +260,12 @@ def find_discs(
     ball, carpet = _bits(kinds, NEUTRAL, EVERY_BIT, words, beyond), _bits(kinds, CARPET, NO_BITS, words, beyond)
     rim, far = np.empty((_ROUGH, 2), dtype=np.int64), np.empty((_ROUGH, 2), dtype=np.int64)
     places = np.empty(words, dtype=np.uint64)
+    flat, offsets = kinds.reshape(-1), np.empty((3, len(directions)), dtype=np.int64)
     for n in range(len(radii)):
         radius = radii[n]
         step = max(int(search.steps * radius + 0.5), 1)
         near = int(0.6 * radius)
+        margin = _offsets(directions, radius, search, width, offsets)
         for k in range(_ROUGH):
             c, s = directions[k * DIRECTIONS // _ROUGH]
             within, reach = search.inner * radius, search.outer * radius + search.beyond_px
@@ -259,7 +306,10 @@ def find_discs(
                 while here != NO_BITS:
                     u = 64 * word + lowest(here)
                     here &= here - ONE
-                    agree, shown, inside = measure_disc(kinds, directions, u, v, radius, search)
+                    if margin <= u < width - margin and margin <= v < height - margin:
+                        agree, shown, inside = _measure_within(flat, directions, v * width + u, offsets)
+                    else:
+                        agree, shown, inside = measure_disc(kinds, directions, u, v, radius, search)
                     is_disc = shown >= DIRECTIONS // 2 and agree >= search.min_agree * shown
                     if is_disc and inside >= search.min_inside and found < len(out):
                         out[found, U], out[found, V], out[found, RADIUS] = u, v, radius

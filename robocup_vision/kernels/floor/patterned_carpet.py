@@ -14,19 +14,21 @@ from robocup_vision.kernels.floor.patterned_ball import BLUE_WEIGHT, DARK_COUNTS
 # pixels from one that is looked at to the next, along rows and columns: at least so many, and so many in a wide row,
 # for a few thousand tell quartiles to a hundredth of what carpet varies
 STRIDE, PER_ROW = 4, 80
+# radii from a ball's middle, within which pixels are looked at
+BEYOND = 4.0
 # what is told of the carpet
 RATIO, QUARTER, HUE, THREE_QUARTERS, GREEN, LEVEL, TOLD = range(7)
 
 
 @compiled(error_model="numpy")
 def measure_carpet(
-    planes: UInt8Array, first: int, logs: FloatArray, max_hue: float, min_green: float, scratch: FloatArray
+    blurred: UInt8Array, first: int, logs: FloatArray, max_hue: float, min_green: float, scratch: FloatArray
 ) -> tuple[float, float, float, float, float, float]:
     """Return how much of a frame's lower part is carpet, quartiles of its hue, median greenness and green.
 
     Parameters
     ----------
-    planes : (3, H, W) uint8
+    blurred : (H, W, 3) uint8
         Blue, green and red.
     first : int
         Row that the lower part begins with.
@@ -37,13 +39,13 @@ def measure_carpet(
     scratch : (4, N) float64
         Room for as many pixels as are looked at, and one more.
     """
-    _, height, width = planes.shape
+    height, width, _ = blurred.shape
     hues, greens, levels = scratch[0], scratch[1], scratch[2]
     count, number, stride = 0, 0, max(STRIDE, width // PER_ROW)
     for v in range(first, height, stride):
         for u in range(0, width, stride):
             number += 1
-            b, g, r = planes[0, v, u], planes[1, v, u], planes[2, v, u]
+            b, g, r = blurred[v, u, 0], blurred[v, u, 1], blurred[v, u, 2]
             total = float(b) + float(g) + float(r)
             green = (3.0 * float(g) - total) / (total + DARK_COUNTS)
             if not green > min_green:
@@ -70,9 +72,12 @@ def bound_radii(
     slack_rad: float,
     size_std: float,
     rows: int,
+    min_radius_px: float,
     out: FloatArray,
-) -> None:
+) -> int:
     """Write the least and greatest radius of a ball on the floor in each row of the frame.
+
+    Returns the first row that any ball of at least `min_radius_px` reaches; H if there is none.
 
     Parameters
     ----------
@@ -90,6 +95,8 @@ def bound_radii(
         What a radius may be off, of the radius.
     rows : int
         From one of the rows to the next; between two of them the radii lie between theirs.
+    min_radius_px : float
+        Smaller balls are not looked for.
     out : (H, 2) float64
         Filled; none is possible where the first is greater than the second.
     """
@@ -110,9 +117,15 @@ def bound_radii(
             least = min(least, radius - math.hypot(size_std * radius, below))
             most = max(most, radius + math.hypot(size_std * radius, above))
         bounds[n, 0], bounds[n, 1] = least, most
-    for v in range(out.shape[0]):
+    height = out.shape[0]
+    top = height
+    for v in range(height):
         n = v // rows
         out[v, 0], out[v, 1] = min(bounds[n, 0], bounds[n + 1, 0]), max(bounds[n, 1], bounds[n + 1, 1])
+        if out[v, 1] >= min_radius_px:
+            # beyond the frame's upper rim nothing is looked at, however large the ball
+            top = min(top, int(max(v - BEYOND * out[v, 1], 0.0)))
+    return int(top)
 
 
 @compiled

@@ -28,8 +28,6 @@ _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
 _LOGS = np.log(np.arange(256) + kernel.NOISE_COUNTS)
 # where the tilt is known, a ball's size is, too: by this many standard deviations; told for every so many rows
 _SIGMAS, _ROWS = 3.0, 8
-# radii from a disc's middle, within which pixels are looked at
-_BEYOND = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,11 +146,8 @@ class PatternedBallFinder:
         width, height = camera.size_px
         self._camera = camera
         self._search = plain(settings.search)
-        self._blurred, self._planes = (
-            np.empty((height, width, 3), dtype=np.uint8),
-            np.empty((3, height, width), np.uint8),
-        )
-        self._kinds = np.empty((height, width), dtype=np.uint8)
+        self._blurred = np.empty((height, width, 3), dtype=np.uint8)
+        self._levels, self._kinds = np.empty((2, height, width), dtype=np.uint8)
         looked_at = -(-height // patterned_carpet.STRIDE) * -(-width // patterned_carpet.STRIDE)
         self._scratch = np.empty((4, looked_at + 1))
         self._row_radii = np.empty((height, 2))
@@ -218,22 +213,22 @@ class PatternedBallFinder:
         row_radii, top = self._row_radii_px(camera)
         half = frame.shape[0] // 2
         first = min(top, half)
-        planes = self._planes
-        cv2.split(cv2.blur(frame[first:], (3, 3), dst=self._blurred[first:]), list(planes[:, first:]))
+        blurred, levels = self._blurred, self._levels
+        cv2.blur(frame[first:], (3, 3), dst=blurred[first:])
         ratio, quarter, hue, three_quarters, green, level = patterned_carpet.measure_carpet(
-            planes, half, _LOGS, settings.carpet_hue, settings.min_green, self._scratch
+            blurred, half, _LOGS, settings.carpet_hue, settings.min_green, self._scratch
         )
         has_carpet = ratio >= settings.min_carpet_ratio and three_quarters - quarter <= settings.max_hue_range
         if top == frame.shape[0] or not has_carpet:
             return []
         kinds = self._kinds
         # half-way from white to the carpet
-        kernel.classify(planes, top, 0.5 * hue, 0.5 * green, settings.min_carpet_level * level, kinds)
+        kernel.classify(blurred, top, 0.5 * hue, 0.5 * green, settings.min_carpet_level * level, levels, kinds)
         if self._mask is not None:
             kinds[self._mask > 0] = kernel.COLORED
         search = self._search
         found = self._found[: kernel.find_discs(kinds, _DIRECTIONS, self._radii_px, row_radii, search, self._found)]
-        count = kernel.best_discs(kinds, planes[1], _DIRECTIONS, search, found, self._kept)
+        count = kernel.best_discs(kinds, levels, _DIRECTIONS, search, found, self._kept)
         kept = self._kept[:count]
         # a disc may have shrunk below what is looked for when its place and size were fitted
         kept = kept[kept[:, kernel.RADIUS] >= settings.min_radius_px]
@@ -253,7 +248,7 @@ class PatternedBallFinder:
         if camera.tilt_rad is None:
             row_radii[:] = 0.0, math.inf
             return row_radii, 0
-        patterned_carpet.bound_radii(
+        top = patterned_carpet.bound_radii(
             self._rays,
             camera.camera_to_robot[2],
             camera.focal_px[0],
@@ -261,18 +256,10 @@ class PatternedBallFinder:
             _SIGMAS * settings.tilt_std_rad,
             _SIGMAS * settings.radius_std,
             _ROWS,
+            settings.min_radius_px,
             row_radii,
         )
-        seen = row_radii[:, 1] >= settings.min_radius_px
-        first = int(seen.argmax())
-        if not seen[first]:
-            return row_radii, len(seen)
-        # a row's own balls reach above it
-        return row_radii, max(int((self._every_row - _BEYOND * row_radii[:, 1])[seen].min()), 0)
-
-    @cached_property
-    def _every_row(self) -> FloatArray:
-        return np.arange(self._camera.size_px[1], dtype=np.float64)
+        return row_radii, int(top)
 
     @cached_property
     def _rays(self) -> FloatArray:

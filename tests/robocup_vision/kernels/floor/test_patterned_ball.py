@@ -77,9 +77,10 @@ def plain_patches(kinds, level, u, v, radius, max_dark):
 @given(st.integers(0, 2**32 - 1), st.floats(-0.4, 0.0), st.floats(0.05, 0.4), st.floats(0, 150))
 def test_pixels_are_told_apart(seed, max_hue, min_green, min_level):
     frame = np.random.default_rng(seed).integers(0, 256, (10, 9, 3)).astype(np.uint8)
-    kinds = np.empty((10, 9), np.uint8)
-    kernel.classify(np.ascontiguousarray(np.moveaxis(frame, -1, 0)), 2, max_hue, min_green, min_level, kinds)
+    kinds, levels = np.zeros((2, 10, 9), np.uint8)
+    kernel.classify(frame, 2, max_hue, min_green, min_level, levels, kinds)
     assert (kinds[:2] == kernel.COLORED).all()
+    np.testing.assert_array_equal(levels[2:], frame[2:, :, 1])
     frame, kinds = frame[2:], kinds[2:]
     logs, near = LOGS[frame], frame.astype(float)
     red, blue = logs[..., 2] - logs[..., 1], logs[..., 0] - logs[..., 1]
@@ -101,6 +102,18 @@ def test_a_disc_is_measured_as_plainly_defined(seed, u, v, radius):
     assert inside == pytest.approx(plain_disc(kinds, u, v, radius)[2])
     measured = kernel.measure_patches(kinds, level, u, v, radius, SEARCH.max_dark)
     np.testing.assert_allclose(measured, plain_patches(kinds, level, u, v, radius, SEARCH.max_dark))
+
+
+@pytest.mark.parametrize("radius", [4.0, 5.3, 7.9])
+def test_a_disc_within_the_frame_is_measured_by_offsets_as_by_places(radius):
+    kinds, _ = blobs(np.random.default_rng(3))
+    offsets = np.empty((3, kernel.DIRECTIONS), dtype=np.int64)
+    margin = kernel._offsets(DIRECTIONS, radius, SEARCH, WIDTH, offsets)
+    for u in range(margin, WIDTH - margin):
+        for v in range(margin, HEIGHT - margin):
+            agree, shown, inside = kernel._measure_within(kinds.reshape(-1), DIRECTIONS, v * WIDTH + u, offsets)
+            assert (agree, shown) == plain_disc(kinds, u, v, radius)[:2]
+            assert inside == pytest.approx(plain_disc(kinds, u, v, radius)[2])
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -23,13 +23,13 @@ LOGS = np.log(np.arange(256) + NOISE_COUNTS)
     st.sampled_from([41, 500]),
 )
 def test_the_carpet_is_measured_as_plainly_defined(seed, max_hue, min_green, first, width):
-    planes = np.random.default_rng(seed).integers(0, 256, (3, 30, width)).astype(np.uint8)
+    blurred = np.random.default_rng(seed).integers(0, 256, (30, width, 3)).astype(np.uint8)
     stride = {41: kernel.STRIDE, 500: 500 // kernel.PER_ROW}[width]
-    b, g, r = planes[:, first::stride, ::stride].astype(float).reshape(3, -1)
+    b, g, r = blurred[first::stride, ::stride].astype(float).reshape(-1, 3).T
     hue = LOGS[r.astype(int)] - LOGS[g.astype(int)] + BLUE_WEIGHT * (LOGS[b.astype(int)] - LOGS[g.astype(int)])
     green = (2 * g - b - r) / (b + g + r + DARK_COUNTS)
     is_carpet = (hue < max_hue) & (green > min_green)
-    told = kernel.measure_carpet(planes, first, LOGS, max_hue, min_green, np.empty((4, len(hue) + 1)))
+    told = kernel.measure_carpet(blurred, first, LOGS, max_hue, min_green, np.empty((4, len(hue) + 1)))
     assert told[0] == pytest.approx(is_carpet.mean())
     if is_carpet.any():
         expected = *np.quantile(hue[is_carpet], [0.25, 0.5, 0.75]), np.median(green[is_carpet]), np.median(g[is_carpet])
@@ -45,7 +45,7 @@ def test_a_ball_seen_by_a_camera_is_within_the_bounds_of_its_row_and_they_are_no
     pixels = np.stack(np.broadcast_arrays([0.0, 31.5, 63.0], at[:, None]), axis=-1)
     bounds = np.empty((48, 2))
     height_m = camera.height_m - radius_m
-    kernel.bound_radii(
+    top = kernel.bound_radii(
         camera.pixel_to_camera_ray(pixels),
         camera.camera_to_robot[2],
         46.0,
@@ -53,8 +53,11 @@ def test_a_ball_seen_by_a_camera_is_within_the_bounds_of_its_row_and_they_are_no
         slack_rad,
         size_std,
         rows,
+        3.0,
         bounds,
     )
+    reached = [v - kernel.BEYOND * most for v, (_, most) in enumerate(bounds) if most >= 3.0]
+    assert top == max(int(min(reached, default=48.0)), 0)
 
     def radius_px(fall_rad, ahead):
         sine = math.sin(min(max(fall_rad, 0.0), math.pi / 2))
@@ -76,5 +79,6 @@ def test_a_ball_seen_by_a_camera_is_within_the_bounds_of_its_row_and_they_are_no
 
 def test_rows_in_which_the_lens_shows_nothing_have_no_ball():
     bounds = np.empty((8, 2))
-    kernel.bound_radii(np.full((2, 3, 3), np.nan), np.array([0.0, 0.0, 1.0]), 46.0, 0.1, 0.03, 0.3, 8, bounds)
+    none, up = np.full((2, 3, 3), np.nan), np.array([0.0, 0.0, 1.0])
+    assert kernel.bound_radii(none, up, 46.0, 0.1, 0.03, 0.3, 8, 3.0, bounds) == 8
     assert (bounds[:, 0] > bounds[:, 1]).all()
