@@ -86,6 +86,8 @@ class ColoredLineSettings:
         Steps of each round.
     doubting_rounds : int
         Rounds in which edges that contradict the rest lose weight: the border of a lamp's streak along a bar, say.
+    typical_edge_px : float
+        See `doubting_edges`: half a pixel is what a blurred edge moves by before it is another.
     prior_weight : float
         So many places of the expected noise are added to those whose scatter is measured.
     """
@@ -113,6 +115,7 @@ class ColoredLineSettings:
     certain_m: float = 0.06
     iterations: int = 4
     doubting_rounds: int = 3
+    typical_edge_px: float = 0.5
     prior_weight: float = 4.0
 
 
@@ -182,7 +185,8 @@ class ColoredGoalLines:
                 and evidence - other_evidence < self._settings.clear_evidence
             ):
                 return None
-        within = are_mostly_within(residuals(model, found.samples, best.unknowns), model.settings.inlier_px)
+        limit_px = model.settings.inlier_px + self._settings.typical_edge_px
+        within = are_mostly_within(residuals(model, found.samples, best.unknowns), limit_px)
         return (evidence, best) if within else None
 
     def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
@@ -197,7 +201,8 @@ class ColoredGoalLines:
             reach = self._settings.reach_on_arc_stds * math.sqrt(line_fit.covariance[HEADING, HEADING])
             drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
             if drawn is not None:
-                moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
+                ratio = max(line_fit.line_ratio, drawn.shown_ratio)
+                moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance, line_ratio=ratio)
                 settled.append((drawn.likelihood, moved, samples))
         return settled
 
@@ -214,7 +219,7 @@ class ColoredGoalLines:
         drawn = drawing.settle(model, found.samples, arc.unknowns[best], reach, loose=2)
         if drawn is None or drawn.likelihood < self._settings.min_drawn_evidence:
             return []
-        line_fit = LineFit(drawn.unknowns, drawn.covariance, 0.0, np.empty(0))
+        line_fit = LineFit(drawn.unknowns, drawn.covariance, drawn.shown_ratio, np.empty(0))
         return [(drawn.likelihood, line_fit, found.samples)]
 
     def _starts(
@@ -278,7 +283,8 @@ class ColoredGoalLines:
         assert marked is not None
         samples = marked.samples
         for _ in range(self._settings.doubting_rounds):
-            samples = doubting_edges(marked.samples, residuals(model, marked.samples, p))
+            residual = residuals(model, marked.samples, p)
+            samples = doubting_edges(marked.samples, residual, self._settings.typical_edge_px)
             samples = self._as_scattered(model, samples, p)
             p, cost, information = fit(
                 model, samples, p, np.full(self._settings.iterations, self._settings.scales_px[-1])

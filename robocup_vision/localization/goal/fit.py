@@ -299,8 +299,11 @@ def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -
     return replace(samples, sigma=sigma)
 
 
-def doubting_edges(samples: EdgeSamples, residual: FloatArray) -> EdgeSamples:
+def doubting_edges(samples: EdgeSamples, residual: FloatArray, typical_px: float) -> EdgeSamples:
     """Let each edge as a whole be as uncertain as it is off: one that all others contradict is somebody else's.
+
+    Where some edges are off in a picture, the others may be as well, though a fit has followed them: each is as
+    uncertain as edges are off on average besides, up to `typical_px` each.
 
     Parameters
     ----------
@@ -308,12 +311,15 @@ def doubting_edges(samples: EdgeSamples, residual: FloatArray) -> EdgeSamples:
         Weighed, see `weigh`.
     residual : (N + M + L,) float64
         Of a fit to them, pixels.
+    typical_px : float
+        Edges farther off are no edges of the goal, and tell nothing of the others.
     """
     count = len(samples.edge)
     per_edge = np.bincount(samples.edge, minlength=EDGES)
     off = np.bincount(samples.edge, residual[:count], minlength=EDGES) / np.maximum(per_edge, 1)
+    typical = np.mean(np.minimum(off[per_edge > 0] ** 2, typical_px**2)) if count else 0.0
     sigma = samples.sigma.copy()
-    sigma[:count] = np.hypot(sigma[:count], (np.abs(off) * np.sqrt(per_edge))[samples.edge])
+    sigma[:count] = np.sqrt(sigma[:count] ** 2 + ((off**2 + typical) * per_edge)[samples.edge])
     return replace(samples, sigma=sigma)
 
 

@@ -15,6 +15,7 @@ from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_go
 FIELD = load_field("four_legged_2007")
 CONDITION = GOAL_CONDITIONS["mild_glare_208x160"]
 POINTS = along_lines(LineMap(FIELD))[0]
+SIDE_X_M = float(np.abs(FIELD.lines).max())
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,17 @@ def test_a_drawing_settles_where_the_camera_stands(far):
     assert np.hypot(off[0], off[1]) < 0.1
     assert abs(off[HEADING]) < np.radians(1.0)
     assert np.all(np.linalg.eigvalsh(drawn.covariance[:3, :3]) > 0)
+    assert drawn.shown_ratio > 0.8
+
+
+def test_no_drawing_settles_where_lines_of_it_are_missing(far):
+    frame, search, truth = far
+    candidate = search.candidates(frame)[0][0]
+    # a line that nobody painted, across the carpet before the camera
+    ahead = truth[0] + 0.3 * (SIDE_X_M - truth[0])
+    unpainted = np.column_stack([np.full(51, ahead), np.linspace(-1.0, 1.0, 51)])
+    drawing = LineDrawing(frame, np.concatenate([POINTS, unpainted]), FIELD.line_width_m)
+    assert drawing.settle(candidate.model, candidate.fit.samples, truth, 0.06) is None
 
 
 def test_without_carpet_nothing_is_estimated(far):
