@@ -26,7 +26,10 @@ _UNMIXED_RATIO = 0.5
 # what is known of a blob: centre, half sizes along and across the ray, sum of weights, whether the picture cuts it
 U, V, ALONG, ACROSS, TOTAL, CUT = range(6)
 COLUMNS = 6
-ONE, TWO = np.uint64(1), np.uint64(2)
+ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
+# a pixel of a blob in one whole number: shifts take it apart, a division would take as long as all else
+ROW_BITS = 15
+COLUMN_MASK = 2**ROW_BITS - 1
 
 # B, G, R; scalars, as an array in a tuple costs more at each call than the test itself
 Bgr = tuple[float, float, float]
@@ -111,15 +114,15 @@ class Scratch(NamedTuple):
     ----------
     stamps : (H, W) int32
         Pixels that carry a frame's first stamp or more have been visited in it; those that carry NEVER are not to be.
-    stack : (N,) int32
-        N >= H W.
+    queue : (N,) int32
+        N >= H W: pixels of a blob, v 2^ROW_BITS + u.
     sums : (2, 6) float64
         Of a blob's weights, of their offsets from the seed, u and v, and of the offsets' products uu, uv and vv: over
         all pixels, and over the unmixed ones.
     """
 
     stamps: Int32Array
-    stack: Int32Array
+    queue: Int32Array
     sums: FloatArray
 
 
@@ -185,7 +188,9 @@ def find_blobs(
     (int, int)
         Number of blobs, and the last stamp used.
     """
-    stamp, count = first_stamp, 0
+    stamp, count, size_px = first_stamp, 0, (frame.shape[1], frame.shape[0])
+    # once for all: to reshape an array takes as long as the walk from a seed
+    pixels, stamps = frame.reshape(-1), scratch.stamps.reshape(-1)
     picked = np.empty(seeds.shape[0], np.int32)
     for i in range(_pick_hue(frame, seeds, color, picked)):
         v0, u0 = seeds[picked[i], 0], seeds[picked[i], 1]
@@ -194,14 +199,19 @@ def find_blobs(
             continue
         if float(b) + g + r < color.min_level or scratch.stamps[v0, u0] >= first_stamp:
             continue
+        stamp += 1
+        if _touches(pixels, stamps, frame.shape[1], first_stamp, stamp, color, u0, v0):
+            continue
         at_seed = int(math.sqrt((u0 - size.axis_u) ** 2 + (v0 - size.axis_v) ** 2) + 0.5)
         if at_seed >= size.along_px.shape[0] or not size.along_px[at_seed] > 0.0:
             continue
         largest = _MAX_AREA_RATIO * math.exp(2.0 * size.log_std[at_seed])
         largest *= math.pi * (size.along_px[at_seed] + 1.0) * (size.across_px[at_seed] + 1.0)
-        stamp += 1
-        alone, cut, area, signal = _flood(frame, scratch, first_stamp, stamp, color, u0, v0, largest)
-        if not alone or area < 3 or signal < color.min_signal * math.sqrt(area):
+        alone, area = _flood(pixels, stamps, scratch.queue, size_px, first_stamp, stamp, color, u0, v0, largest)
+        if not alone or area < 3:
+            continue
+        cut, signal = _add_up(pixels, scratch, size_px, area, color, u0, v0)
+        if signal < color.min_signal * math.sqrt(area):
             continue
         # its shadow, glare and compression shift the rim of a mixed blob: what is unmixed says where it is
         unmixed = scratch.sums[1, 0] >= _UNMIXED_RATIO * scratch.sums[0, 0]
@@ -263,7 +273,7 @@ def _pick_hue(frame: UInt8Array, seeds: Int32Array, color: BallColor, out: Int32
     return int(found)
 
 
-@compiled
+@compiled(inline="always")
 def has_hue(color: BallColor, blue: float, green: float, red: float) -> bool:
     """Whether a pixel has the ball's hue, however dark it is."""
     f, w = color.from_floor, color.from_white
@@ -273,7 +283,7 @@ def has_hue(color: BallColor, blue: float, green: float, red: float) -> bool:
     return _is_burnt_out(color, blue, green, red)
 
 
-@compiled
+@compiled(inline="always")
 def _is_burnt_out(color: BallColor, blue: float, green: float, red: float) -> bool:
     """Whether a pixel with a clipped channel may be a ball's: what is not clipped still has less of the weak one."""
     if blue < CLIPPED and green < CLIPPED and red < CLIPPED:
@@ -283,72 +293,121 @@ def _is_burnt_out(color: BallColor, blue: float, green: float, red: float) -> bo
     return bool(weak < color.clipped_ratio * middle)
 
 
-@compiled
+@compiled(inline="always")
+def _touches(
+    pixels: UInt8Array, stamps: Int32Array, width: int, no_hue: int, stamp: int, color: BallColor, u0: int, v0: int
+) -> bool:
+    """Whether the ball's colour goes on from a seed, straight up or straight left, to an earlier flood.
+
+    A thing that is too large has hundreds of seeds, and this tells of most in a few pixels that they are its rest.
+    """
+    for side in range(2):
+        most, step = (v0, width) if side == 0 else (u0, 1)
+        at = v0 * width + u0
+        for _ in range(most):
+            at -= step
+            place = np.uint64(at)
+            seen = stamps[place]
+            if seen == no_hue or seen == NEVER:
+                break
+            if seen > no_hue:
+                while at != v0 * width + u0:
+                    at += step
+                    stamps[np.uint64(at)] = stamp
+                return True
+            b, g, r = pixels[THREE * place], pixels[THREE * place + ONE], pixels[THREE * place + TWO]
+            if float(b) + g + r < color.min_level or not has_hue(color, float(b), float(g), float(r)):
+                stamps[place] = no_hue
+                break
+    return False
+
+
+@compiled(inline="always")
 def _flood(
-    frame: UInt8Array,
-    scratch: Scratch,
-    first_stamp: int,
+    pixels: UInt8Array,
+    stamps: Int32Array,
+    queue: Int32Array,
+    size_px: tuple[int, int],
+    no_hue: int,
     stamp: int,
     color: BallColor,
     u0: int,
     v0: int,
     largest: float,
-) -> tuple[bool, bool, int, float]:
+) -> tuple[bool, int]:
     """Flood over the ball's colour from a seed, but no farther than a ball there could reach.
+
+    Pixels beside it that are not the ball's carry the stamp `no_hue` then, so that none is looked at twice.
 
     Returns
     -------
     tuple
         Whether the blob is whole and alone (what touches an earlier flood is the rest of a thing that was too large),
-        and whether it reaches the picture's edge; its area and signal. The sums are in `scratch`.
+        and its area. Its pixels are in `scratch.queue`.
     """
-    stamps, stack = scratch.stamps, scratch.stack
-    height, width = frame.shape[0], frame.shape[1]
-    f0, f1, f2 = color.from_floor[0], color.from_floor[1], color.from_floor[2]
-    h0, h1, h2 = color.half_white[0], color.half_white[1], color.half_white[2]
-    sums = scratch.sums
-    sums[:] = 0.0
-    stack[0] = v0 * width + u0
-    stamps[v0, u0] = stamp
-    top, area, alone, cut = 1, 0, True, False
-    signal = 0.0
-    while top > 0 and alone:
-        top -= 1
-        v, u = stack[top] // width, stack[top] % width
-        b, g, r = frame[v, u, 0], frame[v, u, 1], frame[v, u, 2]
-        # a mixed pixel at the rim counts in part, a shaded or a burnt-out one inside as a whole
-        value = f0 * b + f1 * g + f2 * r
-        burnt_out = _is_burnt_out(color, float(b), float(g), float(r))
-        if value < color.sure and burnt_out:
-            value = color.sure
-        signal += value
-        weight = min(1.0, value / color.sure)
-        area += 1
-        cut = cut or u == 0 or v == 0 or u == width - 1 or v == height - 1
-        du, dv = float(u - u0), float(v - v0)
-        for row in range(2 if burnt_out or h0 * b + h1 * g + h2 * r > 0.0 else 1):
-            sums[row, 0] += weight
-            sums[row, 1] += weight * du
-            sums[row, 2] += weight * dv
-            sums[row, 3] += weight * du * du
-            sums[row, 4] += weight * du * dv
-            sums[row, 5] += weight * dv * dv
+    width, height = size_px
+    queue[0] = (v0 << ROW_BITS) + u0
+    stamps[v0 * width + u0] = stamp
+    head, area = 0, 1
+    while head < area:
+        u, v = queue[head] & COLUMN_MASK, queue[head] >> ROW_BITS
+        head += 1
         for side in range(4):
             nu = u + (1 if side == 0 else -1 if side == 1 else 0)
             nv = v + (1 if side == 2 else -1 if side == 3 else 0)
-            if nu < 0 or nv < 0 or nu >= width or nv >= height or stamps[nv, nu] == stamp:
+            if nu < 0 or nv < 0 or nu >= width or nv >= height:
                 continue
-            b, g, r = frame[nv, nu, 0], frame[nv, nu, 1], frame[nv, nu, 2]
-            if not has_hue(color, float(b), float(g), float(r)):
+            # unsigned: a signed index would be checked for being negative
+            at = np.uint64(nv * width + nu)
+            seen = stamps[at]
+            if seen == stamp or seen == no_hue or seen == NEVER:
                 continue
-            if float(b) + g + r < color.min_level or stamps[nv, nu] == NEVER:
+            b, g, r = pixels[THREE * at], pixels[THREE * at + ONE], pixels[THREE * at + TWO]
+            if float(b) + g + r < color.min_level or not has_hue(color, float(b), float(g), float(r)):
+                stamps[at] = no_hue
                 continue
-            alone = alone and stamps[nv, nu] < first_stamp
-            stamps[nv, nu] = stamp
-            stack[top] = nv * width + nu
-            top += 1
-        alone = alone and area <= largest
-    return alone, cut, area, signal
+            if seen > no_hue:
+                return False, area
+            stamps[at] = stamp
+            queue[area] = (nv << ROW_BITS) + nu
+            area += 1
+            if area > largest:
+                return False, area
+    return True, area
+
+
+@compiled
+def _add_up(
+    pixels: UInt8Array, scratch: Scratch, size_px: tuple[int, int], area: int, color: BallColor, u0: int, v0: int
+) -> tuple[bool, float]:
+    """Fill the sums of a blob's pixels; returns whether it reaches the picture's edge, and its signal."""
+    (width, height), queue = size_px, scratch.queue
+    f, h = color.from_floor, color.half_white
+    per_sure = 1.0 / color.sure
+    # written out: sums in arrays would be stored and loaded at each pixel
+    a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    p0, p1, p2, p3, p4, p5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    cut, signal = False, 0.0
+    for i in range(area):
+        u, v = queue[i] & COLUMN_MASK, queue[i] >> ROW_BITS
+        at = THREE * np.uint64(v * width + u)
+        b, g, r = float(pixels[at]), float(pixels[at + ONE]), float(pixels[at + TWO])
+        # a mixed pixel at the rim counts in part, a shaded or a burnt-out one inside as a whole
+        value = f[0] * b + f[1] * g + f[2] * r
+        burnt_out = _is_burnt_out(color, b, g, r)
+        if value < color.sure and burnt_out:
+            value = color.sure
+        signal += value
+        cut |= (u == 0) | (v == 0) | (u == width - 1) | (v == height - 1)
+        weight, du, dv = min(1.0, value * per_sure), float(u - u0), float(v - v0)
+        pure = weight if burnt_out or h[0] * b + h[1] * g + h[2] * r > 0.0 else 0.0
+        wu, wv, pu, pv = weight * du, weight * dv, pure * du, pure * dv
+        a0, a1, a2, a3, a4, a5 = a0 + weight, a1 + wu, a2 + wv, a3 + wu * du, a4 + wu * dv, a5 + wv * dv
+        p0, p1, p2, p3, p4, p5 = p0 + pure, p1 + pu, p2 + pv, p3 + pu * du, p4 + pu * dv, p5 + pv * dv
+    sums = scratch.sums
+    sums[0, 0], sums[0, 1], sums[0, 2], sums[0, 3], sums[0, 4], sums[0, 5] = a0, a1, a2, a3, a4, a5
+    sums[1, 0], sums[1, 1], sums[1, 2], sums[1, 3], sums[1, 4], sums[1, 5] = p0, p1, p2, p3, p4, p5
+    return cut, signal
 
 
 @compiled
