@@ -369,66 +369,82 @@ def _find_steps(
             is_steeper = slope > steepest[n]
             steepest[n] = slope if is_steeper else steepest[n]
             at[n] = i if is_steeper else at[n]
+    beside = np.empty((7, 3, count), np.int32)
     for n in range(count):
-        place = at[n]
-        contrast2 = _weigh_channels(profile, place, n, min_contrast * min_contrast, gain)
-        edge[n] = near[n] + place
-        base[n], rise[n] = 0.0, 0.0
-        if contrast2 < 0:
-            continue
-        edge[n] += _first_shift(profile, gain, place, n, contrast2)
-        middle = int(edge[n] - near[n] + 0.5)
-        before, behind = 0, 0
-        for i in range(-3, 4):
-            j = min(max(middle + i, 0), samples - 1)
-            value = _weighed(profile, gain, j, n)
-            if i < -1:
-                before += value
-            if i > 1:
-                behind += value
-            if -3 < i < 3:
-                signal[i + 2, n] = value
+        first_beside = at[n] - 3
+        for i in range(7):
+            for c in range(3):
+                beside[i, c, n] = profile[first_beside + i, c, n]
+    contrast2, middle = np.empty(count), np.empty(count, np.int32)
+    _weigh_channels(beside, min_contrast * min_contrast, gain, contrast2)
+    _shift_to_middle(beside, gain, contrast2, near, at, edge, middle)
+    weighed = np.empty((samples, count), np.int32)
+    for i in range(samples):
+        for n in range(count):
+            weighed[i, n] = gain[0, n] * profile[i, 0, n] + gain[1, n] * profile[i, 1, n] + gain[2, n] * profile[i, 2, n]
+    for n in range(count):
+        place, last_place = middle[n], samples - 1
+        before = weighed[max(place - 3, 0), n] + weighed[max(place - 2, 0), n]
+        behind = weighed[min(place + 2, last_place), n] + weighed[min(place + 3, last_place), n]
+        for i in range(-2, 3):
+            signal[i + 2, n] = weighed[min(max(place + i, 0), last_place), n]
         base[n] = 0.5 * before
         rise[n] = 0.5 * behind - base[n]
 
 
 @compiled
-def _weighed(profile: Int32Array, gain: Int32Array, i: int, n: int) -> int:
-    """Return a sample of a profile by the gains of its channels."""
-    return int(gain[0, n] * profile[i, 0, n] + gain[1, n] * profile[i, 1, n] + gain[2, n] * profile[i, 2, n])
+def _weigh_channels(beside: Int32Array, min_contrast2: float, gain: Int32Array, contrast2: FloatArray) -> None:
+    """Weigh channels by how they distinguish both sides of the steepest sample, the middle one of `beside` (7, 3, N).
 
-
-@compiled
-def _weigh_channels(profile: Int32Array, place: int, n: int, min_contrast2: float, gain: Int32Array) -> int:
-    """Weigh channels by how they distinguish both sides; returns the squared contrast, -1 where it is too small."""
-    contrast2, unsaturated2 = 0, 0
-    for c in range(3):
-        outer = profile[place + 3, c, n] + profile[place + 2, c, n]
+    Fills the gains (3, N), and the squared contrasts (N,): where that is too small, both with zeros.
+    """
+    full = SATURATED * 2 * ONE * ONE
+    for n in range(contrast2.shape[0]):
+        outer0 = beside[6, 0, n] + beside[5, 0, n]
+        outer1 = beside[6, 1, n] + beside[5, 1, n]
+        outer2 = beside[6, 2, n] + beside[5, 2, n]
         # a power of two: shifted, as a division of whole numbers takes ten times as long
-        step = (outer - profile[place - 3, c, n] - profile[place - 2, c, n]) >> TWO_SAMPLES_BITS
-        gain[c, n] = step
-        contrast2 += step * step
-        if outer < SATURATED * 2 * ONE * ONE:
-            unsaturated2 += step * step
-    if contrast2 <= min_contrast2:
-        for c in range(3):
-            gain[c, n] = 0
-        return -1
-    if 10 * unsaturated2 > contrast2 and unsaturated2 > min_contrast2:
-        contrast2 = unsaturated2
-        for c in range(3):
-            if profile[place + 3, c, n] + profile[place + 2, c, n] >= SATURATED * 2 * ONE * ONE:
-                gain[c, n] = 0
-    return int(contrast2)
+        step0 = (outer0 - beside[0, 0, n] - beside[1, 0, n]) >> TWO_SAMPLES_BITS
+        step1 = (outer1 - beside[0, 1, n] - beside[1, 1, n]) >> TWO_SAMPLES_BITS
+        step2 = (outer2 - beside[0, 2, n] - beside[1, 2, n]) >> TWO_SAMPLES_BITS
+        open0, open1, open2 = outer0 < full, outer1 < full, outer2 < full
+        square0, square1, square2 = step0 * step0, step1 * step1, step2 * step2
+        every = square0 + square1 + square2
+        unsaturated = (square0 if open0 else 0) + (square1 if open1 else 0) + (square2 if open2 else 0)
+        is_seen = every > min_contrast2
+        leaves_out = (10 * unsaturated > every) & (unsaturated > min_contrast2)
+        gain[0, n] = step0 if is_seen & (open0 | (not leaves_out)) else 0
+        gain[1, n] = step1 if is_seen & (open1 | (not leaves_out)) else 0
+        gain[2, n] = step2 if is_seen & (open2 | (not leaves_out)) else 0
+        contrast2[n] = (unsaturated if leaves_out else every) if is_seen else 0
 
 
-@compiled
-def _first_shift(profile: Int32Array, gain: Int32Array, place: int, n: int, contrast2: int) -> float:
-    """Return where the edge lies off the steepest sample, pixels: half-way between both sides, by the slope there."""
-    low, high = _weighed(profile, gain, place - 2, n), _weighed(profile, gain, place + 2, n)
-    slope = 0.5 * (_weighed(profile, gain, place + 1, n) - _weighed(profile, gain, place - 1, n))
-    rise = max(slope, 0.2 * contrast2 * ONE * ONE)
-    return float(max(-1.0, min(1.0, (0.5 * (low + high) - _weighed(profile, gain, place, n)) / rise)))
+@compiled(inline="always")
+def _weighed(beside: Int32Array, gain: Int32Array, i: int, n: int) -> int:
+    """Return a sample by the gains of its channels."""
+    return int(gain[0, n] * beside[i, 0, n] + gain[1, n] * beside[i, 1, n] + gain[2, n] * beside[i, 2, n])
+
+
+@compiled(error_model="numpy")
+def _shift_to_middle(
+    beside: Int32Array,
+    gain: Int32Array,
+    contrast2: FloatArray,
+    near: FloatArray,
+    at: Int32Array,
+    edge: FloatArray,
+    middle: Int32Array,
+) -> None:
+    """Fill the edges' radii (N,), half-way between both sides by the slope there, and the samples next to them (N,)."""
+    for n in range(edge.shape[0]):
+        low, here, high = (
+            _weighed(beside, gain, 1, n), _weighed(beside, gain, 3, n), _weighed(beside, gain, 5, n)
+        )  # fmt: skip
+        slope = 0.5 * (_weighed(beside, gain, 4, n) - _weighed(beside, gain, 2, n))
+        rise = max(slope, 0.2 * contrast2[n] * ONE * ONE)
+        off = max(-1.0, min(1.0, (0.5 * (low + high) - here) / rise))
+        edge[n] = near[n] + at[n] + (off if contrast2[n] > 0.0 else 0.0)
+        middle[n] = int(edge[n] - near[n] + 0.5)
 
 
 @compiled(error_model="numpy")
