@@ -36,7 +36,9 @@ def plain_frame(frame: UInt8Array) -> UInt8Array:
 
 
 def read_only(array: npt.ArrayLike) -> FloatArray:
-    """Return a float64 copy that nobody can write to, as every value type here holds."""
+    """Return a float64 copy that nobody can write to, as every value type here holds; such a one itself."""
+    if type(array) is np.ndarray and array.base is None and array.dtype == np.float64 and not array.flags.writeable:
+        return array
     copy = np.array(array, dtype=np.float64)
-    copy.flags.writeable = False
+    copy.setflags(write=False)
     return copy

@@ -83,9 +83,8 @@ class View:
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        own = (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m)
-        for array in own:
-            array.flags.writeable = False
+        for array in (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m):
+            array.setflags(write=False)
 
     @property
     def ball(self) -> Ball | None:

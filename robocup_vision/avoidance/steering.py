@@ -278,10 +278,10 @@ class Steering:
         if outcome == 2 and self._may_brake and not moving:
             outcome, index, speed = 1, -1, 0.0
         self._may_brake = outcome < 2 and (self._may_brake or outcome == 0)
-        time_to_contact.flags.writeable = False
+        time_to_contact.setflags(write=False)
         direction, unit_x, unit_y = self._moves[index]
         command = np.array((speed * unit_x, speed * unit_y))
-        command.flags.writeable = False
+        command.setflags(write=False)
         if outcome > 0:
             reason = _REASONS[outcome - 1]
         elif abs(math.remainder(direction - target_bearing_rad, math.tau)) <= self._near_target_rad:
@@ -312,7 +312,7 @@ def _number(name: str, value: object) -> float:
 
 def _pair(name: str, value: Sequence[float] | FloatArray) -> tuple[float, float]:
     try:
-        x, y = (float(v) for v in value)
+        x, y = map(float, value)
     except (TypeError, ValueError):
         raise ArgumentError(f"{name} must be two numbers, got {value!r}") from None
     if not (math.isfinite(x) and math.isfinite(y)):

@@ -187,7 +187,7 @@ class WallLocalizer:
         answer = _refined(points, self._walls, prior, camera)
         if isinstance(answer.pose, NotLocated):
             reason = f"the floor's edge, by lines where the walls stand: {answer.pose.reason}"
-            return replace(answer, pose=NotLocated(reason))
+            return answer._replace(pose=NotLocated(reason))
         return answer
 
 

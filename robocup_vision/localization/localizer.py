@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
@@ -17,9 +16,8 @@ from robocup_vision.perception.polar_view import PolarView
 Camera = OmniCamera | PinholeCamera
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FrameEvidence:
-    """Evidence of one frame for a localiser.
+class FrameEvidence(NamedTuple):
+    """Evidence of one frame for a localiser; a tuple, as one is made in each frame.
 
     Parameters
     ----------
@@ -51,9 +49,8 @@ class FrameEvidence:
     t_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Localization:
-    """A localiser's answer.
+class Localization(NamedTuple):
+    """A localiser's answer; a tuple, as one is made in each frame.
 
     Parameters
     ----------

@@ -166,9 +166,8 @@ class FreeSpaceGrid:
 
     def measure(self, passable: UInt8Array) -> FreeSpace:
         """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""
-        rings = np.empty(self.directions, dtype=np.int32)
-        free_floor.free_rings(passable, self.cell, self._needed, self._seen, rings)
-        range_m = self.ring_bounds_m[rings]
+        rings, range_m = np.empty(self.directions, dtype=np.int32), np.empty(self.directions)
+        free_floor.free_rings(passable, self.cell, self._needed, self._seen, self.ring_bounds_m, rings, range_m)
         if not self.view.is_ring:
             free_floor.to_first_blocked(passable, self.cell, self._near_m, rings, range_m)
             # what stands in the nearest floor in view may stand anywhere nearer

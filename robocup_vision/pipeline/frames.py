@@ -145,7 +145,7 @@ class FramePipeline:
 
     def _on_floor(self, balls: tuple[Ball, ...], pose: Pose2 | None) -> tuple[Ball, ...]:
         """Return those of the balls that a known pose puts on the floor, where walls or boards bound it."""
-        if pose is None or not self.field.is_bounded:
+        if not balls or pose is None or not self.field.is_bounded:
             return balls
         return tuple(ball for ball in balls if self._is_on_floor(ball, pose))
 

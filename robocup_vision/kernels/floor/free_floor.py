@@ -341,7 +341,13 @@ def _is_brighter(sample: UInt8Array, floor: UInt8Array) -> bool:
 
 @compiled
 def free_rings(
-    passable_mask: UInt8Array, cell: Int32Array, needed: Int32Array, seen: Int64Array, free: Int32Array
+    passable_mask: UInt8Array,
+    cell: Int32Array,
+    needed: Int32Array,
+    seen: Int64Array,
+    bounds_m: FloatArray,
+    free: Int32Array,
+    range_m: FloatArray,
 ) -> None:
     """Count the passable samples of each cell, and the rings of each direction before its first blocked cell.
 
@@ -354,8 +360,10 @@ def free_rings(
         Passable samples that make a cell free.
     seen : (J,) int64
         Rings of each direction up to the last one that any sample sees.
-    free : (J,) int32
-        Filled with the number of free rings.
+    bounds_m : (I + 1,) float64
+        Ranges between which the rings lie.
+    free, range_m : (J,) int32, (J,) float64
+        Filled with the number of free rings, and the range at which they end.
     """
     rows, columns = cell.shape
     rings, directions = needed.shape
@@ -368,7 +376,7 @@ def free_rings(
         ring = 0
         while ring < seen[j] and count[ring * directions + j] >= needed[ring, j]:
             ring += 1
-        free[j] = ring
+        free[j], range_m[j] = ring, bounds_m[ring]
 
 
 @compiled

@@ -381,7 +381,9 @@ def _find_steps(
     weighed = np.empty((samples, count), np.int32)
     for i in range(samples):
         for n in range(count):
-            weighed[i, n] = gain[0, n] * profile[i, 0, n] + gain[1, n] * profile[i, 1, n] + gain[2, n] * profile[i, 2, n]
+            weighed[i, n] = (
+                gain[0, n] * profile[i, 0, n] + gain[1, n] * profile[i, 1, n] + gain[2, n] * profile[i, 2, n]
+            )
     for n in range(count):
         place, last_place = middle[n], samples - 1
         before = weighed[max(place - 3, 0), n] + weighed[max(place - 2, 0), n]

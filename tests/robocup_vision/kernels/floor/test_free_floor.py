@@ -30,12 +30,13 @@ def test_free_rings_are_counted_as_numpy_counts_them(seed):
     cell = rng.integers(-1, 12, (30, 20), dtype=np.int32)
     needed = rng.integers(0, 50, (4, 3), dtype=np.int32)
     seen = rng.integers(0, 5, 3)
-    free = np.full(3, 99, dtype=np.int32)
-    free_rings(mask, cell, needed, seen, free)
+    bounds_m, free, range_m = np.cumsum(rng.random(5)), np.full(3, 99, dtype=np.int32), np.empty(3)
+    free_rings(mask, cell, needed, seen, bounds_m, free, range_m)
     count = np.bincount(cell[(mask > 0) & (cell >= 0)], minlength=12).reshape(4, 3)
     ring = np.arange(4)[:, None]
     expected = np.cumprod((count >= needed) & (ring < seen), axis=0).sum(axis=0)
     np.testing.assert_array_equal(free, expected)
+    np.testing.assert_array_equal(range_m, bounds_m[expected])
 
 
 def test_the_nearest_columns_are_summed():
