@@ -146,6 +146,11 @@ class ColorMemory:
         self._hidden_frames = self._lost_frames = self._frames = 0
 
     @property
+    def table(self) -> ColorTable | None:
+        """The colours in use as a table, None before the first frame."""
+        return self._table
+
+    @property
     def colors(self) -> Colors | None:
         """The colours in use, None before the first frame."""
         return None if self._table is None else self._table.colors
@@ -173,14 +178,28 @@ class ColorMemory:
             if colors is not None:
                 self._adopt(build_color_table(colors), samples, view, llr)
             return self._table, llr
-        ring = _look_up(samples, view, self._table, llr)
+        return self.follow(samples, view, llr, _look_up(samples, view, self._table, llr)), llr
+
+    def follow(self, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array, ring: float) -> ColorTable:
+        """Learn colours anew where the light has changed; returns the table that is then in use.
+
+        Parameters
+        ----------
+        samples, view
+            As those of `classify`.
+        llr : (K, M) int8
+            The samples looked up in the table in use; filled anew where the table changes.
+        ring : float
+            Mean of the nearest `RING_COLUMNS` columns.
+        """
+        assert self._table is not None
         if self._fixed is not None:
-            return self._table, llr
+            return self._table
         is_hidden = ring < self._settings.drift_ratio * self._learnt_ring
         self._frames += 1
         if not is_hidden and self._frames % self._settings.look_every:
             self._hidden_frames = self._lost_frames = 0
-            return self._table, llr
+            return self._table
         light = self._light(samples, llr)
         is_readable = light.ratio > 0 and light.ratio >= self._settings.min_sure_ratio * self._learnt_light.ratio
         has_moved = is_readable and self._has_moved(light)
@@ -192,7 +211,7 @@ class ColorMemory:
             self._follow(samples, view, llr, light, ring)
         elif is_hidden and not is_readable and lost % self._settings.retry_frames == 0:
             self._learn_again(samples, view, llr, lost)
-        return self._table, llr
+        return self._table
 
     def _has_moved(self, light: _LightOnFloor) -> bool:
         before = self._learnt_light

@@ -148,7 +148,7 @@ class PolarView:
         return valid
 
     @cached_property
-    def _places(self) -> Int32Array:
+    def places(self) -> Int32Array:
         """(K, M) int32: each sample's nearest pixel, as an index into the frame's bytes.
 
         What lies beyond the frame is as its edge is: the average must not darken the samples along it.
@@ -168,6 +168,6 @@ class PolarView:
 
         The average is over different pixels almost everywhere, which takes more noise away than interpolation would.
         """
-        samples = np.empty((*self._places.shape, 3), dtype=np.uint8)
-        unroll(plain_frame(frame), self._places, samples)
+        samples = np.empty((*self.places.shape, 3), dtype=np.uint8)
+        unroll(plain_frame(frame), self.places, samples)
         return samples

@@ -21,6 +21,7 @@ from robocup_vision.localization.methods import make_mirror_localizer
 from robocup_vision.localization.swapped_channels import SwappedChannelsSettings
 from robocup_vision.perception.balls.mirror import MirrorBallFinder
 from robocup_vision.perception.color_table import LLR_PER_UNIT, ColorTable
+from robocup_vision.perception.floor_color import RING_COLUMNS
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
@@ -46,6 +47,9 @@ class OmniPipeline(FramePipeline):
         self._outline_rules = self._make_rules()
         self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
         self._ball_finder = MirrorBallFinder(field, camera, mask)
+        # of the frame that is looked at
+        self._samples = np.empty((*self.polar.places.shape, 3), dtype=np.uint8)
+        self._llr = np.empty(self.polar.places.shape, dtype=np.int8)
         self._nothing = read_only(np.full(bearings, np.nan))
 
     def _make_rules(self) -> outline.OutlineRules:
@@ -94,12 +98,18 @@ class OmniPipeline(FramePipeline):
         frame = self._checked(frame)
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
-        samples = self.polar.sample(frame)
-        table, llr = self._color_memory.classify(samples, self.polar)
+        before = table = self._color_memory.table
+        if before is None:
+            table, _ = self._color_memory.classify(self.polar.sample(frame), self.polar)
         if table is None:
             return self._blind(begin, t_s, "no floor is found around the robot: too dark, or none in view")
-        colored = perf_counter()
-        edge, outermost, marks, near = self._outline(frame, samples, llr, table)
+        known = perf_counter()
+        edge, outermost, marks, near, ring = self._read_floor(frame, table)
+        read = perf_counter()
+        if before is not None:
+            table = self._color_memory.follow(self._samples, self.polar, self._llr, ring)
+            if table is not before:
+                edge, outermost, marks, near, _ = self._read_floor(frame, table)
         outlined = perf_counter()
         evidence = FrameEvidence(frame, self.camera, table, self.polar, edge, outermost, marks, t_s)
         answer = self._localizer.locate(evidence, prior)
@@ -123,8 +133,8 @@ class OmniPipeline(FramePipeline):
         self._keep_floor(free_space, t_s)
         end = perf_counter()
         timings = {
-            "colors": colored - begin,
-            "outline": outlined - colored,
+            "colors": known - begin + outlined - read,
+            "outline": read - known,
             "pose": located - outlined,
             "ball": balled - located,
             "free_space": measured - balled,
@@ -154,19 +164,32 @@ class OmniPipeline(FramePipeline):
         tells = self.field.halves_differ and table.colors.swap_distance >= SwappedChannelsSettings().min_distance
         return -most if tells and pose and len(pose.candidates) == 1 else 0.0
 
-    def _outline(
-        self, frame: UInt8Array, samples: UInt8Array, llr: npt.NDArray[np.int8], table: ColorTable
-    ) -> tuple[FloatArray, npt.NDArray[np.int64], UInt8Array, float]:
+    def _read_floor(
+        self, frame: UInt8Array, table: ColorTable
+    ) -> tuple[FloatArray, npt.NDArray[np.int64], UInt8Array, float, float]:
         """Return each bearing's edge of the floor (pixels) and outermost column of floor, and what samples show.
 
-        Last, the mean log-likelihood ratio of the floor in the nearest third of the columns.
+        Last, the mean log-likelihood ratios of the floor, in nats in the nearest third of the columns, and as
+        `ColorMemory.follow` takes it. Fills the samples and their ratios.
         """
-        bearings = self.polar.bearings
+        view, bearings = self.polar, self.polar.bearings
         outermost, edge = np.empty(bearings, dtype=np.int64), np.empty(bearings)
-        marks = np.empty(llr.shape, dtype=np.uint8)
-        min_contrast = self.edge_settings.min_contrast * table.colors.floor.noise
-        total = outline.outline_floor(frame, samples, llr, self._outline_rules, min_contrast, outermost, edge, marks)
-        return edge, outermost, marks, total * LLR_PER_UNIT / self.polar.near_count
+        marks = np.empty(self._llr.shape, dtype=np.uint8)
+        ring, total = outline.read_floor(
+            frame,
+            view.places,
+            table.packing,
+            table.floor_llr,
+            RING_COLUMNS,
+            self._outline_rules,
+            self.edge_settings.min_contrast * table.colors.floor.noise,
+            self._samples,
+            self._llr,
+            outermost,
+            edge,
+            marks,
+        )
+        return edge, outermost, marks, total * LLR_PER_UNIT / view.near_count, ring
 
     def drop(self, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
         """Return the view of a frame that the camera did not give; see `Vision.look`."""

@@ -1,6 +1,6 @@
-"""Compiled joining of the steps from a frame's floor samples to the floor's outline and marks.
+"""Compiled joining of the steps from a frame to the floor's outline and marks.
 
-One call for three steps: between calls the arguments are unpacked, and Python's lock is handed on, which costs as much
+One call for five steps: between calls the arguments are unpacked, and Python's lock is handed on, which costs as much
 as a step, and more where another thread waits for it.
 """
 
@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array
+from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array, UInt16Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.floor.free_floor import passable
-from robocup_vision.kernels.floor.polar import EdgeSearch, Rays, outer_boundary, radial_edges
+from robocup_vision.kernels.floor.polar import EdgeSearch, Rays, classify, outer_boundary, radial_edges
+from robocup_vision.kernels.floor.unrolled import unroll
 
 
 class OutlineRules(NamedTuple):
@@ -53,6 +54,47 @@ class OutlineRules(NamedTuple):
 
 
 @compiled
+def read_floor(
+    frame: UInt8Array,
+    places: Int32Array,
+    packing: UInt16Array,
+    floor_llr: Int8Array,
+    ring_columns: int,
+    rules: OutlineRules,
+    min_contrast: float,
+    samples: UInt8Array,
+    llr: Int8Array,
+    outermost: Int64Array,
+    edge_px: FloatArray,
+    marks: UInt8Array,
+) -> tuple[float, int]:
+    """Unroll a frame, look its samples up in a colour table, and go on as `outline_floor`.
+
+    Parameters
+    ----------
+    frame, places
+        As `unroll` takes them.
+    packing, floor_llr, ring_columns
+        As `classify` takes them.
+    rules, min_contrast
+        As `outline_floor` takes them.
+    samples, llr : (K, M, 3) uint8, (K, M) int8
+        Filled by `unroll` and `classify`.
+    outermost, edge_px, marks
+        Filled by `outline_floor`.
+
+    Returns
+    -------
+    (float, int)
+        What `classify` and `outline_floor` return.
+    """
+    rules = OutlineRules(*rules)
+    unroll(frame, places, samples)
+    ring = classify(samples, packing, floor_llr, rules.valid, ring_columns, llr)
+    return ring, outline_floor(frame, samples, llr, rules, min_contrast, outermost, edge_px, marks)
+
+
+@compiled
 def outline_floor(
     frame: UInt8Array,
     samples: UInt8Array,
@@ -74,7 +116,7 @@ def outline_floor(
     llr : (K, M) int8
         The samples' floor likelihood ratios.
     rules : OutlineRules
-        Of the camera; may be plain.
+        Of the camera.
     min_contrast : float
         Smallest colour difference (counts) that is an edge.
     outermost, edge_px, marks : (K,) int64, (K,) float64, (K, M) uint8
@@ -85,7 +127,6 @@ def outline_floor(
     int
         Sum of the likelihood ratios in the nearest third of the columns.
     """
-    rules = OutlineRules(*rules)
     outer_boundary(llr, rules.valid, rules.certain, rules.gap, rules.min_strip, outermost)
     start_px = np.full(outermost.shape[0], np.nan)
     for k in range(outermost.shape[0]):

@@ -60,7 +60,10 @@ def classify(
     for k in range(rows):
         for m in range(columns):
             index = packing[0, samples[k, m, 0]] + packing[1, samples[k, m, 1]] + packing[2, samples[k, m, 2]]
-            out[k, m] = floor_llr[index] if valid[k, m] else np.int8(0)
+            out[k, m] = floor_llr[index]
+        # not asked between the look-ups, of which each waits for memory
+        for m in range(columns):
+            out[k, m] = out[k, m] if valid[k, m] else np.int8(0)
         for m in range(ring_columns):
             ring += out[k, m]
             count += valid[k, m]
