@@ -9,7 +9,8 @@ a robot parked at the camera does not.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -88,8 +89,7 @@ class ColorMemorySettings:
     floor: FloorColorSettings = FloorColorSettings()
 
 
-@dataclass(frozen=True, eq=False)
-class _LightOnFloor:
+class _LightOnFloor(NamedTuple):
     """How the surest floor of a frame looks: its ratio of the samples, how bright, and its hue.
 
     Parameters
@@ -217,7 +217,8 @@ class ColorMemory:
         before = self._learnt_light
         return (
             abs(light.level - before.level) > self._settings.max_level
-            or max(abs(now - then) for now, then in zip(light.cast, before.cast, strict=True)) > self._settings.max_cast
+            or abs(light.cast[0] - before.cast[0]) > self._settings.max_cast
+            or abs(light.cast[1] - before.cast[1]) > self._settings.max_cast
         )
 
     def _follow(
@@ -274,7 +275,7 @@ class ColorMemory:
         # learnt with a robot at the camera, the floor is nearer and larger than it seems
         self._learnt_ring = max(_look_up(samples, view, table, llr), self._settings.drift_ratio * self._learnt_ring)
         light = self._light(samples, llr)
-        self._learnt_light = replace(light, ratio=max(light.ratio, self._learnt_light.ratio / 2))
+        self._learnt_light = light._replace(ratio=max(light.ratio, self._learnt_light.ratio / 2))
 
     def _light(self, samples: UInt8Array, llr: Int8Array) -> _LightOnFloor:
         settings = self._settings

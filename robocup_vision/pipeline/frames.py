@@ -154,8 +154,8 @@ class FramePipeline:
         return float(free_floor.sum_near(llr, llr.shape[1] // 3)) * LLR_PER_UNIT / view.near_count
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
-        on_field = pose.compose(Pose2(ball.x_m, ball.y_m, 0.0))
-        return self.field.is_on_floor(on_field.x_m, on_field.y_m)
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        return self.field.is_on_floor(pose.x_m + c * ball.x_m - s * ball.y_m, pose.y_m + s * ball.x_m + c * ball.y_m)
 
     def _last_floor(self, llr: npt.NDArray[np.int8], view: PolarView | FloorView) -> npt.NDArray[np.int64]:
         """(K,) int64: each bearing's outermost column of floor, -1 where none."""

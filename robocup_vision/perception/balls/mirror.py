@@ -76,10 +76,10 @@ class MirrorBallFinder(BallSearch):
         known = self._known_height_m
         return self.settings.usual_height_radii * self.radius_m if known is None else known
 
-    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray:
+    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray | None:
         """See `BallSearch._place_covariance`: what the height of a mirror leaves open that is not known."""
         if self._known_height_m is not None:
-            return np.zeros((2, 2))
+            return None
         # the ray falls by a radius less than to the floor: the nearer, the lower the mirror
         range_std = self.settings.usual_height_std / (self.settings.usual_height_radii - 1.0)
         return np.asarray(range_std**2 * np.outer((x_m, y_m), (x_m, y_m)))

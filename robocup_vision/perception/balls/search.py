@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.loops import plain
@@ -252,10 +252,12 @@ class BallSearch(ABC):
 
     def _half_px(self, u: float, v: float) -> float:
         """Half of the larger extent of a ball with its centre there; in plain floats, as it is asked in each frame."""
-        axis_u, axis_v = self._axis_px
-        along_px, across_px = self._sizes_px
-        index = min(round(math.hypot(u - axis_u, v - axis_v)), len(along_px) - 1)
-        return max(float(along_px[index]), float(across_px[index]))
+        (axis_u, axis_v), larger_px = self._axis_px, self._larger_px
+        return larger_px[min(round(math.hypot(u - axis_u, v - axis_v)), len(larger_px) - 1)]
+
+    @cached_property
+    def _larger_px(self) -> list[float]:
+        return [max(along, across) for along, across in zip(*(px.tolist() for px in self._sizes_px), strict=True)]
 
     def _is_cut(self, u: float, v: float) -> bool:
         """Whether a ball with its centre there may reach beyond the picture."""
@@ -319,13 +321,25 @@ class BallSearch(ABC):
         x, y = self._on_plane(u, v)
         (x_right, y_right), (x_left, y_left) = self._on_plane(u + 0.5, v), self._on_plane(u - 0.5, v)
         (x_down, y_down), (x_up, y_up) = self._on_plane(u, v + 0.5), self._on_plane(u, v - 0.5)
-        jacobian = np.array([[x_right - x_left, x_down - x_up], [y_right - y_left, y_down - y_up]])
-        covariance = (self.settings.center_std_px / visible_ratio) ** 2 * jacobian @ jacobian.T
-        return Ball(x, y, read_only(covariance + self._place_covariance(x, y)), u, v, ratio)
+        # in plain floats: products of arrays as small as these take longer than all the rest
+        std = self.settings.center_std_px / visible_ratio
+        x_u, x_v, y_u, y_v = (
+            std * (x_right - x_left),
+            std * (x_down - x_up),
+            std * (y_right - y_left),
+            std * (y_down - y_up),
+        )
+        xy = x_u * y_u + x_v * y_v
+        covariance = np.array(((x_u * x_u + x_v * x_v, xy), (xy, y_u * y_u + y_v * y_v)))
+        of_camera = self._place_covariance(x, y)
+        if of_camera is not None:
+            covariance += of_camera
+        covariance.setflags(write=False)
+        return Ball(x, y, covariance, u, v, ratio)
 
     @abstractmethod
-    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray:
-        """Return what the camera's own errors add to the covariance (2, 2) of a ball's place, robot frame."""
+    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray | None:
+        """Return what the camera's own errors add to the covariance (2, 2) of a ball's place, robot frame, if any."""
 
     @abstractmethod
     def _on_plane(self, u: float, v: float) -> tuple[float, float]:
