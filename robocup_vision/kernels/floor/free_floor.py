@@ -118,12 +118,18 @@ def _clear_blur(
     """
     rows = len(floor)
     for k in range(rows):
-        here, right, right2 = floor[k], floor[(k - 1) % rows], floor[(k - 2) % rows]
-        left, left2 = floor[(k + 1) % rows], floor[(k + 2) % rows]
+        # a negative index counts from the end: the remainder of a division takes longer than all else in a row
+        here, right, right2, left, left2 = (
+            floor[k],
+            floor[k - 1],
+            floor[k - 2],
+            floor[k + 1 - rows],
+            floor[k + 2 - rows],
+        )
         # floor beside it may reach farther than its own
         end = 0
         for step in range(-2, 3):
-            reach = outermost[(k + step) % rows]
+            reach = outermost[k + step - rows if step > 0 else k + step]
             end = max(end, reach + 2 if reach >= 0 else columns_in_use - 2)
         end = min(end, columns_in_use - 2)
         for word in range(1, len(here) - 1):
@@ -167,7 +173,7 @@ def _clear_single(shown: UInt64Array, columns_in_use: int, free: UInt64Array, ou
     """Make floor of single blocked samples among floor: they are noise, for what stands there would hide more."""
     rows = len(free)
     for k in range(rows):
-        here, above, below = free[k], free[(k - 1) % rows], free[(k + 1) % rows]
+        here, above, below = free[k], free[k - 1], free[k + 1 - rows]
         for word in range(1, len(here) - 1):
             beside = _outward(here, word, ONE) & _inward(here, word, ONE) & above[word] & below[word]
             single = ~here[word] & shown[k, word] & beside & _columns(word, 1, columns_in_use - 1)
@@ -235,11 +241,12 @@ def _mark_lines_across(
     """
     rows = len(free)
     visited = free.copy()
+    k = 0
     # once round and a little further, so that a line across row 0 of a ring is closed, too, and that the first rows are
     # told by floor that the others show, where none lies before them
     for step in range(1, rows + line_rows[0] + 1):
         begin = 0 if is_ring or step < rows else rows
-        k, before = step % rows, (step - 1) % rows
+        before, k = k, k + 1 if k + 1 < rows else 0
         for word in range(1, free.shape[1] - 1):
             ends = free[k, word] & ~free[before, word]
             while ends != NO_BITS:
