@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import wall_search
 from robocup_vision.kernels.floor import walls as kernels
@@ -120,12 +120,24 @@ class OutlineSearch:
 
     def _slides(self, pose: Vector) -> FloatArray:
         """Return poses (N, 3) along and across the field from a pose x, y, theta, of its heading."""
-        floor = self.model.field.floor_polygon
-        low, high = floor.min(axis=0), floor.max(axis=0)
-        along, across = np.linspace(low[0], high[0], 15)[1:-1], np.linspace(low[1], high[1], 9)[1:-1]
-        poses = np.tile(pose, (len(along) + len(across), 1))
+        along, across = self._ways
+        poses = np.empty((len(along) + len(across), 3))
+        poses[:] = pose
         poses[: len(along), 0], poses[len(along) :, 1] = along, across
         return poses
+
+    @cached_property
+    def _ways(self) -> tuple[FloatArray, FloatArray]:
+        """Places along, and across the field."""
+        floor = self.model.field.floor_polygon
+        low, high = floor.min(axis=0), floor.max(axis=0)
+        return np.linspace(low[0], high[0], 15)[1:-1], np.linspace(low[1], high[1], 9)[1:-1]
+
+    @cached_property
+    def _bank_rows(self) -> Int64Array:
+        """(B,) int64: which of the outline's bearings are nearest to those of the bank."""
+        count, rows = self.settings.bank_bearings, len(self.model.view.bearing_rad)
+        return np.asarray(np.rint(np.arange(count) * (rows / count)).astype(np.int64) % rows)
 
     @cached_property
     def _bank(self) -> tuple[FloatArray, Float32Array]:
@@ -155,8 +167,7 @@ class OutlineSearch:
         """Poses (N, 3) whose expected outline is most like the measured one, over the whole field and all headings."""
         (places, profiles), settings = self._bank, self.settings
         count = settings.bank_bearings
-        nearest = np.rint(np.arange(count) * (len(radius_px) / count)).astype(int) % len(radius_px)
-        radius = radius_px[nearest]
+        radius = radius_px[self._bank_rows]
         known = np.isfinite(radius)
         weight = (known / max(np.count_nonzero(known), 1)).astype(np.float32)
         cost = np.empty((len(places), count), dtype=np.float32)
