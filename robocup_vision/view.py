@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
 
@@ -25,6 +26,33 @@ from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 _BLOCKED_RUN = 2
 # a blocked sample within this many columns of the wall that the pose predicts is that wall
 _WALL_COLUMNS = 3.0
+
+Value = TypeVar("Value")
+
+
+class WhenAsked(Generic[Value]):
+    """Stands in the place of a dataclass field's default, None: the field takes a value, or what works it out.
+
+    Most robots never ask for some of what a view could say. What is handed over must not depend on what changes later.
+    """
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    @overload
+    def __get__(self, owner: None, kind: type) -> Value | None: ...
+    @overload
+    def __get__(self, owner: object, kind: type) -> Value | None: ...
+    def __get__(self, owner: object | None, kind: type) -> Value | None:
+        if owner is None:
+            return None
+        value: Any = vars(owner)[self._name]
+        if callable(value):
+            value = vars(owner)[self._name] = value()
+        return value  # type: ignore[no-any-return]
+
+    def __set__(self, owner: object, value: Value | Callable[[], Value | None] | None) -> None:
+        vars(owner)[self._name] = value
 
 
 @dataclass(frozen=True)
@@ -78,7 +106,7 @@ class View:
     grid: FreeSpaceGrid | None
     t_s: float | None = None
     belief: Belief | None = None
-    measurement: PoseEstimate | None = None
+    measurement: WhenAsked[PoseEstimate] = WhenAsked()
     edge_points: EdgePoints | None = None
     warnings: tuple[str, ...] = ()
 
@@ -101,16 +129,16 @@ class View:
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
+        polar, marks = self.polar, self.marks
         # the largest is found several at a time, unlike any
-        if self.polar is None or not (self.marks.size and self.marks.max()):
+        if polar is None or not (marks.size and marks.max()):
             return ()
-        blocked = np.empty(self.polar.bearings, dtype=np.int64)
-        columns = self.polar.columns_in_use
-        free_floor.first_blocked(self.marks, self.polar.valid, BODY_COLUMNS, columns, _BLOCKED_RUN, blocked)
-        radius_px, margin_px = self.polar.radius_px, _WALL_COLUMNS * self.polar.step_px
-        places, free = self.polar.floor_at(np.minimum(blocked, len(radius_px) - 1)), np.empty(len(blocked), dtype=bool)
-        stands_free(blocked, radius_px, self.wall_radius_px, margin_px, places, free)
-        return join_places(places, free, gap_m=0.05, step_rad=self.polar.row_step_rad)
+        bearings, radius_px = polar.bearings, polar.radius_px
+        blocked, free = np.empty(bearings, dtype=np.int64), np.empty(bearings, dtype=bool)
+        free_floor.first_blocked(marks, polar.valid, BODY_COLUMNS, polar.columns_in_use, _BLOCKED_RUN, blocked)
+        places = polar.floor_at(blocked)
+        stands_free(blocked, radius_px, self.wall_radius_px, _WALL_COLUMNS * polar.step_px, places, free)
+        return join_places(places, free, gap_m=0.05, step_rad=polar.row_step_rad)
 
     @cached_property
     def boundary_px(self) -> FloatArray:

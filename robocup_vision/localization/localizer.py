@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
@@ -60,9 +62,9 @@ class Localization(NamedTuple):
         The camera as this frame shows it to be mounted on the robot: tilt and roll refined where they were fitted.
     wall_px : (K,) float64 or None
         Where the pose puts the walls, as `edge_px`; None where the localiser does not give it.
-    measurement : PoseEstimate or None
-        Estimate by the frame without the prior, where `pose` includes the prior as a factor. The filter uses this one,
-        so that the prior does not count twice. None where `pose` does not include the prior.
+    measurement : callable or None
+        Returns, now or later, the estimate by the frame without the prior, where `pose` includes the prior as a factor.
+        The filter uses this one, so that the prior does not count twice. None where `pose` does not include the prior.
     edge_points : EdgePoints or None
         Where edges of the field were predicted and what the frame shows there; None: the localiser predicts none.
     sway_std_rad : (float, float) or None
@@ -72,7 +74,7 @@ class Localization(NamedTuple):
     pose: PoseEstimate | NotLocated
     camera: Camera
     wall_px: FloatArray | None = None
-    measurement: PoseEstimate | None = None
+    measurement: Callable[[], PoseEstimate] | None = None
     edge_points: EdgePoints | None = None
     sway_std_rad: tuple[float, float] | None = None
 

@@ -277,7 +277,7 @@ class FloorView:
         Parameters
         ----------
         columns : (K,) int64
-            The sample of each bearing.
+            The sample of each bearing; M where none, which has no place.
         """
         floor = np.empty((self.bearings, 2))
         first, step = self._rows_rad

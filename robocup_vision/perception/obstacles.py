@@ -54,8 +54,5 @@ def join_places(
         That spacing.
     """
     found = np.empty((len(seen), 5))
-    found = found[: join_bearings(places_m, seen, gap_m, step_rad, found)]
-    x_m, y_m = found[:, 0], found[:, 1]
-    np.arctan2(y_m, x_m, out=found[:, 3])
-    np.hypot(x_m, y_m, out=found[:, 4])
-    return tuple(map(_made, found.tolist()))
+    count = join_bearings(places_m, seen, gap_m, step_rad, found)
+    return tuple(map(_made, found[:count].tolist()))

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array, plain_frame, read_only
+from robocup_vision.arrays import FloatArray, Int32Array, Int64Array, UInt8Array, plain_frame, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.floor.unrolled import unroll
 
@@ -120,9 +120,13 @@ class PolarView:
         Parameters
         ----------
         columns : (K,) int64
-            The sample of each bearing.
+            The sample of each bearing; M where none, which has any place.
         """
-        return np.asarray(self.floor_m[np.arange(len(columns)), columns])
+        return np.asarray(self.floor_m[self._every_bearing, np.minimum(columns, len(self.radius_px) - 1)])
+
+    @cached_property
+    def _every_bearing(self) -> Int64Array:
+        return np.arange(self.bearings)
 
     @cached_property
     def hidden_px(self) -> UInt8Array:

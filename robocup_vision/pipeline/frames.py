@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -62,6 +64,17 @@ class _CarriedFloor:
     free_space: FreeSpace
     frame_s: float | None
     dropped: int
+
+
+def _with_both_halves(pose: PoseEstimate) -> PoseEstimate:
+    """Return a pose with the half turn of its only candidate as another one."""
+    if len(pose.candidates) > 1:
+        return pose
+    return replace(pose, candidates=(pose.pose, pose.pose.half_turn()))
+
+
+def _measured_with_both_halves(measurement: Callable[[], PoseEstimate]) -> PoseEstimate:
+    return _with_both_halves(measurement())
 
 
 def to_bgr(frame: UInt8Array, channels: str) -> UInt8Array:
@@ -194,9 +207,17 @@ class FramePipeline:
         if reason:
             self._last_pose = None
             return SwappedChannels(reason)
-        if self._channel_order.is_suspected and len(pose.candidates) == 1:
-            return replace(pose, candidates=(pose.pose, pose.pose.half_turn()))
-        return pose
+        return _with_both_halves(pose) if self._channel_order.is_suspected else pose
+
+    def _measurement_as_told(self, measurement: Callable[[], PoseEstimate] | None) -> Callable[[], PoseEstimate] | None:
+        """Return what of the estimate by the frame alone holds, as `_as_told`; worked out when it is asked for."""
+        if measurement is None or not self.field.shows_half:
+            return measurement
+        if self._channel_order.reason:
+            return None
+        if self._channel_order.is_suspected:
+            return partial(_measured_with_both_halves, measurement)
+        return measurement
 
     def _warnings(self, pose: PoseEstimate | NotLocated) -> tuple[str, ...]:
         """Return what a user must be told of the frames, once."""

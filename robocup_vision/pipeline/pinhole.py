@@ -186,7 +186,7 @@ class PinholePipeline(FramePipeline):
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
         answer = self._localizer.locate(self._evidence(frame, camera, samples, t_s), prior)
-        pose, measured = answer.pose, answer.measurement
+        pose = answer.pose
         self._last_pose = pose.pose if pose else None
         timings["pose"] = perf_counter() - start
         if not camera.known_orientation:
@@ -204,14 +204,11 @@ class PinholePipeline(FramePipeline):
             balls = () if self._patterned is None else self._patterned.find(frame, camera)
             timings["total"] = perf_counter() - begin
             pose = self._as_told(pose)
-            if measured is not None:
-                opened = self._as_told(measured)
-                measured = opened if opened else None
             view = self._without_floor(pose, answer.camera, timings, t_s)
             return replace(
                 view,
                 balls=balls,
-                measurement=measured,
+                measurement=self._measurement_as_told(answer.measurement),
                 edge_points=answer.edge_points,
                 warnings=self._warnings(pose),
             )
@@ -222,9 +219,6 @@ class PinholePipeline(FramePipeline):
         # white and black look alike with red and blue swapped
         self._judge_channels(frame, floor, samples, balls if self._patterned is None else (), pose)
         told = self._as_told(pose)
-        if measured is not None:
-            opened = self._as_told(measured)
-            measured = opened if opened else None
         self._keep_floor(free_space, t_s)
         walls = floor.view.no_edges_px
         if robot is not None and self.field.is_bounded:
@@ -242,7 +236,7 @@ class PinholePipeline(FramePipeline):
             answer.camera,
             floor.grid,
             t_s,
-            measurement=measured,
+            measurement=self._measurement_as_told(answer.measurement),
             warnings=self._warnings(told),
             edge_points=answer.edge_points,
         )

@@ -50,12 +50,13 @@ def stands_free(
 def _goes_on(places_m: FloatArray, seen: BoolArray, gap_m: float, step_rad: float, n: int) -> bool:
     """Return whether bearing n shows the same thing as the one before it."""
     count = seen.shape[0]
-    before = (n + count - 1) % count
+    before = n - 1 if n > 0 else count - 1
     if not (seen[n] and seen[before]):
         return False
     x, y = places_m[n, 0], places_m[n, 1]
-    apart = math.hypot(x - places_m[before, 0], y - places_m[before, 1])
-    return bool(apart < gap_m + math.hypot(x, y) * step_rad)
+    # metres, which no square overflows
+    apart = math.sqrt((x - places_m[before, 0]) ** 2 + (y - places_m[before, 1]) ** 2)
+    return bool(apart < gap_m + math.sqrt(x * x + y * y) * step_rad)
 
 
 @compiled(error_model="numpy")
@@ -72,8 +73,8 @@ def join_bearings(places_m: FloatArray, seen: BoolArray, gap_m: float, step_rad:
         Neighbours farther apart than this and what their spacing explains are different things.
     step_rad : float
         Angle between bearings.
-    out : (K, 3) float64
-        Result: x and y of each thing's middle, and its width.
+    out : (K, 5) float64
+        Result: x and y of each thing's middle, its width, and the bearing and range of its middle.
 
     Returns
     -------
@@ -89,13 +90,15 @@ def join_bearings(places_m: FloatArray, seen: BoolArray, gap_m: float, step_rad:
         n = (first + k) % count
         if bearings > 0 and (k == count or not _goes_on(places_m, seen, gap_m, step_rad, n)):
             width = math.hypot(places_m[last, 0] - places_m[start, 0], places_m[last, 1] - places_m[start, 1])
-            out[found, 0], out[found, 1], out[found, 2] = x / bearings, y / bearings, width + space / bearings
+            x, y = x / bearings, y / bearings
+            out[found, 0], out[found, 1], out[found, 2] = x, y, width + space / bearings
+            out[found, 3], out[found, 4] = math.atan2(y, x), math.hypot(x, y)
             found += 1
             x, y, space, bearings = 0.0, 0.0, 0.0, 0
         if k < count and seen[n]:
             start, last = n if bearings == 0 else start, n
             x += places_m[n, 0]
             y += places_m[n, 1]
-            space += math.hypot(places_m[n, 0], places_m[n, 1]) * step_rad
+            space += math.sqrt(places_m[n, 0] ** 2 + places_m[n, 1] ** 2) * step_rad
             bearings += 1
     return found

@@ -60,7 +60,7 @@ def place_on_floor(
     Parameters
     ----------
     columns : (K,) int64
-        The sample of each bearing.
+        The sample of each bearing; M where none.
     distance_m : (M,) float64
         Of the columns from the camera's foot; NaN from the horizon on.
     first_rad, step_rad : float
@@ -74,7 +74,7 @@ def place_on_floor(
     """
     for k in range(out.shape[0]):
         bearing = first_rad + k * step_rad
-        distance = distance_m[columns[k]] if k < seen else math.nan
+        distance = distance_m[columns[k]] if k < seen and columns[k] < distance_m.shape[0] else math.nan
         out[k, 0], out[k, 1] = foot_m[0] + distance * math.cos(bearing), foot_m[1] + distance * math.sin(bearing)
 
 

@@ -193,6 +193,8 @@ class EdgeFollower:
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
         # what is handed over at each call is plain, see `plain`
         self._plain = plain((self._scene, self._prior, self._room, self._fit))
+        # views of what the loops write: of what is not the pose
+        self._fitted_camera, self._fitted_variances = self._fit.unknowns[3:], self._fit.covariance.diagonal()[3:]
         self._keep, self._dt_s = np.zeros(4), -1.0
         self._last_pose: Pose2 | None = None
         self._log_odds = 0.0
@@ -353,8 +355,8 @@ class EdgeFollower:
         self._log_odds = min(prior_log_odds + log_ratio, self.settings.max_log_odds)
         p = fit.unknowns.tolist()
         self._last_pose = pose = Pose2(p[0], p[1], p[2])
-        self._sway[0] = fit.unknowns[3:] - self._camera_prior[0]
-        self._sway[1] = fit.covariance.diagonal()[3:]
+        np.subtract(self._fitted_camera, self._camera_prior[0], out=self._sway[0])
+        self._sway[1] = self._fitted_variances
         estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, evidence.rms_px)
         likelihood = PoseLikelihood(pose, fit.information.copy(), fit.gradient.copy())
         return FollowedCamera(estimate, likelihood, self.camera, (p[3], p[4], p[5], p[6]), evidence)

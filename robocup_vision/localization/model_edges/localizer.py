@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
+from functools import partial
 
 import numpy as np
 
@@ -87,8 +88,7 @@ class EdgeLocalizer:
         if isinstance(answer, NotLocated):
             return Localization(answer, camera, edge_points=points or self.follower.edge_points())
         back = camera.camera_in_robot.inverse()
-        oriented = answer.as_held(camera)
-        measurement = answer.measurement.seen_from(back)
+        oriented, measurement = answer.as_held(camera), partial(_measurement, answer, back)
         points = points or self.follower.edge_points()
         sway_std_rad = self.follower.tilt_roll_std_rad
         return Localization(answer.estimate.seen_from(back), oriented, None, measurement, points, sway_std_rad)
@@ -173,6 +173,11 @@ class EdgeLocalizer:
         if t_s is None or self._last_s is None or not t_s > self._last_s:
             return _USUAL_STEP_S
         return t_s - self._last_s
+
+
+def _measurement(answer: FollowedCamera, robot_in_camera: Pose2) -> PoseEstimate:
+    """Return the robot's pose by the frame alone."""
+    return answer.measurement.seen_from(robot_in_camera)
 
 
 def _camera_prior(robot: PoseEstimate, mount: Pose2) -> PoseEstimate:

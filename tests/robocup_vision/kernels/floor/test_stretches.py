@@ -37,15 +37,17 @@ def test_bearings_are_joined_as_plainly(seed):
     away = np.repeat(rng.uniform(0.3, 1.5, COUNT // 5), 5) if seed else np.full(COUNT, 0.8)
     places = away[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     seen = rng.random(COUNT) < 0.9 if seed else np.ones(COUNT, dtype=bool)
-    out = np.empty((COUNT, 3))
+    out = np.empty((COUNT, 5))
     number = join_bearings(places, seen, GAP_M, step_rad, out)
     expected = plainly_joined(places, seen, step_rad)
     assert number == len(expected)
-    np.testing.assert_allclose(out[:number], expected, atol=1e-12)
+    np.testing.assert_allclose(out[:number, :3], expected, atol=1e-12)
+    np.testing.assert_allclose(out[:number, 3], np.arctan2(expected[:, 1], expected[:, 0]))
+    np.testing.assert_allclose(out[:number, 4], np.hypot(*expected[:, :2].T))
 
 
 def test_open_floor_shows_nothing():
-    assert join_bearings(np.zeros((COUNT, 2)), np.zeros(COUNT, dtype=bool), GAP_M, 0.1, np.empty((COUNT, 3))) == 0
+    assert join_bearings(np.zeros((COUNT, 2)), np.zeros(COUNT, dtype=bool), GAP_M, 0.1, np.empty((COUNT, 5))) == 0
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -51,8 +51,8 @@ def test_a_turn_maps_pixels_as_rays_say(seed):
 
 
 def test_bearings_are_placed_about_the_foot():
-    distance, out = np.array([0.5, 1.0, np.nan]), np.empty((4, 2))
-    place_on_floor(np.array([0, 1, 2, 1]), distance, 0.2, 0.1, (0.03, -0.01), 3, out)
+    distance, out = np.array([0.5, 1.0, np.nan]), np.empty((5, 2))
+    place_on_floor(np.array([0, 1, 2, 3, 1]), distance, 0.2, 0.1, (0.03, -0.01), 4, out)
     expected = [(0.03 + r * math.cos(b), -0.01 + r * math.sin(b)) for r, b in ((0.5, 0.2), (1.0, 0.3))]
     np.testing.assert_allclose(out[:2], expected)
     assert np.isnan(out[2:]).all()

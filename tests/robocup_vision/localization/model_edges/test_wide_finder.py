@@ -99,7 +99,7 @@ def test_what_leaves_the_position_open_is_looked_at_in_smaller_copies_beside_boa
     assert again.pose.pose.error_to(pose)[0] < 0.5 * once.pose.pose.error_to(pose)[0]
     assert again.pose.pose.error_to(pose)[0] < 0.03
     # the measurement, too, is that of the copy
-    assert np.trace(again.measurement.covariance) < np.trace(once.measurement.covariance)
+    assert np.trace(again.measurement().covariance) < np.trace(once.measurement().covariance)
 
 
 def test_a_picture_of_noise_is_not_located():
