@@ -9,6 +9,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.order import quantiles
+from robocup_vision.kernels.algebra.pinhole import camera_axes
 from robocup_vision.kernels.floor.patterned_ball import BLUE_WEIGHT, DARK_COUNTS
 
 # pixels from one that is looked at to the next, along rows and columns: at least so many, and so many in a wide row,
@@ -66,7 +67,7 @@ def measure_carpet(
 @compiled
 def bound_radii(
     rays: FloatArray,
-    up: FloatArray,
+    held_rad: tuple[float, float],
     focal_px: float,
     ratio: float,
     slack_rad: float,
@@ -83,8 +84,8 @@ def bound_radii(
     ----------
     rays : (N, M, 3) float64
         Unit directions of some pixels of each `rows`-th row of the frame and of its last one; camera frame.
-    up : (3,) float64
-        The robot's up in the camera frame.
+    held_rad : (float, float)
+        The camera's tilt and roll.
     focal_px : float
         Focal length.
     ratio : float
@@ -101,6 +102,7 @@ def bound_radii(
         Filled; none is possible where the first is greater than the second.
     """
     count, columns, _ = rays.shape
+    up = camera_axes(0.0, held_rad[0], held_rad[1])[2]
     bounds = np.empty((count, 2))
     for n in range(count):
         least, most = math.inf, -math.inf

@@ -250,7 +250,7 @@ class PatternedBallFinder:
             return row_radii, 0
         top = patterned_carpet.bound_radii(
             self._rays,
-            camera.camera_to_robot[2],
+            (float(camera.tilt_rad), float(camera.roll_rad or 0.0)),
             camera.focal_px[0],
             self._radius_m / (camera.height_m - self._radius_m),
             _SIGMAS * settings.tilt_std_rad,

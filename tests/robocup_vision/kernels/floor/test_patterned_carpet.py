@@ -47,7 +47,7 @@ def test_a_ball_seen_by_a_camera_is_within_the_bounds_of_its_row_and_they_are_no
     height_m = camera.height_m - radius_m
     top = kernel.bound_radii(
         camera.pixel_to_camera_ray(pixels),
-        camera.camera_to_robot[2],
+        (tilt_rad, roll_rad),
         46.0,
         radius_m / height_m,
         slack_rad,
@@ -79,6 +79,6 @@ def test_a_ball_seen_by_a_camera_is_within_the_bounds_of_its_row_and_they_are_no
 
 def test_rows_in_which_the_lens_shows_nothing_have_no_ball():
     bounds = np.empty((8, 2))
-    none, up = np.full((2, 3, 3), np.nan), np.array([0.0, 0.0, 1.0])
-    assert kernel.bound_radii(none, up, 46.0, 0.1, 0.03, 0.3, 8, 3.0, bounds) == 8
+    none = np.full((2, 3, 3), np.nan)
+    assert kernel.bound_radii(none, (0.0, 0.0), 46.0, 0.1, 0.03, 0.3, 8, 3.0, bounds) == 8
     assert (bounds[:, 0] > bounds[:, 1]).all()
