@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.frame_values import BallSphere, Bearings, Crossings, Lighting, RoomWall, Spans, Things, Viewpoint
 
@@ -195,13 +195,24 @@ def _room_wall(along: float, aside: float, c: float, s: float, eye: Viewpoint, r
 
 
 @compiled(inline="always")
-def _end_span(k: int, n: int, end: float, kind: int, color: FloatArray, light: float, spans: Spans) -> int:
+def _end_span(
+    k: int,
+    n: int,
+    end: float,
+    kind: int,
+    colors: FloatArray,
+    color: np.uintp,
+    light: float,
+    ends: Float32Array,
+    kinds: Int32Array,
+    paint: Float32Array,
+) -> int:
     """Append a span to bearing k's stack of n unless it is hidden or the stack is full; return the new n."""
-    if (n > 0 and end <= spans.ends[k, n - 1]) or n == spans.ends.shape[1] - 1:
+    if (n > 0 and end <= ends[k, n - 1]) or n == ends.shape[1] - 1:
         return n
-    spans.ends[k, n], spans.kinds[k, n] = end, kind
+    ends[k, n], kinds[k, n] = end, kind
     for channel in range(3):
-        spans.paint[k, n, channel] = color[channel] * light
+        paint[k, n, channel] = colors[color, channel] * light
     return n + 1
 
 
@@ -218,25 +229,37 @@ def _ball_slopes(toward: float, aside: float, radius: float, height_m: float) ->
     return math.inf, 0.0, 0.0
 
 
-@compiled(error_model="numpy")
-def _end_thing(k: int, n: int, entry: Float32Array, lit: float, height_m: float, things: Things, spans: Spans) -> int:
-    """Append the spans of one thing to bearing k's stack of n: its bands, its top and a marker there."""
-    row, distance = things.rows[int(entry[THING])], float(entry[NEAR])
-    height, bands = row[HEIGHT], int(row[BANDS])
+@compiled(error_model="numpy", inline="always")
+def _end_thing(
+    k: int,
+    n: int,
+    entries: Float32Array,
+    e: int,
+    lit: float,
+    height_m: float,
+    rows: FloatArray,
+    colors: FloatArray,
+    ends: Float32Array,
+    kinds: Int32Array,
+    paint: Float32Array,
+) -> int:
+    """Append the spans of entry e of bearing k to its stack of n: a thing's bands, its top and a marker there."""
+    # a row of an array would be counted and let go again, which takes longer than what is read of it
+    thing = np.uintp(int(entries[k, e, THING]))
+    distance, far, shade = float(entries[k, e, NEAR]), float(entries[k, e, FAR]), entries[k, e, SHADE]
+    height, bands, color = rows[thing, HEIGHT], int(rows[thing, BANDS]), np.uintp(int(rows[thing, COLOR]))
     for band in range(bands):
         top = (height * (band + 1) / bands - height_m) / distance
-        n = _end_span(k, n, top, PAINT, things.colors[int(row[COLOR]) + band], lit * entry[SHADE], spans)
-    if row[TOP_COLOR] >= 0 and height < height_m:
-        drop, far = height - height_m, entry[FAR]
-        top_color = things.colors[int(row[TOP_COLOR])]
+        n = _end_span(k, n, top, PAINT, colors, color + np.uintp(band), lit * shade, ends, kinds, paint)
+    if rows[thing, TOP_COLOR] >= 0 and height < height_m:
+        drop, top_color = height - height_m, np.uintp(int(rows[thing, TOP_COLOR]))
         middle, half = (distance + far) / 2, (far - distance) / 2
-        marker2 = half * half - row[MARKER_GAP_M2]
-        if row[MARKER_COLOR] >= 0 and marker2 > 0:
-            marker = math.sqrt(marker2)
-            marker_color = things.colors[int(row[MARKER_COLOR])]
-            n = _end_span(k, n, drop / (middle - marker), PAINT, top_color, lit, spans)
-            n = _end_span(k, n, drop / (middle + marker), PAINT, marker_color, lit, spans)
-        n = _end_span(k, n, drop / far, PAINT, top_color, lit, spans)
+        marker2 = half * half - rows[thing, MARKER_GAP_M2]
+        if rows[thing, MARKER_COLOR] >= 0 and marker2 > 0:
+            marker, marker_color = math.sqrt(marker2), np.uintp(int(rows[thing, MARKER_COLOR]))
+            n = _end_span(k, n, drop / (middle - marker), PAINT, colors, top_color, lit, ends, kinds, paint)
+            n = _end_span(k, n, drop / (middle + marker), PAINT, colors, marker_color, lit, ends, kinds, paint)
+        n = _end_span(k, n, drop / far, PAINT, colors, top_color, lit, ends, kinds, paint)
     return n
 
 
@@ -273,7 +296,9 @@ def stack_spans(
         Filled.
     """
     directions, count, entries, picture = bearings.directions, crossings.lengths, crossings.entries, room.picture
-    ends, kinds, ground, height_m = spans.ends, spans.kinds, room.ground, eye.height_m
+    ends, kinds, paint, near_ball = spans.ends, spans.kinds, spans.paint, spans.near_ball
+    rows, colors, height_m = things.rows, things.colors, eye.height_m
+    ground, zero = room.ground.reshape((1, 3)), np.uintp(0)
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     dx, dy = ball.x_m - eye.x_m, ball.y_m - eye.y_m
     ball_x, ball_y = c * dx + s * dy, c * dy - s * dx
@@ -297,7 +322,7 @@ def stack_spans(
 
         toward = directions[k, 1] * ball_x + directions[k, 2] * ball_y
         aside = directions[k, 1] * ball_y - directions[k, 2] * ball_x
-        spans.near_ball[k] = radius > 0 and abs(aside) < reach and toward > -reach
+        near_ball[k] = radius > 0 and abs(aside) < reach and toward > -reach
         ball_m, ball_low, ball_high = _ball_slopes(toward, aside, radius, height_m)
 
         on_floor, n = True, 0
@@ -306,21 +331,25 @@ def stack_spans(
             is_last = e == count[k]
             distance = room_m if is_last else float(entries[k, e, NEAR])
             if ball_m < distance:
-                n = _end_span(k, n, ball_low, FLOOR if on_floor else PAINT, ground, lit_ground, spans)
-                n = _end_span(k, n, ball_high, BALL, ground, 0.0, spans)
+                n = _end_span(
+                    k, n, ball_low, FLOOR if on_floor else PAINT, ground, zero, lit_ground, ends, kinds, paint
+                )
+                n = _end_span(k, n, ball_high, BALL, ground, zero, 0.0, ends, kinds, paint)
                 ball_m = math.inf
             x_m, y_m = eye.x_m + distance * cos, eye.y_m + distance * sin
             lit = max(light.level + light.per_m_x * x_m + light.per_m_y * y_m, light.min_level)
-            n = _end_span(k, n, -height_m / distance, FLOOR if on_floor else PAINT, ground, lit, spans)
+            n = _end_span(
+                k, n, -height_m / distance, FLOOR if on_floor else PAINT, ground, zero, lit, ends, kinds, paint
+            )
             if is_last:
                 break
-            if things.rows[int(entries[k, e, THING]), IS_EDGE]:
+            if rows[int(entries[k, e, THING]), IS_EDGE]:
                 on_floor = not on_floor
-            n = _end_thing(k, n, entries[k, e], lit, height_m, things, spans)
+            n = _end_thing(k, n, entries, e, lit, height_m, rows, colors, ends, kinds, paint)
             lit_ground = lit
         # seen at the middle between the last edge and the horizon
         up = height_m + room_m * (float(ends[k, n - 1]) + 0.02) / 2
         row = min(max(int(up * room.rows_per_m), 0), picture.shape[0] - 1)
         ends[k, n], kinds[k, n] = np.float32(math.inf), PAINT
         for channel in range(3):
-            spans.paint[k, n, channel] = picture[row, column, channel]
+            paint[k, n, channel] = picture[row, column, channel]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, Int8Array, UInt8Array
+from robocup_vision.arrays import Float32Array, Int8Array, Int32Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.bearing_profile import BALL, FLOOR, PAINT
 from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y
@@ -149,11 +149,11 @@ def draw_pixels(
                     i += ONE
             # pixels at the edge to what comes next, and all of the ball
             while i < stop and low_of[i] < end:
-                shade = np.float32(0.0)
-                if kind == BALL or (high_of[i] > end and kinds[bearing, n + ONE] == BALL):
-                    slope = (low_of[i] + high_of[i]) / 2
+                shade, low, high = np.float32(0.0), low_of[i], high_of[i]
+                if kind == BALL or (high > end and kinds[bearing, n + ONE] == BALL):
+                    slope = (low + high) / 2
                     shade = np.float32(ball_shade(cos, sin, slope, eye, ball, light.lamp_rad)) * ball_light
-                _mix_spans(pixels, i, spans, bearing, n, plain, shade, out)
+                _mix_spans(low, high, gain_of[i], pixel_of[i], bearing, n, ends, kinds, paint, plain, shade, out)
                 i += ONE
             n += ONE
 
@@ -180,46 +180,39 @@ def _shade_floor(
         i += ONE
 
 
-@compiled(error_model="numpy")
+@compiled(error_model="numpy", inline="always")
 def _mix_spans(
-    pixels: PixelRays,
-    i: np.uintp,
-    spans: Spans,
+    low: np.float32,
+    high: np.float32,
+    gain: np.float32,
+    pixel: np.uint32,
     bearing: np.uintp,
     n: np.uintp,
+    ends: Float32Array,
+    kinds: Int32Array,
+    paint: Float32Array,
     plain: Float32Array,
     shade: np.float32,
     out: UInt8Array,
 ) -> None:
-    """Draw the pixel of ray i, which covers spans n and n + 1 of a bearing, by the slopes in each."""
-    most, half, zero, one = np.float32(255.0), np.float32(0.5), np.float32(0.0), np.float32(1.0)
-    low, high, end = pixels.rays[SLOPE_LOW, i], pixels.rays[SLOPE_HIGH, i], spans.ends[bearing, n]
+    """Draw a ray's pixel, which covers spans n and n + 1 of a bearing, by the slopes in each."""
+    most, half, one = np.float32(255.0), np.float32(0.5), np.float32(1.0)
+    end, beyond = ends[bearing, n], min(n + ONE, np.uintp(ends.shape[1] - 1))
     part = one if high <= end else (end - low) / (high - low)
-    gain, pixel = pixels.rays[GAIN, i], pixels.pixels[i]
-    blue, green, red = half, half, half
-    for turn in range(2):
-        span = n if turn == 0 else n + ONE
-        weight = part if turn == 0 else one - part
-        if weight == zero:
-            break
-        if spans.kinds[bearing, span] == FLOOR:
-            blue += weight * np.float32(out[pixel, 0])
-            green += weight * np.float32(out[pixel, 1])
-            red += weight * np.float32(out[pixel, 2])
-            continue
-        weight *= gain
-        if spans.kinds[bearing, span] == PAINT:
-            blue += weight * spans.paint[bearing, span, 0]
-            green += weight * spans.paint[bearing, span, 1]
-            red += weight * spans.paint[bearing, span, 2]
-        else:
-            weight *= shade
-            blue += weight * plain[2, 0]
-            green += weight * plain[2, 1]
-            red += weight * plain[2, 2]
-    out[pixel, 0] = np.uint8(min(blue, most))
-    out[pixel, 1] = np.uint8(min(green, most))
-    out[pixel, 2] = np.uint8(min(red, most))
+    kind, kind_beyond = kinds[bearing, n], kinds[bearing, beyond]
+    # without branches, which no processor foresees here
+    weight = part * (one if kind == FLOOR else gain)
+    weight_beyond = (one - part) * (one if kind_beyond == FLOOR else gain)
+    for channel in range(3):
+        floor = np.float32(out[pixel, channel])
+        color, color_beyond = paint[bearing, n, channel], paint[bearing, beyond, channel]
+        color = floor if kind == FLOOR else color
+        color_beyond = floor if kind_beyond == FLOOR else color_beyond
+        if shade > np.float32(0.0):
+            color = shade * plain[2, channel] if kind == BALL else color
+            color_beyond = shade * plain[2, channel] if kind_beyond == BALL else color_beyond
+        light = half + weight * color + weight_beyond * color_beyond
+        out[pixel, channel] = np.uint8(min(light, most))
 
 
 @compiled
