@@ -18,6 +18,13 @@ _SAMPLES_U = (-0.375, -0.125, 0.125, 0.375)
 _SAMPLES_V = (-0.125, 0.375, -0.375, 0.125)
 
 
+@compiled(inline="always")
+def _row_of(rows: Float32Array, k: np.uintp) -> tuple[np.float32, ...]:
+    """Return the numbers of a row: a view of it is counted and let go again, which takes longer than what it is for."""
+    first = rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4]
+    return (*first, rows[k, 5], rows[k, 6], rows[k, 7], rows[k, 8], rows[k, 9])
+
+
 @compiled(error_model="numpy")
 def draw_things(
     rows_of: Float32Array,
@@ -71,7 +78,7 @@ def draw_things(
                 _draw_edge(rows_of, paints, near, near_count, rays, i, steps, here, lit, lamp, nearest, colors)
             elif first >= 0:
                 dx, dy, dz = rays[0, i], rays[1, i], rays[2, i]
-                row = rows_of[first // 256]
+                row = _row_of(rows_of, np.uintp(first >> 8))
                 t, color, shade = meet_thing(row[KIND], row, dx, dy, dz, height, lamp)
                 if t < _FAR:
                     nearest[0, i], nearest[1, i] = t, _ONE
@@ -107,7 +114,7 @@ def _draw_edge(
         dx, dy, dz = rays[0, i] + a * ux + b * vx, rays[1, i] + a * uy + b * vy, rays[2, i] + a * uz + b * vz
         met, found, shade = _FAR, np.int32(-1), _ZERO
         for n in range(near_count):
-            row = rows_of[near[n]]
+            row = _row_of(rows_of, np.uintp(near[n]))
             t, color, shade_there = meet_thing(row[KIND], row, dx, dy, dz, here[2], lamp)
             if t < met:
                 met, found, shade = t, color, shade_there
