@@ -28,11 +28,13 @@ _GOLDEN = np.float32((1 + math.sqrt(5)) / 2)
 _PATCH_REACH = np.float32((1 - 2 * 0.284 / 12) * math.hypot(1.0, (1 + math.sqrt(5)) / 2))
 _NOTHING = np.float32(1e30)
 _ZERO, _ONE, _MIN_DROP = np.float32(0.0), np.float32(1.0), np.float32(1e-6)
+# a row of `UprightThings.rows`, or its numbers
+ThingRow = Float32Array | tuple[np.float32, ...]
 
 
 @compiled(error_model="numpy", inline="always")
 def _meet_cylinder(
-    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
+    row: ThingRow, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
 ) -> tuple[np.float32, np.int32, np.float32]:
     # without branches, so that the compiler meets several rays at once
     x, y, radius, top, bands = row[X0], row[Y0], row[RADIUS], row[HEIGHT], row[BANDS]
@@ -60,7 +62,7 @@ def _meet_cylinder(
 
 @compiled(error_model="numpy", inline="always")
 def _meet_sheet(
-    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
+    row: ThingRow, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
 ) -> tuple[np.float32, np.int32, np.float32]:
     ax, ay, bx, by = row[X0], row[Y0], row[X1], row[Y1]
     turn = ax * by - ay * bx
@@ -74,7 +76,7 @@ def _meet_sheet(
 
 @compiled(error_model="numpy", inline="always")
 def _meet_bar(
-    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
+    row: ThingRow, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
 ) -> tuple[np.float32, np.int32, np.float32]:
     ax, ay = row[X1] - row[X0], row[Y1] - row[Y0]
     length = np.float32(math.sqrt(ax * ax + ay * ay))
@@ -92,7 +94,7 @@ def _meet_bar(
 
 
 @compiled(error_model="numpy")
-def _is_patch(row: Float32Array, nx: np.float32, ny: np.float32, nz: np.float32) -> bool:
+def _is_patch(row: ThingRow, nx: np.float32, ny: np.float32, nz: np.float32) -> bool:
     """Whether a ball shows a dark patch where its unit normal points: the normal is turned back, about z, y, x."""
     c, s = np.float32(math.cos(row[BANDS])), np.float32(math.sin(row[BANDS]))
     nx, ny = c * nx + s * ny, c * ny - s * nx
@@ -106,7 +108,7 @@ def _is_patch(row: Float32Array, nx: np.float32, ny: np.float32, nz: np.float32)
 
 @compiled(error_model="numpy", inline="always")
 def _meet_ball(
-    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
+    row: ThingRow, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
 ) -> tuple[np.float32, np.int32, np.float32]:
     x, y, radius = row[X0], row[Y0], row[RADIUS]
     z = radius - height
@@ -123,7 +125,7 @@ def _meet_ball(
 
 @compiled(error_model="numpy", inline="always")
 def _meet_box_top(
-    row: Float32Array, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
+    row: ThingRow, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
 ) -> tuple[np.float32, np.int32, np.float32]:
     if row[HEIGHT] >= height or dz >= _ZERO:
         return _NOTHING, np.int32(-1), _ZERO
@@ -137,7 +139,7 @@ def _meet_box_top(
 @compiled(error_model="numpy", inline="always")
 def meet_thing(
     kind: np.float32,
-    row: Float32Array,
+    row: ThingRow,
     dx: np.float32,
     dy: np.float32,
     dz: np.float32,
@@ -150,7 +152,7 @@ def meet_thing(
     ----------
     kind : float32
         What it is.
-    row : (10,) float32
+    row : (10,) float32, or its numbers
         Of `UprightThings.rows`, with the eye's foot as the origin.
     dx, dy, dz : float32
         Direction of the ray, field axes.
@@ -172,7 +174,7 @@ def meet_thing(
 
 @compiled(error_model="numpy")
 def meet_grid(
-    row: Float32Array,
+    row: ThingRow,
     first_id: np.int32,
     grid: Float32Array,
     part: tuple[int, int, int, int],
