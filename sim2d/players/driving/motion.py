@@ -51,8 +51,8 @@ class MotionSettings:
     face_way_m : float
         A robot that sees ahead only faces its way while its target is farther away than this. From here on it faces
         what its plan wants, and goes there sideways.
-    face_way_rps : float
-        It turns to its way no faster: quick turns blur and lean the picture, and slip.
+    calm_rps : float
+        It turns no faster, unless the ball is close: quick turns blur and lean the picture, and slip.
     bumps : BumpSettings
         How such a robot keeps off whom it has bumped into.
     """
@@ -72,7 +72,7 @@ class MotionSettings:
     stuck_s: float = 1.5
     escape_s: float = 0.7
     face_way_m: float = 0.4
-    face_way_rps: float = 2.0
+    calm_rps: float = 2.0
     bumps: BumpSettings = BumpSettings()
 
 
@@ -181,8 +181,11 @@ class Motion:
         is_far = distance_m > settings.face_way_m
         faces_way = self._sees_ahead_only and is_far and not plan.holding
         turn = wrap_angle(bearing if faces_way else plan.heading_rad - pose.theta_rad) / settings.turn_time_s
-        slower_rps = settings.holding_rps if plan.holding else settings.face_way_rps if faces_way else math.inf
-        fastest = min(self._limits.turn_rps, slower_rps)
+        fastest = self._limits.turn_rps
+        if plan.holding:
+            fastest = min(fastest, settings.holding_rps)
+        elif self._sees_ahead_only and not plan.close:
+            fastest = min(fastest, settings.calm_rps)
         turn = max(-fastest, min(fastest, turn))
         # a planned way goes round the ball like round any obstacle
         is_close = plan.close and not (travel is not None and plan.avoid_ball)

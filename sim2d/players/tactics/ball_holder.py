@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.planning.shots.shot_planner import ShotPlan
 from sim2d.players.plan import Plan, Point, Situation
-from sim2d.players.tactics.team_field import TeamField, direction_rad, distance_to_segment_m, offset
+from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
 from sim2d.robot_link import Reason, RobotLimits
 
 
@@ -19,22 +21,23 @@ class BallHolderSettings:
     Attributes
     ----------
     places : int
-        Places in the goal's mouth that are tried, odd so that the middle is one.
-    clear_ball_radii : float
-        An obstacle whose rim is nearer to the shot's line than this less two, in ball radii, stops it.
+        Places in the goal's mouth that are tried, less than a ball apart, and odd so that the middle is one.
     reaction_s : float
-        A keeper starts so long after the kick. A kick is likely to score from where the ball is at a post before a
-        keeper that stood in the middle: slow kicks from afar are its balls.
+        A robot in the shot's way starts so long after the kick.
+    keeper_radii : float
+        A keeper that is not seen is taken to stand in the middle of its goal, so many robot radii before the line.
     max_aim_rad, min_aim_rad : float
-        A kick may miss the aim by half the goal's angle, but by no more and no less than this.
+        A shot must be open to either side by at least the smaller angle, about what kicks scatter by. It may miss its
+        aim by half of what is open, but by no less than the smaller angle; one that is not open, by the larger.
     pressed_radii : float
-        A keeper clears the ball where another robot is so near: it would lose the ball soon.
+        Where another robot is so near, the ball is lost soon: a keeper clears it, others do not hold it for long.
     min_forward_cos : float
         It clears only where it looks forward by this cosine: no kick goes to its own goal.
     min_chance : float
         A planned shot that promises less is none.
     max_held_s, clear_after_s : float
-        A ball held so long is shot in any case, and kicked off in any direction: rules and opponents end longer holds.
+        A ball that others or a wall keep from the goal for so long is shot in any case, and kicked off in any
+        direction: opponents end longer holds. With free way it is held for the time that the way takes, too.
     max_step_m, min_step_m : float
         Length of a step of dribbling: far enough to get speed, near enough to react.
     turn_rad, turn_room_reaches : float
@@ -43,9 +46,9 @@ class BallHolderSettings:
         By so much.
     """
 
-    places: int = 7
-    clear_ball_radii: float = 3.5
+    places: int = 21
     reaction_s: float = 0.3
+    keeper_radii: float = 1.3
     max_aim_rad: float = 0.35
     min_aim_rad: float = 0.06
     pressed_radii: float = 3.0
@@ -77,9 +80,7 @@ class BallHolder:
 
     def __init__(self, team: TeamField, limits: RobotLimits, is_keeper: bool, settings: BallHolderSettings) -> None:
         self._team, self._is_keeper, self._settings = team, is_keeper, settings
-        self._kick_speed_mps = limits.kick_speed_mps
-        way_m = max(team.goal_half_m - team.ball_radius_m - team.reach_m, 0.0)
-        self._range_m = limits.kick_speed_mps * (settings.reaction_s + dash_s(way_m, limits))
+        self._kick_speed_mps, self._limits = limits.kick_speed_mps, limits
 
     def decide(self, now: Situation) -> Plan:
         """Turn the ball to the opponent's goal; kick it there, or where nobody stands."""
@@ -91,15 +92,16 @@ class BallHolder:
                 return planned
         if self._is_keeper and self._is_pressed(now):
             return self._kick("clear", ball, pose.theta_rad)
-        target, is_open = self._aim(ball, now.obstacles)
+        target, open_rad = self._aim(pose, ball, now.obstacles)
         wanted = direction_rad(now.place, target)
         off = abs(wrap_angle(wanted - pose.theta_rad))
-        away, goal_half = math.dist(ball, target), self._team.goal_half_m
-        is_aimed = off < min(settings.max_aim_rad, max(settings.min_aim_rad, 0.5 * goal_half / max(away, 1e-6)))
-        in_range = away < self._range_m or self._is_keeper
-        if is_aimed and ((is_open and in_range) or now.held_s > settings.max_held_s):
+        if open_rad > settings.min_aim_rad and off < max(settings.min_aim_rad, 0.5 * open_rad):
             return self._kick("shoot", ball, wanted)
-        if now.held_s > settings.clear_after_s:
+        is_stopped = self._is_stopped(ball, now.obstacles)
+        if is_stopped and now.held_s > settings.max_held_s and off < settings.max_aim_rad:
+            return self._kick("shoot", ball, wanted)
+        away, goal_half = math.dist(ball, target), self._team.goal_half_m
+        if now.held_s > settings.clear_after_s + (0.0 if is_stopped else away / self._limits.speed_mps):
             # held in vain, in a corner or a scrum: any way out is good
             return self._kick("clear", ball, pose.theta_rad)
         step = min(settings.max_step_m, max(away - 2 * goal_half, settings.min_step_m))
@@ -111,17 +113,53 @@ class BallHolder:
         is_forward = math.cos(now.pose.theta_rad) > self._settings.min_forward_cos
         return is_forward and any(math.dist(other, now.place) < near_m for other in now.others)
 
-    def _aim(self, ball: Point, obstacles: tuple[Point, ...]) -> tuple[Point, bool]:
-        """Choose the place in the goal's mouth nearest to its middle with a free way; else the middle, and False."""
+    def _is_stopped(self, ball: Point, obstacles: tuple[Point, ...]) -> bool:
+        """Whether the ball gets no farther: another robot or a wall is near, or the holder keeps the goal."""
         team, settings = self._team, self._settings
-        width_m = team.goal_half_m - 1.5 * team.ball_radius_m
-        last = settings.places - 1
-        places = [(team.half_length_m, width_m * (2 * k / last - 1)) for k in range(settings.places)]
-        near_m = team.robot_radius_m + (settings.clear_ball_radii - 2) * team.ball_radius_m
-        free = [p for p in places if all(distance_to_segment_m(o, ball, p) > near_m for o in obstacles)]
-        if not free:
-            return (team.half_length_m, 0.0), False
-        return min(free, key=lambda p: abs(p[1])), True
+        near_m = settings.pressed_radii * team.robot_radius_m
+        is_at_wall = team.is_near_wall(ball, settings.turn_room_reaches * team.reach_m)
+        return self._is_keeper or is_at_wall or any(math.dist(other, ball) < near_m for other in obstacles)
+
+    def _aim(self, pose: Pose2, ball: Point, obstacles: tuple[Point, ...]) -> tuple[Point, float]:
+        """Choose the place in the goal's mouth whose way is most open; else the middle. Return it and `_open_rad`.
+
+        A keeper's kick shall only get past those before it: it takes the least turn to an open way to the end line.
+        """
+        team, settings = self._team, self._settings
+        # posts and nets are no robots
+        others = [one for one in obstacles if one[0] < team.half_length_m - team.robot_radius_m]
+        keeper = team.half_length_m - settings.keeper_radii * team.robot_radius_m, 0.0
+        is_seen = any(math.dist(one, keeper) < team.goal_half_m + team.robot_radius_m for one in others)
+        if not (is_seen or self._is_keeper):
+            others.append(keeper)
+        width_m = (team.half_width_m if self._is_keeper else team.mouth_half_m) - team.ball_radius_m
+        places = [(team.half_length_m, y) for y in np.linspace(-width_m, width_m, settings.places).tolist()]
+        opens = {place: self._open_rad(ball, place, others) for place in places}
+        best = max(places, key=opens.__getitem__)
+        if self._is_keeper:
+            free = [place for place in places if opens[place] > settings.min_aim_rad]
+            best = min(free or [best], key=lambda p: abs(wrap_angle(direction_rad(ball, p) - pose.theta_rad)))
+        if opens[best] <= 0.0:
+            return (team.half_length_m, 0.0), 0.0
+        return best, opens[best]
+
+    def _open_rad(self, ball: Point, place: Point, others: list[Point]) -> float:
+        """Return by how much a shot may miss a place, to either side, before a post or a robot that runs stops it."""
+        team, way_rad, open_rad = self._team, direction_rad(ball, place), self._settings.max_aim_rad
+        if not self._is_keeper:
+            half_m = team.mouth_half_m - team.ball_radius_m
+            posts = ((team.half_length_m, half_m), (team.half_length_m, -half_m))
+            open_rad = min(abs(wrap_angle(direction_rad(ball, post) - way_rad)) for post in posts)
+        c, s = math.cos(way_rad), math.sin(way_rad)
+        for x, y in others:
+            off_x, off_y = x - ball[0], y - ball[1]
+            along_m, aside_m = c * off_x + s * off_y, abs(c * off_y - s * off_x)
+            if along_m <= 0.0:
+                continue
+            run_s = 0.0 if self._is_keeper else along_m / self._kick_speed_mps - self._settings.reaction_s
+            reach_m = team.reach_m + dash_m(run_s, self._limits)
+            open_rad = min(open_rad, math.atan2(aside_m - reach_m, along_m))
+        return open_rad
 
     def _follow(self, now: Situation, ball: Point, shot: ShotPlan) -> Plan | None:
         """Kick, turn or go nearer, whichever the shot plan chose; None where its probability is small."""
@@ -148,10 +186,8 @@ class BallHolder:
         return Plan("draw back", place, pose.theta_rad, dribble=True, close=True, holding=True, why=why)
 
 
-def dash_s(way_m: float, limits: RobotLimits) -> float:
-    """Return the time in which a robot that stood drives so far."""
+def dash_m(time_s: float, limits: RobotLimits) -> float:
+    """Return how far a robot that stood drives in a time."""
     speed, acceleration = limits.speed_mps, limits.acceleration_mps2
-    faster_m = speed**2 / (2 * acceleration)
-    if way_m < faster_m:
-        return math.sqrt(2 * way_m / acceleration)
-    return speed / acceleration + (way_m - faster_m) / speed
+    faster_s = min(max(time_s, 0.0), speed / acceleration)
+    return acceleration * faster_s**2 / 2 + speed * max(time_s - faster_s, 0.0)

@@ -29,6 +29,8 @@ class TeamField:
     ----------
     half_length_m, half_width_m, goal_half_m : float
         Half the field's length and width, and half a goal's width (a sixth of the field's without goals).
+    mouth_half_m : float
+        Half of what is open between the posts.
     ball_radius_m, robot_radius_m : float
         Radii.
     reach_m : float
@@ -38,6 +40,7 @@ class TeamField:
     def __init__(self, field: Field, limits: RobotLimits, wall_clearance_m: float) -> None:
         self.half_length_m, self.half_width_m = field.length_m / 2, field.width_m / 2
         self.goal_half_m = field.goals[0].width_m / 2 if field.goals else field.width_m / 6
+        self.mouth_half_m = self.goal_half_m - (field.goals[0].post_radius_m if field.goals else 0.0)
         self.ball_radius_m, self.robot_radius_m = field.ball_radius_m, limits.radius_m
         self.reach_m = limits.radius_m + field.ball_radius_m
         # without walls nothing keeps a robot from the lines
@@ -98,12 +101,3 @@ def direction_rad(start: Point, end: Point) -> float:
 def offset(place: Point, heading_rad: float, way_m: float) -> Point:
     """Return the place so far along a direction."""
     return place[0] + way_m * math.cos(heading_rad), place[1] + way_m * math.sin(heading_rad)
-
-
-def distance_to_segment_m(place: Point, start: Point, end: Point) -> float:
-    """Return the distance of a place from the straight way between two others."""
-    along_x, along_y = end[0] - start[0], end[1] - start[1]
-    length2 = along_x**2 + along_y**2
-    part = ((place[0] - start[0]) * along_x + (place[1] - start[1]) * along_y) / max(length2, 1e-12)
-    part = max(0.0, min(1.0, part))
-    return math.hypot(place[0] - start[0] - part * along_x, place[1] - start[1] - part * along_y)

@@ -11,7 +11,7 @@ import pytest
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
-from sim2d.players.driving.motion import Motion
+from sim2d.players.driving.motion import Motion, MotionSettings
 from sim2d.players.driving.travel import Travel
 from sim2d.players.plan import Plan
 from sim2d.robot_link import RobotLimits
@@ -49,6 +49,19 @@ def turn_rps(target, **plan):
     open_floor = FreeSpace(HEMMED_IN.bearing_rad, np.full(72, 3.0))
     motion = Motion(LIMITS, np.random.default_rng(0), sees_ahead_only=True)
     return motion.drive(Plan("support", target, 0.0, **plan), Pose2(0.0, 0.0, 0.0), open_floor, 0.0).turn_rps
+
+
+def test_who_sees_ahead_only_turns_slowly_unless_the_ball_is_close():
+    motion = Motion(LIMITS, np.random.default_rng(0), sees_ahead_only=True)
+    all_around = Motion(LIMITS, np.random.default_rng(0))
+    open_floor = FreeSpace(np.linspace(-3.0, 3.0, 60), np.full(60, 3.0))
+
+    def fastest_rps(one, **plan):
+        return one.drive(Plan("support", (0.1, 0.0), 2.5, **plan), Pose2(0.0, 0.0, 0.0), open_floor, 0.0).turn_rps
+
+    assert fastest_rps(motion) == MotionSettings().calm_rps < LIMITS.turn_rps
+    assert fastest_rps(motion, close=True) == fastest_rps(all_around) == LIMITS.turn_rps
+    assert fastest_rps(motion, close=True, holding=True) == MotionSettings().holding_rps
 
 
 def test_who_sees_ahead_only_faces_its_way_until_it_is_nearly_there():

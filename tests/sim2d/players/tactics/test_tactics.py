@@ -17,7 +17,7 @@ from robocup_vision.team.roles import ChosenRole
 from sim2d.match.setups import setup_for
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.plan import Situation
-from sim2d.players.tactics.ball_holder import dash_s
+from sim2d.players.tactics.ball_holder import dash_m
 from sim2d.players.tactics.tactics import Tactics, TacticsSettings
 from sim2d.robot_link import RobotLimits
 
@@ -49,41 +49,73 @@ def test_the_attacker_fetches_the_ball_and_goes_round_it_where_it_lies_on_the_wr
     assert decide(pose=Pose2(0.3, 0.6, math.pi), ball=(0.1, 0.74)).intent == "fetch"
 
 
-def test_a_held_ball_is_shot_where_the_way_is_free_and_turned_otherwise():
-    aimed = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True)
+def test_a_held_ball_is_turned_to_where_the_goal_is_open_and_shot_there():
+    turning = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True)
+    assert turning.intent == "dribble"
+    aimed = decide(pose=Pose2(0.6, 0.0, turning.heading_rad), in_mouth=True)
     assert aimed.intent == "shoot"
     assert aimed.kick_mps == LIMITS.kick_speed_mps
-    assert decide(pose=Pose2(0.6, 0.0, 2.0), in_mouth=True).intent == "dribble"
-    wall_of_robots = tuple((1.0, 0.1 * k) for k in range(-4, 5))
+    # past a keeper that stands in one half of the goal: by the other
+    keeper = ((1.25, 0.1),)
+    wanted = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True, obstacles=keeper).heading_rad
+    assert wanted < -0.15
+    assert decide(pose=Pose2(0.6, 0.0, wanted), in_mouth=True, obstacles=keeper).intent == "shoot"
+    assert decide(pose=Pose2(0.6, 0.0, -wanted), in_mouth=True, obstacles=keeper).intent == "dribble"
+    wall_of_robots = tuple((0.9, 0.1 * k) for k in range(-6, 7))
     blocked = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True, obstacles=wall_of_robots)
     assert blocked.kick_mps == 0.0
-    # but not held for ever
-    late = decide(pose=Pose2(0.6, 0.0, 0.0), in_mouth=True, held_s=3.5, obstacles=wall_of_robots)
-    assert late.kick_mps > 0.0
+
+
+def test_a_ball_that_gets_no_farther_is_not_held_for_ever_and_one_with_free_way_is():
+    wall_of_robots = tuple((0.9, 0.1 * k) for k in range(-6, 7))
+    far = tuple((1.2, y) for _, y in wall_of_robots)
+    pose = Pose2(0.6, 0.0, 0.0)
+    assert decide(pose=pose, in_mouth=True, held_s=3.5, obstacles=wall_of_robots).intent == "shoot"
+    assert decide(pose=pose, in_mouth=True, held_s=3.5, obstacles=far).intent == "dribble"
+    # in a corner, or without end
     assert decide(pose=Pose2(-0.6, 0.6, 2.5), in_mouth=True, held_s=5.0).intent == "clear"
+    assert decide(pose=Pose2(-0.6, 0.0, 2.5), in_mouth=True, held_s=5.0).intent == "dribble"
+    assert decide(pose=Pose2(-0.6, 0.0, 2.5), in_mouth=True, held_s=7.0).intent == "clear"
 
 
-def test_a_shot_is_taken_from_where_the_ball_is_at_a_post_before_a_keeper():
+def test_a_shot_is_taken_from_where_a_keeper_does_not_get_to_the_ball_in_time():
     field, limits = load_field("four_legged_2007"), setup_for(load_field("four_legged_2007")).robot.limits
     tactics = Tactics(field, limits, 1, 4)
+    line_m, reach_m = field.length_m / 2, limits.radius_m + field.ball_radius_m
 
-    def shoots(way_m):
-        pose = Pose2(field.length_m / 2 - way_m - limits.radius_m - field.ball_radius_m, 0.0, 0.0)
-        return tactics.decide(Situation(pose, (pose.x_m, 0.0), (0.0, 0.0), True, 0.0, (), "play", False, 5.0)).kick_mps
+    def shoots(way_m, keeper):
+        ball = (line_m - way_m, 0.0)
+        place = (ball[0] - reach_m, 0.0)
+        now = Situation(Pose2(*place, 0.0), place, (0.0, 0.0), True, 0.0, keeper, "play", False, 5.0)
+        wanted = tactics.decide(now).heading_rad
+        return tactics.decide(replace(now, pose=Pose2(*place, wanted))).kick_mps > 0.0
 
-    # the keeper reacts within 0.3 s, gets to 0.5 m/s in another half, and has 0.11 m left to the ball at the post
-    assert shoots(1.5 * (0.3 + 0.5 + 0.22) - 0.02) > 0.0
-    assert shoots(1.5 * (0.3 + 0.5 + 0.22) + 0.02) == 0.0
+    # one that is not seen stands in the middle
+    for keeper in ((), ((line_m - 1.3 * limits.radius_m, 0.0),)):
+        assert shoots(0.8, keeper)
+        assert not shoots(1.6, keeper)
+    # one at a post leaves the other side open
+    assert shoots(1.6, ((line_m - 1.3 * limits.radius_m, 0.3),))
+
+
+def test_nobody_runs_for_the_kick_of_a_keeper_and_it_goes_wherever_the_way_is_free():
+    before = ((0.0, 0.1),)
+    aimed = decide(number=0, pose=Pose2(-1.2, 0.0, 0.0), in_mouth=True, obstacles=before)
+    assert aimed.intent == "dribble"
+    kick = decide(number=0, pose=Pose2(-1.2, 0.0, aimed.heading_rad), in_mouth=True, obstacles=before)
+    assert kick.intent == "shoot"
+    assert decide(number=1, pose=Pose2(-1.2, 0.0, aimed.heading_rad), in_mouth=True, obstacles=before).kick_mps == 0.0
 
 
 @given(st.floats(0.01, 3.0), st.floats(0.2, 3.0), st.floats(0.2, 3.0))
-def test_a_dash_gets_as_far_as_speed_and_acceleration_allow(way_m, speed_mps, acceleration_mps2):
+def test_a_dash_gets_as_far_as_speed_and_acceleration_allow(time_s, speed_mps, acceleration_mps2):
     limits = RobotLimits(speed_mps, acceleration_mps2)
-    step_s, gone_m, now_mps, t_s = 1e-3, 0.0, 0.0, 0.0
-    while gone_m < way_m:
-        now_mps = min(now_mps + acceleration_mps2 * step_s, speed_mps)
-        gone_m, t_s = gone_m + now_mps * step_s, t_s + step_s
-    assert dash_s(way_m, limits) == pytest.approx(t_s, abs=3e-3)
+    step_s, gone_m, now_mps = time_s / 1000, 0.0, 0.0
+    for _ in range(1000):
+        faster_mps = min(now_mps + acceleration_mps2 * step_s, speed_mps)
+        gone_m, now_mps = gone_m + (now_mps + faster_mps) / 2 * step_s, faster_mps
+    assert dash_m(time_s, limits) == pytest.approx(gone_m, abs=3e-3)
+    assert dash_m(-time_s, limits) == 0.0
 
 
 def planned(action, place=(0.6, 0.0), heading_rad=0.0, chance=0.8):
@@ -106,8 +138,9 @@ def test_a_planned_shot_is_kicked_turned_for_or_gone_nearer_for():
 
 def test_a_shot_that_promises_nothing_and_a_ball_held_for_long_are_left_to_the_plain_rules():
     pose = Pose2(0.6, 0.0, 0.0)
+    keeper = ((1.25, 0.28),)
     for changes in ({"shot": planned("kick", chance=0.01)}, {"shot": planned("turn"), "held_s": 3.5}):
-        plan = decide(pose=pose, in_mouth=True, **changes)
+        plan = decide(pose=pose, in_mouth=True, obstacles=keeper, **changes)
         assert plan.why is None
         assert plan.intent == "shoot"
 
@@ -280,7 +313,7 @@ def test_supporters_divide_the_field_among_themselves():
 def test_a_search_turns_no_faster_than_pictures_stay_sharp():
     plan, motion = decide(ball=None, pose=Pose2(0.0, 0.0, 1.0)), MotionSettings()
     turn_rps = (plan.heading_rad - 1.0) / motion.turn_time_s
-    assert 0.5 < turn_rps < motion.face_way_rps
+    assert 0.5 < turn_rps < motion.calm_rps
 
 
 def test_those_that_search_together_begin_at_different_corners():
