@@ -107,7 +107,7 @@ class View:
     t_s: float | None = None
     belief: Belief | None = None
     measurement: WhenAsked[PoseEstimate] = WhenAsked()
-    edge_points: EdgePoints | None = None
+    edge_points: WhenAsked[EdgePoints] = WhenAsked()
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -64,8 +64,9 @@ class Localization(NamedTuple):
     measurement : callable or None
         Returns, now or later, the estimate by the frame without the prior, where `pose` includes the prior as a factor.
         The filter uses this one, so that the prior does not count twice. None where `pose` does not include the prior.
-    edge_points : EdgePoints or None
-        Where edges of the field were predicted and what the frame shows there; None: the localiser predicts none.
+    edge_points : EdgePoints, callable or None
+        Where edges of the field were predicted and what the frame shows there, or what returns that, now or later;
+        None: the localiser predicts none.
     sway_std_rad : (float, float) or None
         Standard deviations of the camera's tilt and roll where the frame told them; None: it did not.
     """
@@ -74,7 +75,7 @@ class Localization(NamedTuple):
     camera: Camera
     wall_px: FloatArray | None = None
     measurement: Callable[[], PoseEstimate] | None = None
-    edge_points: EdgePoints | None = None
+    edge_points: EdgePoints | Callable[[], EdgePoints] | None = None
     sway_std_rad: tuple[float, float] | None = None
 
 

@@ -7,13 +7,15 @@ a sample, modes chosen by hypotheses, and tilt, roll and height as unknowns of e
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
@@ -148,6 +150,10 @@ class FollowerState:
     log_odds: float
 
 
+def _edge_points(pixels: FloatArray, status: Int64Array) -> EdgePoints:
+    return EdgePoints(pixels, status.astype(np.uint8))
+
+
 class EdgeFollower:
     """Follows one camera on one field.
 
@@ -265,8 +271,12 @@ class EdgeFollower:
 
     def edge_points(self) -> EdgePoints:
         """Return where the last fit predicts the field's edges, and what its frame shows there."""
+        return self.edge_points_when_asked()()
+
+    def edge_points_when_asked(self) -> Callable[[], EdgePoints]:
+        """Return what returns `edge_points` of this fit, also when other frames have been followed."""
         count = int(self._fit.figures[0])
-        return EdgePoints(self._room.samples.uv[:count], self._room.found.status[:count].astype(np.uint8))
+        return partial(_edge_points, self._room.samples.uv[:count].copy(), self._room.found.status[:count].copy())
 
     def forget(self) -> None:
         """Forget the last frame: the camera's pose, its orientation, and the odds of both."""

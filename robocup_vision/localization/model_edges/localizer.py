@@ -86,12 +86,11 @@ class EdgeLocalizer:
                 answer, points = found, self._made_wide_finder().edge_points()
                 self.follower.state = self._made_wide_finder().follower.state
         if isinstance(answer, NotLocated):
-            return Localization(answer, camera, edge_points=points or self.follower.edge_points())
+            return Localization(answer, camera, edge_points=points or self.follower.edge_points_when_asked())
         back = camera.camera_in_robot.inverse()
         oriented, measurement = answer.as_held(camera), partial(_measurement, answer, back)
-        points = points or self.follower.edge_points()
-        sway_std_rad = self.follower.tilt_roll_std_rad
-        return Localization(answer.estimate.seen_from(back), oriented, None, measurement, points, sway_std_rad)
+        seen, sway_std_rad = points or self.follower.edge_points_when_asked(), self.follower.tilt_roll_std_rad
+        return Localization(answer.estimate.seen_from(back), oriented, None, measurement, seen, sway_std_rad)
 
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import EdgeState, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.find import floor_places
 from robocup_vision.localization.model_edges.field_edges import lens_table
@@ -44,6 +44,18 @@ def test_a_head_on_a_robot_is_followed_as_the_robot(fl_shot):
     assert away < 0.03
     assert turn < math.radians(1.0)
     assert view.camera_pose.pose.error_to(fl_shot.pose)[0] < 0.03
+
+
+def test_edge_points_stay_those_of_their_frame_when_they_are_asked_for_later(fl_shot):
+    follower = EdgeFollower(fl_shot.field, fl_shot.camera)
+    near = PoseEstimate(fl_shot.pose.compose(fl_shot.camera.camera_in_robot), np.diag([0.02] * 3) ** 2, 1.0, 0.0)
+    assert follower.follow(fl_shot.frame, near)
+    now, later = follower.edge_points(), follower.edge_points_when_asked()
+    follower.follow(np.full_like(fl_shot.frame, 90), replace(near, pose=Pose2(-1.0, 0.5, 2.0), candidates=()))
+    assert not np.array_equal(follower.edge_points().pixels, now.pixels)
+    np.testing.assert_array_equal(later().pixels, now.pixels)
+    np.testing.assert_array_equal(later().state, now.state)
+    assert (now.state == EdgeState.FOUND).mean() > 0.5
 
 
 def test_a_search_that_found_nothing_is_not_repeated_at_once(fl_shot, monkeypatch):
