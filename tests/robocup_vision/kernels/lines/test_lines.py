@@ -14,6 +14,7 @@ from robocup_vision.kernels.lines.lines import (
     floor_mask_by_tone,
     line_ridge_points,
     line_widths,
+    nearest_line,
     nearest_lines,
     refine_line_poses,
     score_pose_grid,
@@ -152,6 +153,9 @@ def test_nearest_lines_agree_with_numpy(name):
     expected, expected_normal, _ = nearest_twin(points, field.lines, field.arcs)
     np.testing.assert_allclose(distance, expected, atol=1e-12)
     np.testing.assert_allclose(np.abs((normal * expected_normal).sum(axis=1)), 1.0, atol=1e-6)
+    single = nearest_line(*points[0], field.lines, field.arcs)
+    assert single[0] == pytest.approx(expected[0])
+    assert abs(np.dot(single[1:3], expected_normal[0])) == pytest.approx(1.0)
 
 
 def test_nearest_lines_have_a_normal_on_the_line_itself():
