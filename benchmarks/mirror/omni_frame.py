@@ -102,10 +102,11 @@ def measure_frames(size: tuple[int, int], frames: list[np.ndarray], count: int, 
         np.copyto(buffer, frames[i % len(frames)])
         pose = poses[i % len(frames)]
         prior = None if pose is None else Pose2(*(pose.array + offsets[i]))
-        for turn in range(i, i + 3):
-            if turn % 3 == 0:
+        # in any order: what a `Vision` does in each third look would else fall on looks of one kind
+        for turn in rng.permutation(3):
+            if turn == 0:
                 without.look(vision, steering, buffer, None)
-            elif turn % 3 == 1:
+            elif turn == 1:
                 with_prior.look(vision, steering, buffer, prior)
             else:
                 begin = thread_time()

@@ -189,6 +189,17 @@ class ColoredGoalLines:
         within = are_mostly_within(residuals(model, found.samples, best.unknowns), limit_px)
         return (evidence, best) if within else None
 
+    def seen(self, frame: npt.NDArray[np.uint8], model: GoalModel, p: FloatArray) -> tuple[int, int]:
+        """At how many places a camera (8,) should have lines in view, and at how many of them, nearly, there are some.
+
+        Where a line runs close by, clutter and other lines pass for it at every third place.
+        """
+        due = self._marks.predict(model, p)
+        if not len(due):
+            return 0, 0
+        _, seen = self._marks.measure(frame, due, np.full(len(due), self._settings.reaches_px[1]))
+        return len(due), int(np.count_nonzero(seen))
+
     def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
         """Settle each fit along its arc by all lines drawn."""
         settled: list[_Fitted] = []

@@ -54,8 +54,9 @@ class GoalSettings:
         White line points from which a frame's lines are fitted.
     post_reach_px : float
         How far from where lines put it a post of a white goal may stand: as near as goals are built.
-    telling_marks : int
-        So many places on lines predicted in view, and lines that are not seen speak against a white goal.
+    telling_marks, telling_hue_marks : int
+        So many places on lines predicted in view, and lines that are not seen speak against a white goal, and against
+        one of a hue.
     min_alone_score, min_alone_hue_score : float
         Score from which a white goal counts without lines, and from which one of a hue does on a field that has lines:
         motley clutter has up to 0.7, goals that no lamp dazzles 0.85 and more.
@@ -72,6 +73,7 @@ class GoalSettings:
     min_line_points: int = 20
     post_reach_px: float = 3.0
     telling_marks: int = 60
+    telling_hue_marks: int = 30
     min_alone_score: float = 0.6
     min_alone_hue_score: float = 0.72
 
@@ -233,6 +235,10 @@ class GoalPoseEstimator:
             return best
         if alone.fit.score < settings.min_alone_hue_score and lines is not None:
             return NotLocated("no certain goal: posts and bar agree too badly to count without the lines around them")
+        if lines is not None:
+            due, seen = lines.seen(frame, alone.model, alone.fit.unknowns)
+            if due >= settings.telling_hue_marks and seen < settings.min_overruling_ratio * due:
+                return NotLocated("no certain goal: what looks like one would have lines in view that are not there")
         return self._goal_alone(alone)
 
     def _is_overruled(self, frame: UInt8Array, candidate: Candidate, lines: LineFit) -> bool:

@@ -1,5 +1,6 @@
 """The goal localiser on rendered frames and, where they are at hand, on photographs of a Nao's goal."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -238,3 +239,13 @@ def test_a_white_goal_alone_is_right_or_refused():
             assert "goal" in estimate.reason
             continue
         assert min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in estimate.candidates) < 0.3
+
+
+def test_a_goal_of_a_hue_whose_lines_are_not_there_is_none():
+    sample = next(sample_goal(FIELD, CLEAN, 7, 66, places=paper_places(FIELD), indices=[30], supersample=2))
+    assert GoalPoseEstimator(FIELD, CLEAN.camera).locate(sample.frame)
+    painted = np.array([[-2.0, y, 1.5, y] for y in (-1.2, -0.9, -0.6, -0.3, 0.3, 0.6, 0.9, 1.2)])
+    other = replace(FIELD, lines=painted, arcs=np.empty((0, 5)))
+    found = GoalPoseEstimator(other, CLEAN.camera).locate(sample.frame)
+    assert not found
+    assert "lines in view that are not there" in found.reason
