@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Array, read_only
-from robocup_vision.kernels.floor import free_floor
+from robocup_vision.kernels.floor import free_floor, free_ranges
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
@@ -167,9 +167,9 @@ class FreeSpaceGrid:
     def measure(self, passable: UInt8Array) -> FreeSpace:
         """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""
         rings, range_m = np.empty(self.directions, dtype=np.int32), np.empty(self.directions)
-        free_floor.free_rings(passable, self.cell, self._needed, self._seen, self.ring_bounds_m, rings, range_m)
+        free_ranges.free_rings(passable, self.cell, self._needed, self._seen, self.ring_bounds_m, rings, range_m)
         if not self.view.is_ring:
-            free_floor.to_first_blocked(passable, self.cell, self._near_m, rings, range_m)
+            free_ranges.to_first_blocked(passable, self.cell, self._near_m, rings, range_m)
             # what stands in the nearest floor in view may stand anywhere nearer
             range_m = np.where(rings <= self._first_seen, 0.0, range_m)
         return FreeSpace(self.bearing_rad, range_m)

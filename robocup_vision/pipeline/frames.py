@@ -17,7 +17,7 @@ from robocup_vision.arrays import UInt8Array, plain_frame
 from robocup_vision.avoidance.steady_free_space import carry_free_space
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor import free_floor, polar
+from robocup_vision.kernels.floor import free_ranges, polar
 from robocup_vision.localization.methods import Method
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.color_memory import ColorMemory
@@ -164,7 +164,7 @@ class FramePipeline:
 
     def _near_floor_nats(self, llr: npt.NDArray[np.int8], view: PolarView | FloorView) -> float:
         """Mean log-likelihood ratio of the floor in the nearest third of the columns of samples (K, M)."""
-        return float(free_floor.sum_near(llr, llr.shape[1] // 3)) * LLR_PER_UNIT / view.near_count
+        return float(free_ranges.sum_near(llr, llr.shape[1] // 3)) * LLR_PER_UNIT / view.near_count
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)

@@ -13,7 +13,8 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array, UInt16Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.floor.free_floor import passable
-from robocup_vision.kernels.floor.polar import EdgeSearch, Rays, classify, outer_boundary, radial_edges
+from robocup_vision.kernels.floor.polar import classify, outer_boundary
+from robocup_vision.kernels.floor.radial_edges import EdgeSearch, Rays, radial_edges
 from robocup_vision.kernels.floor.unrolled import unroll
 
 

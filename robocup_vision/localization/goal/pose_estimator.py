@@ -60,6 +60,8 @@ class GoalSettings:
     min_alone_score, min_alone_hue_score : float
         Score from which a white goal counts without lines, and from which one of a hue does on a field that has lines:
         motley clutter has up to 0.7, goals that no lamp dazzles 0.85 and more.
+    clear_hue_score : float
+        Score from which one of a hue counts though lines that would be in view are not seen.
     """
 
     search: SearchSettings = field(default_factory=SearchSettings)
@@ -76,6 +78,7 @@ class GoalSettings:
     telling_hue_marks: int = 30
     min_alone_score: float = 0.6
     min_alone_hue_score: float = 0.72
+    clear_hue_score: float = 0.85
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +238,7 @@ class GoalPoseEstimator:
             return best
         if alone.fit.score < settings.min_alone_hue_score and lines is not None:
             return NotLocated("no certain goal: posts and bar agree too badly to count without the lines around them")
-        if lines is not None:
+        if lines is not None and alone.fit.score < settings.clear_hue_score:
             due, seen = lines.seen(frame, alone.model, alone.fit.unknowns)
             if due >= settings.telling_hue_marks and seen < settings.min_overruling_ratio * due:
                 return NotLocated("no certain goal: what looks like one would have lines in view that are not there")

@@ -15,7 +15,7 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.floor import polar
+from robocup_vision.kernels.floor import radial_edges
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.line_points import LinePoints
@@ -73,8 +73,10 @@ def wall_points(
     step: FloatArray = np.ascontiguousarray((away / radius[:, None]).T)
     edge = np.empty(len(decided))
     # two more lines of sight, a pixel to either side
-    rays = polar.Rays(*view.below_px, step[0], step[1], radius)
+    rays = radial_edges.Rays(*view.below_px, step[0], step[1], radius)
     half_width = 1.0 / float(np.hypot(*(foot - view.camera.center_px)))
-    polar.radial_edges(frame, hidden, rays, polar.EdgeSearch(view.step_px, half_width, min_contrast), edge)
+    radial_edges.radial_edges(
+        frame, hidden, rays, radial_edges.EdgeSearch(view.step_px, half_width, min_contrast), edge
+    )
     good = np.isfinite(edge)
     return LinePoints.from_pixels(view.camera, foot + edge[good, None] * step.T[good])

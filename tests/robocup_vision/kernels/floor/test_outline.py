@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from robocup_vision.kernels.floor.free_floor import passable
 from robocup_vision.kernels.floor.outline import OutlineRules, outline_floor, read_floor
-from robocup_vision.kernels.floor.polar import EdgeSearch, Rays, classify, outer_boundary, radial_edges
+from robocup_vision.kernels.floor.polar import classify, outer_boundary
+from robocup_vision.kernels.floor.radial_edges import EdgeSearch, Rays, radial_edges
 from robocup_vision.kernels.floor.unrolled import unroll
 
 

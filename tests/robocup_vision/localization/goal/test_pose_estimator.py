@@ -12,7 +12,7 @@ from robocup_vision.camera import load_camera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT
-from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator, GoalSettings
 from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.perception.goal_region import Strip
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
@@ -241,11 +241,13 @@ def test_a_white_goal_alone_is_right_or_refused():
         assert min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in estimate.candidates) < 0.3
 
 
-def test_a_goal_of_a_hue_whose_lines_are_not_there_is_none():
+def test_a_goal_of_a_hue_whose_lines_are_not_there_must_be_beyond_doubt():
     sample = next(sample_goal(FIELD, CLEAN, 7, 66, places=paper_places(FIELD), indices=[30], supersample=2))
-    assert GoalPoseEstimator(FIELD, CLEAN.camera).locate(sample.frame)
     painted = np.array([[-2.0, y, 1.5, y] for y in (-1.2, -0.9, -0.6, -0.3, 0.3, 0.6, 0.9, 1.2)])
     other = replace(FIELD, lines=painted, arcs=np.empty((0, 5)))
-    found = GoalPoseEstimator(other, CLEAN.camera).locate(sample.frame)
+    assert GoalPoseEstimator(other, CLEAN.camera).locate(sample.frame)
+    doubting = GoalSettings(clear_hue_score=1.1)
+    assert GoalPoseEstimator(FIELD, CLEAN.camera, settings=doubting).locate(sample.frame)
+    found = GoalPoseEstimator(other, CLEAN.camera, settings=doubting).locate(sample.frame)
     assert not found
     assert "lines in view that are not there" in found.reason

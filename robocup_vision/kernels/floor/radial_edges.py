@@ -1,0 +1,390 @@
+"""Edges along lines of sight in a mirror camera's frame, to a fraction of a pixel."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robocup_vision.arrays import (
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    Int32Array,
+    UInt8Array,
+)
+from robocup_vision.compiling.loops import compiled
+
+# bilinear weights are whole numbers of 1/ONE pixel, as in OpenCV: integers all the way are twice as fast
+ONE = 32
+Size = tuple[int, int]
+Pair = tuple[float, float]
+# a level from which a channel may be clipped
+SATURATED = 245
+# bits of the sum of two samples in 1/ONE^2
+TWO_SAMPLES_BITS = 11
+# samples about an edge on each line of sight, and half the width of the smooth step, pixels
+EDGE_SAMPLES, STEP_HALF_PX = 5, 1.75
+B1, B2, THREE, B4, B5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
+
+
+class Rays(NamedTuple):
+    """Bearings along which edges are located.
+
+    Parameters
+    ----------
+    center_u, center_v : float
+        Pixel that they start from.
+    step_u, step_v : (K,) float64
+        Image direction of each bearing.
+    start_px : (K,) float64
+        Image radius of the last floor sample; NaN: no edge is located.
+    """
+
+    center_u: float
+    center_v: float
+    step_u: FloatArray
+    step_v: FloatArray
+    start_px: FloatArray
+
+
+class EdgeSearch(NamedTuple):
+    """How edges are located.
+
+    Parameters
+    ----------
+    column_step_px : float
+        Uncertainty of `Rays.start_px` outwards.
+    half_width : float
+        Angle between neighbouring lines of sight, radians.
+    min_contrast : float
+        Smallest colour difference (counts) that is an edge.
+    """
+
+    column_step_px: float
+    half_width: float
+    min_contrast: float
+
+
+@compiled
+def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: EdgeSearch, out: FloatArray) -> None:
+    """Locate the edge between two colours along each bearing to a fraction of a pixel.
+
+    Around the coarse edge the frame is sampled every pixel along the bearing. The steepest place splits the samples
+    into an inner and an outer colour; what counts from there on is the projection on their difference, on three
+    neighbouring lines of sight, to which the edge is fitted as a smooth step. A cast, a shadow or the floor's own
+    brightness so cannot bias it; channels that the outer side drives into saturation would, and are left out.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR.
+    hidden : (H, W) uint8, or (0, 0)
+        Non-zero where no bilinear sample may be taken: a bearing that needs one has no edge.
+    rays : Rays
+        K bearings.
+    search : EdgeSearch
+        How they are searched.
+    out : (K,) float64
+        Filled with the edge's image radius, NaN where there is none.
+    """
+    # blur takes the last sample that looks like floor about a column and a pixel inside the edge
+    span = int(math.ceil(search.column_step_px + 1.0))
+    reach = span + 3
+    size_px = frame.shape[1], frame.shape[0]
+    center = rays.center_u, rays.center_v
+    # Each step is taken on all bearings before the next, side by side wherever it is arithmetic alone.
+    bearings = rays.start_px.shape[0]
+    which, near = np.empty(bearings, np.int64), np.empty(bearings)
+    step_u, step_v = np.empty(bearings), np.empty(bearings)
+    count = 0
+    for k in range(bearings):
+        out[k] = np.nan
+        if not rays.start_px[k] > 0:
+            continue
+        step = rays.step_u[k], rays.step_v[k]
+        first = rays.start_px[k] + search.column_step_px + 0.5 - reach
+        if _is_inside(size_px, center, step, first, first + 2 * reach + 5, search.half_width):
+            which[count], near[count], step_u[count], step_v[count] = k, first, step[0], step[1]
+            count += 1
+    seen = np.ones(count, np.bool_)
+    samples = 2 * reach + 1
+    places = np.empty((samples, count), np.int32)
+    parts = np.empty((2, samples, count), np.int32)
+    profile = np.empty((samples, 3, count), np.int32)
+    _place_samples(center, step_u, step_v, near, size_px[0], places, parts)
+    _sample_colors(frame, places, parts, profile)
+    _see(hidden, places, frame.shape[1], seen)
+    gain, edge = np.empty((3, count), np.int32), np.empty(count)
+    signal, base, rise = np.empty((3, EDGE_SAMPLES, count), np.int32), np.empty(count), np.empty(count)
+    _find_steps(profile, near, reach - span, reach + span, search.min_contrast, gain, edge, signal[2], base, rise)
+    offset = np.empty(count)
+    for n in range(count):
+        # edges beside are sampled from two pixels before on
+        offset[n] = near[n] + int(edge[n] - near[n] + 0.5) - edge[n]
+        near[n] = edge[n] - 2.0
+    aside_u, aside_v = np.empty(count), np.empty(count)
+    # arrays of their own: loops over parts of arrays are not known to be contiguous, and not taken side by side
+    places, parts = np.empty((EDGE_SAMPLES, count), np.int32), np.empty((2, EDGE_SAMPLES, count), np.int32)
+    for side in range(2):
+        turn = (2 * side - 1) * search.half_width
+        for n in range(count):
+            aside_u[n], aside_v[n] = step_u[n] - turn * step_v[n], step_v[n] + turn * step_u[n]
+        _place_samples(center, aside_u, aside_v, near, size_px[0], places, parts)
+        _sample_signal(frame, places, parts, gain, signal[side])
+        _see(hidden, places, frame.shape[1], seen)
+    shift = np.empty(count, np.float32)
+    _fit_steps(signal, offset, base, rise, shift)
+    for n in range(count):
+        if rise[n] > 0.0 and seen[n]:
+            out[which[n]] = edge[n] + shift[n]
+
+
+@compiled
+def _is_inside(size_px: Size, center: Pair, step: Pair, near: float, far: float, half_width: float) -> bool:
+    """Whether the picture shows all that is sampled on a bearing between two radii."""
+    (width, height), (center_u, center_v), (step_u, step_v) = size_px, center, step
+    aside = half_width * far + 1.0
+    left = center_u + min((near - 5) * step_u, far * step_u) - aside
+    right = center_u + max((near - 5) * step_u, far * step_u) + aside
+    top = center_v + min((near - 5) * step_v, far * step_v) - aside
+    bottom = center_v + max((near - 5) * step_v, far * step_v) + aside
+    return bool(left >= 0 and right < width - 1 and top >= 0 and bottom < height - 1)
+
+
+@compiled
+def _place_samples(
+    center: Pair,
+    step_u: FloatArray,
+    step_v: FloatArray,
+    near: FloatArray,
+    width: int,
+    places: Int32Array,
+    parts: Int32Array,
+) -> None:
+    """Write where samples lie, one pixel apart from a radius on: the pixel, and how far to the next ones beside it.
+
+    Fills places (S, N), indices v W + u, and parts (2, S, N), across and down, in 1/ONE pixels.
+    """
+    for i in range(places.shape[0]):
+        for n in range(places.shape[1]):
+            u, v = center[0] + (near[n] + i) * step_u[n], center[1] + (near[n] + i) * step_v[n]
+            x, y = np.int32(u), np.int32(v)
+            places[i, n] = y * width + x
+            parts[0, i, n] = np.int32((u - x) * ONE + 0.5)
+            parts[1, i, n] = np.int32((v - y) * ONE + 0.5)
+
+
+@compiled
+def _see(hidden: UInt8Array, places: Int32Array, width: int, seen: BoolArray) -> None:
+    """Clear `seen` (N,) of bearings of which a sample is hidden."""
+    if hidden.shape[0] == 0:
+        return
+    for i in range(places.shape[0]):
+        for n in range(places.shape[1]):
+            seen[n] &= hidden[places[i, n] // width, places[i, n] % width] == 0
+
+
+@compiled(inline="always")
+def _weights(across: np.int32, down: np.int32) -> tuple[np.int32, np.int32, np.int32, np.int32]:
+    """Return the bilinear weights of a pixel, the one beside it and the two below, in 1/ONE^2."""
+    both = across * down
+    below, beside = ONE * down - both, ONE * across - both
+    return ONE * (ONE - across) - below, beside, below, both
+
+
+@compiled
+def _sample_colors(frame: UInt8Array, places: Int32Array, parts: Int32Array, profile: Int32Array) -> None:
+    """Fill profile (S, 3, N) with the colours at the places, in 1/ONE^2."""
+    flat = frame.reshape(-1)
+    row = np.uint64(3 * frame.shape[1])
+    for i in range(places.shape[0]):
+        for n in range(places.shape[1]):
+            w00, w01, w10, w11 = _weights(parts[0, i, n], parts[1, i, n])
+            # unsigned: a signed index would be checked for being negative at every access
+            at = np.uint64(3 * places[i, n])
+            below = at + row
+            profile[i, 0, n] = flat[at] * w00 + flat[at + THREE] * w01 + flat[below] * w10 + flat[below + THREE] * w11
+            profile[i, 1, n] = (
+                flat[at + B1] * w00 + flat[at + B4] * w01 + flat[below + B1] * w10 + flat[below + B4] * w11
+            )
+            profile[i, 2, n] = (
+                flat[at + B2] * w00 + flat[at + B5] * w01 + flat[below + B2] * w10 + flat[below + B5] * w11
+            )
+
+
+@compiled
+def _sample_signal(
+    frame: UInt8Array, places: Int32Array, parts: Int32Array, gain: Int32Array, signal: Int32Array
+) -> None:
+    """Fill signal (S, N) with the colours at the places, weighed by the gains (3, N) of their channels."""
+    flat = frame.reshape(-1)
+    row = np.uint64(3 * frame.shape[1])
+    for i in range(places.shape[0]):
+        for n in range(places.shape[1]):
+            w00, w01, w10, w11 = _weights(parts[0, i, n], parts[1, i, n])
+            at = np.uint64(3 * places[i, n])
+            below = at + row
+            gain0, gain1, gain2 = gain[0, n], gain[1, n], gain[2, n]
+            signal[i, n] = (
+                w00 * (gain0 * flat[at] + gain1 * flat[at + B1] + gain2 * flat[at + B2])
+                + w01 * (gain0 * flat[at + THREE] + gain1 * flat[at + B4] + gain2 * flat[at + B5])
+                + w10 * (gain0 * flat[below] + gain1 * flat[below + B1] + gain2 * flat[below + B2])
+                + w11 * (gain0 * flat[below + THREE] + gain1 * flat[below + B4] + gain2 * flat[below + B5])
+            )
+
+
+@compiled
+def _find_steps(
+    profile: Int32Array,
+    near: FloatArray,
+    first: int,
+    last: int,
+    min_contrast: float,
+    gain: Int32Array,
+    edge: FloatArray,
+    signal: Int32Array,
+    base: FloatArray,
+    rise: FloatArray,
+) -> None:
+    """Find the steepest place of each profile (S, 3, N), and weigh its channels.
+
+    Fills the channels' gains (3, N), the edge's radius (N,), the weighed samples (EDGE_SAMPLES, N) about it, and the
+    signal before it and its rise (N,): 0 where the contrast is too small.
+    """
+    samples, _, count = profile.shape
+    steepest, at = np.empty(count, np.float32), np.empty(count, np.int32)
+    for n in range(count):
+        steepest[n], at[n] = np.float32(-1.0), (first + last) // 2
+    for i in range(first, last + 1):
+        for n in range(count):
+            d0 = np.float32(profile[i + 1, 0, n] - profile[i - 1, 0, n])
+            d1 = np.float32(profile[i + 1, 1, n] - profile[i - 1, 1, n])
+            d2 = np.float32(profile[i + 1, 2, n] - profile[i - 1, 2, n])
+            slope = d0 * d0 + d1 * d1 + d2 * d2
+            is_steeper = slope > steepest[n]
+            steepest[n] = slope if is_steeper else steepest[n]
+            at[n] = i if is_steeper else at[n]
+    beside = np.empty((7, 3, count), np.int32)
+    for n in range(count):
+        first_beside = at[n] - 3
+        for i in range(7):
+            for c in range(3):
+                beside[i, c, n] = profile[first_beside + i, c, n]
+    contrast2, middle = np.empty(count), np.empty(count, np.int32)
+    _weigh_channels(beside, min_contrast * min_contrast, gain, contrast2)
+    _shift_to_middle(beside, gain, contrast2, near, at, edge, middle)
+    weighed = np.empty((samples, count), np.int32)
+    for i in range(samples):
+        for n in range(count):
+            weighed[i, n] = (
+                gain[0, n] * profile[i, 0, n] + gain[1, n] * profile[i, 1, n] + gain[2, n] * profile[i, 2, n]
+            )
+    for n in range(count):
+        place, last_place = middle[n], samples - 1
+        before = weighed[max(place - 3, 0), n] + weighed[max(place - 2, 0), n]
+        behind = weighed[min(place + 2, last_place), n] + weighed[min(place + 3, last_place), n]
+        for i in range(-2, 3):
+            signal[i + 2, n] = weighed[min(max(place + i, 0), last_place), n]
+        base[n] = 0.5 * before
+        rise[n] = 0.5 * behind - base[n]
+
+
+@compiled
+def _weigh_channels(beside: Int32Array, min_contrast2: float, gain: Int32Array, contrast2: FloatArray) -> None:
+    """Weigh channels by how they distinguish both sides of the steepest sample, the middle one of `beside` (7, 3, N).
+
+    Fills the gains (3, N), and the squared contrasts (N,): where that is too small, both with zeros.
+    """
+    full = SATURATED * 2 * ONE * ONE
+    for n in range(contrast2.shape[0]):
+        outer0 = beside[6, 0, n] + beside[5, 0, n]
+        outer1 = beside[6, 1, n] + beside[5, 1, n]
+        outer2 = beside[6, 2, n] + beside[5, 2, n]
+        # a power of two: shifted, as a division of whole numbers takes ten times as long
+        step0 = (outer0 - beside[0, 0, n] - beside[1, 0, n]) >> TWO_SAMPLES_BITS
+        step1 = (outer1 - beside[0, 1, n] - beside[1, 1, n]) >> TWO_SAMPLES_BITS
+        step2 = (outer2 - beside[0, 2, n] - beside[1, 2, n]) >> TWO_SAMPLES_BITS
+        open0, open1, open2 = outer0 < full, outer1 < full, outer2 < full
+        square0, square1, square2 = step0 * step0, step1 * step1, step2 * step2
+        every = square0 + square1 + square2
+        unsaturated = (square0 if open0 else 0) + (square1 if open1 else 0) + (square2 if open2 else 0)
+        is_seen = every > min_contrast2
+        leaves_out = (10 * unsaturated > every) & (unsaturated > min_contrast2)
+        gain[0, n] = step0 if is_seen & (open0 | (not leaves_out)) else 0
+        gain[1, n] = step1 if is_seen & (open1 | (not leaves_out)) else 0
+        gain[2, n] = step2 if is_seen & (open2 | (not leaves_out)) else 0
+        contrast2[n] = (unsaturated if leaves_out else every) if is_seen else 0
+
+
+@compiled(inline="always")
+def _weighed(beside: Int32Array, gain: Int32Array, i: int, n: int) -> int:
+    """Return a sample by the gains of its channels."""
+    return int(gain[0, n] * beside[i, 0, n] + gain[1, n] * beside[i, 1, n] + gain[2, n] * beside[i, 2, n])
+
+
+@compiled(error_model="numpy")
+def _shift_to_middle(
+    beside: Int32Array,
+    gain: Int32Array,
+    contrast2: FloatArray,
+    near: FloatArray,
+    at: Int32Array,
+    edge: FloatArray,
+    middle: Int32Array,
+) -> None:
+    """Fill the edges' radii (N,), half-way between both sides by the slope there, and the samples next to them (N,)."""
+    for n in range(edge.shape[0]):
+        low, here, high = (
+            _weighed(beside, gain, 1, n), _weighed(beside, gain, 3, n), _weighed(beside, gain, 5, n)
+        )  # fmt: skip
+        slope = 0.5 * (_weighed(beside, gain, 4, n) - _weighed(beside, gain, 2, n))
+        rise = max(slope, 0.2 * contrast2[n] * ONE * ONE)
+        off = max(-1.0, min(1.0, (0.5 * (low + high) - here) / rise))
+        edge[n] = near[n] + at[n] + (off if contrast2[n] > 0.0 else 0.0)
+        middle[n] = int(edge[n] - near[n] + 0.5)
+
+
+@compiled(error_model="numpy")
+def _fit_steps(signal: Int32Array, offset: FloatArray, base: FloatArray, rise: FloatArray, shift: Float32Array) -> None:
+    """Fit a smooth step to the samples (3, EDGE_SAMPLES, N) of three lines of sight; writes its shift (N,), pixels.
+
+    Parameters
+    ----------
+    signal : (3, EDGE_SAMPLES, N) int32
+        The third line of sight is the bearing itself.
+    offset : (N,) float64
+        Where the bearing's own samples lie off the edge, pixels.
+    base, rise : (N,) float64
+        Signal inside, and how much more it is outside.
+    shift : (N,) float32
+        Result.
+    """
+    count = shift.shape[0]
+    first, per_rise = np.zeros((2, count), np.float32), np.empty(count, np.float32)
+    start, off, weights = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
+    one, half, per_width = np.float32(1.0), np.float32(0.5), np.float32(1.0 / STEP_HALF_PX)
+    slope, bend, most = np.float32(0.75), np.float32(0.25), np.float32(1.5)
+    for n in range(count):
+        first[1, n] = offset[n]
+        start[n] = base[n]
+        per_rise[n] = one / np.float32(rise[n]) if rise[n] > 0.0 else np.float32(0.0)
+        shift[n] = np.float32(0.0)
+    for _ in range(2):
+        for n in range(count):
+            off[n], weights[n] = np.float32(0.0), np.float32(0.0)
+        for side in range(3):
+            begin = first[1 if side == 2 else 0]
+            for i in range(EDGE_SAMPLES):
+                values, place = signal[side, i], np.float32(i - 2.0)
+                for n in range(count):
+                    x = (begin[n] + place - shift[n]) * per_width
+                    square = x * x
+                    weight = one - square if square < one else np.float32(0.0)
+                    expected = half + x * (slope - bend * square)
+                    off[n] += weight * (expected - (np.float32(values[n]) - start[n]) * per_rise[n])
+                    weights[n] += weight * weight
+        for n in range(count):
+            moved = shift[n] + off[n] / weights[n] * np.float32(STEP_HALF_PX / 0.75)
+            shift[n] = -most if moved < -most else most if moved > most else moved
