@@ -230,7 +230,7 @@ class ColoredGoalLines:
         drawn = drawing.settle(model, found.samples, arc.unknowns[best], reach, loose=2)
         if drawn is None or drawn.likelihood < self._settings.min_drawn_evidence:
             return []
-        line_fit = LineFit(drawn.unknowns, drawn.covariance, drawn.shown_ratio, np.empty(0))
+        line_fit = LineFit(drawn.unknowns, drawn.covariance, 0.0, np.empty(0))
         return [(drawn.likelihood, line_fit, found.samples)]
 
     def _starts(
