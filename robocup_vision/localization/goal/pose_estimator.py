@@ -75,7 +75,7 @@ class GoalSettings:
     min_line_points: int = 20
     post_reach_px: float = 3.0
     telling_marks: int = 60
-    telling_hue_marks: int = 30
+    telling_hue_marks: int = 12
     min_alone_score: float = 0.6
     min_alone_hue_score: float = 0.72
     clear_hue_score: float = 0.85
