@@ -190,10 +190,7 @@ class ColoredGoalLines:
         return (evidence, best) if within else None
 
     def seen(self, frame: npt.NDArray[np.uint8], model: GoalModel, p: FloatArray) -> tuple[int, int]:
-        """At how many places a camera (8,) should have lines in view, and at how many of them, nearly, there are some.
-
-        Where a line runs close by, clutter and other lines pass for it at every third place.
-        """
+        """Count the places at which a camera (8,) should have lines in view, and those of them near which one is."""
         due = self._marks.predict(model, p)
         if not len(due):
             return 0, 0

@@ -210,7 +210,7 @@ class GoalPoseEstimator:
         """
         settings, lines = self.settings, self._colored_lines
         alone, best, best_evidence = None, None, -math.inf
-        rival, rival_evidence = None, -math.inf
+        rejected: list[tuple[float, LineFit]] = []
         for candidate in candidates[: settings.max_rivals]:
             fine = polish(frame, self.camera, candidate.model, candidate.fit, candidate.appearance)
             if candidate.objection is None:
@@ -220,20 +220,18 @@ class GoalPoseEstimator:
                 continue
             evidence, fit = joined
             if candidate.objection is not None and not self._is_overruled(frame, candidate, fit):
-                if evidence > rival_evidence:
-                    rival, rival_evidence = fit, evidence
+                rejected.append(joined)
                 continue
             best_evidence = evidence
             best = CameraEstimate(fit.unknowns, fit.covariance, candidate.sides, fine, fit)
             is_plain = candidate.objection is None and fine.score >= settings.min_alone_hue_score
             if is_plain and fit.line_ratio >= settings.min_overruling_ratio:
                 break
-        if (
-            best is not None
-            and rival is not None
-            and rival_evidence > best_evidence + settings.colored_lines.clear_evidence
-        ) and math.dist(rival.unknowns[:2], best.unknowns[:2]) > settings.colored_lines.same_m:
-            return NotLocated("no certain goal: lines fit far better about another, of which too little is seen")
+        if best is not None and rejected:
+            evidence, rival = max(rejected, key=lambda one: one[0])
+            is_elsewhere = math.dist(rival.unknowns[:2], best.unknowns[:2]) > settings.colored_lines.same_m
+            if is_elsewhere and evidence > best_evidence + settings.colored_lines.clear_evidence:
+                return NotLocated("no certain goal: lines fit far better about another, of which too little is seen")
         if best is not None or alone is None:
             return best
         if alone.fit.score < settings.min_alone_hue_score and lines is not None:

@@ -1,28 +1,17 @@
 """The compiled picture of a goal and of the floor, and its derivatives, against the plain NumPy picture."""
 
 import numpy as np
-from goal_twins import derivative, feet_px, floor_px, silhouette_lines
+from goal_twins import OFFSETS, SCENE, SHAPE, VIEW, derivative, feet_px, floor_px, silhouette_lines
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from field_models import load_field
 from robocup_vision.kernels.goal.picture import (
-    GoalScene,
     floor_derivatives,
     floor_residuals,
     goal_derivatives,
     predict_goal,
 )
-from robocup_vision.localization.goal.geometry import IdealView, goal_shape
 
-SHAPE = goal_shape(load_field("four_legged_2007"))
-VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
-OFFSETS = np.array([-0.7, 0.0, 0.7])
-SCENE = GoalScene(
-    np.array([SHAPE.line_x_m, SHAPE.width_m, SHAPE.height_m, SHAPE.radius_m]),
-    np.array([384.0, 380.0, 207.5, 159.5]),
-    OFFSETS,
-)
 seeds = st.integers(0, 2**32 - 1)
 
 
