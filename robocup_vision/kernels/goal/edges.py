@@ -83,21 +83,32 @@ def sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
 
 
 @compiled
-def _read_profile(image: UInt8Array, starts: EdgeStarts, n: int, count: int, work: _Profile) -> bool:
+def _read_profile(image: UInt8Array, flat: UInt8Array, starts: EdgeStarts, n: int, count: int, work: _Profile) -> bool:
     """Read the picture along one normal, and its projection on the expected difference; False at the image's border."""
     height, width = image.shape[0], image.shape[1]
-    uv, normals, towards = starts.uv, starts.normals, starts.towards
+    uv, normals, towards, color = starts.uv, starts.normals, starts.towards, work.color
     first = -starts.reach[n] - _MARGIN_PX
-    for i in range(count):
+    middle_u, middle_v, step_u, step_v = uv[n, 0], uv[n, 1], normals[n, 0], normals[n, 1]
+    blue, green, red = towards[n, 0], towards[n, 1], towards[n, 2]
+    for i in (0, count - 1):
         t = first + i * _STEP_PX
-        u, v = uv[n, 0] + t * normals[n, 0], uv[n, 1] + t * normals[n, 1]
+        u, v = middle_u + t * step_u, middle_v + t * step_v
         if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
             return False
+    for i in range(count):
+        t = first + i * _STEP_PX
+        u, v = middle_u + t * step_u, middle_v + t * step_v
+        u0, v0 = int(u), int(v)
+        fu, fv = u - u0, v - v0
+        # by places in the picture as one row: each pixel's is worked out once for its channels
+        above = np.uint64(3 * (v0 * width + u0))
+        below = above + np.uint64(3 * width)
         for c in range(3):
-            work.color[i, c] = sample(image, u, v, c)
-        work.score[i] = (
-            work.color[i, 0] * towards[n, 0] + work.color[i, 1] * towards[n, 1] + work.color[i, 2] * towards[n, 2]
-        )
+            k = np.uint64(c)
+            top = flat[above + k] * (1.0 - fu) + flat[above + k + np.uint64(3)] * fu
+            bottom = flat[below + k] * (1.0 - fu) + flat[below + k + np.uint64(3)] * fu
+            color[i, c] = top * (1.0 - fv) + bottom * fv
+        work.score[i] = color[i, 0] * blue + color[i, 1] * green + color[i, 2] * red
     return True
 
 
@@ -109,6 +120,8 @@ def _strongest_step(score: FloatArray, count: int, reach: float) -> int:
     for i in range(6, count - 6):
         t = first + i * _STEP_PX
         value = score[i - 3] + score[i - 2] + score[i - 1] - score[i + 1] - score[i + 2] - score[i + 3]
+        if value <= best:
+            continue
         value *= max(0.05, 1.0 - abs(t) / reach)
         if value > best:
             best, at = value, i
@@ -205,13 +218,14 @@ def measure_edges(image: UInt8Array, starts: EdgeStarts, glare: float, found: Ed
         Results.
     """
     work = _Profile(np.empty((_MAX_STEPS, 3)), np.empty(_MAX_STEPS), np.empty(3), np.empty(3), np.empty(3))
+    flat = image.reshape(-1)
     for n in range(starts.uv.shape[0]):
         found.offset[n] = np.nan
         found.contrast[n] = 0.0
         found.sigma[n] = np.inf
         reach = starts.reach[n]
         count = min(_MAX_STEPS, int(round(2.0 * (reach + _MARGIN_PX) / _STEP_PX)) + 1)
-        if not _read_profile(image, starts, n, count, work):
+        if not _read_profile(image, flat, starts, n, count, work):
             continue
         at = _strongest_step(work.score, count, reach)
         if at < 0:

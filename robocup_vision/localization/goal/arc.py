@@ -13,12 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.kernels.goal.arc import ArcCameras, ArcLimits, trace_arc
+from robocup_vision.kernels.goal.fit import FitLoss
+from robocup_vision.kernels.goal.settle import ArcFit
 from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel, covariance_of, fit
 from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
 
 # scale of the robust loss in each iteration, pixels: samples on an arc are good already
 _SCALES, _CONSTRAINED_SCALES = np.full(4, 0.3), np.full(3, 0.5)
+_ROOM = 257  # cameras of an arc, at most: on the largest field some 140 steps
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,33 +119,19 @@ def follow_arc(
     settings : ArcSettings, optional
         How far and how finely.
     """
-    constrained = at_one_heading(model)
-    line = model.shape.line_x_m
-    distance = max(math.hypot(line - start[X], start[Y]), 0.1)
-    p, cost, information = fit(constrained, samples, start, _SCALES)
-    least = cost
-    sides: list[list[tuple[FloatArray, FloatArray, float]]] = []
-    middle = (p, covariance_of(constrained, information), cost)
-    for sign in (-1.0, 1.0):
-        side = []
-        p, step, rotated = middle[0], settings.first_step_stds * std_m, 0.0
-        while True:
-            step = min(settings.max_step_m, step)
-            turn = sign * step / distance
-            rotated += abs(turn)
-            p, cost, information = fit(constrained, samples, turned(model, p, turn), _SCALES)
-            is_past = rotated > settings.max_turn_rad or p[X] > line
-            if is_past or not math.isfinite(cost) or cost > least + settings.max_rise:
-                break
-            least = min(least, cost)
-            side.append((p, covariance_of(constrained, information), cost))
-            step *= settings.growth
-        sides.append(side)
-    points = [*sides[0][::-1], middle, *sides[1]]
-    costs = np.array([cost for *_, cost in points])
-    return GoalArc(
-        np.array([p for p, *_ in points]), np.array([covariance for _, covariance, _ in points]), costs - costs.min()
+    limits = ArcLimits(
+        settings.max_rise,
+        settings.max_turn_rad,
+        settings.first_step_stds * std_m,
+        settings.growth,
+        settings.max_step_m,
     )
+    cameras = ArcCameras(np.empty((_ROOM, UNKNOWNS)), np.empty((_ROOM, UNKNOWNS, UNKNOWNS)), np.empty(_ROOM))
+    loss = FitLoss(_SCALES, _SCALES, False)
+    priors = at_one_heading(model).priors
+    begin, end = trace_arc(model.scene, samples.for_fit, priors, loss, start, limits, cameras)
+    unknowns, covariance, cost = (part[begin:end] for part in cameras)
+    return GoalArc(unknowns, covariance, cost - cost.min(initial=math.inf))
 
 
 class ConstrainedArc:
@@ -168,6 +158,18 @@ class ConstrainedArc:
         variance, vectors = np.linalg.eigh(covariance)
         # metres and radians alike: over a few metres they move the picture alike
         self._loosest = (vectors * np.sqrt(np.maximum(variance, 0.0))).T[::-1]
+
+    @property
+    def for_search(self) -> ArcFit:
+        """The arc as `kernels.goal.settle` takes it."""
+        return ArcFit(
+            self._constrained.scene,
+            self._samples.for_fit,
+            self._constrained.priors,
+            FitLoss(_CONSTRAINED_SCALES, _CONSTRAINED_SCALES, False),
+            self._start,
+            np.ascontiguousarray(self._loosest[:2]),
+        )
 
     def camera(self, place: FloatArray) -> tuple[FloatArray, float] | None:
         """Camera (8,) at a place and its cost, chi-square; None where the samples determine none."""

@@ -15,9 +15,11 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.goal.fit import FitLoss
+from robocup_vision.kernels.goal.marked_cameras import MarkReach, MarkWorth, fit_marked, mark_evidence
 from robocup_vision.kernels.goal.marks import mark_stds
 from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, follow_arc
-from robocup_vision.localization.goal.drawing import LineDrawing
+from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
 from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import (
     GoalFit,
@@ -151,6 +153,20 @@ class ColoredGoalLines:
     ) -> None:
         self._settings = settings
         self._marks = LineMarks(lines, camera, settings.marks)
+        self._worth = MarkWorth(
+            settings.marks.min_contrast,
+            settings.marks.full_width_px,
+            settings.min_marks,
+            settings.sample_error_px,
+            settings.sharp_width_px,
+            settings.line_error_px,
+            settings.paint_error_m / self._marks.line_width_m,
+            settings.seen_ratio,
+            settings.full_width_px,
+            settings.spread_px,
+            settings.clutter_ratio,
+        )
+        self._pen = line_pen(self._marks.points, self._marks.line_width_m)
 
     def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit) -> tuple[float, LineFit] | None:
         """Fit goal and lines together; None where the lines that should be in view are not.
@@ -173,7 +189,7 @@ class ColoredGoalLines:
         fits = [t for t in (self._from(frame, model, found, p, c) for p, c in starts) if t is not None]
         fits = [t for t in fits if t[0] >= self._settings.min_evidence]
         if arc is not None:
-            drawing = LineDrawing(frame, self._marks.points, self._marks.line_width_m)
+            drawing = LineDrawing(frame, self._pen)
             fits = self._drawn(drawing, model, fits) if fits else self._drawn_alone(drawing, model, found, arc)
         fits.sort(key=lambda t: -t[0])
         if not fits:
@@ -234,36 +250,34 @@ class ColoredGoalLines:
         self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
     ) -> list[tuple[FloatArray, FloatArray]]:
         """Cameras on the arc that lines confirm best."""
-        condeviationed = at_one_heading(model)
-        scored = []
-        for p, covariance, cost in zip(arc.unknowns, arc.covariance, arc.cost, strict=True):
-            marked = self._marked(frame, condeviationed, found.samples, p, covariance, self._settings.reaches_px[0])
-            if marked is None:
-                continue
-            q, least, _ = fit(
-                condeviationed, marked.samples, p, np.full(self._settings.iterations, self._settings.scales_px[1])
-            )
-            if math.isfinite(least):
-                scored.append((self._evidence(condeviationed, marked, q) - cost / 2, q, covariance))
-        scored.sort(key=lambda one: -one[0])
+        settings, held = self._settings, at_one_heading(model)
+        how_far = MarkReach(settings.reach_stds, settings.min_reach_px, settings.reaches_px[0])
+        seen = self._marks.look(frame, model, arc.unknowns, arc.covariance, how_far)
+        scales = np.full(settings.iterations, settings.scales_px[1])
+        cameras, evidence = arc.unknowns.copy(), np.empty(len(arc.cost))
+        fit_marked(
+            held.scene,
+            found.samples.for_fit,
+            held.priors,
+            FitLoss(scales, scales, False),
+            seen,
+            self._worth,
+            cameras,
+            evidence,
+        )
+        evidence -= arc.cost / 2
         chosen: list[tuple[FloatArray, FloatArray]] = []
-        for _, p, covariance in scored:
-            if all(math.dist(p[:2], other[:2]) > self._settings.same_m for other, _ in chosen):
-                chosen.append((p, covariance))
-            if len(chosen) == self._settings.max_starts:
+        for k in np.argsort(-evidence, kind="stable"):
+            if len(chosen) == settings.max_starts or math.isinf(evidence[k]):
                 break
+            if all(math.dist(cameras[k, :2], other[:2]) > settings.same_m for other, _ in chosen):
+                chosen.append((cameras[k], arc.covariance[k]))
         return chosen
 
     def _evidence(self, model: GoalModel, marked: _Marked, p: FloatArray) -> float:
         """Logarithm of how much likelier the ridges are if these lines are there than if they are clutter."""
         residual = residuals(model, marked.samples, p)[-int(marked.seen.sum()) :]
-        due = self._settings.seen_ratio * np.minimum(1.0, marked.width / self._settings.full_width_px)
-        near = np.exp(-0.5 * (residual / self._settings.spread_px) ** 2) / (
-            self._settings.spread_px * math.sqrt(math.tau)
-        )
-        anywhere = self._settings.clutter_ratio / (2 * marked.reach)
-        there = np.log1p(due[marked.seen] * (near / anywhere[marked.seen] - 1.0))
-        return float(there.sum() + np.log1p(-due[~marked.seen]).sum())
+        return float(mark_evidence(residual, marked.width, marked.reach, marked.seen, self._worth))
 
     def _from(
         self,

@@ -13,8 +13,18 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import Float32Array, FloatArray
-from robocup_vision.kernels.lines.drawing import draw_lines
+from robocup_vision.arrays import FloatArray
+from robocup_vision.kernels.goal.settle import DrawnPicture, drawn_likelihood, settle_drawing
+from robocup_vision.kernels.lines.drawing import (
+    AROUND,
+    MARGIN,
+    LinePen,
+    LitCarpet,
+    compare_each_line,
+    light_carpet,
+    move_drawings,
+    stroke_table,
+)
 from robocup_vision.localization.goal.arc import ConstrainedArc
 from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel
@@ -31,8 +41,6 @@ class DrawingSettings:
         Of the drawn lines: a small camera's optics and chip, one standard deviation.
     max_gap_m : float
         Points of one line lie nearer together; two farther apart are of two lines.
-    around_px : int
-        Side of the square whose mean light is taken off: shadows and lamps are wider, lines narrower.
     max_levels : float
         Grey levels over the mean that count: brighter paint, or a ball, weighs no more.
     border_px : int
@@ -53,7 +61,6 @@ class DrawingSettings:
 
     blur_px: float = 0.75
     max_gap_m: float = 0.07
-    around_px: int = 9
     max_levels: float = 40.0
     border_px: int = 5
     pixels_for_one: float = 25.0
@@ -91,10 +98,8 @@ class LineDrawing:
     ----------
     frame : (H, W, 3) uint8
         BGR.
-    points : (N, 2) float64
-        Along the field's lines, field frame, metres.
-    line_width_m : float
-        Of the paint.
+    pen : LinePen
+        The field's lines, see `line_pen`.
     settings : DrawingSettings, optional
         How lines are drawn and compared.
     """
@@ -102,71 +107,48 @@ class LineDrawing:
     def __init__(
         self,
         frame: npt.NDArray[np.uint8],
-        points: FloatArray,
-        line_width_m: float,
+        pen: LinePen,
         settings: DrawingSettings = DrawingSettings(),
     ) -> None:
         self._settings = settings
-        self._around = (settings.around_px, settings.around_px)
-        carpet = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones(self._around, np.uint8))
-        carpet = cv2.erode(carpet, np.ones((settings.border_px, settings.border_px), np.uint8))
+        around = (AROUND, AROUND)
+        self._picture: DrawnPicture | None = None
+        closed = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones(around, np.uint8))
+        border = np.ones((settings.border_px, settings.border_px), np.uint8)
+        carpet = np.asarray(cv2.erode(closed, border), np.uint8)
         rows = np.flatnonzero(carpet.any(axis=1))
-        self._points, self._width_m = points, line_width_m
-        apart_m = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        self._each_line = np.split(points, np.flatnonzero(apart_m > settings.max_gap_m) + 1)
-        self._first_row = int(rows[0]) if len(rows) else frame.shape[0]
-        below = frame[self._first_row :]
-        self._on_carpet = (carpet[self._first_row :] > 0).astype(np.float32)
-        if len(rows):
-            self._nearby = np.maximum(cv2.blur(self._on_carpet, self._around), np.float32(1e-3))
-            paint = self._over_nearby(np.asarray(cv2.min(below[..., 0], below[..., 2]), np.float32))
-            self._light = np.clip(paint, -settings.max_levels, settings.max_levels)
-            self._light_square = float(np.vdot(self._light, self._light))
-        self._pixels = np.count_nonzero(self._on_carpet) / settings.pixels_for_one
-
-    def _over_nearby(self, light: Float32Array) -> Float32Array:
-        mean = np.asarray(cv2.blur(light * self._on_carpet, self._around), np.float32) / self._nearby
-        return np.asarray((light - mean) * self._on_carpet, np.float32)
+        first_row = int(rows[0]) if len(rows) else frame.shape[0]
+        height, width = frame.shape[0] - first_row, frame.shape[1]
+        if height <= MARGIN:
+            return
+        lit = LitCarpet(*(np.empty((height, width), np.float32) for _ in range(3)))
+        pixels, light_square = light_carpet(frame[first_row:], carpet[first_row:], settings.max_levels, lit)
+        self._picture = DrawnPicture(
+            lit,
+            pen,
+            first_row,
+            np.zeros((height + 2 * MARGIN, width + 2 * MARGIN), np.float32),
+            light_square,
+            pixels / settings.pixels_for_one,
+        )
 
     def likelihood(self, model: GoalModel, unknowns: FloatArray) -> float:
         """Logarithm of how much likelier the carpet's light is with these lines than without any."""
-        if not len(self._on_carpet):
+        if self._picture is None:
             return 0.0
-        drawn = self._over_nearby(self._drawn(model, unknowns))
-        both = float(np.vdot(drawn, self._light))
-        own = float(np.vdot(drawn, drawn))
-        if both <= 0.0 or own <= 0.0:
-            return 0.0
-        return -0.5 * self._pixels * math.log(max(1.0 - both * both / (own * self._light_square), 1e-9))
+        return float(drawn_likelihood(self._picture, model.scene.camera, unknowns))
 
-    def _single_lines(self, model: GoalModel, unknowns: FloatArray) -> tuple[float, float]:
+    def _single_lines(self, picture: DrawnPicture, model: GoalModel, unknowns: FloatArray) -> tuple[float, float]:
         """Mean square by which the light along single lines differs from that along all; ratio of the lines shown."""
-        drawn = self._drawn(model, unknowns)
-        levels = self._over_nearby(drawn)
-        own, both = levels * levels, levels * self._light
-        lines = [np.asarray(self._drawn(model, unknowns, line) > 0.5 * drawn, np.float32) for line in self._each_line]
-        weight = np.array([float(np.vdot(own, line)) for line in lines])
-        light = np.array([float(np.vdot(both, line)) for line in lines])
+        sums, pen = np.empty((2, len(picture.pen.starts) - 1)), picture.pen
+        compare_each_line(picture.carpet, pen, model.scene.camera, unknowns, picture.first_row, picture.drawing, sums)
+        weight, light = sums
         shown = weight > 0.0
         if not shown.any() or light.sum() <= 0.0:
             return math.inf, 0.0
         bright = light[shown] / weight[shown] * (weight.sum() / light.sum())
         weight = weight[shown] / weight.sum()
         return float(weight @ (bright - 1.0) ** 2), float(weight[bright >= 0.5].sum())
-
-    def _drawn(self, model: GoalModel, unknowns: FloatArray, points: FloatArray | None = None) -> Float32Array:
-        drawing = np.empty(self._on_carpet.shape, np.float32)
-        draw_lines(
-            self._points if points is None else points,
-            self._settings.max_gap_m,
-            model.scene.camera,
-            unknowns,
-            self._width_m,
-            self._settings.blur_px,
-            self._first_row,
-            drawing,
-        )
-        return drawing
 
     def settle(
         self, model: GoalModel, samples: EdgeSamples, start: FloatArray, reach_rad: float, loose: int = 0
@@ -192,34 +174,31 @@ class LineDrawing:
         Drawn or None
             None where the samples determine no camera, or some of the lines are not there.
         """
+        picture = self._picture
+        if picture is None:
+            return None
         arc = ConstrainedArc(model, samples, start)
-        seen: dict[tuple[float, ...], float] = {}
-
-        def value(place: FloatArray) -> float:
-            key = tuple(place.tolist())
-            if key not in seen:
-                found = arc.camera(place)
-                seen[key] = -math.inf if found is None else self.likelihood(model, found[0]) - found[1] / 2
-            return seen[key]
-
-        steps = self._settings.steps
-        axes = np.diag([reach_rad / steps] + loose * [self._settings.loose_step])
-        ways = range(-steps, steps + 1)
-        others = ways[1::2] if loose else (0,)
-        at = max((k * axes[0] + m * axes[-1] for k in ways for m in others), key=value)
-        for _ in range(self._settings.halvings):
-            axes = axes / 2
-            for axis in (*axes, *axes[:1]) if loose else axes:
-                at = max((at - axis, at, at + axis), key=value)
-        covariance = self._covariance(model, arc, at, 2 * axes, value(at)) if value(at) > 0.0 else None
+        axes, place = np.zeros(3), np.empty(3)
+        axes[0], axes[1 : 1 + loose] = reach_rad / self._settings.steps, self._settings.loose_step
+        likelihood = settle_drawing(picture, arc.for_search, axes, self._settings.steps, self._settings.halvings, place)
+        if likelihood <= 0.0:
+            return None
+        at, last = place[: 1 + loose], np.diag(axes[: 1 + loose]) / 2**self._settings.halvings
+        covariance = self._covariance(picture, model, arc, at, 2 * last, likelihood)
         best = arc.camera(at)
         if best is None or covariance is None:
             return None
-        spread, shown = self._single_lines(model, best[0])
-        return Drawn(value(at), best[0], covariance, shown) if spread <= self._settings.max_spread else None
+        spread, shown = self._single_lines(picture, model, best[0])
+        return Drawn(likelihood, best[0], covariance, shown) if spread <= self._settings.max_spread else None
 
     def _covariance(
-        self, model: GoalModel, arc: ConstrainedArc, at: FloatArray, axes: FloatArray, likelihood: float
+        self,
+        picture: DrawnPicture,
+        model: GoalModel,
+        arc: ConstrainedArc,
+        at: FloatArray,
+        axes: FloatArray,
+        likelihood: float,
     ) -> FloatArray | None:
         """Covariance (8, 8) at a place on an arc, by how far the drawing moves with the camera; axes (K, K) to try."""
         around = [arc.camera(place) for axis in axes for place in (at - axis, at + axis)]
@@ -228,18 +207,32 @@ class LineDrawing:
             return None
         length = 2 * np.diag(axes)
         along = (cameras[1::2] - cameras[::2]).T / length
-        motion = self._motion(model, cameras) / np.outer(length, length)
+        motion = self._motion(picture, model, cameras) / np.outer(length, length)
         # a faint drawing is located as well as noise allows, a plain one as well as the model describes the picture
         off_px2 = (len(axes) * self._settings.drawn_to_px) ** 2 + self._settings.blur_px**2 / likelihood
         spread = np.linalg.inv(motion / off_px2 + np.diag([1e-9] + (len(axes) - 1) * [1.0]))
         return np.asarray(arc.rest(at) + along @ spread @ along.T, np.float64)
 
-    def _motion(self, model: GoalModel, cameras: FloatArray) -> FloatArray:
+    def _motion(self, picture: DrawnPicture, model: GoalModel, cameras: FloatArray) -> FloatArray:
         """How far lines move across themselves between two cameras each, (2K, 8): mean products (K, K), px^2."""
-        drawn = [self._drawn(model, camera) for camera in cameras]
-        first = drawn[0]
-        slopes = ((first[1:] - first[:-1]).ravel(), (first[:, 1:] - first[:, :-1]).ravel())
-        steepness = sum(float(np.vdot(slope, slope)) for slope in slopes)
-        moved = [(after - before).ravel() for before, after in zip(drawn[::2], drawn[1::2], strict=True)]
-        products = [[float(np.vdot(one, other)) for other in moved] for one in moved]
-        return np.array(products) / max(steepness, 1e-12)
+        drawn = np.zeros((len(cameras), *picture.drawing.shape), np.float32)
+        products = np.empty((len(cameras) // 2, len(cameras) // 2))
+        steepness = move_drawings(picture.pen, model.scene.camera, cameras, picture.first_row, drawn, products)
+        return products / max(steepness, 1e-12)
+
+
+def line_pen(points: FloatArray, line_width_m: float, settings: DrawingSettings = DrawingSettings()) -> LinePen:
+    """Lines of a field as they are drawn.
+
+    Parameters
+    ----------
+    points : (N, 2) float64
+        Along the lines, one line after the other, field frame, metres.
+    line_width_m : float
+        Of the paint.
+    settings : DrawingSettings, optional
+        How lines are drawn.
+    """
+    apart_m = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    starts = np.array([0, *(np.flatnonzero(apart_m > settings.max_gap_m) + 1), len(points)])
+    return LinePen(points, starts, float(line_width_m), stroke_table(settings.blur_px))

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.edge_places import EdgePlaces, goal_points, spread_samples
-from robocup_vision.kernels.goal.edges import EdgeOffsets, EdgeStarts, measure_edges
+from robocup_vision.kernels.goal.edge_places import goal_points
+from robocup_vision.kernels.goal.edge_samples import DueEdges, EdgeLook, FoundEdges, sample_edges
 from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.geometry import (
@@ -26,6 +26,7 @@ from robocup_vision.localization.goal.geometry import (
 )
 
 FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
+_NOTHING, _NO_MASK = np.empty(0), np.empty((0, 0), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +142,7 @@ def no_samples() -> EdgeSamples:
     return EdgeSamples(index, _none(), index, index, _none(), _none(), np.empty(0), np.zeros(EDGES, np.int64))
 
 
+@lru_cache(maxsize=16)
 def goal_scene(shape: GoalShape, view: IdealView) -> GoalScene:
     """Goal and camera as the kernels take them."""
     return GoalScene(
@@ -187,12 +189,6 @@ def edge_segments(shape: GoalShape, unknowns: FloatArray) -> FloatArray:
     return ends
 
 
-def _is_painted(paint: npt.NDArray[np.uint8], uv: FloatArray) -> npt.NDArray[np.bool_]:
-    height, width = paint.shape
-    u, v = np.rint(uv).astype(np.intp).T
-    return np.asarray(paint[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] > 0)
-
-
 def measure(
     image: npt.NDArray[np.uint8],
     camera: PinholeCamera,
@@ -231,56 +227,30 @@ def measure(
     points = np.empty((2 * EDGES + 2 * feet, 2))
     if not goal_points(goal_scene(shape, view), unknowns, points):
         return None
-    points = from_ideal(camera, points)
     room = EDGES * settings.max_samples + feet
-    places = EdgePlaces(
-        np.empty((room, 2)),
-        np.empty((room, 2)),
-        np.empty(room, np.int64),
-        np.empty(room),
-        np.empty(EDGES, np.int64),
+    found = FoundEdges(
+        np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, 2)), np.empty(room), np.empty(EDGES, np.int64)
     )
-    count = spread_samples(points, feet, camera.size_px, settings.spacing_px, settings.max_samples, places)
-    start, normal, inside_px, expected = places.starts[:count], places.normals[:count], places.inside, places.expected
-    n = count - feet
-    edge = places.edge[:n]
-    along = np.empty((count, 3))
-    along[:n], along[n:] = appearance.towards, settings.foot_towards
-    keep = np.ones(count)
-    keep[:n] = appearance.grey
-    offset, contrast, sigma = np.empty(count), np.empty(count), np.empty(count)
-    starts = EdgeStarts(start, normal, np.full(count, reach_px), inside_px[:count], along, keep)
-    measure_edges(image, starts, appearance.glare, EdgeOffsets(offset, contrast, sigma))
-    found = np.isfinite(offset)
-    if appearance.apart is not None:
-        again = np.flatnonzero(~found[:n] & (contrast[:n] >= 0.0))
-        results = np.empty((3, len(again)))
-        starts = EdgeStarts(
-            start[again],
-            normal[again],
-            np.full(len(again), reach_px),
-            inside_px[again],
-            np.tile(appearance.apart, (len(again), 1)),
-            keep[again],
-        )
-        measure_edges(image, starts, math.inf, EdgeOffsets(*results))
-        offset[again], contrast[again], sigma[again] = results
-        found = np.isfinite(offset)
-    if appearance.paint is not None:
-        inner = start - normal * np.clip(inside_px[:count], 1.0, settings.paint_depth_px)[:, None]
-        inner[found] += normal[found] * offset[found, None]
-        found &= _is_painted(appearance.paint, inner * (appearance.paint.shape[1] / camera.size_px[0]))
-    expected -= np.bincount(edge[contrast[:n] < 0], minlength=EDGES)
-    where = np.ascontiguousarray(to_ideal(camera, start[found] + normal[found] * offset[found, None]))
-    edge_found, foot_found = found[:n], np.flatnonzero(found[n:])
-    edges = edge[edge_found]
+    due = DueEdges(from_ideal(camera, points), feet, settings.spacing_px, settings.max_samples, reach_px)
+    look = EdgeLook(
+        appearance.towards,
+        np.array(settings.foot_towards),
+        appearance.glare,
+        appearance.grey,
+        _NOTHING if appearance.apart is None else appearance.apart,
+        _NO_MASK if appearance.paint is None else appearance.paint,
+        settings.paint_depth_px,
+    )
+    edges, seen_feet = sample_edges(image, due, look, found)
+    last = edges + seen_feet
+    where, foot = to_ideal(camera, found.uv[:last]), found.edge[edges:last]
     return EdgeSamples(
-        edges,
-        where[: len(edges)],
-        foot_found // len(FOOT_OFFSETS),
-        foot_found % len(FOOT_OFFSETS),
-        where[len(edges) :],
-        normal[n:][foot_found],
-        sigma[found],
-        expected,
+        found.edge[:edges],
+        where[:edges],
+        foot // len(FOOT_OFFSETS),
+        foot % len(FOOT_OFFSETS),
+        where[edges:],
+        found.normals[edges:last],
+        found.sigma[:last],
+        found.expected,
     )

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.goal.edge_samples import weigh_samples
 from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, NormalSystem, fit_goal, goal_residuals, normal_equations
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.edges import (
@@ -292,10 +293,9 @@ def covariance_of(model: GoalModel, information: FloatArray) -> FloatArray:
 
 def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -> EdgeSamples:
     """Let the samples' noise include what their edge as a whole may be off."""
-    per_edge = np.bincount(samples.edge, minlength=EDGES)[samples.edge]
-    per_foot = np.bincount(samples.foot_post, minlength=2)[samples.foot_post]
-    shared = np.concatenate([settings.edge_error_px**2 * per_edge, settings.foot_error_px**2 * per_foot])
-    sigma = np.sqrt(samples.sigma**2 + settings.sample_error_px**2 + shared)
+    errors = (settings.sample_error_px, settings.edge_error_px, settings.foot_error_px)
+    sigma = np.empty(len(samples.sigma))
+    weigh_samples(samples.edge, samples.foot_post, samples.sigma, errors, sigma)
     return replace(samples, sigma=sigma)
 
 

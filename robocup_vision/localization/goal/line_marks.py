@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.goal.marked_cameras import MarkReach, SeenMarks, due_marks
 from robocup_vision.kernels.goal.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
 from robocup_vision.localization.goal.edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalModel
@@ -115,24 +116,65 @@ class LineMarks:
         self.line_width_m = line_map.field.line_width_m
         points, directions = along_lines(line_map)
         self.points, self._directions = np.ascontiguousarray(points), np.ascontiguousarray(directions)
+        self._limits = MarkLimits(
+            float(self.line_width_m), float(settings.spacing_px), float(settings.width_px[0]), float(settings.clear_px)
+        )
 
     def predict(self, model: GoalModel, p: FloatArray) -> PredictedMarks:
         """Places in view of a camera (8,)."""
         room = len(self.points)
         marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
         settings = self._settings
-        limits = MarkLimits(
-            float(self.line_width_m), float(settings.spacing_px), float(settings.width_px[0]), float(settings.clear_px)
-        )
         places = MarkPlaces(marks, pixels, normals, widths)
         view, size_px = model.scene.camera, self._camera.size_px
-        n = line_marks(self.points, self._directions, view, p, size_px, limits, places)
+        n = line_marks(self.points, self._directions, view, p, size_px, self._limits, places)
         chosen = np.flatnonzero(widths[:n] < settings.width_px[1])
         if settings.cell_px > 0:
             cell = np.floor(pixels[chosen] / settings.cell_px).astype(np.int64)
             _, first = np.unique(cell[:, 0] * 100_003 + cell[:, 1], return_index=True)
             chosen = chosen[np.sort(first)]
         return PredictedMarks(marks[:n], pixels[:n], normals[:n], widths[:n]).take(chosen)
+
+    def look(
+        self, frame: UInt8Array, model: GoalModel, cameras: FloatArray, covariances: FloatArray, how_far: MarkReach
+    ) -> SeenMarks:
+        """Look for lines where each of many cameras predicts them.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        model : GoalModel
+            Of the camera.
+        cameras, covariances : (K, 8), (K, 8, 8) float64
+            The cameras.
+        how_far : MarkReach
+            How far lines are searched.
+        """
+        view, size_px = model.scene.camera, self._camera.size_px
+        room = len(cameras) * len(self.points)
+        places = MarkPlaces(np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room))
+        reach, bounds = np.empty(room), np.empty(len(cameras) + 1, np.int64)
+        n = due_marks(
+            self.points,
+            self._directions,
+            view,
+            cameras,
+            covariances,
+            size_px,
+            self._limits,
+            how_far,
+            places,
+            reach,
+            bounds,
+        )
+        marks, pixels, direction, width = (part[:n] for part in places)
+        start = np.ascontiguousarray(from_ideal(self._camera, pixels))
+        offset, contrast = np.empty(n), np.empty(n)
+        measure_ridges(frame, start, direction, reach[:n], width, self._settings.along_px, offset, contrast)
+        contrast[np.isnan(offset)] = np.nan
+        uv = np.ascontiguousarray(to_ideal(self._camera, start + direction * offset[:, None]))
+        return SeenMarks(bounds, marks, direction, uv, width, reach[:n], contrast)
 
     def measure(
         self, frame: UInt8Array, predicted: PredictedMarks, reach_px: FloatArray

@@ -9,7 +9,7 @@ import numpy as np
 
 from field_models.errors import FrameError
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array, plain_frame
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -170,6 +170,7 @@ class GoalPoseEstimator:
     def locate_camera(self, frame: UInt8Array, prior: Pose2 | None = None) -> CameraEstimate | NotLocated:
         """Locate the camera as `locate` does, with its tilt, roll and height and what was measured."""
         self._check(frame)
+        frame = plain_frame(frame)
         candidates, reason = self._search.candidates(frame)
         colored = [c for c in candidates if c.model is self._search.colored_model]
         if colored and candidates[0] is colored[0]:
@@ -316,7 +317,8 @@ class GoalPoseEstimator:
         covariance = covariance_of(model, found.information)
         std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
         if std > self.settings.colored_lines.certain_m:
-            covariance = follow_arc(model, found.samples, found.unknowns, std).covariance_about(found.unknowns)
+            arc = follow_arc(model, found.samples, found.unknowns, std)
+            covariance = arc.covariance_about(found.unknowns) if len(arc.cost) else covariance
         return CameraEstimate(found.unknowns, covariance, candidate.sides, found, None)
 
     def _by_lines(self, frame: UInt8Array, prior: Pose2) -> CameraEstimate | None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.localization.goal.arc import turned
-from robocup_vision.localization.goal.drawing import LineDrawing
+from robocup_vision.localization.goal.arc import ConstrainedArc, turned
+from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
 from robocup_vision.localization.goal.geometry import HEADING
 from robocup_vision.localization.goal.line_marks import along_lines
 from robocup_vision.localization.goal.search import GoalSearch
@@ -15,6 +15,7 @@ from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_go
 FIELD = load_field("four_legged_2007")
 CONDITION = GOAL_CONDITIONS["mild_glare_208x160"]
 POINTS = along_lines(LineMap(FIELD))[0]
+PEN = line_pen(POINTS, FIELD.line_width_m)
 SIDE_X_M = float(np.abs(FIELD.lines).max())
 
 
@@ -29,7 +30,7 @@ def far():
 
 def test_lines_are_likeliest_where_they_are(far):
     frame, search, truth = far
-    drawing = LineDrawing(frame, POINTS, FIELD.line_width_m)
+    drawing = LineDrawing(frame, PEN)
     here = drawing.likelihood(search.colored_model, truth)
     assert here > 20
     for turn in (-0.2, -0.05, 0.05, 0.2):
@@ -39,7 +40,7 @@ def test_lines_are_likeliest_where_they_are(far):
 def test_a_drawing_settles_where_the_camera_stands(far):
     frame, search, truth = far
     candidate = search.candidates(frame)[0][0]
-    drawing = LineDrawing(frame, POINTS, FIELD.line_width_m)
+    drawing = LineDrawing(frame, PEN)
     start = turned(candidate.model, truth, 0.03)
     drawn = drawing.settle(candidate.model, candidate.fit.samples, start, 0.06, loose=2)
     assert drawn is not None
@@ -50,19 +51,49 @@ def test_a_drawing_settles_where_the_camera_stands(far):
     assert drawn.shown_ratio > 0.8
 
 
+def plain_place(drawing, model, samples, start, reach_rad, loose):
+    """Search for the place of the likeliest drawing on a grid and by halved steps, as the loop does."""
+    arc, steps, halvings = ConstrainedArc(model, samples, start), 5, 4
+
+    def value(place):
+        camera, cost = arc.camera(place)
+        return drawing.likelihood(model, camera) - cost / 2
+
+    axes = np.diag([reach_rad / steps] + loose * [0.5])
+    others = range(1 - steps, steps, 2) if loose else (0,)
+    at = max((k * axes[0] + m * axes[-1] for k in range(-steps, steps + 1) for m in others), key=value)
+    for _ in range(halvings):
+        axes = axes / 2
+        for axis in (*axes, *axes[:1]) if loose else axes:
+            at = max((at - axis, at, at + axis), key=value)
+    return arc.camera(at)[0], value(at)
+
+
+@pytest.mark.parametrize("loose", [0, 1, 2])
+def test_a_drawing_settles_where_a_plain_search_does(far, loose):
+    frame, search, truth = far
+    candidate = search.candidates(frame)[0][0]
+    drawing = LineDrawing(frame, PEN)
+    start = turned(candidate.model, truth, 0.01)
+    camera, likelihood = plain_place(drawing, candidate.model, candidate.fit.samples, start, 0.03, loose)
+    drawn = drawing.settle(candidate.model, candidate.fit.samples, start, 0.03, loose)
+    assert drawn.likelihood == pytest.approx(likelihood, abs=1e-6)
+    np.testing.assert_allclose(drawn.unknowns, camera, atol=1e-9)
+
+
 def test_no_drawing_settles_where_lines_of_it_are_missing(far):
     frame, search, truth = far
     candidate = search.candidates(frame)[0][0]
     # a line that nobody painted, across the carpet before the camera
     ahead = truth[0] + 0.3 * (SIDE_X_M - truth[0])
     unpainted = np.column_stack([np.full(51, ahead), np.linspace(-1.0, 1.0, 51)])
-    drawing = LineDrawing(frame, np.concatenate([POINTS, unpainted]), FIELD.line_width_m)
+    drawing = LineDrawing(frame, line_pen(np.concatenate([POINTS, unpainted]), FIELD.line_width_m))
     assert drawing.settle(candidate.model, candidate.fit.samples, truth, 0.06) is None
 
 
 def test_without_carpet_nothing_is_estimated(far):
     _, search, truth = far
     black = np.zeros((160, 208, 3), np.uint8)
-    drawing = LineDrawing(black, POINTS, FIELD.line_width_m)
+    drawing = LineDrawing(black, PEN)
     assert drawing.likelihood(search.colored_model, truth) == 0.0
     assert drawing.settle(search.colored_model, search.candidates(far[0])[0][0].fit.samples, truth, 0.05) is None
