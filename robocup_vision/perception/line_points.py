@@ -182,6 +182,8 @@ class LineFinder:
         Non-zero pixels are never looked at.
     settings : LineSettings
         Thresholds.
+    floor_m : (R, C, 2) float64, optional
+        What the camera shows at `cell_middles`, where that is known.
     """
 
     def __init__(
@@ -190,6 +192,7 @@ class LineFinder:
         line_width_m: float,
         mask: npt.NDArray[np.generic] | None = None,
         settings: LineSettings = LineSettings(),
+        floor_m: FloatArray | None = None,
     ) -> None:
         self.camera = camera
         self.settings = settings
@@ -197,16 +200,15 @@ class LineFinder:
         if mask is not None and mask.shape[:2] != (height, width):
             raise ArgumentError(f"mask must be {width}x{height}, got {mask.shape[1]}x{mask.shape[0]}")
         cell = 2**settings.cell_bits
-        v, u = np.mgrid[cell // 2 : height : cell, cell // 2 : width : cell].astype(np.float64)
-        floor = camera.pixel_to_floor(np.stack([u, v], axis=-1))
-        seen: npt.NDArray[np.bool_] = np.asarray(np.isfinite(floor).all(axis=-1))
+        floor = camera.pixel_to_floor(cell_middles(camera.size_px, settings.cell_bits)) if floor_m is None else floor_m
+        seen: npt.NDArray[np.bool_] = np.isfinite(floor[..., 0]) & np.isfinite(floor[..., 1])
         if isinstance(camera, OmniCamera):
-            radius = np.hypot(u - camera.center_px[0], v - camera.center_px[1])
+            from_center = cell_middles(camera.size_px, settings.cell_bits) - camera.center_px
+            radius = np.hypot(from_center[..., 0], from_center[..., 1])
             inner, outer = camera.usable_radius_px
             seen &= (radius >= inner) & (radius <= outer)
         if mask is not None:
-            shown = np.asarray(mask).reshape(height, width, -1)[..., 0] == 0
-            seen &= shown[v.astype(np.intp), u.astype(np.intp)]
+            seen &= np.asarray(mask).reshape(height, width, -1)[cell // 2 :: cell, cell // 2 :: cell, 0] == 0
         self._width_units = np.empty((len(AXES_PX), *seen.shape), dtype=np.uint16)
         # steps are from cell to cell
         line_widths(floor, seen.astype(np.uint8), float(line_width_m) * cell, settings.width_px, self._width_units)
@@ -214,12 +216,17 @@ class LineFinder:
         self._seen = np.ascontiguousarray((seen & (self._width_units > 0).any(axis=0)).astype(np.uint8))
         # where a line would be too wide for the floor's tone to hide it
         self._resolved = (self._width_units.min(axis=0) >= settings.resolved_px * WIDTH_UNITS_PER_PX).astype(np.uint8)
-        range_m = np.where(self._seen > 0, np.hypot(floor[..., 0], floor[..., 1]), np.inf)
         flat = np.flatnonzero(self._seen)
+        ahead, left = floor.reshape(-1, 2)[flat].T
         # the nearest quarter of the visible floor: hardly anything but carpet stands that close
-        order = np.argsort(range_m.ravel()[flat], kind="stable")[: max(1, len(flat) // 4)]
-        near = np.sort(flat[order])[:: max(1, 4 // cell**2)]
-        self._near = (v.ravel()[near] * width + u.ravel()[near]).astype(np.intp)
+        range_m = np.hypot(ahead, left)
+        count = max(1, len(flat) // 4)
+        farthest_m = np.partition(range_m, count - 1)[count - 1] if len(flat) else 0.0
+        nearest = np.flatnonzero(range_m < farthest_m)
+        alike = np.flatnonzero(range_m == farthest_m)[: count - len(nearest)]
+        near = flat[np.sort(np.concatenate([nearest, alike]))][::4]
+        row, column = np.divmod(near, seen.shape[1])
+        self._near = (row * cell + cell // 2) * width + column * cell + cell // 2
 
     def find(self, frame: npt.NDArray[np.uint8]) -> LinePoints:
         """Find line points.
@@ -275,14 +282,15 @@ class LineFinder:
     def _tone(self, smooth: npt.NDArray[np.uint8]) -> Float32Array | None:
         """Learn the floor's colour from the nearest pixels: (7,), see `floor_mask_by_tone`; None if they have none."""
         settings = self.settings
-        near = smooth.reshape(-1, 3)[self._near].astype(np.float64)
-        near = near[(near.max(axis=1) < 250) & (near.min(axis=1) >= 3)]
-        if len(near) < settings.min_samples:
+        near = smooth.reshape(-1, 3)[self._near]
+        least, most = (step(near[:, 0], step(near[:, 1], near[:, 2])) for step in (np.minimum, np.maximum))
+        blue, greens, red = near[(most < 250) & (least >= 3)].astype(np.float64).T
+        if len(greens) < settings.min_samples:
             return None
-        log_ratio = np.log(near[:, [2, 0]] / near[:, 1:2])  # R/G, B/G
+        log_ratio = np.log(np.stack([red, blue]) / greens)  # R/G, B/G
         bin_size, span = 0.08, 2.0
         edges = np.arange(-span, span + bin_size / 2, bin_size)
-        histogram = np.histogram2d(log_ratio[:, 0], log_ratio[:, 1], [edges, edges])[0]
+        histogram = np.histogram2d(log_ratio[0], log_ratio[1], [edges, edges])[0]
         smoothed = cv2.blur(histogram, (3, 3), borderType=cv2.BORDER_CONSTANT)
         # a robot at the carpet's edge sees the hall's floor as near as the carpet: of tones that both cover much of
         # the ring the carpet is the greener one, under any light
@@ -290,12 +298,15 @@ class LineFinder:
         mode = tones[np.argmin(tones.max(axis=1))]
         spread = np.full(2, bin_size)
         for _ in range(3):
-            members = (np.abs(log_ratio - mode) < settings.tone_stds * spread).all(axis=1)
+            off = np.abs(log_ratio - mode[:, None])
+            members = (off[0] < settings.tone_stds * spread[0]) & (off[1] < settings.tone_stds * spread[1])
             if np.count_nonzero(members) < settings.min_samples:
                 return None
-            mode = np.asarray(np.median(log_ratio[members], axis=0))
-            spread = np.maximum(1.48 * np.median(np.abs(log_ratio[members] - mode), axis=0), settings.min_tone_spread)
-        green = float(np.median(near[members, 1]))
+            chosen = log_ratio[:, members]
+            mode = np.array([np.median(row) for row in chosen])
+            off = np.abs(chosen - mode[:, None])
+            spread = np.maximum([1.48 * np.median(row) for row in off], settings.min_tone_spread)
+        green = float(np.median(greens[members]))
         reach = settings.tone_stds * spread
         low, high = np.exp(mode - reach), np.exp(mode + reach)
         bounds = (low[0], high[0], low[1], high[1], settings.dark_ratio * green, settings.bright_ratio * green)
@@ -314,8 +325,17 @@ class LineFinder:
         )
 
 
+def cell_middles(size_px: tuple[int, int], cell_bits: int) -> FloatArray:
+    """Pixels (R, C, 2) in the middles of an image's cells, see `LineSettings`."""
+    (width, height), cell = size_px, 2**cell_bits
+    v, u = np.mgrid[cell // 2 : height : cell, cell // 2 : width : cell].astype(np.float64)
+    return np.stack([u, v], axis=-1)
+
+
 def _reaches_px(width_units: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint8]:
     """Count the steps along each of `AXES_PX`, (4, H, W), from a line's middle to the floor beside it; 0: no line."""
-    step_px = np.hypot(*np.transpose(AXES_PX))[:, None, None]
-    steps = np.ceil((_SIDE_WIDTHS * width_units / WIDTH_UNITS_PER_PX + _SIDE_PX) / step_px)
-    return np.where(width_units > 0, steps, 0).astype(np.uint8)
+    step_px = np.hypot(*np.transpose(AXES_PX))[:, None]
+    units = np.arange(int(width_units.max(initial=0)) + 1)
+    steps = np.ceil((_SIDE_WIDTHS * units / WIDTH_UNITS_PER_PX + _SIDE_PX) / step_px).astype(np.uint8)
+    steps[:, 0] = 0
+    return np.stack([of_axis[units] for of_axis, units in zip(steps, width_units, strict=True)])

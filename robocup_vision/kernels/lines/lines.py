@@ -82,7 +82,8 @@ def line_widths(
                 du, dv = (0.0, 1.0) if k == 0 else ((-_DIAGONAL, _DIAGONAL) if k == 1 else (-1.0, 0.0))
                 if k == 3:
                     du, dv = -_DIAGONAL, -_DIAGONAL
-                width_px = scale * math.hypot(ux * du + vx * dv, uy * du + vy * dv)
+                along_x, along_y = ux * du + vx * dv, uy * du + vy * dv
+                width_px = scale * math.sqrt(along_x * along_x + along_y * along_y)
                 if range_px[0] <= width_px <= range_px[1]:
                     width_units[k, y, x] = round(width_px * 16.0)
 
@@ -137,7 +138,17 @@ def line_ridge_points(
     height, width = whiteness.shape
     out = np.empty((limit, 4))
     count = 0
+    is_shown = False
     for y in range(height):
+        row = y >> cell_bits
+        if y == row << cell_bits:
+            # above the horizon nothing is looked at
+            is_shown = False
+            for k in range(4):
+                for x in range(reach_px.shape[2]):
+                    is_shown = is_shown or reach_px[k, row, x] > 0
+        if not is_shown:
+            continue
         for x in range(width):
             value = np.int64(whiteness[y, x])
             if value < threshold:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.kernels.algebra.pinhole import slopes_to_floor
 from robocup_vision.kernels.goal.fit import FitLoss
 from robocup_vision.kernels.goal.line_points import AssociatedMarks, LinePlaces, associate_points, fit_to_points
 from robocup_vision.localization.goal.edges import EdgeSamples, no_samples, to_ideal
@@ -32,7 +34,7 @@ from robocup_vision.localization.goal.geometry import (
 )
 from robocup_vision.localization.goal.line_marks import LineFit, LineMarks, MarkSettings, with_marks
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.perception.line_points import LineFinder, LinePoints, LineSettings
+from robocup_vision.perception.line_points import LineFinder, LinePoints, LineSettings, cell_middles
 
 _MARKS = MarkSettings(
     spacing_px=0.0,
@@ -132,6 +134,14 @@ class WhiteGoalLines:
     ) -> None:
         self._line_map, self._camera, self._settings = line_map, camera, settings
         self._marks = LineMarks(line_map, camera, settings.marks)
+        bits = max(0, (camera.size_px[0] // settings.cells_across).bit_length() - 1)
+        self._finder_settings = LineSettings(cell_bits=bits)
+
+    @cached_property
+    def _slopes(self) -> FloatArray:
+        """(R, C, 2) float64: how far right and down for each unit ahead cells' middles are seen."""
+        ray = self._camera.pixel_to_camera_ray(cell_middles(self._camera.size_px, self._finder_settings.cell_bits))
+        return np.ascontiguousarray(-ray[..., 1:] / ray[..., :1])
 
     def points(self, frame: UInt8Array, p: FloatArray) -> LinePoints:
         """White line points of a frame, through a camera of the tilt, roll and height of (8,) unknowns."""
@@ -143,8 +153,11 @@ class WhiteGoalLines:
             roll_rad=float(p[ROLL]),
             height_m=float(p[HEIGHT]),
         )
-        settings = LineSettings(cell_bits=max(0, (camera.size_px[0] // self._settings.cells_across).bit_length() - 1))
-        return LineFinder(camera, self._marks.line_width_m, settings=settings).find(frame)
+        floor_m = np.empty(self._slopes.shape)
+        turn, offset_m = camera.camera_to_robot, (0.0, 0.0)
+        slopes_to_floor(self._slopes.reshape(-1, 2), turn, camera.height_m, offset_m, floor_m.reshape(-1, 2))
+        finder = LineFinder(camera, self._marks.line_width_m, settings=self._finder_settings, floor_m=floor_m)
+        return finder.find(frame)
 
     def expected(self, model: GoalModel, p: FloatArray) -> int:
         """How many places along lines a camera should have in view."""

@@ -7,7 +7,7 @@ from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation, project_ideal
-from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera, point_in_camera
+from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera, point_in_camera, slopes_to_floor
 from robocup_vision.landmarks.index import pinhole_view
 from robocup_vision.landmarks.projection import to_camera
 
@@ -39,3 +39,15 @@ def test_a_point_of_the_field_in_the_camera_of_a_robot(pose, point):
 def test_ideal_pixels_are_those_of_the_camera_model(ahead, left, up):
     expected = project_ideal((277.0, 270.0), (159.5, 119.5), np.array([ahead, left, up]))
     np.testing.assert_allclose(ideal_pixel(277.0, 270.0, 159.5, 119.5, ahead, left, up), expected, rtol=1e-14)
+
+
+def test_rays_meet_the_floor_where_the_camera_model_says():
+    pixels = np.random.default_rng(4).uniform((0, 0), CAMERA.size_px, (300, 2))
+    ray = CAMERA.pixel_to_camera_ray(pixels)
+    floor_m = np.empty((300, 2))
+    slopes = np.ascontiguousarray(-ray[:, 1:] / ray[:, :1])
+    slopes_to_floor(slopes, CAMERA.camera_to_robot, CAMERA.height_m, CAMERA.offset_m, floor_m)
+    expected = CAMERA.pixel_to_floor(pixels)
+    assert np.isnan(expected).any()
+    assert np.isfinite(expected).any()
+    np.testing.assert_allclose(floor_m, expected, rtol=1e-6)
