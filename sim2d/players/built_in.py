@@ -30,6 +30,7 @@ from sim2d.players.head import Head, HeadView
 from sim2d.players.keep_out import allowed_target, block_zones
 from sim2d.players.parts import PlayerParts
 from sim2d.players.plan import Plan, Situation
+from sim2d.players.pose_look import PoseLook
 from sim2d.players.settings import PlayerSettings
 from sim2d.players.shot import Shooter
 from sim2d.players.straight_frames import StraightFrames
@@ -88,6 +89,9 @@ class BuiltInPlayer:
             self._head = Head(
                 field, limits, camera, plans=plans, asks=asks, looks_again=plans and looks_again, settings=settings.head
             )
+        # a camera that neither turns nor sees all around is turned with the robot
+        is_fixed = self._sees_ahead_only and self._head is None
+        self._pose_look = PoseLook(field, settings.look) if is_fixed else None
         self._localizer = parts.localizer(setup, settings, remembers or plans)
         if self._localizer.memory is None:
             raise ArgumentError("a player's localizer must have a memory")
@@ -289,6 +293,7 @@ class BuiltInPlayer:
                 None if self._talk is None else self._talk.role(pose, ball, senses.t_s),
             )
         )
+        plan = self._look_for_pose(plan, belief)
         self._intent, self._why = plan.intent, plan.why
         self._target = self._point_in_team(plan.target)
         if plan.keep_outs:
@@ -300,6 +305,14 @@ class BuiltInPlayer:
             at = pose.inverse().transform(ball)
             free_space = block_ball(free_space, (float(at[0]), float(at[1])), self._setup.field.ball_radius_m)
         return self._drive(plan, pose, free_space, senses.t_s)
+
+    def _look_for_pose(self, plan: Plan, robot: PoseEstimate) -> Plan:
+        """Return the plan with a heading that shows where the robot is, where that is unsure and no ball is close."""
+        look_rad = None if self._pose_look is None else self._pose_look.direction_rad(robot)
+        if look_rad is None or plan.close or plan.holding:
+            return plan
+        heading_rad = look_rad if self._setup.attacks > 0 else look_rad + math.pi
+        return dataclasses.replace(plan, heading_rad=heading_rad, looks=True)
 
     def _drive(self, plan: Plan, pose: Pose2, free_space: FreeSpace, t_s: float) -> Command:
         moving = self._moving(pose, t_s)

@@ -95,6 +95,8 @@ class Plan:
         The rules allow no more now; None: any speed.
     keep_outs : tuple of KeepOut
         Where the rules forbid the robot to be now.
+    looks : bool
+        Face the heading on the way, too.
     """
 
     intent: str
@@ -108,3 +110,4 @@ class Plan:
     why: Reason | None = None
     speed_mps: float | None = None
     keep_outs: tuple[KeepOut, ...] = ()
+    looks: bool = False

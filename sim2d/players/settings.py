@@ -12,6 +12,7 @@ from sim2d.players.ball.memory import BallMemorySettings
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.driving.travel import TravelSettings
 from sim2d.players.head import HeadSettings
+from sim2d.players.pose_look import PoseLookSettings
 from sim2d.players.shot import ShotSettings
 from sim2d.players.tactics.tactics import TacticsSettings
 from sim2d.players.team_talk import TeamTalkSettings
@@ -23,7 +24,7 @@ class PlayerSettings:
 
     Attributes
     ----------
-    tactics, ball, motion, travel, shot, head, talk
+    tactics, ball, motion, travel, shot, head, look, talk
         Of its parts.
     memory : MemorySettings
         Of its estimates over time: pose filter, tracks and map.
@@ -53,6 +54,7 @@ class PlayerSettings:
     travel: TravelSettings = TravelSettings()
     shot: ShotSettings = ShotSettings()
     head: HeadSettings = HeadSettings()
+    look: PoseLookSettings = PoseLookSettings()
     talk: TeamTalkSettings = TeamTalkSettings()
     memory: MemorySettings = MemorySettings()
     rough_odometry: OdometryNoise = OdometryNoise(slip_ratio=0.1, gain_std=0.05, push_m=0.005, push_rad=0.03)

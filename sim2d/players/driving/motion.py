@@ -49,8 +49,8 @@ class MotionSettings:
     escape_s : float
         It then drives in a random free direction for so long.
     face_way_m : float
-        A robot that sees ahead only faces its way while its target is farther away than this. From here on it faces
-        what its plan wants, and goes there sideways.
+        A robot that sees ahead only faces its way while its target is farther away than this, unless its plan looks
+        elsewhere. From here on it faces what its plan wants, and goes there sideways.
     calm_rps : float
         It turns no faster, unless the ball is close: quick turns blur and lean the picture, and slip.
     bumps : BumpSettings
@@ -179,7 +179,7 @@ class Motion:
         if t_s < self._escape_until_s:
             bearing, distance_m = self._escape_rad - pose.theta_rad, 1.0
         is_far = distance_m > settings.face_way_m
-        faces_way = self._sees_ahead_only and is_far and not plan.holding
+        faces_way = self._sees_ahead_only and is_far and not (plan.holding or plan.looks)
         turn = wrap_angle(bearing if faces_way else plan.heading_rad - pose.theta_rad) / settings.turn_time_s
         fastest = self._limits.turn_rps
         if plan.holding:

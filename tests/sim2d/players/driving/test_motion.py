@@ -68,7 +68,7 @@ def test_who_sees_ahead_only_faces_its_way_until_it_is_nearly_there():
     assert turn_rps((0.0, 1.0)) > 1.0
     assert turn_rps((0.0, -1.0)) < -1.0
     assert turn_rps((0.0, 0.3)) == 0.0
-    assert turn_rps((0.0, 1.0), holding=True) == 0.0
+    assert turn_rps((0.0, 1.0), holding=True) == turn_rps((0.0, 1.0), looks=True) == 0.0
 
 
 def test_who_stands_by_its_target_is_not_stuck():
