@@ -133,6 +133,48 @@ def choose_marks(contrast: FloatArray, widths: FloatArray, worth: MarkWorth, is_
 
 
 @compiled
+def gather_marks(
+    seen: SeenMarks,
+    begin: int,
+    is_seen: BoolArray,
+    worth: MarkWorth,
+    marks: FloatArray,
+    uv: FloatArray,
+    directions: FloatArray,
+    sigma: FloatArray,
+) -> None:
+    """Gather the marks of one camera that are seen, with their noise.
+
+    Parameters
+    ----------
+    seen : SeenMarks
+        Of all cameras.
+    begin : int
+        The camera's first mark.
+    is_seen : (N,) bool
+        Which of its marks are seen, M of them.
+    worth : MarkWorth
+        What noise they have.
+    marks, uv, directions : (M, 2) float64
+        Results, see `SeenMarks`.
+    sigma : (M,) float64
+        Result: noise, pixels; what lines are off as a whole counts for each.
+    """
+    common = worth.line_error_px**2 * sigma.shape[0]
+    m = variable(0)
+    for i in range(is_seen.shape[0]):
+        if not is_seen[i]:
+            continue
+        at = begin + i
+        copy_vector(seen.marks[at], marks[m])
+        copy_vector(seen.uv[at], uv[m])
+        copy_vector(seen.directions[at], directions[m])
+        blurred = worth.sample_error_px * max(1.0, worth.sharp_width_px / seen.widths[at])
+        sigma[m] = math.sqrt(blurred**2 + (worth.paint_part * seen.widths[at]) ** 2 + common)
+        m += 1
+
+
+@compiled
 def mark_evidence(
     residual: FloatArray, widths: FloatArray, reach: FloatArray, is_seen: BoolArray, worth: MarkWorth
 ) -> float:
@@ -202,25 +244,10 @@ def fit_marked(
         count = choose_marks(seen.contrast[begin:end], widths, worth, is_seen)
         if count < worth.min_marks:
             continue
-        marks, uv, directions, sigma = (
-            np.empty((count, 2)),
-            np.empty((count, 2)),
-            np.empty((count, 2)),
-            np.empty(goal + count),
-        )
+        marks, uv, directions = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
+        sigma = np.empty(goal + count)
         copy_vector(samples.sigma, sigma[:goal])
-        m = 0
-        for i in range(end - begin):
-            if not is_seen[i]:
-                continue
-            copy_vector(seen.marks[begin + i], marks[m])
-            copy_vector(seen.uv[begin + i], uv[m])
-            copy_vector(seen.directions[begin + i], directions[m])
-            blurred = worth.sample_error_px * max(1.0, worth.sharp_width_px / widths[i])
-            sigma[goal + m] = math.sqrt(
-                blurred**2 + (worth.paint_part * widths[i]) ** 2 + worth.line_error_px**2 * count
-            )
-            m += 1
+        gather_marks(seen, begin, is_seen, worth, marks, uv, directions, sigma[goal:])
         joined = FitSamples(
             samples.edge,
             samples.uv,

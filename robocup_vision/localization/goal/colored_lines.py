@@ -16,8 +16,14 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.fit import FitLoss
-from robocup_vision.kernels.goal.marked_cameras import MarkReach, MarkWorth, fit_marked, mark_evidence
-from robocup_vision.kernels.goal.marks import mark_stds
+from robocup_vision.kernels.goal.marked_cameras import (
+    MarkReach,
+    MarkWorth,
+    choose_marks,
+    fit_marked,
+    gather_marks,
+    mark_evidence,
+)
 from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, follow_arc
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
 from robocup_vision.localization.goal.edges import EdgeSamples
@@ -331,24 +337,15 @@ class ColoredGoalLines:
         max_px: float,
     ) -> _Marked | None:
         """Look for the lines where a camera predicts them; None where too few are in view or seen."""
-        due = self._marks.predict(model, p)
-        if len(due) < self._settings.min_marks:
+        how_far = MarkReach(self._settings.reach_stds, self._settings.min_reach_px, max_px)
+        due = self._marks.look(frame, model, p[None], covariance[None], how_far)
+        is_seen = np.empty(len(due.widths), np.bool_)
+        count = choose_marks(due.contrast, due.widths, self._worth, is_seen)
+        if count < self._settings.min_marks:
             return None
-        std = np.empty(len(due))
-        mark_stds(due.mark_m, due.direction, model.scene.camera, p, covariance, std)
-        reach = np.minimum(self._settings.reach_stds * std + self._settings.min_reach_px, max_px)
-        uv, seen = self._marks.measure(frame, due, reach)
-        if len(uv) < self._settings.min_marks:
-            return None
-        near = due.take(seen)
-        paint = self._settings.paint_error_m / self._marks.line_width_m * near.width_px
-        sigma = np.sqrt(
-            (self._settings.sample_error_px * np.maximum(1.0, self._settings.sharp_width_px / near.width_px)) ** 2
-            + paint**2
-            + self._settings.line_error_px**2 * len(uv)
-        )
-        joined = with_marks(samples, near.mark_m, uv, near.direction, sigma)
-        return _Marked(joined, seen, due.width_px, reach)
+        marks, uv, direction, sigma = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2)), np.empty(count)
+        gather_marks(due, 0, is_seen, self._worth, marks, uv, direction, sigma)
+        return _Marked(with_marks(samples, marks, uv, direction, sigma), is_seen, due.widths, due.reach)
 
     def _as_scattered(self, model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSamples:
         """Let the noise of marks be what they scatter; what lines are off as a whole comes and goes with it."""
