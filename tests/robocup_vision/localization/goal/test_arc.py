@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.localization.goal.arc import ArcSettings, ConstrainedArc, at_one_heading, follow_arc, turned
+from robocup_vision.localization.goal.arc import ConstrainedArc, follow_arc, turned
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, edge_segments
 from robocup_vision.localization.goal.fit import covariance_of, fit, goal_model, weigh
 from robocup_vision.localization.goal.geometry import HEADING, foot_points, goal_shape, project
@@ -57,40 +57,6 @@ def test_the_arc_s_spread_covers_what_one_point_s_covariance_does_not():
         at_truth = np.interp(TRUTH[HEADING], arc.unknowns[:, HEADING], arc.unknowns[:, 1])
         assert at_truth == pytest.approx(TRUTH[1], abs=0.1)
     assert np.mean(squares) < 6.0 < np.mean(naive)
-
-
-def plain_arc(seen, start, std_m, settings):
-    """Follow an arc as `follow_arc` does, by single fits."""
-    held, scales = at_one_heading(MODEL), np.full(4, 0.3)
-    distance = np.hypot(SHAPE.line_x_m - start[0], start[1])
-    middle = fit(held, seen, start, scales)
-    least, cameras = middle[1], [middle]
-    for sign in (-1.0, 1.0):
-        at, step, rotated = middle, settings.first_step_stds * std_m, 0.0
-        while True:
-            step = min(settings.max_step_m, step)
-            rotated += step / distance
-            at = fit(held, seen, turned(MODEL, at[0], sign * step / distance), scales)
-            if rotated > settings.max_turn_rad or at[0][0] > SHAPE.line_x_m or at[1] > least + settings.max_rise:
-                break
-            least = min(least, at[1])
-            cameras.append(at)
-            step *= settings.growth
-    return held, sorted(cameras, key=lambda camera: camera[0][HEADING])
-
-
-@pytest.mark.parametrize(("std_m", "max_rise"), [(0.02, 12.0), (0.3, 12.0), (0.3, 1e6)])
-def test_an_arc_is_that_of_single_fits(std_m, max_rise):
-    settings = ArcSettings(max_rise=max_rise)
-    seen = samples(np.random.default_rng(8))
-    p, _, _ = fit(MODEL, seen, TRUTH + 0.01, np.full(8, 0.3))
-    held, cameras = plain_arc(seen, p, std_m, settings)
-    arc = follow_arc(MODEL, seen, p, std_m, settings)
-    np.testing.assert_allclose(arc.unknowns, [camera[0] for camera in cameras], atol=1e-9)
-    costs = np.array([camera[1] for camera in cameras])
-    np.testing.assert_allclose(arc.cost, costs - costs.min(), atol=1e-6)
-    covariance = np.array([covariance_of(held, camera[2]) for camera in cameras])
-    np.testing.assert_allclose(arc.covariance, covariance, atol=1e-9 * np.abs(covariance).max())
 
 
 def test_without_a_fit_there_is_no_arc():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.localization.goal.arc import ConstrainedArc, turned
+from robocup_vision.localization.goal.arc import turned
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
 from robocup_vision.localization.goal.geometry import HEADING
 from robocup_vision.localization.goal.line_marks import along_lines
@@ -49,36 +49,6 @@ def test_a_drawing_settles_where_the_camera_stands(far):
     assert abs(off[HEADING]) < np.radians(1.0)
     assert np.all(np.linalg.eigvalsh(drawn.covariance[:3, :3]) > 0)
     assert drawn.shown_ratio > 0.8
-
-
-def plain_place(drawing, model, samples, start, reach_rad, loose):
-    """Search for the place of the likeliest drawing on a grid and by halved steps, as the loop does."""
-    arc, steps, halvings = ConstrainedArc(model, samples, start), 5, 4
-
-    def value(place):
-        camera, cost = arc.camera(place)
-        return drawing.likelihood(model, camera) - cost / 2
-
-    axes = np.diag([reach_rad / steps] + loose * [0.5])
-    others = range(1 - steps, steps, 2) if loose else (0,)
-    at = max((k * axes[0] + m * axes[-1] for k in range(-steps, steps + 1) for m in others), key=value)
-    for _ in range(halvings):
-        axes = axes / 2
-        for axis in (*axes, *axes[:1]) if loose else axes:
-            at = max((at - axis, at, at + axis), key=value)
-    return arc.camera(at)[0], value(at)
-
-
-@pytest.mark.parametrize("loose", [0, 1, 2])
-def test_a_drawing_settles_where_a_plain_search_does(far, loose):
-    frame, search, truth = far
-    candidate = search.candidates(frame)[0][0]
-    drawing = LineDrawing(frame, PEN)
-    start = turned(candidate.model, truth, 0.01)
-    camera, likelihood = plain_place(drawing, candidate.model, candidate.fit.samples, start, 0.03, loose)
-    drawn = drawing.settle(candidate.model, candidate.fit.samples, start, 0.03, loose)
-    assert drawn.likelihood == pytest.approx(likelihood, abs=1e-6)
-    np.testing.assert_allclose(drawn.unknowns, camera, atol=1e-9)
 
 
 def test_no_drawing_settles_where_lines_of_it_are_missing(far):
