@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.kernels.goal.runs import link_runs
+from robocup_vision.kernels.goal.runs import find_mask_runs, link_runs
 from robocup_vision.kernels.goal.strips import Runs, StripLimits, fit_strip, straight_line, summarize_chains
 
 
@@ -173,20 +173,10 @@ def _vertex(gradient: npt.NDArray[np.float32], row: npt.NDArray[np.int64], colum
 
 def mask_runs(mask: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Stretches of a mask in every `row_step`-th row, as `white_runs` gives them (contrast is 1)."""
-    rows = mask[row_step // 2 :: row_step] > 0
-    padded = np.zeros((rows.shape[0], rows.shape[1] + 2), np.int8)
-    padded[:, 1:-1] = rows
-    change = np.diff(padded, axis=1)
-    row, start = np.nonzero(change > 0)
-    _, end = np.nonzero(change < 0)
-    keep = (end - start <= mask.shape[1] // 5) & (start > 0) & (end < mask.shape[1])
-    row, start, end = row[keep], start[keep], end[keep]
-    return (
-        row * float(row_step) + row_step // 2,
-        start - 0.5,
-        end - 0.5,
-        np.ones(len(row)),
-    )
+    room = (mask.shape[0] // row_step + 1) * (mask.shape[1] // 2 + 1)
+    row, left, right = np.empty(room), np.empty(room), np.empty(room)
+    count = find_mask_runs(mask, row_step, mask.shape[1] // 5, row, left, right)
+    return row[:count], left[:count], right[:count], np.ones(count)
 
 
 def strips(

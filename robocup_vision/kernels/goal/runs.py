@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, Int64Array
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.compiling.loops import compiled, variable
 
 
 @compiled
@@ -42,3 +42,41 @@ def link_runs(
         while oldest < chains and row[n] - row[last[oldest]] > max_gap:
             oldest += 1
     return chains
+
+
+@compiled
+def find_mask_runs(
+    mask: UInt8Array, row_step: int, widest: int, row: FloatArray, left: FloatArray, right: FloatArray
+) -> int:
+    """Stretches of a mask in every `row_step`-th row, but for those that are too wide or touch the border.
+
+    Parameters
+    ----------
+    mask : (H, W) uint8
+        Non-zero on paint.
+    row_step : int
+        The first row is half of it.
+    widest : int
+        Of a stretch, pixels.
+    row, left, right : (N,) float64
+        Results: row, and the edges before its first and after its last pixel; room for all there may be.
+
+    Returns
+    -------
+    int
+        How many there are.
+    """
+    height, width = mask.shape
+    count = variable(0)
+    for v in range(row_step // 2, height, row_step):
+        start = -1
+        for u in range(width):
+            if mask[v, u]:
+                if start < 0:
+                    start = u
+            elif start >= 0:
+                if start > 0 and u - start <= widest:
+                    row[count], left[count], right[count] = v, start - 0.5, u - 0.5
+                    count += 1
+                start = -1
+    return count

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal.runs import link_runs
+from robocup_vision.kernels.goal.runs import find_mask_runs, link_runs
 
 
 def plain_chains(row, left, right, lean, max_gap):
@@ -37,3 +37,18 @@ def test_chains_agree_with_plain_python(seed):
     expected = plain_chains(row, left, right, 0.27, 16.0)
     assert chain.tolist() == expected
     assert count == max(expected) + 1
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 5]))
+def test_stretches_of_a_mask_are_those_of_numpy(seed, row_step):
+    mask = (np.random.default_rng(seed).random((23, 40)) < 0.7).astype(np.uint8)
+    found = np.empty((3, 23 * 21))
+    count = find_mask_runs(mask, row_step, 8, *found)
+    expected = []
+    for v in range(row_step // 2, 23, row_step):
+        change = np.diff(np.pad(mask[v].astype(int), 1))
+        for start, end in zip(np.flatnonzero(change > 0), np.flatnonzero(change < 0), strict=True):
+            if end - start <= 8 and start > 0 and end < 40:
+                expected.append((v, start - 0.5, end - 0.5))
+    assert found[:, :count].T.tolist() == [list(map(float, run)) for run in expected]
