@@ -11,7 +11,7 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2
+from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.model_edges.align import LEFT_BEHIND, Alignment, align_likeliest, slopes_of
 from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
@@ -189,8 +189,10 @@ class EdgeFinder:
         return chosen
 
     def _is_same(self, pose: Pose2, other: Pose2) -> bool:
-        away_m, turn_rad = pose.error_to(other)
-        return away_m < self.settings.apart_m and turn_rad < self.settings.apart_rad
+        # most are far apart: their headings need not be asked for
+        if math.hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) >= self.settings.apart_m:
+            return False
+        return abs(wrap_angle(pose.theta_rad - other.theta_rad)) < self.settings.apart_rad
 
     def find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
         """Locate the camera by one frame alone.
@@ -266,7 +268,7 @@ class EdgeFinder:
 
     def _end(self, answer: FollowedCamera | NotLocated) -> Pose2:
         """Where the last fit ended by the frame alone; with its prior where it was not accepted."""
-        return answer.measurement.pose if answer else self.follower.pose
+        return answer.measured_pose if answer else self.follower.pose
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         """Fit one pose by the frame alone: fit again from where the frame points to, as a proposal is no evidence."""

@@ -89,11 +89,19 @@ class FollowedCamera:
 
         In a direction in which the frame is less certain than `_OPEN_STD` the fit stays as it is, with that error.
         """
-        covariance, about, known = np.empty((3, 3)), self.likelihood.about, self.likelihood
-        x, y, turn = frame_alone(known.information, known.gradient, _OPEN_STD, covariance)
-        pose = Pose2(about.x_m + x, about.y_m + y, about.theta_rad + turn)
+        pose, covariance = self._by_frame_alone()
         ratio, rms = self.estimate.inlier_ratio, self.estimate.residual_px
         return PoseEstimate(pose, covariance, ratio, rms, self._candidates(pose))
+
+    @property
+    def measured_pose(self) -> Pose2:
+        """The pose of `measurement`, at a part of its cost."""
+        return self._by_frame_alone()[0]
+
+    def _by_frame_alone(self) -> tuple[Pose2, FloatArray]:
+        covariance, about, known = np.empty((3, 3)), self.likelihood.about, self.likelihood
+        x, y, turn = frame_alone(known.information, known.gradient, _OPEN_STD, covariance)
+        return Pose2(about.x_m + x, about.y_m + y, about.theta_rad + turn), covariance
 
     def without_prior(self) -> FollowedCamera:
         """Return the answer with the estimate by the frame alone."""

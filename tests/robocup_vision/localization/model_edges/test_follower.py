@@ -63,6 +63,7 @@ def test_prior_times_likelihood_is_the_posterior(fl_shot):
     assert turn < math.radians(0.5)
     assert np.all(np.linalg.eigvalsh(answer.measurement.covariance) > 0)
     assert answer.measurement.std[0] >= answer.estimate.std[0]
+    assert answer.measured_pose == answer.measurement.pose
 
 
 def test_what_a_blank_frame_leaves_is_not_located(fl_shot):
