@@ -13,7 +13,8 @@ from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.goal.arc import turn_camera
 from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal
 from robocup_vision.kernels.goal.picture import GoalScene
-from robocup_vision.kernels.lines.drawing import LinePen, LitCarpet, compare_drawing
+from robocup_vision.kernels.lines.drawing import LinePen
+from robocup_vision.kernels.lines.drawn_light import LitCarpet, compare_drawing
 
 _PLACE = 3  # a turn, and how far off in two directions
 

@@ -11,12 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 
 MARGIN = 4
-AROUND = 2 * MARGIN + 1  # side of the square whose mean light is taken off
 _ALONG_PX, _ACROSS_PX = 1.2, 0.8  # between strokes: along a line blur leaves no gap even there
 _REACH = 2
 _WIDE = 2 * _REACH + 1
@@ -44,24 +43,6 @@ class LinePen(NamedTuple):
     starts: Int64Array
     width_m: float
     strokes: Float32Array
-
-
-class LitCarpet(NamedTuple):
-    """What a drawing is compared with, (H, W) float32 each.
-
-    Parameters
-    ----------
-    on : (H, W) float32
-        1 on carpet, else 0.
-    share : (H, W) float32
-        Of a sum over the square around a pixel that makes it a mean over the carpet there.
-    light : (H, W) float32
-        Light over that of the carpet nearby, 0 off the carpet.
-    """
-
-    on: Float32Array
-    share: Float32Array
-    light: Float32Array
 
 
 def stroke_table(blur_px: float) -> Float32Array:
@@ -184,200 +165,6 @@ def draw_lines(
         int(most_v + 0.5) + _REACH + 1,
         int(most_u + 0.5) + _REACH + 1,
     )
-
-
-@compiled
-def _reflected(at: int, count: int) -> int:
-    """Index of a place beyond a row of at least `MARGIN` + 1, reflected about its end."""
-    if at < 0:
-        return -at
-    return at if at < count else 2 * (count - 1) - at
-
-
-@compiled
-def _add_light(
-    frame: UInt8Array, carpet: UInt8Array, row: int, sign: int, counts: Int32Array, lights: Int32Array
-) -> None:
-    for u in range(carpet.shape[1]):
-        if carpet[row, u]:
-            counts[MARGIN + u] += sign
-            lights[MARGIN + u] += sign * min(frame[row, u, 0], frame[row, u, 2])
-
-
-@compiled
-def light_carpet(frame: UInt8Array, carpet: UInt8Array, max_levels: float, lit: LitCarpet) -> tuple[int, float]:
-    """Measure the light of a carpet over that of the carpet nearby.
-
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    carpet : (H, W) uint8
-        Non-zero on carpet; H is greater than `MARGIN`.
-    max_levels : float
-        Grey levels over the mean that count, and below it.
-    lit : LitCarpet
-        Result.
-
-    Returns
-    -------
-    (int, float)
-        Pixels of carpet, and the sum of the squared light.
-    """
-    height, width = carpet.shape
-    counts, lights = np.zeros(width + 2 * MARGIN, np.int32), np.zeros(width + 2 * MARGIN, np.int32)
-    least = np.float32(1e-3 * AROUND**2)
-    pixels, square = variable(0), 0.0
-    for other in range(-MARGIN, MARGIN):
-        _add_light(frame, carpet, _reflected(other, height), variable(1), counts, lights)
-    for row in range(height):
-        _add_light(frame, carpet, _reflected(row + MARGIN, height), variable(1), counts, lights)
-        for m in range(1, MARGIN + 1):
-            for sums in (counts, lights):
-                sums[MARGIN - m] = sums[MARGIN + m]
-                sums[MARGIN + width - 1 + m] = sums[MARGIN + width - 1 - m]
-        count, light = variable(0), variable(0)
-        for u in range(2 * MARGIN):
-            count += counts[u]
-            light += lights[u]
-        for u in range(width):
-            count += counts[u + 2 * MARGIN]
-            light += lights[u + 2 * MARGIN]
-            share = np.float32(1.0) / max(np.float32(count), least)
-            is_on = carpet[row, u] > 0
-            over = 0.0
-            if is_on:
-                over = min(frame[row, u, 0], frame[row, u, 2]) - light * share
-                over = min(max(over, -max_levels), max_levels)
-                pixels += 1
-                square += over * over
-            lit.on[row, u], lit.share[row, u], lit.light[row, u] = np.float32(is_on), share, over
-            count -= counts[u]
-            light -= lights[u]
-        _add_light(frame, carpet, _reflected(row - MARGIN, height), variable(-1), counts, lights)
-    return pixels, square
-
-
-@compiled(fastmath=_SUMS)
-def _add_row(drawing: Float32Array, on: Float32Array, row: int, sign: float, sums: Float32Array) -> None:
-    factor = np.float32(sign)
-    for u in range(on.shape[1]):
-        sums[MARGIN + u] += factor * on[row, u] * drawing[row + MARGIN, u + MARGIN]
-
-
-@compiled(fastmath=_SUMS)
-def _level_row(
-    sums: Float32Array, drawn: Float32Array, on: Float32Array, share: Float32Array, level: Float32Array
-) -> None:
-    for u in range(on.shape[0]):
-        around = sums[u] + sums[u + 1] + sums[u + 2] + sums[u + 3] + sums[u + 4]
-        around += sums[u + 5] + sums[u + 6] + sums[u + 7] + sums[u + 8]
-        level[u] = (drawn[u + MARGIN] - around * share[u]) * on[u]
-
-
-@compiled(fastmath=_SUMS)
-def _sum_row(level: Float32Array, light: Float32Array) -> tuple[float, float]:
-    own, both = np.float32(0.0), np.float32(0.0)
-    for u in range(level.shape[0]):
-        own += level[u] * level[u]
-        both += level[u] * light[u]
-    return float(own), float(both)
-
-
-@compiled
-def _level_next(
-    carpet: LitCarpet, drawing: Float32Array, row: int, begin: int, sums: Float32Array, level: Float32Array
-) -> None:
-    """Levels (W,) of a drawing over the mean nearby, in the row after the one before, from row `begin` on.
-
-    `sums` (W + 2 MARGIN,) goes on from row to row.
-    """
-    on = carpet.on
-    height, width = on.shape
-    if row == begin:
-        sums[:] = 0.0
-        for other in range(row - MARGIN, row + MARGIN):
-            _add_row(drawing, on, _reflected(other, height), 1.0, sums)
-    else:
-        _add_row(drawing, on, _reflected(row - MARGIN - 1, height), -1.0, sums)
-    _add_row(drawing, on, _reflected(row + MARGIN, height), 1.0, sums)
-    for m in range(1, MARGIN + 1):
-        sums[MARGIN - m] = sums[MARGIN + m]
-        sums[MARGIN + width - 1 + m] = sums[MARGIN + width - 1 - m]
-    _level_row(sums, drawing[row + MARGIN], on[row], carpet.share[row], level)
-
-
-@compiled
-def compare_drawing(
-    carpet: LitCarpet, pen: LinePen, view: FloatArray, p: FloatArray, first_row: int, drawing: Float32Array
-) -> tuple[float, float]:
-    """Draw all lines, less the mean nearby, and sum the drawing's squares, and its products with the light.
-
-    Parameters
-    ----------
-    carpet : LitCarpet
-        What the drawing is compared with.
-    pen, view, p, first_row, drawing
-        See `draw_lines`; the drawing is zero before and after.
-
-    Returns
-    -------
-    (float, float)
-        Squares, and products.
-    """
-    top, _, bottom, _ = draw_lines(pen, variable(0), pen.starts.shape[0] - 1, view, p, first_row, drawing)
-    height, width = carpet.on.shape
-    sums, level = np.empty(width + 2 * MARGIN, np.float32), np.empty(width, np.float32)
-    own, both = 0.0, 0.0
-    # rows of the picture: of the drawing, less its margin, and as far as the square reaches
-    begin = max(0, top - 2 * MARGIN)
-    for row in range(begin, min(height, bottom)):
-        _level_next(carpet, drawing, row, begin, sums, level)
-        of_row, with_light = _sum_row(level, carpet.light[row])
-        own += of_row
-        both += with_light
-    drawing[top:bottom, :] = 0.0
-    return own, both
-
-
-@compiled
-def compare_each_line(
-    carpet: LitCarpet,
-    pen: LinePen,
-    view: FloatArray,
-    p: FloatArray,
-    first_row: int,
-    drawing: Float32Array,
-    sums: FloatArray,
-) -> None:
-    """Part the sums of `compare_drawing` by lines: over the pixels in which each makes more than half of the paint.
-
-    Parameters
-    ----------
-    carpet, pen, view, p, first_row, drawing
-        See `compare_drawing`.
-    sums : (2, L) float64
-        Results: squares and products.
-    """
-    lines = pen.starts.shape[0] - 1
-    top, _, bottom, _ = draw_lines(pen, variable(0), lines, view, p, first_row, drawing)
-    height, width = carpet.on.shape
-    levels, whole = np.zeros((height, width), np.float32), drawing.copy()
-    around = np.empty(width + 2 * MARGIN, np.float32)
-    begin = max(0, top - 2 * MARGIN)
-    for row in range(begin, min(height, bottom)):
-        _level_next(carpet, drawing, row, begin, around, levels[row])
-    drawing[top:bottom, :] = 0.0
-    for line in range(lines):
-        top, left, bottom, right = draw_lines(pen, line, line + 1, view, p, first_row, drawing)
-        own, both = 0.0, 0.0
-        for row in range(max(top - MARGIN, 0), min(bottom - MARGIN, height)):
-            for u in range(max(left - MARGIN, 0), min(right - MARGIN, width)):
-                if drawing[row + MARGIN, u + MARGIN] > np.float32(0.5) * whole[row + MARGIN, u + MARGIN]:
-                    own += levels[row, u] * levels[row, u]
-                    both += levels[row, u] * carpet.light[row, u]
-        drawing[top:bottom, left:right] = 0.0
-        sums[0, line], sums[1, line] = own, both
 
 
 @compiled(fastmath=_SUMS)

@@ -15,16 +15,8 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.goal.settle import DrawnPicture, drawn_likelihood, settle_drawing
-from robocup_vision.kernels.lines.drawing import (
-    AROUND,
-    MARGIN,
-    LinePen,
-    LitCarpet,
-    compare_each_line,
-    light_carpet,
-    move_drawings,
-    stroke_table,
-)
+from robocup_vision.kernels.lines.drawing import MARGIN, LinePen, move_drawings, stroke_table
+from robocup_vision.kernels.lines.drawn_light import AROUND, LitCarpet, compare_each_line, light_carpet
 from robocup_vision.localization.goal.arc import ConstrainedArc
 from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel

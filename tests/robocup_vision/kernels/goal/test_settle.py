@@ -9,7 +9,8 @@ from goal_twins import SCENE, perfect_samples
 from robocup_vision.kernels.goal.arc import turn_camera
 from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, fit_goal
 from robocup_vision.kernels.goal.settle import ArcFit, DrawnPicture, drawn_likelihood, settle_drawing
-from robocup_vision.kernels.lines.drawing import AROUND, MARGIN, LinePen, LitCarpet, compare_drawing, stroke_table
+from robocup_vision.kernels.lines.drawing import MARGIN, LinePen, stroke_table
+from robocup_vision.kernels.lines.drawn_light import AROUND, LitCarpet, compare_drawing
 
 TRUTH = np.array([-0.5, 0.4, -0.1, -0.05, 0.0, 0.185, 0.0, 0.0])
 FIRST_ROW = 150

@@ -6,18 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.lines.drawing import (
-    AROUND,
-    MARGIN,
-    LinePen,
-    LitCarpet,
-    compare_drawing,
-    compare_each_line,
-    draw_lines,
-    light_carpet,
-    move_drawings,
-    stroke_table,
-)
+from robocup_vision.kernels.lines.drawing import MARGIN, LinePen, draw_lines, move_drawings, stroke_table
+from robocup_vision.kernels.lines.drawn_light import AROUND, LitCarpet, compare_drawing, compare_each_line, light_carpet
 from robocup_vision.localization.goal.geometry import IdealView, project
 
 VIEW = IdealView((384.0, 384.0), (103.5, 79.5))
