@@ -94,6 +94,8 @@ class PlayerSetup:
         For the player's own random numbers.
     camera_is_rough : bool
         The robot's true camera may differ from `camera`, and may be knocked: a player should calibrate while it plays.
+    has_legs : bool
+        The odometry is that of legs.
     """
 
     field: Field
@@ -104,6 +106,7 @@ class PlayerSetup:
     players: int
     seed: int
     camera_is_rough: bool = False
+    has_legs: bool = False
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ class Arena:
         setup = setup_for(field, players=players, camera=camera, robot=robot, limits=limits)
         self.field = field
         self.players = players = setup.players
-        self.camera, self.limits = setup.camera, setup.robot.limits
+        self.camera, self.limits, self._has_legs = setup.camera, setup.robot.limits, setup.robot.has_legs
         self.faults = tuple(faults)
         self.disturbances = disturbances_for(setup.robot, self.camera) if disturbances is None else disturbances
         physics = setup.robot.physics if physics is None else physics
@@ -163,6 +163,7 @@ class Arena:
             self.players,
             self._player_seeds[index],
             camera_is_rough=on.camera is not None or on.knock is not None,
+            has_legs=self._has_legs,
         )
 
     def senses(self) -> tuple[Senses, ...]:

@@ -139,7 +139,8 @@ def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool
     """Return `Vision` with a memory, of tracks and map, too, if the player remembers."""
     of_memory = settings.memory
     if isinstance(setup.camera, PinholeCamera):
-        of_memory = replace(of_memory, odometry=settings.rough_odometry)
+        noise = settings.legs_odometry if setup.has_legs else settings.wheels_odometry
+        of_memory = replace(of_memory, odometry=noise)
     memory = Memory.of_everything(setup.field, of_memory) if remembers else Memory(setup.field, settings=of_memory)
     calibrates = setup.camera_is_rough and settings.calibrates
     online = OnlineCalibration(setup.field, setup.camera) if calibrates else None

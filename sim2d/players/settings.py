@@ -28,8 +28,9 @@ class PlayerSettings:
         Of its parts.
     memory : MemorySettings
         Of its estimates over time: pose filter, tracks and map.
-    rough_odometry : OdometryNoise
-        In place of the memory's with a pinhole camera: legs slip by a tenth, and are a twentieth off for good; and a
+    legs_odometry, wheels_odometry : OdometryNoise
+        In place of the memory's with a pinhole camera. Legs slip by a tenth and are a twentieth off for good; frames of
+        a body that nods or turns err by more than they state, which counts as slip. Wheels slip in bursts as short. A
         robot that does not see who is beside it is pushed, which its odometry does not tell.
     start_std_m, start_std_rad : float
         How exactly it stands at its place when a match begins with a kick-off.
@@ -57,7 +58,8 @@ class PlayerSettings:
     look: PoseLookSettings = PoseLookSettings()
     talk: TeamTalkSettings = TeamTalkSettings()
     memory: MemorySettings = MemorySettings()
-    rough_odometry: OdometryNoise = OdometryNoise(slip_ratio=0.1, gain_std=0.05, push_m=0.005, push_rad=0.03)
+    legs_odometry: OdometryNoise = OdometryNoise(slip_ratio=0.14, slip_s=0.1, gain_std=0.05, push_m=0.01, push_rad=0.03)
+    wheels_odometry: OdometryNoise = OdometryNoise(slip_s=0.1, gain_std=0.02, push_m=0.01, push_rad=0.01)
     start_std_m: float = 0.05
     start_std_rad: float = math.radians(3.0)
     floor_margin_ratio: float = 0.02

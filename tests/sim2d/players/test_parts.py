@@ -12,6 +12,7 @@ from sim2d_players import SMALL_CAMERA, Sleeper
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.vision import Vision
+from sim2d.match.arena import Arena
 from sim2d.match.match import Match
 from sim2d.match.setups import camera_for
 from sim2d.players.built_in import BuiltInPlayer
@@ -106,12 +107,18 @@ def test_a_team_with_parts_goes_to_other_processes_and_has_a_name_of_its_own():
     assert replace(team, parts=PlayerParts()) == BuiltInTeam(talks=True)
 
 
-def test_who_sees_ahead_only_counts_on_rough_odometry():
+def test_who_sees_ahead_only_counts_on_the_odometry_of_its_legs_or_wheels():
     field, settings = load_field("four_legged_2007"), PlayerSettings()
-    ahead = PlayerSetup(field, camera_for(field), RobotLimits(), 1, 1, 2, 0)
+    wheels = PlayerSetup(field, camera_for(field), RobotLimits(), 1, 1, 2, 0)
+    setups = (SETUP, wheels, replace(wheels, has_legs=True))
     for remembers in (False, True):
-        noises = [make_localizer(setup, settings, remembers).memory.poses.odometry_noise for setup in (SETUP, ahead)]
-        assert noises == [settings.memory.odometry, settings.rough_odometry]
+        noises = [make_localizer(setup, settings, remembers).memory.poses.odometry_noise for setup in setups]
+        assert noises == [settings.memory.odometry, settings.wheels_odometry, settings.legs_odometry]
+
+
+@pytest.mark.parametrize(("field_name", "has_legs"), [("four_legged_2007", True), ("ssl_division_b", False)])
+def test_players_are_told_whether_they_have_legs(field_name, has_legs):
+    assert Arena(load_field(field_name), None, 0).setup(0).has_legs == has_legs
 
 
 def test_a_localizer_without_a_memory_is_refused():
