@@ -17,8 +17,6 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
-from sim2d.kernels.bearing_profile import meet_boxes, meet_cylinders, meet_walls, stack_spans
-from sim2d.kernels.floor_lines import floor_until, mark_arcs, mark_lines
 from sim2d.kernels.frame_values import (
     BallSphere,
     Crossings,
@@ -29,7 +27,8 @@ from sim2d.kernels.frame_values import (
     Things,
     Viewpoint,
 )
-from sim2d.kernels.match_pixels import draw_pixels, fill_carpet, paint_marked
+from sim2d.kernels.match_frame import FloorPaint, FrameRoom, Standing, draw_over_carpet
+from sim2d.kernels.match_pixels import fill_carpet
 from sim2d.kernels.nets import lay_nets
 from sim2d.rendering.fast.line_rows import arc_rows, line_rows
 from sim2d.rendering.fast.pixel_table import mirror_pixels
@@ -108,28 +107,28 @@ class FastFrames(EvenlyLit):
         self._cast = np.array(sensor.cast_bgr)
         width, height = camera.size_px
         gain = vignette_gain(height, width, sensor.vignette) * np.float32(sensor.gain)
-        self._lines, self._arcs = line_rows(scene.field), arc_rows(scene.field)
-        self._half_line_m = scene.field.line_width_m / 2
-        self._room_radius_m = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
-        self._table = mirror_pixels(camera, gain, 2 * self._room_radius_m)
+        room_radius_m = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
+        self._table = mirror_pixels(camera, gain, 2 * room_radius_m)
+        half_line_m = scene.field.line_width_m / 2
+        self._paint = FloorPaint(line_rows(scene.field), arc_rows(scene.field), half_line_m, 2 * room_radius_m)
         picture = np.ascontiguousarray(
             room_panorama(scene.room.seed) * scene.light.level * self._cast, dtype=np.float32
         )
         ground = np.array(scene.room.floor_bgr) * self._cast
-        self._room = RoomWall(picture, float(ROWS_PER_M), self._room_radius_m, ground)
+        self._walls_behind = RoomWall(picture, float(ROWS_PER_M), room_radius_m, ground)
         self._light = even_light(scene, scene.light)
         self._build_fixed(scene)
         self._nets = nets_of(scene.field, self._cast)
         count, rays = len(self._table.bearings.directions), len(self._table.rays.pixels)
-        self._crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 4), dtype=np.float32))
-        self._spans = Spans(
+        crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 4), dtype=np.float32))
+        spans = Spans(
             np.zeros((count, SPANS), dtype=np.float32),
             np.zeros((count, SPANS), dtype=np.int32),
             np.zeros((count, SPANS, 3), dtype=np.float32),
             np.zeros(count, dtype=np.int32),
         )
-        self._until_m = np.zeros(count)
-        self._marks = PaintMarks(np.zeros(rays, dtype=np.float32), np.zeros(rays, dtype=np.int32))
+        marks = PaintMarks(np.zeros(rays, dtype=np.float32), np.zeros(rays, dtype=np.int32))
+        self._room = FrameRoom(crossings, spans, marks, np.zeros(count))
         self._planes = np.zeros((3, width * height), dtype=np.uint8)
         self._image_planes = [plane.reshape(height, width) for plane in self._planes]
         paints = (COLOR_NAMES["green"], COLOR_NAMES[scene.field.line_color], (0, 0, 0))
@@ -205,28 +204,31 @@ class FastFrames(EvenlyLit):
         things = self._things(tuple((r.radius_m, r.height_m, r.color_bgr, r.marker_bgr) for r in robots))
         round_things = self._posts + [(r.x_m, r.y_m, r.radius_m) for r in robots]
         cylinders = np.array(round_things, dtype=np.float64).reshape(-1, 3)
-        crossings = self._crossings
-        crossings.lengths[:] = 0
-        meet_walls(self._walls, 0, eye, table.bearings, crossings)
-        meet_boxes(self._boxes, self._first_face, eye, table.bearings, crossings)
-        meet_cylinders(cylinders, self._first_cylinder, eye, LAMP_DIRECTION_RAD, table.bearings, crossings)
         sphere = BallSphere(0.0, 0.0, 0.0, 0.0)
         if ball is not None:
             sphere = BallSphere(float(ball.x_m), float(ball.y_m), ball.radius_m, SHADE_REACH * ball.radius_m)
             plain[2] = ball.color_bgr
             plain[2] *= self._cast
-        stack_spans(crossings, things, table.bearings, eye, self._light, self._room, sphere, self._spans)
         fill_carpet(table.floor, self._light, eye, plain[0], table.body, self._planes)
         frame = np.asarray(cv2.merge(self._image_planes), dtype=np.uint8)
         flat = frame.reshape(-1, 3)
-        floor_until(self._spans, table.height_m, 2 * self._room_radius_m, self._until_m)
-        seen = table.rays, eye, self._until_m, self._half_line_m
-        count = mark_lines(*seen, self._lines, self._marks, 0)
-        count = mark_arcs(*seen, self._arcs, self._marks, count)
-        paint_marked(table.rays, self._light, eye, plain, self._marks, count, flat)
-        draw_pixels(table.rays, eye, self._spans, sphere, plain, self._light, flat)
+        standing = Standing(self._walls, self._boxes, self._first_face, cylinders, self._first_cylinder)
+        draw_over_carpet(
+            standing,
+            things,
+            self._paint,
+            sphere,
+            self._walls_behind,
+            self._light,
+            eye,
+            table.bearings,
+            table.rays,
+            plain,
+            self._room,
+            flat,
+        )
         if len(self._nets.rows):
-            lay_nets(self._nets, table.rays, crossings, things, eye, sphere, self._light, flat)
+            lay_nets(self._nets, table.rays, self._room.crossings, things, eye, sphere, self._light, flat)
         return frame
 
     def _viewpoint(self, pose: Pose2) -> Viewpoint:

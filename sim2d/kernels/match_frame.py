@@ -1,0 +1,139 @@
+"""Compiled: a mirror camera's match frame in one call, from what each bearing meets to the last pixel.
+
+A call from Python takes its tuples of arrays apart, which for ten calls takes longer than some of these loops do.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
+from robocup_vision.compiling.loops import compiled
+from sim2d.kernels.bearing_profile import meet_boxes, meet_cylinders, meet_walls, stack_spans
+from sim2d.kernels.floor_lines import floor_until, mark_arcs, mark_lines
+from sim2d.kernels.frame_values import (
+    BallSphere,
+    Bearings,
+    Crossings,
+    Lighting,
+    PaintMarks,
+    PixelRays,
+    RoomWall,
+    Spans,
+    Things,
+    Viewpoint,
+)
+from sim2d.kernels.match_pixels import draw_pixels, paint_marked
+
+
+class Standing(NamedTuple):
+    """What stands on the floor; walls are the first things.
+
+    Parameters
+    ----------
+    walls : (W, 4) float64
+        As `bearing_profile.meet_walls` takes them.
+    boxes : (B, 4, 2) float64
+        As `bearing_profile.meet_boxes` takes them.
+    first_face : int
+        Number of the first box's first face among the things.
+    cylinders : (C, 3) float64
+        As `bearing_profile.meet_cylinders` takes them.
+    first_cylinder : int
+        Number of the first of them among the things.
+    """
+
+    walls: FloatArray
+    boxes: FloatArray
+    first_face: int
+    cylinders: FloatArray
+    first_cylinder: int
+
+
+class FloorPaint(NamedTuple):
+    """Lines on the floor.
+
+    Parameters
+    ----------
+    lines, arcs : float64 arrays
+        As `floor_lines.mark_lines` and `mark_arcs` take them.
+    half_line_m : float
+        Half a line's width.
+    farthest_m : float
+        Floor farther away is not seen.
+    """
+
+    lines: FloatArray
+    arcs: FloatArray
+    half_line_m: float
+    farthest_m: float
+
+
+class FrameRoom(NamedTuple):
+    """Arrays that every frame uses anew.
+
+    Parameters
+    ----------
+    crossings, spans, marks
+        Of each bearing what it meets and shows, and the rays that lines meet.
+    until_m : (K,) float64
+        How far each bearing sees the floor.
+    """
+
+    crossings: Crossings
+    spans: Spans
+    marks: PaintMarks
+    until_m: FloatArray
+
+
+@compiled
+def draw_over_carpet(
+    standing: Standing,
+    things: Things,
+    paint: FloorPaint,
+    ball: BallSphere,
+    walls: RoomWall,
+    light: Lighting,
+    eye: Viewpoint,
+    bearings: Bearings,
+    rays: PixelRays,
+    plain: Float32Array,
+    room: FrameRoom,
+    out: UInt8Array,
+) -> None:
+    """Draw lines, what stands on the floor and the room behind it over plain carpet.
+
+    Parameters
+    ----------
+    standing, things
+        What stands on the floor, and its heights and colours.
+    paint : FloorPaint
+        On the floor.
+    ball : BallSphere
+        The ball.
+    walls : RoomWall
+        Behind everything.
+    light : Lighting
+        On the field.
+    eye : Viewpoint
+        The camera.
+    bearings, rays
+        Of the camera.
+    plain : (3, 3) float32
+        BGR of carpet, line, ball.
+    room : FrameRoom
+        To work in; `crossings` are of this frame afterwards.
+    out : (H * W, 3) uint8
+        The frame, as `match_pixels.fill_carpet` fills it.
+    """
+    crossings, spans, marks, until_m = room.crossings, room.spans, room.marks, room.until_m
+    crossings.lengths[:] = 0
+    meet_walls(standing.walls, 0, eye, bearings, crossings)
+    meet_boxes(standing.boxes, standing.first_face, eye, bearings, crossings)
+    meet_cylinders(standing.cylinders, standing.first_cylinder, eye, light.lamp_rad, bearings, crossings)
+    stack_spans(crossings, things, bearings, eye, light, walls, ball, spans)
+    floor_until(spans, eye.height_m, paint.farthest_m, until_m)
+    count = mark_lines(rays, eye, until_m, paint.half_line_m, paint.lines, marks, 0)
+    count = mark_arcs(rays, eye, until_m, paint.half_line_m, paint.arcs, marks, count)
+    paint_marked(rays, light, eye, plain, marks, count, out)
+    draw_pixels(rays, eye, spans, ball, plain, light, out)
