@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.compiling.loops import compiled
 
 NO_BITS, ONE, EVERY_BIT = np.uint64(0), np.uint64(1), ~np.uint64(0)
+TWO, THREE, FOUR, FIVE, SIX, SEVEN = (
+    np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6), np.uint64(7)
+)  # fmt: skip
 # the upper six bits of the product of a power of two and this number are different for each (de Bruijn)
 _DE_BRUIJN = np.uint64(0x03F79D71B4CB0A89)
 _PLACES = np.empty(64, np.int64)
@@ -18,3 +22,32 @@ for _bit in range(64):
 def lowest(bits: np.uint64) -> int:
     """Return the place of the lowest bit that is set."""
     return int(_PLACES[((bits & (~bits + ONE)) * _DE_BRUIJN) >> np.uint64(58)])
+
+
+@compiled(inline="always")
+def four_bytes(values: UInt8Array, at: np.uint64) -> np.uint32:
+    """Return four bytes in a row as one number, the first one lowest; the compiler loads them at once."""
+    return np.uint32(
+        np.uint32(values[at])
+        | np.uint32(values[at + ONE]) << np.uint32(8)
+        | np.uint32(values[at + TWO]) << np.uint32(16)
+        | np.uint32(values[at + THREE]) << np.uint32(24)
+    )
+
+
+@compiled(inline="always")
+def eight_bytes(values: UInt8Array, at: np.uint64) -> np.uint64:
+    """Return eight bytes in a row as one number, as `four_bytes`."""
+    low = (
+        np.uint64(values[at])
+        | np.uint64(values[at + ONE]) << np.uint64(8)
+        | np.uint64(values[at + TWO]) << np.uint64(16)
+        | np.uint64(values[at + THREE]) << np.uint64(24)
+    )
+    return np.uint64(
+        low
+        | np.uint64(values[at + FOUR]) << np.uint64(32)
+        | np.uint64(values[at + FIVE]) << np.uint64(40)
+        | np.uint64(values[at + SIX]) << np.uint64(48)
+        | np.uint64(values[at + SEVEN]) << np.uint64(56)
+    )

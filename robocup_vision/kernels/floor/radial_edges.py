@@ -13,8 +13,10 @@ from robocup_vision.arrays import (
     FloatArray,
     Int32Array,
     UInt8Array,
+    UInt64Array,
 )
 from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.bits import eight_bytes
 
 # bilinear weights are whole numbers of 1/ONE pixel, as in OpenCV: integers all the way are twice as fast
 ONE = 32
@@ -26,7 +28,7 @@ SATURATED = 245
 TWO_SAMPLES_BITS = 11
 # samples about an edge on each line of sight, and half the width of the smooth step, pixels
 EDGE_SAMPLES, STEP_HALF_PX = 5, 1.75
-B1, B2, THREE, B4, B5 = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5)
+BYTE, NEXT_PIXEL = np.uint64(255), np.uint64(24)
 
 
 class Rays(NamedTuple):
@@ -112,7 +114,7 @@ def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: Edge
     samples = 2 * reach + 1
     places = np.empty((samples, count), np.int32)
     parts = np.empty((2, samples, count), np.int32)
-    profile = np.empty((samples, 3, count), np.int32)
+    profile = np.empty((3, samples, count), np.int32)
     _place_samples(center, step_u, step_v, near, size_px[0], places, parts)
     _sample_colors(frame, places, parts, profile)
     _see(hidden, places, frame.shape[1], seen)
@@ -127,12 +129,14 @@ def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: Edge
     aside_u, aside_v = np.empty(count), np.empty(count)
     # arrays of their own: loops over parts of arrays are not known to be contiguous, and not taken side by side
     places, parts = np.empty((EDGE_SAMPLES, count), np.int32), np.empty((2, EDGE_SAMPLES, count), np.int32)
+    colors = np.empty((3, EDGE_SAMPLES, count), np.int32)
     for side in range(2):
         turn = (2 * side - 1) * search.half_width
         for n in range(count):
             aside_u[n], aside_v[n] = step_u[n] - turn * step_v[n], step_v[n] + turn * step_u[n]
         _place_samples(center, aside_u, aside_v, near, size_px[0], places, parts)
-        _sample_signal(frame, places, parts, gain, signal[side])
+        _sample_colors(frame, places, parts, colors)
+        _weigh(colors, gain, signal[side])
         _see(hidden, places, frame.shape[1], seen)
     shift = np.empty(count, np.float32)
     _fit_steps(signal, offset, base, rise, shift)
@@ -195,44 +199,47 @@ def _weights(across: np.int32, down: np.int32) -> tuple[np.int32, np.int32, np.i
 
 
 @compiled
-def _sample_colors(frame: UInt8Array, places: Int32Array, parts: Int32Array, profile: Int32Array) -> None:
-    """Fill profile (S, 3, N) with the colours at the places, in 1/ONE^2."""
+def _gather_pairs(frame: UInt8Array, places: Int32Array, here: UInt64Array, below: UInt64Array) -> None:
+    """Fill (N,) each: the bytes from a place on, those of a pixel and the one beside it, and the same a row below."""
     flat = frame.reshape(-1)
     row = np.uint64(3 * frame.shape[1])
-    for i in range(places.shape[0]):
-        for n in range(places.shape[1]):
-            w00, w01, w10, w11 = _weights(parts[0, i, n], parts[1, i, n])
-            # unsigned: a signed index would be checked for being negative at every access
-            at = np.uint64(3 * places[i, n])
-            below = at + row
-            profile[i, 0, n] = flat[at] * w00 + flat[at + THREE] * w01 + flat[below] * w10 + flat[below + THREE] * w11
-            profile[i, 1, n] = (
-                flat[at + B1] * w00 + flat[at + B4] * w01 + flat[below + B1] * w10 + flat[below + B4] * w11
-            )
-            profile[i, 2, n] = (
-                flat[at + B2] * w00 + flat[at + B5] * w01 + flat[below + B2] * w10 + flat[below + B5] * w11
-            )
+    for n in range(np.uint64(places.shape[0])):
+        # unsigned: a signed index would be checked for being negative at every access
+        at = np.uint64(3 * places[n])
+        here[n], below[n] = eight_bytes(flat, at), eight_bytes(flat, at + row)
 
 
 @compiled
-def _sample_signal(
-    frame: UInt8Array, places: Int32Array, parts: Int32Array, gain: Int32Array, signal: Int32Array
+def _mix_pairs(
+    here: UInt64Array, below: UInt64Array, across: Int32Array, down: Int32Array, shift: np.uint64, out: Int32Array
 ) -> None:
-    """Fill signal (S, N) with the colours at the places, weighed by the gains (3, N) of their channels."""
-    flat = frame.reshape(-1)
-    row = np.uint64(3 * frame.shape[1])
-    for i in range(places.shape[0]):
-        for n in range(places.shape[1]):
-            w00, w01, w10, w11 = _weights(parts[0, i, n], parts[1, i, n])
-            at = np.uint64(3 * places[i, n])
-            below = at + row
-            gain0, gain1, gain2 = gain[0, n], gain[1, n], gain[2, n]
-            signal[i, n] = (
-                w00 * (gain0 * flat[at] + gain1 * flat[at + B1] + gain2 * flat[at + B2])
-                + w01 * (gain0 * flat[at + THREE] + gain1 * flat[at + B4] + gain2 * flat[at + B5])
-                + w10 * (gain0 * flat[below] + gain1 * flat[below + B1] + gain2 * flat[below + B2])
-                + w11 * (gain0 * flat[below + THREE] + gain1 * flat[below + B4] + gain2 * flat[below + B5])
-            )
+    """Fill one channel's values (N,), in 1/ONE^2: its byte begins at a bit of the pairs."""
+    beside = shift + NEXT_PIXEL
+    for n in range(np.uint64(out.shape[0])):
+        w00, w01, w10, w11 = _weights(across[n], down[n])
+        out[n] = (
+            np.int32((here[n] >> shift) & BYTE) * w00
+            + np.int32((here[n] >> beside) & BYTE) * w01
+            + np.int32((below[n] >> shift) & BYTE) * w10
+            + np.int32((below[n] >> beside) & BYTE) * w11
+        )
+
+
+@compiled
+def _sample_colors(frame: UInt8Array, places: Int32Array, parts: Int32Array, colors: Int32Array) -> None:
+    """Fill colors (3, S, N) with the channels at the places, in 1/ONE^2: loaded one by one, then mixed side by side."""
+    here, below = np.empty(places.size, np.uint64), np.empty(places.size, np.uint64)
+    _gather_pairs(frame, places.reshape(-1), here, below)
+    for c in range(3):
+        _mix_pairs(here, below, parts[0].reshape(-1), parts[1].reshape(-1), np.uint64(8 * c), colors[c].reshape(-1))
+
+
+@compiled
+def _weigh(colors: Int32Array, gain: Int32Array, out: Int32Array) -> None:
+    """Fill out (S, N) with colours (3, S, N), weighed by the gains (3, N) of their channels."""
+    for i in range(out.shape[0]):
+        for n in range(out.shape[1]):
+            out[i, n] = gain[0, n] * colors[0, i, n] + gain[1, n] * colors[1, i, n] + gain[2, n] * colors[2, i, n]
 
 
 @compiled
@@ -248,20 +255,20 @@ def _find_steps(
     base: FloatArray,
     rise: FloatArray,
 ) -> None:
-    """Find the steepest place of each profile (S, 3, N), and weigh its channels.
+    """Find the steepest place of each profile (3, S, N), and weigh its channels.
 
     Fills the channels' gains (3, N), the edge's radius (N,), the weighed samples (EDGE_SAMPLES, N) about it, and the
     signal before it and its rise (N,): 0 where the contrast is too small.
     """
-    samples, _, count = profile.shape
+    _, samples, count = profile.shape
     steepest, at = np.empty(count, np.float32), np.empty(count, np.int32)
     for n in range(count):
         steepest[n], at[n] = np.float32(-1.0), (first + last) // 2
     for i in range(first, last + 1):
         for n in range(count):
-            d0 = np.float32(profile[i + 1, 0, n] - profile[i - 1, 0, n])
-            d1 = np.float32(profile[i + 1, 1, n] - profile[i - 1, 1, n])
-            d2 = np.float32(profile[i + 1, 2, n] - profile[i - 1, 2, n])
+            d0 = np.float32(profile[0, i + 1, n] - profile[0, i - 1, n])
+            d1 = np.float32(profile[1, i + 1, n] - profile[1, i - 1, n])
+            d2 = np.float32(profile[2, i + 1, n] - profile[2, i - 1, n])
             slope = d0 * d0 + d1 * d1 + d2 * d2
             is_steeper = slope > steepest[n]
             steepest[n] = slope if is_steeper else steepest[n]
@@ -271,16 +278,12 @@ def _find_steps(
         first_beside = at[n] - 3
         for i in range(7):
             for c in range(3):
-                beside[i, c, n] = profile[first_beside + i, c, n]
+                beside[i, c, n] = profile[c, first_beside + i, n]
     contrast2, middle = np.empty(count), np.empty(count, np.int32)
     _weigh_channels(beside, min_contrast * min_contrast, gain, contrast2)
     _shift_to_middle(beside, gain, contrast2, near, at, edge, middle)
     weighed = np.empty((samples, count), np.int32)
-    for i in range(samples):
-        for n in range(count):
-            weighed[i, n] = (
-                gain[0, n] * profile[i, 0, n] + gain[1, n] * profile[i, 1, n] + gain[2, n] * profile[i, 2, n]
-            )
+    _weigh(profile, gain, weighed)
     for n in range(count):
         place, last_place = middle[n], samples - 1
         before = weighed[max(place - 3, 0), n] + weighed[max(place - 2, 0), n]
