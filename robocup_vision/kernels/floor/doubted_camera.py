@@ -15,19 +15,21 @@ from robocup_vision.arrays import FloatArray, UInt64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.floor.walls import (
+    Comparison,
     FitSummary,
     FloorOutline,
     Vector,
     WallPrediction,
     WallScene,
     agreement,
-    fit_walls,
     inliers_of,
     position_std_m,
     predict_walls,
     room_for,
+    settle,
     summarise_fit,
     tabulated,
+    thinned,
     truncated_loss,
 )
 
@@ -232,7 +234,7 @@ def doubts_of_camera(
     Parameters
     ----------
     pose : (3,) float64
-        x, y, theta, as `fit_walls` left it.
+        x, y, theta, as `settle` left it.
     scene, outline : WallScene, FloorOutline
         What it was fitted to.
     lean, file : CameraDoubt
@@ -332,12 +334,13 @@ def fit_upright(
     unknowns, prediction = np.zeros(SIZE), room_for(scene)
     pose = unknowns[:3]
     pose[0], pose[1], pose[2] = start
-    cost = fit_walls(pose, scene, outline, prediction)
+    fine = Comparison(scene, outline, prediction)
+    settle(pose, fine, thinned(fine))
     fit = DoubtedFit(np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE))
     by_lean, by_file = _gather_doubts(
         pose, scene, outline, prediction, CameraDoubt(*known.lean), CameraDoubt(*known.file), fit
     )
-    _, seen = _compare(unknowns, scene, outline, prediction, lines[0], lines[1])
+    cost, seen = _compare(unknowns, scene, outline, prediction, lines[0], lines[1])
     ratio, rms, along = summarise_fit(
         lines[0], known.inlier_px, fit.information, fit.scatter, known.inflate, known.systematic, covariance
     )

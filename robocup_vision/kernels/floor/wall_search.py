@@ -9,7 +9,15 @@ import numpy as np
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.copies import copy_vector
-from robocup_vision.kernels.floor.walls import FloorOutline, WallScene, fit_walls, room_for
+from robocup_vision.kernels.floor.walls import (
+    Comparison,
+    FloorOutline,
+    WallScene,
+    cost_of,
+    room_for,
+    settle,
+    thinned,
+)
 
 
 @compiled(fastmath={"contract"})
@@ -120,8 +128,10 @@ def fit_each(
     out_poses: FloatArray,
     out_costs: FloatArray,
 ) -> None:
-    """Fit each start by itself, as `fit_walls` does; fills out_poses (N, 3) and out_costs (N,)."""
-    prediction = room_for(scene)
+    """Fit each start by itself, as `settle` does; fills out_poses (N, 3) and out_costs (N,)."""
+    fine = Comparison(scene, outline, room_for(scene))
+    thin = thinned(fine)
     for n in range(poses.shape[0]):
         copy_vector(poses[n], out_poses[n])
-        out_costs[n] = fit_walls(out_poses[n], scene, outline, prediction)
+        settle(out_poses[n], fine, thin)
+        out_costs[n] = cost_of(fine)

@@ -14,6 +14,8 @@ from robocup_vision.kernels.algebra.three import adjugate_3x3, solve_3x3
 Vector = tuple[float, float, float]
 B1, B3, B4, B5, B6 = np.uint64(1), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6)
 B7, B8, B9, B10, B11 = np.uint64(7), np.uint64(8), np.uint64(9), np.uint64(10), np.uint64(11)
+# widths of the weights from which on a fit is far from its end, as multiples of the unit
+FAR_UNITS = 2.5
 
 
 class WallScene(NamedTuple):
@@ -151,7 +153,8 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
         if span < 0:
             first, span = first + span, -span
         low = math.ceil(first * per_rad)
-        bearing = low % count
+        # a division would take as long as all else
+        bearing = low + count if low < 0 else low
         for _ in range(math.floor((first + span) * per_rad) - low + 1):
             q = along * cos_b[bearing] + aside * sin_b[bearing]
             if q > best_q[bearing]:
@@ -187,45 +190,50 @@ def truncated_loss(e: float, per_two_units: float) -> float:
     return min(1.0 if e < 0 else 2.0, (e * per_two_units) ** 2)
 
 
+@compiled(error_model="numpy")
+def _off_wall(outline: FloorOutline, r: float, q: float, q_turn: float) -> tuple[float, float]:
+    """Distance of an edge at a radius from a wall's foot, pixels, and its derivative by the foot's inverse range q.
+
+    The edge is oblique to the ray: what is uniform in the image is the distance along its normal. `q_turn` is how fast
+    q falls with the bearing.
+    """
+    predicted, slope = tabulated(outline, q)
+    turn = slope * q_turn / predicted
+    oblique = 1.0 / math.sqrt(1.0 + turn * turn)
+    return (r - predicted) * oblique, slope * oblique
+
+
 @compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
 def _add_up(
     scene: WallScene,
     outline: FloorOutline,
     prediction: WallPrediction,
-    stride: int,
     scale: float,
     information: FloatArray,
     pull: FloatArray,
-) -> float:
-    """Add up the normal equations over every stride-th bearing; returns the truncated mean cost.
+) -> None:
+    """Add up the normal equations over the bearings.
 
     Fills `information` (3, 3), the sum of w J^T J, and `pull` (3,), the sum of w e J. Without branches, and with sums
     in any order: the processor takes eight bearings at once.
     """
     best_q, best_wall, planes = prediction
     cos_b, sin_b, radius, plane = scene.cos_b, scene.sin_b, outline.radius, planes.reshape(-1)
-    per_scale, per_two_units = 1.0 / scale, 0.5 / outline.unit_px
+    per_scale = 1.0 / scale
     # written out: sums in arrays would be stored and loaded at each bearing
     a00, a01, a02, a11, a12, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    p0, p1, p2, cost, used, missed = 0.0, 0.0, 0.0, 0.0, 0, 0
+    p0, p1, p2 = 0.0, 0.0, 0.0
     # unsigned: a signed index would be checked for being negative
-    for k in range(np.uint64(0), np.uint64(cos_b.shape[0]), np.uint64(stride)):
+    for k in range(np.uint64(cos_b.shape[0])):
         wall, r, q, c, s = best_wall[k], radius[k], best_q[k], cos_b[k], sin_b[k]
-        is_seen, is_met = r > 0.0, wall >= 0
+        is_known = (r > 0.0) & (wall >= 0)
         at = np.uint64(12 * max(wall, 0))
-        predicted, slope = tabulated(outline, q)
-        turn = slope * (plane[at + B1] * c - plane[at] * s) / predicted
-        # the edge is oblique to the ray: what is uniform in the image is the distance along its normal
-        oblique = 1.0 / math.sqrt(1.0 + turn * turn)
-        e = (r - predicted) * oblique if is_seen & is_met else 0.0
-        by_q = slope * oblique
+        e, by_q = _off_wall(outline, r, q, plane[at] * s - plane[at + B1] * c)
+        e = e if is_known else 0.0
         j0 = by_q * (plane[at + B3] * c + plane[at + B4] * s - q * plane[at + B5])
         j1 = by_q * (plane[at + B6] * c + plane[at + B7] * s - q * plane[at + B8])
         j2 = by_q * (plane[at + B9] * c + plane[at + B10] * s - q * plane[at + B11])
-        weight = agreement(e, per_scale) if is_seen & is_met else 0.0
-        cost += truncated_loss(e, per_two_units)
-        used += is_seen
-        missed += is_seen & (not is_met)
+        weight = agreement(e, per_scale) if is_known else 0.0
         w0, w1, w2 = weight * j0, weight * j1, weight * j2
         a00 += w0 * j0
         a01 += w0 * j1
@@ -240,7 +248,6 @@ def _add_up(
     information[1, 0], information[1, 1], information[1, 2] = a01, a11, a12
     information[2, 0], information[2, 1], information[2, 2] = a02, a12, a22
     pull[0], pull[1], pull[2] = p0, p1, p2
-    return (cost + missed) / max(used, 1)
 
 
 @compiled
@@ -250,32 +257,57 @@ def room_for(scene: WallScene) -> WallPrediction:
     return WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
 
 
+class Comparison(NamedTuple):
+    """Walls that are fitted to a measured outline, and room for what is predicted."""
+
+    scene: WallScene
+    outline: FloorOutline
+    prediction: WallPrediction
+
+
 @compiled
-def fit_walls(pose: FloatArray, scene: WallScene, outline: FloorOutline, prediction: WallPrediction) -> float:
+def thinned(fine: Comparison) -> Comparison:
+    """Return a comparison at every second bearing, which does far from the end of a fit; itself where none is so far.
+
+    Itself, too, where every second bearing would not go evenly around.
+    """
+    scene, outline = fine.scene, fine.outline
+    count = scene.cos_b.shape[0]
+    if count % 2 == 1 or not np.max(outline.scales) > FAR_UNITS * outline.unit_px:
+        return fine
+    cos_b, sin_b, radius = np.empty(count // 2), np.empty(count // 2), np.empty(count // 2)
+    for k in range(count // 2):
+        cos_b[k], sin_b[k], radius[k] = scene.cos_b[2 * k], scene.sin_b[2 * k], outline.radius[2 * k]
+    half = WallScene(
+        scene.walls, scene.offset_x, scene.offset_y, scene.height, scene.robot_to_camera, cos_b, sin_b
+    )  # fmt: skip
+    seen = FloorOutline(radius, outline.q_step, outline.radius_of_q, outline.scales, outline.unit_px)
+    return Comparison(half, seen, room_for(half))
+
+
+@compiled
+def settle(pose: FloatArray, fine: Comparison, thin: Comparison) -> None:
     """Fit a pose to a measured floor outline by Gauss-Newton on the image radius, with annealed redescending weights.
 
     Parameters
     ----------
     pose : (3,) float64
         In: where to start. Out: x, y, theta.
-    scene, outline : WallScene, FloorOutline
-        What is fitted to what.
-    prediction : WallPrediction
-        Result: from the fitted pose.
-
-    Returns
-    -------
-    float
-        The truncated mean cost, 0 (all fits) to 1 (nothing fits).
+    fine : Comparison
+        What is fitted to what. Its prediction is then from the fitted pose.
+    thin : Comparison
+        `thinned` of it.
     """
+    outline = fine.outline
     iterations = outline.scales.shape[0]
     information, pull, work, step = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
-    for iteration in range(iterations):
-        scale = outline.scales[iteration]
-        predict_walls(pose, scene, prediction)
-        # far from the end every second bearing does
-        stride = 2 if scale > 2.5 * outline.unit_px else 1
-        _add_up(scene, outline, prediction, stride, scale, information, pull)
+    for iteration in range(iterations + 1):
+        scale = outline.scales[min(iteration, iterations - 1)]
+        here = thin if iteration < iterations and scale > FAR_UNITS * outline.unit_px else fine
+        predict_walls(pose, here.scene, here.prediction)
+        if iteration == iterations:
+            break
+        _add_up(here.scene, here.outline, here.prediction, scale, information, pull)
         for i in range(3):
             information[i, i] += 1e-6
         if not solve_3x3(information, pull, work, step):
@@ -285,8 +317,24 @@ def fit_walls(pose: FloatArray, scene: WallScene, outline: FloorOutline, predict
         shrink = min(1.0, 0.5 / max(length, 1e-9), 0.5 / max(abs(step[2]), 1e-9))
         for i in range(3):
             pose[i] += shrink * step[i]
-    predict_walls(pose, scene, prediction)
-    return _add_up(scene, outline, prediction, 1, outline.scales[iterations - 1], information, pull)
+
+
+@compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
+def cost_of(settled: Comparison) -> float:
+    """Return the truncated mean cost of what was predicted last, 0 (all fits) to 1 (nothing fits)."""
+    scene, outline, prediction = settled.scene, settled.outline, settled.prediction
+    best_q, best_wall, plane = prediction.q, prediction.wall, prediction.planes.reshape(-1)
+    cos_b, sin_b, radius, per_two_units = scene.cos_b, scene.sin_b, outline.radius, 0.5 / outline.unit_px
+    cost, used, missed = 0.0, 0, 0
+    for k in range(np.uint64(cos_b.shape[0])):
+        wall, r = best_wall[k], radius[k]
+        is_seen, is_met = r > 0.0, wall >= 0
+        at = np.uint64(12 * max(wall, 0))
+        e, _ = _off_wall(outline, r, best_q[k], plane[at] * sin_b[k] - plane[at + B1] * cos_b[k])
+        cost += truncated_loss(e, per_two_units) if is_seen & is_met else 0.0
+        used += is_seen
+        missed += is_seen & (not is_met)
+    return (cost + missed) / max(used, 1)
 
 
 @compiled
@@ -344,7 +392,7 @@ def summarise_fit(
 
 
 class FitSummary(NamedTuple):
-    """How good a fit is, as `summarise_fit` says, with the cost that `fit_walls` returns."""
+    """How good a fit is, as `summarise_fit` says, with the cost as `cost_of` counts it."""
 
     cost: float
     inlier_ratio: float

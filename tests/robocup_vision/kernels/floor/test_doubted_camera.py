@@ -24,13 +24,16 @@ from robocup_vision.kernels.floor.doubted_camera import (
     turned_scene,
 )
 from robocup_vision.kernels.floor.walls import (
+    Comparison,
     FloorOutline,
     WallPrediction,
     WallScene,
-    fit_walls,
+    cost_of,
     predict_walls,
     room_for,
+    settle,
     summarise_fit,
+    thinned,
 )
 
 FIELD = load_field("ssl_2001")
@@ -168,9 +171,14 @@ def test_normal_equations_agree_with_finite_differences(turned, turns_body, pose
 
 def fit_pose(pose, radius):
     """Return the pose by a fit that takes the file for true."""
-    found = pose.array
-    fit_walls(found, scene(), floor_of(radius), room_for(scene()))
-    return found
+    return fitted(pose.array, radius)[0]
+
+
+def fitted(start, radius):
+    """Return the pose fitted from a start, and what is predicted from there."""
+    found, fine = start.copy(), Comparison(scene(), floor_of(radius), room_for(scene()))
+    settle(found, fine, thinned(fine))
+    return found, fine
 
 
 def fit_all(start, radius):
@@ -179,7 +187,7 @@ def fit_all(start, radius):
     summary = fit_with_camera(
         unknowns, scene(), floor_of(radius), DOUBT, 1.5, 1.7, 0.008, residual, predicted, covariance
     )
-    # a cost is that of its residuals, as `fit_walls` counts
+    # a cost is that of its residuals, as `cost_of` counts
     known = residual[np.isfinite(residual)]
     inlying = known[np.abs(known) < 1.5]
     assert summary.inlier_ratio == len(inlying) / len(known)
@@ -230,8 +238,8 @@ def test_a_fit_its_summary_and_its_doubts_are_the_same_in_one_call(pose, seed):
     rng = np.random.default_rng(seed)
     radius = seen_outline(pose, (0.3, -0.1), (0.002, 0.0), rng, 0.15)
     start = pose.array + rng.normal(0, (0.02, 0.02, 0.02))
-    found, prediction = start.copy(), room_for(scene())
-    cost = fit_walls(found, scene(), floor_of(radius), prediction)
+    found, fine = fitted(start, radius)
+    cost, prediction = cost_of(fine), fine.prediction
     fit = DoubtedFit(np.empty((7, 7)), np.empty((7, 7)), np.empty(7))
     unknowns = np.concatenate([found, np.zeros(4)])
     gather_doubted(unknowns, scene(), floor_of(radius), prediction, False, fit)

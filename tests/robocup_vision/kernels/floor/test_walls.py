@@ -14,17 +14,20 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.hull import hull_moments, hull_radius, star_moments
 from robocup_vision.kernels.floor.wall_search import fit_each, is_apart, score_bank, spread_poses, spread_starts
 from robocup_vision.kernels.floor.walls import (
+    Comparison,
     FloorOutline,
     WallPrediction,
     WallScene,
     agreement,
-    fit_walls,
+    cost_of,
     inliers_of,
     position_std_m,
     predict_walls,
     room_for,
+    settle,
     summarise_fit,
     tabulated,
+    thinned,
     truncated_loss,
 )
 
@@ -32,6 +35,7 @@ FIELD = load_field("ssl_2001")
 COUNT = 160
 ANGLES = np.arange(COUNT) * math.tau / COUNT
 COS, SIN = np.cos(ANGLES), np.sin(ANGLES)
+FAR = np.array([8.0, 4.0, 2.0])
 Q_STEP = 0.01
 RADIUS_OF_Q = PAPER_MIRROR.radius_px(np.arange(1000) * Q_STEP)
 seeds = st.integers(0, 2**32 - 1)
@@ -163,9 +167,10 @@ def outline(pose, rng, noise_px=0.2, hidden=0.2):
 
 
 def fit(start, radius, scales):
-    pose, out = start.copy(), room_for(geometry(CAMERA))
-    cost = fit_walls(pose, geometry(CAMERA), FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), out)
-    return cost, pose, out
+    scene, pose = geometry(CAMERA), start.copy()
+    fine = Comparison(scene, FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), room_for(scene))
+    settle(pose, fine, thinned(fine))
+    return cost_of(fine), pose, fine.prediction
 
 
 @settings(deadline=None, max_examples=25)
@@ -193,9 +198,22 @@ def test_fit_finds_the_pose_an_outline_was_made_from(pose, seed):
     assert angle < 0.01
 
 
+def test_far_from_its_end_a_fit_takes_every_second_bearing_where_these_go_evenly_around():
+    scene = geometry(CAMERA)
+    outline_px = FloorOutline(outline(Pose2(0.1, 0.2, 0.3), np.random.default_rng(1)), Q_STEP, RADIUS_OF_Q, FAR, 1.0)
+    fine = Comparison(scene, outline_px, room_for(scene))
+    thin = thinned(fine)
+    np.testing.assert_array_equal(thin.scene.cos_b, COS[::2])
+    np.testing.assert_array_equal(thin.scene.sin_b, SIN[::2])
+    np.testing.assert_array_equal(thin.outline.radius, outline_px.radius[::2])
+    near = thinned(fine._replace(outline=outline_px._replace(scales=np.array([2.0, 1.0]))))
+    odd = thinned(fine._replace(scene=scene._replace(cos_b=COS[:-1].copy(), sin_b=SIN[:-1].copy())))
+    assert (len(near.scene.cos_b), len(odd.scene.cos_b)) == (COUNT, COUNT - 1)
+
+
 def test_each_start_is_fitted_by_itself():
     rng = np.random.default_rng(3)
-    radius, scales = outline(Pose2(-0.4, 0.2, 2.0), rng), np.array([8.0, 4.0, 2.0])
+    radius, scales = outline(Pose2(-0.4, 0.2, 2.0), rng), FAR
     starts = rng.normal(0, 0.3, (5, 3))
     poses, costs = np.empty((5, 3)), np.empty(5)
     fit_each(starts, geometry(CAMERA), FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), poses, costs)
