@@ -113,7 +113,8 @@ def _clear_blur(
 
     The blur spreads what is bright over the floor beside it by a sample; what is dark hardly colours its neighbours.
     """
-    rows = len(floor)
+    rows, columns = len(floor), samples.shape[1]
+    flat = samples.reshape(-1)
     for k in range(rows):
         # a negative index counts from the end: the remainder of a division takes longer than all else in a row
         here, right, right2, left, left2 = (
@@ -129,6 +130,7 @@ def _clear_blur(
             reach = outermost[k + step - rows if step > 0 else k + step]
             end = max(end, reach + 2 if reach >= 0 else columns_in_use - 2)
         end = min(end, columns_in_use - 2)
+        to_right, to_left = (-2 if k >= 2 else rows - 2) * columns, (2 if k + 2 < rows else 2 - rows) * columns
         for word in range(1, len(here) - 1):
             blocked = ~here[word] & shown[k, word] & _columns(word, 2, end)
             if blocked == NO_BITS:
@@ -137,22 +139,19 @@ def _clear_blur(
             outer, outer2 = _inward(here, word, ONE), _inward(here, word, TWO)
             within = (inner | inner2) & (outer | outer2) & (right[word] | right2[word]) & (left[word] | left2[word])
             becomes = blocked & within
-            beside = (inner & inner2) | (outer & outer2) | (right[word] & right2[word]) | (left[word] & left2[word])
-            doubtful = blocked & ~within & beside
+            on_inner, on_outer, on_right = inner & inner2, outer & outer2, right[word] & right2[word]
+            doubtful = blocked & ~within & (on_inner | on_outer | on_right | (left[word] & left2[word]))
             while doubtful != NO_BITS:
                 bit = lowest(doubtful)
-                one, m = ONE << np.uint64(bit), 64 * (word - 1) + bit
+                one = ONE << np.uint64(bit)
                 doubtful &= ~one
-                if inner & inner2 & one:
-                    is_floor = _is_brighter(samples[k, m], samples[k, m - 2])
-                elif outer & outer2 & one:
-                    is_floor = _is_brighter(samples[k, m], samples[k, m + 2])
-                elif right[word] & right2[word] & one:
-                    is_floor = _is_brighter(samples[k, m], samples[(k - 2) % rows, m])
-                else:
-                    is_floor = _is_brighter(samples[k, m], samples[(k + 2) % rows, m])
-                if is_floor:
-                    becomes |= one
+                # of the floor beside it that is two samples wide, the first there is
+                away = to_right if on_right & one else to_left
+                away = 2 if on_outer & one else away
+                away = -2 if on_inner & one else away
+                at = k * columns + 64 * (word - 1) + bit
+                is_brighter = _level(flat, np.uint64(3 * at)) > _level(flat, np.uint64(3 * (at + away)))
+                becomes |= one if is_brighter else NO_BITS
             _mark(becomes, FLOOR, k, word, free, out)
 
 
@@ -338,6 +337,6 @@ def clear_ball(
 
 
 @compiled
-def _is_brighter(sample: UInt8Array, floor: UInt8Array) -> bool:
-    """Whether a colour is brighter than the floor's."""
-    return bool(int(sample[0]) + sample[1] + sample[2] > int(floor[0]) + floor[1] + floor[2])
+def _level(flat: UInt8Array, at: np.uint64) -> int:
+    """Return the sum of three bytes: how bright a colour is."""
+    return int(np.int64(flat[at]) + flat[at + ONE] + flat[at + TWO])
