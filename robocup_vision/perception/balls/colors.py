@@ -74,15 +74,22 @@ def with_swapped_ball(colors: Colors) -> Colors | None:
     return replace(colors, ball=PaintColor(red, blue))
 
 
-def floor_evidence(colors: Colors, near_floor_nats: float, settings: BallSettings) -> float:
-    """Return how much more likely the frame shows a ball's floor than anything: carpet all around, and it is green."""
+def floor_evidence(near_floor_nats: float, green_nats: float, settings: BallSettings) -> float:
+    """Return how much more likely the frame shows a ball's floor than anything: carpet all around, and it is green.
+
+    The second is what `green_evidence` tells of the frame's colours.
+    """
     missing = max(settings.floor_nats - near_floor_nats, 0.0) / settings.floor_std
+    return settings.max_floor - 0.5 * missing * missing + green_nats
+
+
+def green_evidence(colors: Colors, settings: BallSettings) -> float:
+    """Return how much more likely a floor of these colours is carpet than anything, as it is green: nats, 0 or less."""
     floor, white = colors.floor.lit, colors.line
     # under a cast of light carpet is greener than white; what passes for white may be some paint: than grey, too
     ratios = (floor.red_ratio, floor.blue_ratio, floor.red_ratio / white.red_ratio, floor.blue_ratio / white.blue_ratio)
     green = -math.log(max(ratios))
-    greenness = -settings.green_nats * math.log1p(math.exp(min(-green / settings.green_scale, _MAX_EXPONENT)))
-    return settings.max_floor - 0.5 * missing * missing + greenness
+    return -settings.green_nats * math.log1p(math.exp(min(-green / settings.green_scale, _MAX_EXPONENT)))
 
 
 def _direction(color: PaintColor) -> FloatArray:

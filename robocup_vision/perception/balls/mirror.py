@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -107,6 +108,12 @@ class MirrorBallFinder(BallSearch):
         usable = (radius >= inner) & (radius <= outer) & (q > 0) & (along > 0)
         return np.where(usable, along, 0.0), np.where(usable, across, 0.0)
 
+    @cached_property
+    def _half_sizes_px(self) -> list[tuple[float, float]]:
+        """`_sizes_px` by radius, in plain floats."""
+        along, across = self._sizes_px
+        return list(zip(along.tolist(), across.tolist(), strict=True))
+
     @property
     def _seed_rows(self) -> list[FloatArray]:
         along, across = self._sizes_px
@@ -125,7 +132,7 @@ class MirrorBallFinder(BallSearch):
         """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""
         u, v = ball.u_px - self.camera.center_px[0], ball.v_px - self.camera.center_px[1]
         radius = math.hypot(u, v)
-        along, across = (float(sizes[round(radius)]) for sizes in self._sizes_px)
+        along, across = self._half_sizes_px[round(radius)]
         bearing = math.atan2(v if self.camera.mirrored else -v, u) + self.camera.heading_rad
         row = bearing / math.tau * view.bearings
         # the shadow reaches about half a radius beyond the ball, the samples' blur a column
@@ -141,19 +148,23 @@ class MirrorBallFinder(BallSearch):
         turn = self.camera.camera_to_robot.tolist()
         return inner, float(radius[1] - radius[0]), fall.tolist(), turn, self.camera.viewpoint_m.tolist()
 
-    def _on_plane(self, u: float, v: float) -> tuple[float, float]:
-        """Where a pixel's ray meets the plane of the ball's centre, robot frame; in plain floats, as points are few."""
+    def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+        """Where rays of pixels meet the plane of the ball's centre, robot frame; in plain floats, as points are few."""
         inner, step, fall, turn, (x0, y0, z0) = self._rays
-        du, dv = u - self.camera.center_px[0], v - self.camera.center_px[1]
-        place = max(0.0, min(len(fall) - 1.001, (math.hypot(du, dv) - inner) / step))
-        cell = int(place)
-        down = fall[cell] + (place - cell) * (fall[cell + 1] - fall[cell])
-        bearing = math.atan2(dv if self.camera.mirrored else -dv, du) + self.camera.heading_rad
-        along, aside = math.cos(bearing), math.sin(bearing)
+        (center_u, center_v), heading_rad = self.camera.center_px, self.camera.heading_rad
+        flip, last = 1.0 if self.camera.mirrored else -1.0, len(fall) - 1.001
+        fallen = z0 - self.radius_m * (z0 / self._height_m)
         # written out: a ball takes five of these
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn
-        x, y = xx * along + xy * aside - xz * down, yx * along + yy * aside - yz * down
-        z = zx * along + zy * aside - zz * down
-        fallen = z0 - self.radius_m * (z0 / self._height_m)
-        scale = fallen / max(-z, 1e-9)
-        return x0 + scale * x, y0 + scale * y
+        places = []
+        for u, v in pixels:
+            du, dv = u - center_u, v - center_v
+            place = max(0.0, min(last, (math.hypot(du, dv) - inner) / step))
+            cell = int(place)
+            down = fall[cell] + (place - cell) * (fall[cell + 1] - fall[cell])
+            bearing = math.atan2(flip * dv, du) + heading_rad
+            along, aside = math.cos(bearing), math.sin(bearing)
+            scale = fallen / max(-(zx * along + zy * aside - zz * down), 1e-9)
+            x, y = xx * along + xy * aside - xz * down, yx * along + yy * aside - yz * down
+            places.append((x0 + scale * x, y0 + scale * y))
+        return places

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -132,11 +133,15 @@ class PinholeBallFinder(BallSearch):
             place += max(pitch * along[round(place)], 1.0)
         return rows
 
-    def _on_plane(self, u: float, v: float) -> tuple[float, float]:
-        ray = self._held.pixel_to_ray((u, v))
-        scale = (self._held.height_m - self.radius_m) / max(-float(ray[2]), 1e-9)
-        x, y = self._held.offset_m + scale * ray[:2]
-        return float(x), float(y)
+    def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+        """See `BallSearch._on_plane`."""
+        places = []
+        for pixel in pixels:
+            ray = self._held.pixel_to_ray(pixel)
+            scale = (self._held.height_m - self.radius_m) / max(-float(ray[2]), 1e-9)
+            x, y = self._held.offset_m + scale * ray[:2]
+            places.append((float(x), float(y)))
+        return places
 
     def _place_covariance(self, x_m: float, y_m: float) -> FloatArray:
         """See `BallSearch._place_covariance`: what tilt, roll and height of the camera leave open."""

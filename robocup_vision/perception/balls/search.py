@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +18,7 @@ from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.floor import ball as kernel
 from robocup_vision.kernels.floor.ball_evidence import find_and_weigh
 from robocup_vision.perception.balls.ball import Ball, BallSettings
-from robocup_vision.perception.balls.colors import ball_colors, floor_evidence, with_swapped_ball
+from robocup_vision.perception.balls.colors import ball_colors, floor_evidence, green_evidence, with_swapped_ball
 from robocup_vision.perception.color_table import Colors, ColorTable
 
 # points all over a disc of radius 1, and how often a ball that the picture cuts is moved until its part in it fits
@@ -53,6 +54,7 @@ class BallSearch(ABC):
         self._table: ColorTable | None = None
         self._colors: tuple[kernel.BallColor, ...] = ()
         self._swapped_colors: tuple[kernel.BallColor, ...] | None = None
+        self._greenness = 0.0
         self._floor_table = kernel.FloorTable(np.empty((3, 256), dtype=np.uint16), np.empty(0, dtype=np.int8))
         self._blobs = np.empty((settings.max_blobs, kernel.COLUMNS))
         self._ratios = np.empty(settings.max_blobs)
@@ -158,6 +160,7 @@ class BallSearch(ABC):
             self._table = table
             self._colors = self._colors_of(table.colors)
             self._swapped_colors = None
+            self._greenness = green_evidence(table.colors, self.settings)
             self._floor_table = plain(kernel.FloorTable(table.packing, table.floor_llr))
 
     def _colors_of(self, colors: Colors) -> tuple[kernel.BallColor, ...]:
@@ -190,27 +193,29 @@ class BallSearch(ABC):
         places: list[tuple[float, float, float]] = []
         if not count:
             return (), places
-        of_floor = floor_evidence(table.colors, near_floor_nats, self.settings)
+        of_floor = floor_evidence(near_floor_nats, self._greenness, self.settings)
         ratios = [ratio + of_floor for ratio in self._ratios[:count].tolist()]
+        blobs = self._blobs[:count].tolist()
         found: list[Ball] = []
         for n in sorted(range(count), key=lambda n: -ratios[n]):
             needed = self.settings.min_log_likelihood_ratio
             if ratios[n] < needed - self.settings.again_nats or len(found) == self.settings.max_balls:
                 break
-            u, v, half_px = self._blob(n)
+            u, v, along, across, _, cut = blobs[n]
+            half_px = math.sqrt(along * across)
             if any(math.hypot(u - other_u, v - other_v) < max(half_px, other) for other_u, other_v, other in places):
                 # the same ball, at another threshold of its colour
                 continue
             again = self.settings.again_half_sizes
             if any(math.hypot(u - last_u, v - last_v) <= again * last for last_u, last_v, last in before):
                 needed -= self.settings.again_nats
-            if self._blobs[n, kernel.CUT] and ratios[n] >= needed:
+            if cut and ratios[n] >= needed:
                 ratios[n] += self._cut_evidence(self._blobs[n])
             if ratios[n] >= needed:
                 ratios[n] += self._upright_evidence(frame, self._blobs[n], table)
             if ratios[n] >= needed:
                 places.append((u, v, half_px))
-                found.append(self._ball_at(self._blobs[n, :2], ratios[n]))
+                found.append(self._ball_at(u, v, ratios[n]))
         # glare leaves a part of a ball its colour: it moves by its own size
         last = [(u, v, max(half_px, self._half_px(u, v))) for u, v, half_px in places]
         return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio)), last
@@ -234,21 +239,15 @@ class BallSearch(ABC):
         )
         return int(count)
 
-    def _blob(self, n: int) -> tuple[float, float, float]:
-        """Centre and half size of a blob, pixels."""
-        blob = self._blobs[n]
-        half_px = math.sqrt(blob[kernel.ALONG] * blob[kernel.ACROSS])
-        return float(blob[kernel.U]), float(blob[kernel.V]), half_px
-
     def forget(self) -> None:
         """Forget where balls were in the last frame."""
         self._last_px = []
 
-    def _ball_at(self, blob_px: FloatArray, ratio: float) -> Ball:
-        if self._is_cut(float(blob_px[0]), float(blob_px[1])):
-            center, visible_ratio, _ = self._whole(blob_px)
-            return self._place(center, visible_ratio, ratio)
-        return self._place(blob_px, 1.0, ratio)
+    def _ball_at(self, u: float, v: float, ratio: float) -> Ball:
+        if self._is_cut(u, v):
+            center, visible_ratio, _ = self._whole(np.array((u, v)))
+            return self._place(float(center[0]), float(center[1]), visible_ratio, ratio)
+        return self._place(u, v, 1.0, ratio)
 
     def _half_px(self, u: float, v: float) -> float:
         """Half of the larger extent of a ball with its centre there; in plain floats, as it is asked in each frame."""
@@ -316,11 +315,10 @@ class BallSearch(ABC):
             center += blob_px - shown.mean(axis=0)
         return center, visible_ratio, seen
 
-    def _place(self, pixel: FloatArray, visible_ratio: float, ratio: float) -> Ball:
-        u, v = float(pixel[0]), float(pixel[1])
-        x, y = self._on_plane(u, v)
-        (x_right, y_right), (x_left, y_left) = self._on_plane(u + 0.5, v), self._on_plane(u - 0.5, v)
-        (x_down, y_down), (x_up, y_up) = self._on_plane(u, v + 0.5), self._on_plane(u, v - 0.5)
+    def _place(self, u: float, v: float, visible_ratio: float, ratio: float) -> Ball:
+        (x, y), (x_right, y_right), (x_left, y_left), (x_down, y_down), (x_up, y_up) = self._on_plane(
+            ((u, v), (u + 0.5, v), (u - 0.5, v), (u, v + 0.5), (u, v - 0.5))
+        )
         # in plain floats: products of arrays as small as these take longer than all the rest
         std = self.settings.center_std_px / visible_ratio
         x_u, x_v, y_u, y_v = (
@@ -342,5 +340,5 @@ class BallSearch(ABC):
         """Return what the camera's own errors add to the covariance (2, 2) of a ball's place, robot frame, if any."""
 
     @abstractmethod
-    def _on_plane(self, u: float, v: float) -> tuple[float, float]:
-        """Where a pixel's ray meets the plane of the ball's centre, robot frame."""
+    def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+        """Where the rays of some pixels meet the plane of the ball's centre, robot frame."""

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.perception.balls.ball import BallSettings
-from robocup_vision.perception.balls.colors import floor_evidence
+from robocup_vision.perception.balls.colors import floor_evidence, green_evidence
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor
 
@@ -21,36 +21,40 @@ def colors(red, blue, white=(1.0, 1.0)):
     return Colors(floor, PaintColor(*white), ORANGE, ORANGE, ORANGE)
 
 
+def evidence(frame_colors, near_floor_nats, settings):
+    return floor_evidence(near_floor_nats, green_evidence(frame_colors, settings), settings)
+
+
 @given(ratios, ratios, ratios, ratios, nats)
 def test_no_frame_looks_more_like_a_field_than_green_carpet_all_around(red, blue, white_red, white_blue, near):
-    assert floor_evidence(colors(red, blue, (white_red, white_blue)), near, SETTINGS) <= SETTINGS.max_floor
+    assert evidence(colors(red, blue, (white_red, white_blue)), near, SETTINGS) <= SETTINGS.max_floor
 
 
 @given(ratios, ratios, nats, nats, st.floats(1.0, 3.0))
 def test_less_carpet_and_less_green_are_never_better(red, blue, near, other, factor):
-    here = floor_evidence(colors(red, blue), max(near, other), SETTINGS)
-    assert floor_evidence(colors(red, blue), min(near, other), SETTINGS) <= here
-    assert floor_evidence(colors(factor * red, blue), max(near, other), SETTINGS) <= here
-    assert floor_evidence(colors(red, factor * blue), max(near, other), SETTINGS) <= here
+    here = evidence(colors(red, blue), max(near, other), SETTINGS)
+    assert evidence(colors(red, blue), min(near, other), SETTINGS) <= here
+    assert evidence(colors(factor * red, blue), max(near, other), SETTINGS) <= here
+    assert evidence(colors(red, factor * blue), max(near, other), SETTINGS) <= here
 
 
 def test_carpet_of_the_usual_green_is_believed():
-    assert floor_evidence(colors(0.6, 0.75), 3.9, SETTINGS) == pytest.approx(SETTINGS.max_floor, abs=0.01)
+    assert evidence(colors(0.6, 0.75), 3.9, SETTINGS) == pytest.approx(SETTINGS.max_floor, abs=0.01)
 
 
 def test_greyish_carpet_under_warm_light_is_doubted_a_little():
-    assert -0.5 < floor_evidence(colors(0.92, 0.96, (1.4, 1.05)), 3.9, SETTINGS) < SETTINGS.max_floor
+    assert -0.5 < evidence(colors(0.92, 0.96, (1.4, 1.05)), 3.9, SETTINGS) < SETTINGS.max_floor
 
 
 @pytest.mark.parametrize(("red", "blue"), [(1.15, 0.65), (1.0, 1.2)])
 def test_skin_wood_and_blue_cloth_are_no_carpet(red, blue):
-    assert floor_evidence(colors(red, blue), 3.9, SETTINGS) < -8.0
+    assert evidence(colors(red, blue), 3.9, SETTINGS) < -8.0
 
 
 def test_a_floor_as_green_as_the_white_beside_it_is_doubted():
     # all is green under such a light
-    assert floor_evidence(colors(0.7, 0.6, (0.7, 0.6)), 3.9, SETTINGS) < 0.0
+    assert evidence(colors(0.7, 0.6, (0.7, 0.6)), 3.9, SETTINGS) < 0.0
 
 
 def test_ground_that_is_mostly_no_carpet_shows_no_ball_s_floor():
-    assert floor_evidence(colors(0.6, 0.75), -0.5, SETTINGS) < -8.0
+    assert evidence(colors(0.6, 0.75), -0.5, SETTINGS) < -8.0

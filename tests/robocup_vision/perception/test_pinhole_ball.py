@@ -29,7 +29,7 @@ STEP = 1e-5
 
 def placed(camera, pixel, sway_std_rad=None):
     FINDER.hold(camera, sway_std_rad)
-    return FINDER._place(np.array(pixel), 1.0, 0.0)
+    return FINDER._place(*pixel, 1.0, 0.0)
 
 
 @settings(deadline=None, max_examples=60)
