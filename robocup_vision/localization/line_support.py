@@ -7,6 +7,7 @@ pose says that they lie. Line points that the pose does not explain speak agains
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.free_floor import FLOOR, LINE
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.perception.line_points import LineFinder
+from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.polar_view import PolarView
 
 
@@ -87,8 +88,8 @@ class LineSupport:
     ----------
     line_map : LineMap
         The field's lines.
-    finder : LineFinder
-        Finds line points in the camera's frames.
+    find_points : callable
+        Returns the line points in a frame of the camera's.
     view : PolarView
         Where the marked floor samples lie.
     settings : LineSupportSettings
@@ -98,11 +99,11 @@ class LineSupport:
     def __init__(
         self,
         line_map: LineMap,
-        finder: LineFinder,
+        find_points: Callable[[UInt8Array], LinePoints],
         view: PolarView,
         settings: LineSupportSettings = LineSupportSettings(),
     ) -> None:
-        self._map, self._finder, self._view, self._settings = line_map, finder, view, settings
+        self._map, self._find_points, self._view, self._settings = line_map, find_points, view, settings
         self._near_m = settings.near_widths * line_map.field.line_width_m
         inner, outer = view.camera.usable_radius_px
         self._unit_px = max(1.0, (outer - inner) / 86.0)
@@ -137,7 +138,7 @@ class LineSupport:
         min_on_lines = max(missing_ratio, settings.min_sample_ratio) * len(row)
         if len(row) >= settings.min_samples and on_lines >= min_on_lines and not self._lacks_lines(estimate, marks):
             return True
-        points = self._finder.find(frame)
+        points = self._find_points(frame)
         if len(points) >= settings.min_points:
             off_m = self._off_lines_m(estimate.pose, points.floor_m)
             return bool(np.count_nonzero(off_m < self._near_m) >= missing_ratio * len(points))

@@ -17,6 +17,7 @@ from robocup_vision.localization.line_support import LineSupport
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 from robocup_vision.localization.localizer import FrameEvidence, Localization, pose_of
 from robocup_vision.localization.wall_ranges import wall_px
+from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.polar_view import PolarView
 
 # lines near the last pose are followed; the whole field is searched so often for what else explains them
@@ -60,13 +61,16 @@ class MirrorLocalizer:
         self._outline = OutlineFitter(field, camera, view) if field.is_bounded or not use_lines else None
         lines = LinePoseEstimator(field, camera, mask) if len(field.lines) + len(field.arcs) else None
         self._lines = lines if use_lines else None
-        self._support = None if lines is None else LineSupport(lines.line_map, lines.finder, view)
+        self._finder = None if lines is None else lines.finder
+        self._support = None if lines is None else LineSupport(lines.line_map, self._line_points, view)
         self._walls = field.walls if field.is_bounded else None
         self._half = GoalSide(field, camera, mask)
         self._searched_s: float | None = None  # when the whole field was last searched by lines
+        self._points: LinePoints | None = None  # of the frame that is looked at
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`."""
+        self._points = None
         start = pose_of(prior)
         frame, camera = evidence.frame, evidence.camera
         assert evidence.table is not None
@@ -91,13 +95,20 @@ class MirrorLocalizer:
             reason = f"{reason}; by lines: {by_lines}" if reason else by_lines
         return Localization(NotLocated(reason), camera)
 
+    def _line_points(self, frame: UInt8Array) -> LinePoints:
+        """Find the line points of the frame that is looked at, once: choice, support and search may all ask."""
+        assert self._finder is not None
+        if self._points is None:
+            self._points = self._finder.find(frame)
+        return self._points
+
     def _closed_by_lines(
         self, evidence: FrameEvidence, start: Pose2, estimate: PoseEstimate, walls: FloatArray
     ) -> tuple[PoseEstimate, FloatArray]:
         """Return what nearby lines tell where the outline leaves the position of a body that may lean open."""
         if self._lines is None:
             return estimate, walls
-        followed = self._lines.follow(self._lines.finder.find(evidence.frame), start)
+        followed = self._lines.follow(self._line_points(evidence.frame), start)
         if not followed or not self._is_within_walls(followed.pose, evidence):
             return estimate, walls
         if followed.std[:2].max() >= estimate.std[:2].max():
@@ -108,7 +119,7 @@ class MirrorLocalizer:
         self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None
     ) -> PoseEstimate | NotLocated:
         """Follow the lines from the expected pose; search the whole field where that fails, or now and then."""
-        points, t_s, searched_s = lines.finder.find(evidence.frame), evidence.t_s, self._searched_s
+        points, t_s, searched_s = self._line_points(evidence.frame), evidence.t_s, self._searched_s
         is_recent = t_s is not None and searched_s is not None and 0.0 <= t_s - searched_s < _SEARCH_AGAIN_S
         if is_recent and start is not None:
             followed = lines.follow(points, start)
@@ -124,7 +135,7 @@ class MirrorLocalizer:
         chosen = None
         if self._support is not None and evidence.marks is not None:
             chosen = self._support.choose(poses, evidence.marks)
-        return lines.choose(evidence.frame, poses) if chosen is None else chosen
+        return lines.choose(self._line_points(evidence.frame), poses) if chosen is None else chosen
 
     def _is_supported(self, estimate: PoseEstimate, evidence: FrameEvidence) -> bool:
         if self._support is None or evidence.marks is None:

@@ -203,13 +203,13 @@ class LinePoseEstimator:
             return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
         return estimate
 
-    def choose(self, frame: npt.NDArray[np.uint8], poses: list[Pose2]) -> int | None:
-        """Return the index of the pose that the lines in a frame (H, W, 3) uint8 confirm; None if none of them.
+    def choose(self, points: LinePoints, poses: list[Pose2]) -> int | None:
+        """Return the index of the pose that the line points of a frame confirm; None if none of them.
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR.
+        points : LinePoints
+            Of the frame.
         poses : list of Pose2
             The poses in question.
 
@@ -218,7 +218,6 @@ class LinePoseEstimator:
         int or None
             Index of the pose whose lines run best through the line points, if it is clearly better than the first.
         """
-        points = self.finder.find(frame)
         if len(points) < self.settings.search.min_points:
             return None
         loss = self.line_map.rough_losses_m(poses, points.floor_m)

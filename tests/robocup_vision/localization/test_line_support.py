@@ -27,7 +27,7 @@ def seen(ssl_field, paper_camera, nominal_samples):
 
 def support(field, camera, view, **settings):
     lines = LinePoseEstimator(field, camera)
-    return LineSupport(lines.line_map, lines.finder, view, LineSupportSettings(**settings))
+    return LineSupport(lines.line_map, lines.finder.find, view, LineSupportSettings(**settings))
 
 
 def test_lines_bear_out_the_right_pose_and_no_other(ssl_field, paper_camera, seen):
