@@ -6,9 +6,6 @@ boundaries lie half-way between goal, carpet, ball and beacons.
 
 from __future__ import annotations
 
-import functools
-import itertools
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -33,12 +30,6 @@ class GoalColorSettings:
         Of 255: below it hue is noise.
     min_shine : int
         Paint that a lamp washes white is at least so bright in all channels.
-    min_peak_ratio : float
-        Of a mask's pixels, those in a peak of hue (one of three smoothed bins).
-    max_valley_ratio : float
-        Hue between two peaks, of the lower one: a deeper valley separates two things.
-    min_hue_sine : float
-        Sine of the angle between two paints' planes of shades: a smaller one is hidden by noise.
     max_cast : float
         Strongest colour cast that is corrected by the image's bright end: a stronger one is paint.
     """
@@ -46,9 +37,6 @@ class GoalColorSettings:
     min_saturation: float = 0.30
     min_value: int = 25
     min_shine: int = 170
-    min_peak_ratio: float = 0.02
-    max_valley_ratio: float = 0.75
-    min_hue_sine: float = 0.03
     max_cast: float = 1.3
 
 
@@ -86,50 +74,6 @@ def white_gains(image: UInt8Array, settings: GoalColorSettings = GoalColorSettin
     return np.asarray(np.minimum(gains, settings.max_cast), np.float64)
 
 
-def halves(family: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Lower and upper half of a family, for goals that clutter of a neighbouring hue touches."""
-    low, high = family
-    middle, overlap = (low + high) / 2, (high - low) / 12
-    return (low, middle + overlap), (middle - overlap, high)
-
-
-def paint_channels(image: UInt8Array, color: str) -> tuple[UInt8Array, UInt8Array]:
-    """Two channels (H, W) in which paint of a named colour is bright: where it has kept its hue, and washed or not."""
-    bgr = COLOR_NAMES[color]
-    strong = [k for k in range(3) if 3 * bgr[k] > sum(bgr)]
-    lit, rest = (
-        functools.reduce(step, (image[..., k] for k in range(3) if (k in strong) == of_paint))
-        for step, of_paint in ((np.minimum, True), (np.maximum, False))
-    )
-    return np.asarray(cv2.subtract(lit, rest), np.uint8), np.asarray(lit, np.uint8)
-
-
-def hue_modes(
-    image: UInt8Array, mask: UInt8Array, settings: GoalColorSettings = GoalColorSettings()
-) -> list[tuple[float, float]]:
-    """Hue intervals about each peak among a mask's pixels, where there are several: things touch in the picture."""
-    _, hsv = _balanced(image, settings)
-    found = np.bincount(hsv[..., 0][mask > 0], minlength=180).astype(np.float64)
-    smooth = (np.roll(found, 1) + 2 * found + np.roll(found, -1)) / 4
-    peaks = [
-        int(k)
-        for k in np.flatnonzero((smooth > np.roll(smooth, 1)) & (smooth >= np.roll(smooth, -1)))
-        if smooth[k] > settings.min_peak_ratio * smooth.sum()
-    ]
-    cuts: list[int] = []
-    kept = peaks[:1]
-    for peak in peaks[1:]:
-        between = smooth[kept[-1] : peak + 1]
-        valley = kept[-1] + int(np.mean(np.flatnonzero(between == between.min())))
-        if smooth[valley] < settings.max_valley_ratio * min(smooth[kept[-1]], smooth[peak]):
-            cuts.append(valley)
-            kept.append(peak)
-        elif smooth[peak] > smooth[kept[-1]]:
-            kept[-1] = peak
-    ends = [-0.5, *(float(cut) for cut in cuts), 179.5]
-    return list(itertools.pairwise(ends)) if cuts else []
-
-
 def hue_masks(
     image: UInt8Array, families: dict[str, tuple[float, float]], settings: GoalColorSettings = GoalColorSettings()
 ) -> dict[str, UInt8Array]:
@@ -147,32 +91,6 @@ def hue_masks(
         masks[color] = np.asarray(mask, np.uint8)
         _fill(masks[color], balanced, settings.min_shine)
     return masks
-
-
-def parting(
-    image: UInt8Array, paint: UInt8Array, other: UInt8Array, settings: GoalColorSettings = GoalColorSettings()
-) -> npt.NDArray[np.float64] | None:
-    """Colour direction (3,) in which paint is bright, but grey and a thing of another hue are not, in any light.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        BGR.
-    paint, other : (H, W) uint8
-        Masks. None where one is empty, or the two are of one hue.
-    settings : GoalColorSettings, optional
-        Says which hues are one.
-    """
-    if not (paint.any() and other.any()):
-        return None
-    mine, theirs = (np.array(cv2.mean(image, mask)[:3]) for mask in (paint, other))
-    axis = np.cross(np.ones(3), theirs)
-    sine = float(axis @ mine) / max(float(np.linalg.norm(axis) * np.linalg.norm(mine)), 1e-9)
-    return (
-        np.asarray(axis / np.linalg.norm(axis) * math.copysign(1.0, sine))
-        if abs(sine) > settings.min_hue_sine
-        else None
-    )
 
 
 def _balanced(image: UInt8Array, settings: GoalColorSettings) -> tuple[UInt8Array, UInt8Array]:

@@ -31,8 +31,6 @@ class StripSettings:
         Gaps within one post, in its widths: among clutter, and in paint of the right hue, which glare interrupts.
     min_aspect, min_paint_aspect : float
         Height of a strip, in its widths: among clutter, and in paint of the right hue.
-    min_green_ratio : float
-        Of the columns below a bar's end, those that must be green where its post is taken to stand.
     """
 
     max_lean: float = 0.27
@@ -41,7 +39,6 @@ class StripSettings:
     max_paint_gap_widths: float = 7.0
     min_aspect: float = 1.3
     min_paint_aspect: float = 1.0
-    min_green_ratio: float = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,21 +105,16 @@ def carpet_mask(image: UInt8Array, excluded: UInt8Array | None = None) -> UInt8A
 def white_runs(
     image: UInt8Array, row_step: int, settings: StripSettings = StripSettings()
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Find runs of white as `bright_runs` does: white paint is bright in all channels, and green carpet is not."""
-    least = np.asarray(cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2]), np.uint8)
-    return bright_runs(least, row_step, settings)
+    """White stretches between a rising and a falling edge, in bands of rows.
 
-
-def bright_runs(
-    image: UInt8Array, row_step: int, settings: StripSettings = StripSettings()
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Bright stretches of one channel between a rising and a falling edge, in bands of rows.
+    White paint is bright in all channels, and green carpet is not.
 
     Returns
     -------
     row, left, right, contrast : (N,) float64
         Sorted by row; edges at sub-pixel columns; contrast is the weaker edge's gradient in noise units.
     """
+    image = np.asarray(cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2]), np.uint8)
     bands = image.shape[0] // row_step
     profile = cv2.resize(
         np.ascontiguousarray(image[: bands * row_step]), (image.shape[1], bands), interpolation=cv2.INTER_AREA
@@ -265,36 +257,6 @@ def _strip(
         return None
     left_at, left_lean, right_at, right_lean, top, bottom, foot, strength = found.tolist()
     return Strip((left_at, left_lean), (right_at, right_lean), top, bottom, foot, strength)
-
-
-def posts_under(
-    bar: Strip, carpet: UInt8Array, settings: StripSettings = StripSettings()
-) -> tuple[Strip, Strip] | None:
-    """Assume posts at both ends of a bar, as thick as it is; None where no carpet begins below.
-
-    Parameters
-    ----------
-    bar : Strip
-        Found in the transposed image: a bar lies there as a post stands here, and ends where the posts begin.
-    carpet : (H, W) uint8
-        See `carpet_mask`.
-    settings : StripSettings, optional
-        How much carpet is needed.
-    """
-    found = []
-    for end, way in ((bar.top, -1), (bar.bottom, 1)):
-        thick, middle = bar.width_at(end), bar.axis_at(end)
-        left, right = sorted((end, end + way * thick))
-        columns = carpet[max(0, round(middle + thick)) :, max(0, round(left)) : max(0, round(right)) + 1]
-        if columns.size == 0:
-            return None
-        green = (columns > 0).mean(axis=1) > settings.min_green_ratio
-        stays = np.flatnonzero(green[:-2] & green[1:-1] & green[2:])
-        if len(stays) == 0:
-            return None
-        foot = max(0, round(middle + thick)) + float(stays[0]) - 0.5
-        found.append(Strip((left, 0.0), (right, 0.0), middle, foot, foot, bar.strength))
-    return found[0], found[1]
 
 
 def enlarged(strip: Strip, factor: int) -> Strip:

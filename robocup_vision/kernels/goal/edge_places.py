@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
@@ -34,25 +36,22 @@ class EdgePlaces(NamedTuple):
 
 
 @compiled
-def goal_points(scene: GoalScene, p: FloatArray, points: FloatArray) -> bool:
-    """Ideal pixels of where to measure: both ends of each free edge, feet, and points above the feet.
+def goal_outline(scene: GoalScene, x_m: float, y_m: float, height_m: float, outline: FloatArray) -> None:
+    """Points of a goal's outline as a camera at a place sees it: both ends of each free edge, and its feet.
 
     Parameters
     ----------
-    scene, p
-        See `kernels.goal.picture.predict_goal`; the stated focal length counts.
-    points : (12 + 4 * K, 2) float64
-        Results: ends of the six edges, the feet of the left, then of the right post, and as many half a radius higher.
-
-    Returns
-    -------
-    bool
-        Whether all of it is in front of the camera.
+    scene : GoalScene
+        The goal at +x.
+    x_m, y_m, height_m : float
+        The camera's place, field frame.
+    outline : (12 + 4 * K, 3) float64
+        Results, field frame, from the camera: ends of the six edges, the feet of the left, then of the right post, and
+        as many half a radius higher.
     """
-    axes = camera_axes(p[2], p[3], p[4])
-    shape, view, offsets = scene.shape, scene.camera, scene.offsets
+    shape, offsets = scene.shape, scene.offsets
     line_x, half, top, radius = shape[0], 0.5 * shape[1], shape[2], shape[3]
-    dx, dz = line_x - p[0], top - p[5]
+    dx, dz = line_x - x_m, top - height_m
     side = -1.0 if dx < 0 else 1.0
     elevation, bar_half = math.atan2(dz, abs(dx)), math.asin(min(1.0, radius / math.hypot(dx, dz)))
     count = offsets.shape[0]
@@ -62,8 +61,8 @@ def goal_points(scene: GoalScene, p: FloatArray, points: FloatArray) -> bool:
             e = n // 2
             y = half if e < 2 else -half
             z = 0.7 * radius if n % 2 == 0 else (top + 0.5 * radius if e == 0 or e == 3 else top - 2.0 * radius)
-            bearing = math.atan2(y - p[1], dx)
-            wide = math.asin(min(1.0, radius / math.hypot(dx, y - p[1])))
+            bearing = math.atan2(y - y_m, dx)
+            wide = math.asin(min(1.0, radius / math.hypot(dx, y - y_m)))
             if e == 0 or e == 2:
                 x -= radius * math.sin(bearing + wide)
                 y += radius * math.cos(bearing + wide)
@@ -84,16 +83,42 @@ def goal_points(scene: GoalScene, p: FloatArray, points: FloatArray) -> bool:
             post_y = half if k < count else -half
             offset = offsets[k % count]
             along = math.sqrt(1.0 - offset**2)
-            distance = math.hypot(dx, post_y - p[1])
-            ux, uy = dx / distance, (post_y - p[1]) / distance
+            distance = math.hypot(dx, post_y - y_m)
+            ux, uy = dx / distance, (post_y - y_m) / distance
             x = line_x + radius * (offset * uy - along * ux)
             y = post_y + radius * (-offset * ux - along * uy)
             z = 0.0 if n < 12 + 2 * count else 0.5 * radius
-        depth, left, up = in_camera(axes, x - p[0], y - p[1], z - p[5])
+        outline[n, 0], outline[n, 1], outline[n, 2] = x - x_m, y - y_m, z - height_m
+
+
+@compiled
+def project_outline(
+    outline: FloatArray, view: FloatArray, heading_rad: float, tilt_rad: float, roll_rad: float, points: FloatArray
+) -> bool:
+    """Ideal pixels (N, 2) of an outline (N, 3), see `goal_outline`; whether all of it is in front of the camera."""
+    axes = camera_axes(heading_rad, tilt_rad, roll_rad)
+    for n in range(outline.shape[0]):
+        depth, left, up = in_camera(axes, outline[n, 0], outline[n, 1], outline[n, 2])
         if depth <= 0.05:
             return False
         points[n, 0], points[n, 1] = ideal_pixel(view[0], view[1], view[2], view[3], depth, left, up)
     return True
+
+
+@compiled
+def goal_points(scene: GoalScene, p: FloatArray, points: FloatArray) -> bool:
+    """Ideal pixels (12 + 4 * K, 2) of where to measure, see `goal_outline`; whether all is in front of the camera.
+
+    Parameters
+    ----------
+    scene, p
+        See `kernels.goal.picture.predict_goal`; the stated focal length counts.
+    points : (12 + 4 * K, 2) float64
+        Results.
+    """
+    outline = np.empty((points.shape[0], 3))
+    goal_outline(scene, p[0], p[1], p[5], outline)
+    return project_outline(outline, scene.camera, p[2], p[3], p[4], points)
 
 
 @compiled

@@ -47,8 +47,6 @@ class EdgeLook(NamedTuple):
         Colour difference (BGR) of paint and surroundings, and of paint and carpet.
     glare, grey : float
         See `measure_edges`.
-    apart : (0,) or (3,) float64
-        The same as `towards` where that finds no edge.
     paint : (h, w) uint8
         Non-zero on paint, perhaps of reduced size: edges count only where it is just inside. (0, 0): anywhere.
     paint_depth_px : float
@@ -59,7 +57,6 @@ class EdgeLook(NamedTuple):
     foot_towards: FloatArray
     glare: float
     grey: float
-    apart: FloatArray
     paint: UInt8Array
     paint_depth_px: float
 
@@ -84,36 +81,6 @@ class FoundEdges(NamedTuple):
     normals: FloatArray
     sigma: FloatArray
     expected: Int64Array
-
-
-@compiled
-def _measure_again(image: UInt8Array, starts: EdgeStarts, edges: int, apart: FloatArray, found: EdgeOffsets) -> None:
-    """Measure the edges that were not found, but for those in glare, by another colour difference."""
-    again = np.empty(edges, np.int64)
-    count = variable(0)
-    for n in range(edges):
-        if math.isnan(found.offset[n]) and found.contrast[n] >= 0.0:
-            again[count] = n
-            count += 1
-    others = EdgeStarts(
-        np.empty((count, 2)),
-        np.empty((count, 2)),
-        np.empty(count),
-        np.empty(count),
-        np.empty((count, 3)),
-        np.empty(count),
-    )
-    for i in range(count):
-        n = again[i]
-        copy_vector(starts.uv[n], others.uv[i])
-        copy_vector(starts.normals[n], others.normals[i])
-        copy_vector(apart, others.towards[i])
-        others.reach[i], others.inside[i], others.grey[i] = starts.reach[n], starts.inside[n], starts.grey[n]
-    second = EdgeOffsets(np.empty(count), np.empty(count), np.empty(count))
-    measure_edges(image, others, np.inf, second)
-    for i in range(count):
-        n = again[i]
-        found.offset[n], found.contrast[n], found.sigma[n] = second.offset[i], second.contrast[i], second.sigma[i]
 
 
 @compiled
@@ -162,8 +129,6 @@ def sample_edges(image: UInt8Array, due: DueEdges, look: EdgeLook, found: FoundE
         starts.grey[n] = look.grey if n < edges else 1.0
     offsets = EdgeOffsets(np.empty(count), np.empty(count), np.empty(count))
     measure_edges(image, starts, look.glare, offsets)
-    if look.apart.shape[0]:
-        _measure_again(image, starts, edges, look.apart, offsets)
     scale = look.paint.shape[1] / image.shape[1]
     seen, feet = variable(0), variable(0)
     for n in range(count):

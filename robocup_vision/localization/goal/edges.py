@@ -26,7 +26,7 @@ from robocup_vision.localization.goal.geometry import (
 )
 
 FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
-_NOTHING, _NO_MASK = np.empty(0), np.empty((0, 0), np.uint8)
+_NO_MASK = np.empty((0, 0), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +64,6 @@ class EdgeAppearance:
         Samples whose paint is brighter than this and half washed white are dropped.
     grey : float
         How much of the difference in brightness counts, see `kernels.goal.edges.measure_edges`.
-    apart : (3,) float64 or None
-        The same as `towards` where that finds no edge: paint in the shade has less of its colour than a wall of a
-        neighbouring hue in the light.
     paint : (H, W) uint8 or None
         Mask of the paint, perhaps of reduced size: edges and feet count only where paint is just inside. None:
         anywhere.
@@ -75,7 +72,6 @@ class EdgeAppearance:
     towards: FloatArray
     glare: float
     grey: float
-    apart: FloatArray | None = None
     paint: npt.NDArray[np.uint8] | None = None
 
 
@@ -237,7 +233,6 @@ def measure(
         np.array(settings.foot_towards),
         appearance.glare,
         appearance.grey,
-        _NOTHING if appearance.apart is None else appearance.apart,
         _NO_MASK if appearance.paint is None else appearance.paint,
         settings.paint_depth_px,
     )

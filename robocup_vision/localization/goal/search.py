@@ -14,7 +14,7 @@ import numpy as np
 from field_models.field import COLOR_NAMES, Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.strips import BRIGHTEST, mean_along
+from robocup_vision.kernels.goal.strips import mean_along
 from robocup_vision.localization.goal.edges import EdgeAppearance, from_ideal
 from robocup_vision.localization.goal.fit import (
     GoalFit,
@@ -30,25 +30,20 @@ from robocup_vision.localization.goal.fit import (
     residuals,
 )
 from robocup_vision.localization.goal.geometry import BAR_TOP, X, goal_shape, project
+from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
 from robocup_vision.localization.goal.starts import bar_rows, rotated, starts, strip_samples, with_bar
 from robocup_vision.perception.goal_color import (
     GoalColorSettings,
-    halves,
     hue_families,
     hue_masks,
-    hue_modes,
     is_chromatic,
-    paint_channels,
-    parting,
 )
 from robocup_vision.perception.goal_region import (
     Strip,
     StripSettings,
-    bright_runs,
     carpet_mask,
     enlarged,
     mask_runs,
-    posts_under,
     strips,
     white_runs,
 )
@@ -83,12 +78,14 @@ class SearchSettings:
         Of a score: what a prior off by one standard deviation costs.
     min_painted, mostly_painted : float
         Of a post's or the bar's length in the goal's hue: of two of the three, and of a post with one edge.
+    shaded : float
+        Paint of a goal, even in its own shade, is no darker than this part of the carpet.
     carpet_px : float
         Rows below a foot that must show carpet.
     beyond_m : float
         A robot may stand so far outside the carpet that the field file is sure of.
-    white_pairs, hue_pairs, bar_pairs : int
-        Pairs of posts that are tried: white ones among clutter, ones of a hue, and those below a bar.
+    white_pairs, hue_pairs : int
+        Pairs of posts that are tried: white ones among clutter, and ones of a hue.
     colors, strips : GoalColorSettings, StripSettings
         How paint and posts are found.
     """
@@ -104,11 +101,11 @@ class SearchSettings:
     deviation_cost: float = 0.02
     min_painted: float = 0.4
     mostly_painted: float = 0.7
+    shaded: float = 0.5
     carpet_px: float = 4.0
     beyond_m: float = 0.5
     white_pairs: int = 14
     hue_pairs: int = 6
-    bar_pairs: int = 6
     colors: GoalColorSettings = GoalColorSettings()
     strips: StripSettings = StripSettings()
 
@@ -193,13 +190,14 @@ class GoalSearch:
         self.families = hue_families(field)
         self.colored_model = goal_model(self.shape, camera, fit_settings.bloom_std_hue_px, fit_settings)
         self.white_model = goal_model(self.shape, camera, fit_settings.bloom_std_white_px, fit_settings)
+        self._silhouettes = SilhouetteSearch(self.colored_model, camera, self.extent_m)
         self._has_white = any(not is_chromatic(goal.color) for goal in field.goals)
 
     def candidates(self, frame: UInt8Array) -> tuple[list[Candidate], str]:
         """Goals that may be in a frame, distinct ones, best first; and why there is none if there is none."""
         found: list[Candidate] = []
         reason = ""
-        for proposal in itertools.chain(self.proposals(frame), self._last_resorts(frame, found)):
+        for proposal in self.proposals(frame):
             for left, right in proposal.pairs:
                 fits = self._fits(frame, left, right, proposal)
                 if not fits:
@@ -209,6 +207,8 @@ class GoalSearch:
                     break
             if any(c.is_plain and c.fit.score > self.settings.clear_score for c in found):
                 break
+        if self.families and not any(c.is_plain for c in found):
+            found += self._by_silhouettes(frame)
         found.sort(key=lambda c: (c.objection is not None, -c.rank))
         distinct: list[Candidate] = []
         for candidate in found:
@@ -228,16 +228,15 @@ class GoalSearch:
 
     def _contradiction(self, fit: GoalFit, proposal: Proposal) -> str | None:
         """Why a goal of a hue cannot be one for what the masks show around it, or None."""
-        corners = project(proposal.model.view, fit.unknowns, self.shape.corners)
-        pixels = (from_ideal(self.camera, corners) + 0.5) / proposal.scale - 0.5
-        painted, before = np.empty(3), np.empty(2)
-        mean_along(proposal.paint, np.ascontiguousarray(pixels[:-1]), np.ascontiguousarray(pixels[1:]), painted)
+        before = np.empty(2)
+        pixels = self._corner_px(proposal.model, fit.unknowns, proposal.scale)
+        painted = _shares(proposal.paint, pixels)
         # of posts and bar lamps may have washed one
-        if np.sort(painted)[1] < self.settings.min_painted * 255:
+        if np.sort(painted)[1] < self.settings.min_painted:
             return "what looks like one has not the goal's colour"
         bare = fit.edge_ratio[:BAR_TOP].reshape(2, 2).min(axis=1) < fit.settings.min_edge_ratio
         # its own hue behind a post may hide an edge of it: then it is all in that hue
-        if np.any(painted[[0, 2]][bare] < self.settings.mostly_painted * 255):
+        if np.any(painted[[0, 2]][bare] < self.settings.mostly_painted):
             return "what looks like a post of one has one edge and not the goal's colour"
         feet = pixels[[0, 3]]
         mean_along(
@@ -247,14 +246,29 @@ class GoalSearch:
             return "what looks like one has no carpet before it"
         return None
 
+    def _bright(self, picture: UInt8Array, color: str, carpet: UInt8Array) -> UInt8Array:
+        """Mask (H, W) of what may be paint of a hue, washed by lamps or not.
+
+        Its colours are brighter than carpet, and lamps add light: where a post is dark, somebody stands before it.
+        """
+        bgr = COLOR_NAMES[color]
+        lit = picture[..., [k for k in range(3) if 3 * bgr[k] > sum(bgr)]].min(axis=2)
+        green = picture[..., 1][carpet > 0]
+        least = self.settings.shaded * float(np.median(green)) if len(green) else 0.0
+        return np.where(lit >= least, np.uint8(255), np.uint8(0))
+
+    def _corner_px(self, model: GoalModel, unknowns: FloatArray, scale: int) -> FloatArray:
+        """Place the ends (4, 2) of posts and bar in a picture reduced by a factor."""
+        corners = project(model.view, unknowns, self.shape.corners)
+        return np.asarray((from_ideal(self.camera, corners) + 0.5) / scale - 0.5)
+
     def proposals(self, frame: UInt8Array) -> Iterator[Proposal]:
         """Yield where goals may be: by each goal's hue, then white ones by their edges."""
         if self.families:
             small, factor = self.reduced(frame)
-            masks = hue_masks(small, self.families, self.settings.colors)
-            carpet = carpet_mask(small, np.bitwise_or.reduce(list(masks.values())))
+            masks, carpet = self._masks(small)
             for color, mask in masks.items():
-                yield self._colored(color, mask, carpet, factor)
+                yield self._of_hue(color, mask, carpet, self._mask_strips(mask, carpet), factor)
         if self._has_white:
             carpet = carpet_mask(frame)
             found = strips(
@@ -266,49 +280,32 @@ class GoalSearch:
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)], self.settings.white_pairs)
             yield Proposal(sides, found, pairs, paint, carpet, 1, self.white_model, appearance)
 
-    def _last_resorts(self, frame: UInt8Array, found: list[Candidate]) -> Iterator[Proposal]:
-        """Yield what masks alone do not show; nothing once a goal is found.
-
-        Clutter of a neighbouring hue touches a post, lamps wash it white: its edges are still there in the channels
-        that its paint is bright in, and one of its hue's parts may have it.
-        """
-        if not self.families or any(c.is_plain for c in found):
-            return
+    def _by_silhouettes(self, frame: UInt8Array) -> list[Candidate]:
+        """Goals that paint alone does not show: washed by lamps, or before something of a neighbouring hue."""
         small, factor = self.reduced(frame)
-        whole = hue_masks(small, self.families, self.settings.colors)
-        carpet = carpet_mask(small, np.bitwise_or.reduce(list(whole.values())))
-        for color, mask in whole.items():
-            hue, light = paint_channels(small, color)
-            by_hue, by_light = (self._bright_strips(c, carpet) for c in (hue, light))
-            seen = self._mask_strips(mask, carpet)
-            yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue)], factor)
-            yield self._under_bars(color, mask, carpet, hue, factor)
-            for part in (*hue_modes(small, mask, self.settings.colors), *halves(self.families[color])):
-                # the outermost parts end where the hue's own family does: carpet and clutter lie beyond
-                only = np.asarray(
-                    cv2.bitwise_and(hue_masks(small, {color: part}, self.settings.colors)[color], mask), np.uint8
-                )
-                of_part = self._mask_strips(only, carpet)
-                apart = parting(small, only, np.asarray(cv2.subtract(mask, only), np.uint8), self.settings.colors)
-                yield self._pooled(color, only, carpet, of_part, factor, apart)
-                seen += of_part
-            yield self._pooled(color, mask, carpet, [*seen, *_weakened(by_hue), *_weakened(by_light)], factor)
+        masks, carpet = self._masks(small)
+        picture = self._silhouettes.picture(frame)
+        ideal_masks, ideal_carpet = (masks, carpet) if picture is frame else self._masks(self.reduced(picture)[0])
+        edges = self._silhouettes.edges(picture)
+        proposed = []
+        for color, mask in masks.items():
+            proposal = self._of_hue(color, mask, carpet, [], factor)
+            appearance = replace(proposal.appearance, paint=self._bright(small, color, carpet))
+            proposal = proposal._replace(appearance=appearance)
+            starts = self._silhouettes.propose(edges, ideal_masks[color], ideal_carpet)
+            proposed += [(nats, start, proposal) for nats, start in starts]
+        proposed.sort(key=lambda one: -one[0])
+        found = []
+        for _, start, proposal in proposed[: self._silhouettes.settings.proposed]:
+            fit = refine(frame, self.camera, proposal.model, start, proposal.appearance)
+            if fit is not None and fit.score > self.settings.min_score:
+                found.append(self._judged(fit, proposal))
+        return found
 
-    def _under_bars(self, color: str, mask: UInt8Array, carpet: UInt8Array, hue: UInt8Array, factor: int) -> Proposal:
-        """Propose posts where a bar ends, whether they are to be seen or not."""
-        upside, nowhere = np.ascontiguousarray(hue.T), np.zeros(carpet.T.shape, np.uint8)
-        lying = [
-            *self._mask_strips(np.ascontiguousarray(mask.T), nowhere),
-            *_weakened(self._bright_strips(upside, nowhere)),
-        ]
-        pairs = []
-        for bar in sorted(lying, key=lambda s: -s.strength):
-            posts = (
-                posts_under(bar, carpet, self.settings.strips) if bar.height > 3 * bar.width_at(bar.bottom) else None
-            )
-            if posts is not None:
-                pairs.append((enlarged(posts[0], factor), enlarged(posts[1], factor)))
-        return self._pooled(color, mask, carpet, [], factor)._replace(pairs=pairs[: self.settings.bar_pairs])
+    def _masks(self, image: UInt8Array) -> tuple[dict[str, UInt8Array], UInt8Array]:
+        """Mask the paint of each hue, and carpet."""
+        masks = hue_masks(image, self.families, self.settings.colors)
+        return masks, carpet_mask(image, np.bitwise_or.reduce(list(masks.values())))
 
     def reduced(self, frame: UInt8Array) -> tuple[UInt8Array, int]:
         """Return the frame at about the width of `settings`, and the factor it was reduced by."""
@@ -321,37 +318,14 @@ class GoalSearch:
     def _mask_strips(self, mask: UInt8Array, carpet: UInt8Array) -> list[Strip]:
         return strips(mask_runs(mask, 2), 2, carpet, certain=True, settings=self.settings.strips)
 
-    def _bright_strips(self, channel: UInt8Array, carpet: UInt8Array) -> list[Strip]:
-        runs = bright_runs(channel, 2, self.settings.strips)
-        return strips(runs, 2, carpet, certain=True, settings=self.settings.strips)
-
-    def _colored(self, color: str, mask: UInt8Array, carpet: UInt8Array, factor: int) -> Proposal:
-        return self._pooled(color, mask, carpet, self._mask_strips(mask, carpet), factor)
-
-    def _pooled(
-        self,
-        color: str,
-        mask: UInt8Array,
-        carpet: UInt8Array,
-        found: list[Strip],
-        factor: int,
-        apart: FloatArray | None = None,
-    ) -> Proposal:
+    def _of_hue(self, color: str, mask: UInt8Array, carpet: UInt8Array, found: list[Strip], factor: int) -> Proposal:
         found = [enlarged(s, factor) for s in found]
         sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
         paint = np.array(COLOR_NAMES[color], dtype=np.float64)
         away = paint - paint.mean()
-        appearance = EdgeAppearance(away / float(np.linalg.norm(away)), self.settings.glare, 0.0, apart)
-        return Proposal(
-            sides,
-            found,
-            self._pairs(found, self.settings.hue_pairs),
-            mask,
-            carpet,
-            factor,
-            self.colored_model,
-            appearance,
-        )
+        appearance = EdgeAppearance(away / float(np.linalg.norm(away)), self.settings.glare, 0.0)
+        pairs = self._pairs(found, self.settings.hue_pairs)
+        return Proposal(sides, found, pairs, mask, carpet, factor, self.colored_model, appearance)
 
     def _pairs(self, found: list[Strip], max_pairs: int) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
@@ -421,6 +395,8 @@ class GoalSearch:
         return sorted(found, key=lambda f: -f.score)
 
 
-def _weakened(found: list[Strip]) -> list[Strip]:
-    """Give strips found by their edges the strength that rows of a mask would have."""
-    return [replace(s, strength=s.strength / BRIGHTEST) for s in found]
+def _shares(mask: UInt8Array, corner_px: FloatArray) -> FloatArray:
+    """How much of both posts' and the bar's axes (3,) a mask covers."""
+    mean = np.empty(3)
+    mean_along(mask, np.ascontiguousarray(corner_px[:-1]), np.ascontiguousarray(corner_px[1:]), mean)
+    return mean / 255

@@ -9,7 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.goal.edge_places import EdgePlaces, goal_points, spread_samples
+from robocup_vision.kernels.goal.edge_places import (
+    EdgePlaces,
+    goal_outline,
+    goal_points,
+    project_outline,
+    spread_samples,
+)
 from robocup_vision.localization.goal.edges import edge_segments, goal_scene
 from robocup_vision.localization.goal.geometry import IdealView, foot_points, goal_shape, project
 
@@ -30,6 +36,13 @@ def test_places_to_measure_agree_with_numpy(seed):
     above = feet + np.array([0, 0, 0.5 * SHAPE.radius_m])
     expected = project(view, p, np.concatenate([edge_segments(SHAPE, p).reshape(-1, 3), feet, above]))
     np.testing.assert_allclose(points, expected, atol=1e-6)
+    # a place's outline serves every orientation there
+    outline, again = np.empty((24, 3)), np.empty((24, 2))
+    scene = goal_scene(SHAPE, view)._replace(offsets=offsets)
+    goal_outline(scene, *p[[0, 1, 5]], outline)
+    np.testing.assert_allclose(outline[12:18] + p[[0, 1, 5]], feet, atol=1e-9)
+    assert project_outline(outline, scene.camera, *p[2:5], again)
+    np.testing.assert_allclose(again, expected, atol=1e-6)
 
     room = 6 * 10 + 6
     starts, normals, inside = np.empty((room, 2)), np.empty((room, 2)), np.empty(room)

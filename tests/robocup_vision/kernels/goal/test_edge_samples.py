@@ -12,7 +12,7 @@ from robocup_vision.kernels.goal.edges import EdgeOffsets, EdgeStarts, measure_e
 from robocup_vision.localization.goal.edges import EdgeSampleSettings, goal_scene
 
 SPACING_PX, MAX_SAMPLES, REACH_PX, DEPTH_PX = 2.0, 40, 3.0, 3.0
-TOWARDS, APART = np.array([-0.4, -0.4, 0.8]), np.array([0.8, -0.4, -0.4])
+TOWARDS = np.array([-0.4, -0.4, 0.8])
 FOOT_TOWARDS = np.array(EdgeSampleSettings().foot_towards)
 
 
@@ -22,7 +22,7 @@ def measured(image, starts, glare):
     return results
 
 
-def plain_samples(image, points, feet, apart, paint):
+def plain_samples(image, points, feet, paint):
     room = 6 * MAX_SAMPLES + feet
     places = EdgePlaces(
         np.empty((room, 2)), np.empty((room, 2)), np.empty(room, np.int64), np.empty(room), np.empty(6, np.int64)
@@ -35,13 +35,6 @@ def plain_samples(image, points, feet, apart, paint):
     offset, contrast, sigma = measured(
         image, EdgeStarts(uv, normals, np.full(count, REACH_PX), inside, towards, grey), 200.0
     )
-    if len(apart):
-        again = np.flatnonzero(np.isnan(offset[:n]) & (contrast[:n] >= 0.0))
-        others = np.tile(apart, (len(again), 1))
-        reach = np.full(len(again), REACH_PX)
-        offset[again], contrast[again], sigma[again] = measured(
-            image, EdgeStarts(uv[again], normals[again], reach, inside[again], others, grey[again]), np.inf
-        )
     found = np.isfinite(offset)
     places.expected[:] -= np.bincount(edge[contrast[:n] < 0], minlength=6)
     where = uv + normals * np.where(found, offset, 0.0)[:, None]
@@ -53,8 +46,8 @@ def plain_samples(image, points, feet, apart, paint):
 
 
 @settings(deadline=None, max_examples=25)
-@given(st.integers(0, 2**32 - 1), st.booleans(), st.booleans())
-def test_samples_are_those_of_numpy(seed, is_parted, is_masked):
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_samples_are_those_of_numpy(seed, is_masked):
     rng = np.random.default_rng(seed)
     blocks = rng.integers(0, 256, (32, 42, 3))
     image = np.clip(np.kron(blocks, np.ones((10, 10, 1))) + rng.normal(0, 3, (320, 420, 3)), 0, 255).astype(np.uint8)
@@ -63,15 +56,14 @@ def test_samples_are_those_of_numpy(seed, is_parted, is_masked):
     p = np.array([rng.uniform(-1.5, 1.0), rng.uniform(-0.8, 0.8), *rng.uniform(-0.1, 0.1, 3), 0.2, 0.0, 0.0])
     scene = goal_scene(SHAPE, VIEW)._replace(offsets=np.array([-0.7, 0.0, 0.7]))
     assert goal_points(scene, p, points)
-    apart = APART if is_parted else np.empty(0)
     paint = (rng.random((160, 210)) < 0.7).astype(np.uint8) if is_masked else np.empty((0, 0), np.uint8)
     room = 6 * MAX_SAMPLES + feet
     found = FoundEdges(
         np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, 2)), np.empty(room), np.empty(6, np.int64)
     )
-    look = EdgeLook(TOWARDS, FOOT_TOWARDS, 200.0, 0.0, apart, paint, DEPTH_PX)
+    look = EdgeLook(TOWARDS, FOOT_TOWARDS, 200.0, 0.0, paint, DEPTH_PX)
     edges, stood = sample_edges(image, DueEdges(points, feet, SPACING_PX, MAX_SAMPLES, REACH_PX), look, found)
-    edge, foot, uv, normals, sigma, expected = plain_samples(image, points, feet, apart, paint)
+    edge, foot, uv, normals, sigma, expected = plain_samples(image, points, feet, paint)
     last = edges + stood
     np.testing.assert_array_equal(found.edge[:last], np.append(edge, foot))
     np.testing.assert_allclose(found.uv[:last], uv, atol=1e-9)

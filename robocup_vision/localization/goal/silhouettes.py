@@ -1,0 +1,247 @@
+"""Proposes cameras by a goal's silhouette, where paint alone does not show the goal.
+
+Lamps wash posts white, clutter of their hue touches them, windows shine behind the bar. What remains are edges, of some
+step of light or colour, along most of the silhouette, and some paint. Every place on the pitch from which the whole
+goal can be seen is tried, with every heading and tilt, in a small picture; the likeliest cameras are settled in the
+whole one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.goal.picture import GoalScene
+from robocup_vision.kernels.goal.silhouettes import (
+    Cameras,
+    Evidence,
+    mark_edges,
+    score_places,
+    settle,
+    strongest_gradients,
+)
+from robocup_vision.localization.goal.edges import from_ideal
+from robocup_vision.localization.goal.fit import GoalModel
+from robocup_vision.localization.goal.geometry import HEADING, HEIGHT, ROLL, TILT, UNKNOWNS, X, Y
+
+_DIRECTIONS = 4
+# of a cell's 255, what makes it painted
+_LEAST_PAINT = 75
+
+
+@dataclass(frozen=True, slots=True)
+class SilhouetteSettings:
+    """Settings of the search by silhouettes.
+
+    Parameters
+    ----------
+    width_cells : int
+        Of the small picture: the posts of the farthest goal are two cells wide there.
+    place_cells, tilt_cells, column_cells : float
+        Steps of the bank: so far each moves ends of the silhouette, as edges may lie a cell or two beside it.
+    large_ratio : float
+        Goals wider than this part of a picture are looked for in one of half the size.
+    max_bearing_rad : float
+        Bearings from a goal that looks small differ by no more.
+    blur_px : float
+        Edges are sharper than this many pixels nowhere, and noise is.
+    edge_ratio : float
+        An edge is this many times steeper than half of the picture is.
+    least_step : float
+        And at least so many levels from pixel to pixel but one, whatever the picture.
+    there_ratio, nearby_ratio : float
+        Of a goal's silhouette, what has an edge exactly there, and in a neighbouring cell.
+    painted_ratio : float
+        Of posts and bar, what has kept its hue.
+    settled, proposed : int
+        Places that are settled, and cameras that are proposed.
+    apart_m, apart_rad : float
+        Cameras nearer to each other than both are one.
+    """
+
+    width_cells: int = 104
+    place_cells: float = 3.0
+    tilt_cells: float = 2.9
+    column_cells: float = 1.5
+    large_ratio: float = 0.5
+    max_bearing_rad: float = 0.2
+    blur_px: float = 0.8
+    edge_ratio: float = 4.0
+    least_step: float = 4.0
+    there_ratio: float = 0.45
+    nearby_ratio: float = 0.35
+    painted_ratio: float = 0.5
+    settled: int = 30
+    proposed: int = 12
+    apart_m: float = 0.1
+    apart_rad: float = 0.03
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Bank:
+    """Cameras, the view of a picture of cells, and how many pixels each of these has along a side."""
+
+    cell_px: int
+    scene: GoalScene
+    cameras: Cameras
+
+
+class SilhouetteSearch:
+    """Proposes cameras that see a goal's silhouette.
+
+    Parameters
+    ----------
+    model : GoalModel
+        The goal and the camera's priors.
+    camera : PinholeCamera
+        Pan, tilt and roll may be unknown.
+    extent_m : (2,) float64
+        Greatest |x| and |y| at which a camera can stand.
+    settings : SilhouetteSettings, optional
+        Of the search.
+    """
+
+    def __init__(
+        self,
+        model: GoalModel,
+        camera: PinholeCamera,
+        extent_m: FloatArray,
+        settings: SilhouetteSettings = SilhouetteSettings(),
+    ) -> None:
+        self.settings = settings
+        self._camera = camera
+        self._model = model
+        self._extent_m = extent_m
+        self._scene = GoalScene(model.scene.shape, model.scene.camera, np.empty(0))
+
+    @cached_property
+    def _banks(self) -> tuple[_Bank, ...]:
+        """Every camera whose picture would hold the whole goal; those near it by a picture of half the size."""
+        s, shape, focal_px = self.settings, self._model.shape, self._camera.focal_px[0]
+        farthest = math.hypot(shape.line_x_m + self._extent_m[0], self._extent_m[1])
+        # nearer the posts do not fit into the picture
+        nearest = shape.width_m * focal_px / self._camera.size_px[0] / 2
+        cell_px = max(1, round(self._camera.size_px[0] / s.width_cells))
+        between = shape.width_m * focal_px / (s.large_ratio * self._camera.size_px[0])
+        between = min(max(between, nearest), farthest)
+        return self._bank(2 * cell_px, nearest, between), self._bank(cell_px, between, farthest)
+
+    def _bank(self, cell_px: int, nearest_m: float, farthest_m: float) -> _Bank:
+        s, shape, prior, weight = self.settings, self._model.shape, self._model.prior, self._model.weight
+        view = np.array([*self._camera.focal_px, *(np.array(self._camera.center_px) + 0.5)]) / cell_px
+        view[2:] -= 0.5
+        columns, rows = (side / cell_px for side in self._camera.size_px)
+        away, places = nearest_m, [np.empty((0, 2))]
+        while away < farthest_m:
+            step = s.place_cells / (view[0] * shape.width_m / away)
+            count = math.ceil(math.pi / min(2 * step, s.max_bearing_rad))
+            turned = (np.arange(1, count) / count - 0.5) * math.pi
+            places.append(np.stack([shape.line_x_m - away * np.cos(turned), away * np.sin(turned)], axis=-1))
+            away *= 1.0 + step
+        place = np.concatenate(places)
+        place = place[np.all(np.abs(place) <= self._extent_m, axis=1)]
+        # a bar over the horizon and feet below it leave the axis within half a view of it
+        high = math.atan(rows / 2 / view[1])
+        low = -high
+        if weight[TILT] > 0:
+            spread = 3.0 / math.sqrt(float(weight[TILT]))
+            low, high = max(low, float(prior[TILT]) - spread), min(high, float(prior[TILT]) + spread)
+        tilts = np.linspace(low, high, max(math.ceil((high - low) * view[1] / s.tilt_cells), 1) + 1)
+        across = np.arange(0.0, columns, s.column_cells)
+        cameras = Cameras(np.ascontiguousarray(place), tilts, across, float(prior[ROLL]), float(prior[HEIGHT]))
+        return _Bank(cell_px, self._scene._replace(camera=view), cameras)
+
+    @cached_property
+    def _ideal_px(self) -> tuple[FloatArray, FloatArray] | None:
+        """Where a lens without distortion would show each pixel, for `cv2.remap`; None for such a lens."""
+        if not any(self._camera.distortion):
+            return None
+        width, height = self._camera.size_px
+        grid = np.stack(np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)), axis=-1)
+        u, v = np.moveaxis(from_ideal(self._camera, grid), -1, 0).astype(np.float32)
+        return u, v
+
+    def picture(self, frame: UInt8Array) -> UInt8Array:
+        """Return the frame as a lens without distortion would show it: `propose` takes masks of this one."""
+        if self._ideal_px is None:
+            return frame
+        return np.asarray(cv2.remap(frame, *self._ideal_px, cv2.INTER_LINEAR), np.uint8)
+
+    def edges(self, picture: UInt8Array) -> list[UInt8Array]:
+        """Levels of edges in pictures of each bank's size and in the whole one, see `mark_edges`."""
+        s, (height, width) = self.settings, picture.shape[:2]
+        along, down = np.empty((2, height, width), np.int32)
+        strongest_gradients(np.asarray(cv2.GaussianBlur(picture, (0, 0), s.blur_px), np.uint8), along, down)
+        square = along * along + down * down
+        least = max(s.edge_ratio**2 * float(np.median(square)), s.least_step**2)
+        marked = []
+        for cell_px in (*(bank.cell_px for bank in self._banks), 1):
+            levels = np.zeros((height // cell_px, width // cell_px), np.uint8)
+            mark_edges(along, down, least, cell_px, levels)
+            marked.append(levels)
+        return marked
+
+    def propose(self, edges: list[UInt8Array], paint: UInt8Array, carpet: UInt8Array) -> list[tuple[float, FloatArray]]:
+        """Propose cameras: evidence and unknowns (8,), the likeliest first.
+
+        Parameters
+        ----------
+        edges : list of (H, W) uint8
+            See `edges`.
+        paint, carpet : (H, W) uint8
+            Masks of `picture`, perhaps of reduced size.
+        """
+        s = self.settings
+        likely: list[tuple[float, float, float, FloatArray]] = []
+        for bank, levels in zip(self._banks, edges, strict=False):
+            found = np.empty((len(bank.cameras.places_m), 4))
+            score_places(bank.scene, self._evidence(levels, paint, carpet), bank.cameras, found)
+            for place in np.argsort(-found[:, 0], kind="stable")[: s.settled].tolist():
+                nats, heading, tilt, of_paint = found[place].tolist()
+                p = np.array([*bank.cameras.places_m[place], heading, tilt, bank.cameras.roll_rad])
+                likely.append((nats, of_paint, float(bank.cell_px), p))
+        likely.sort(key=lambda one: -one[0])
+        evidence, height = self._evidence(edges[-1], paint, carpet), float(self._model.prior[HEIGHT])
+        settled = [
+            (of_paint + settle(self._scene, evidence, height, step_px, p), p)
+            for nats, of_paint, step_px, p in likely[: s.settled]
+            if math.isfinite(nats)
+        ]
+        settled.sort(key=lambda one: -one[0])
+        proposed: list[tuple[float, FloatArray]] = []
+        for nats, p in settled:
+            if len(proposed) < s.proposed and all(
+                math.dist(p[:2], other[:2]) > s.apart_m or abs(p[2] - other[HEADING]) > s.apart_rad
+                for _, other in proposed
+            ):
+                unknowns = np.zeros(UNKNOWNS)
+                unknowns[[X, Y, HEADING, TILT, ROLL]] = p
+                unknowns[HEIGHT] = height
+                proposed.append((nats, unknowns))
+        return proposed
+
+    def _evidence(self, levels: UInt8Array, paint: UInt8Array, carpet: UInt8Array) -> Evidence:
+        size, ratio = (levels.shape[1], levels.shape[0]), self.settings.painted_ratio
+        painted = cv2.resize(paint, size, interpolation=cv2.INTER_AREA) > _LEAST_PAINT
+        share = min(max(float(painted.mean()), 0.02), ratio)
+        nats = np.where(painted, math.log(ratio / share), math.log((1 - ratio) / (1 - share))).astype(np.float32)
+        green = np.asarray(cv2.resize(carpet, size, interpolation=cv2.INTER_NEAREST), np.uint8)
+        return Evidence(levels, self._edge_nats(levels), nats, green)
+
+    def _edge_nats(self, levels: UInt8Array) -> FloatArray:
+        """(4, 3) float64: see `kernels.goal.silhouettes.Evidence`; clutter is what the picture has everywhere."""
+        s = self.settings
+        of_goal = np.array([1 - s.there_ratio - s.nearby_ratio, s.nearby_ratio, s.there_ratio])
+        nats = np.empty((_DIRECTIONS, 3))
+        for direction in range(_DIRECTIONS):
+            there = np.count_nonzero(levels & (1 << direction)) / levels.size
+            nearby = np.count_nonzero(levels & (16 << direction)) / levels.size - there
+            share = np.maximum([1 - there - nearby, nearby, there], 0.01)
+            nats[direction] = np.log(of_goal / share)
+        return nats
