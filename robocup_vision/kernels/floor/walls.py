@@ -267,17 +267,17 @@ class Comparison(NamedTuple):
 
 @compiled
 def thinned(fine: Comparison) -> Comparison:
-    """Return a comparison at every second bearing, which does far from the end of a fit; itself where none is so far.
+    """Return a comparison at every second bearing, which does far from the end of a fit.
 
-    Itself, too, where every second bearing would not go evenly around.
+    At all of them where no scale is so far, and where every second one would not go evenly around.
     """
     scene, outline = fine.scene, fine.outline
     count = scene.cos_b.shape[0]
-    if count % 2 == 1 or not np.max(outline.scales) > FAR_UNITS * outline.unit_px:
-        return fine
-    cos_b, sin_b, radius = np.empty(count // 2), np.empty(count // 2), np.empty(count // 2)
-    for k in range(count // 2):
-        cos_b[k], sin_b[k], radius[k] = scene.cos_b[2 * k], scene.sin_b[2 * k], outline.radius[2 * k]
+    step = 1 if count % 2 == 1 or not np.max(outline.scales) > FAR_UNITS * outline.unit_px else 2
+    few = count // step
+    cos_b, sin_b, radius = np.empty(few), np.empty(few), np.empty(few)
+    for k in range(few):
+        cos_b[k], sin_b[k], radius[k] = scene.cos_b[step * k], scene.sin_b[step * k], outline.radius[step * k]
     half = WallScene(
         scene.walls, scene.offset_x, scene.offset_y, scene.height, scene.robot_to_camera, cos_b, sin_b
     )  # fmt: skip
@@ -303,11 +303,15 @@ def settle(pose: FloatArray, fine: Comparison, thin: Comparison) -> None:
     information, pull, work, step = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
     for iteration in range(iterations + 1):
         scale = outline.scales[min(iteration, iterations - 1)]
-        here = thin if iteration < iterations and scale > FAR_UNITS * outline.unit_px else fine
-        predict_walls(pose, here.scene, here.prediction)
-        if iteration == iterations:
-            break
-        _add_up(here.scene, here.outline, here.prediction, scale, information, pull)
+        # one or the other by name: an outline that is read only is of another type than its thinned copy
+        if iteration < iterations and scale > FAR_UNITS * outline.unit_px:
+            predict_walls(pose, thin.scene, thin.prediction)
+            _add_up(thin.scene, thin.outline, thin.prediction, scale, information, pull)
+        else:
+            predict_walls(pose, fine.scene, fine.prediction)
+            if iteration == iterations:
+                break
+            _add_up(fine.scene, fine.outline, fine.prediction, scale, information, pull)
         for i in range(3):
             information[i, i] += 1e-6
         if not solve_3x3(information, pull, work, step):
