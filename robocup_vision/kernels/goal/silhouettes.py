@@ -20,10 +20,8 @@ from robocup_vision.kernels.goal.picture import GoalScene
 
 Int32Array = npt.NDArray[np.int32]
 
-# directions of edges, 45 degrees apart; an edge is one of those that its normal is nearer to than this (35 degrees)
-_DIRECTIONS = 4
+# an edge is of those of four directions, 45 degrees apart, that its normal is nearer to than 35 degrees
 _NEAR_COSINE_2 = 0.67
-_DIAGONAL = math.sqrt(0.5)
 # tangent of half the angle between directions
 _HALF_STEP = math.tan(math.pi / 8)
 # an outline has so many points before its feet: both ends of each edge
@@ -303,13 +301,17 @@ def _project_turned(
 
 
 @compiled
-def settle(scene: GoalScene, evidence: Evidence, height_m: float, step_px: float, p: FloatArray) -> float:
+def settle(
+    scene: GoalScene, levels: UInt8Array, edge_nats: FloatArray, height_m: float, step_px: float, p: FloatArray
+) -> float:
     """Climb from a camera to a better one nearby, in ever smaller steps; returns its evidence.
 
     Parameters
     ----------
-    scene, evidence
+    scene : GoalScene
         As for `score_places`.
+    levels, edge_nats
+        See `Evidence`.
     height_m : float
         Of the camera.
     step_px : float
@@ -339,7 +341,7 @@ def settle(scene: GoalScene, evidence: Evidence, height_m: float, step_px: float
                             nodded = tilt + e * turn
                             if not project_outline(outline, scene.camera, heading, nodded, rolled, points):
                                 continue
-                            nats = _edges_nats(evidence.levels, evidence.edge_nats, points)
+                            nats = _edges_nats(levels, edge_nats, points)
                             if nats > best:
                                 best = nats
                                 p[0], p[1], p[2], p[3], p[4] = at_x, at_y, heading, nodded, rolled

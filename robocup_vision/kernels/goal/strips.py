@@ -13,7 +13,7 @@ from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.algebra.order import sorted_median
 
 _ACROSS = np.linspace(0.15, 0.85, 7)  # of a foot: where carpet is looked for between the edges
-BRIGHTEST = 20.0
+_BRIGHTEST = 20.0
 _ALONG = np.linspace(0.08, 0.92, 24)  # of a bar, clear of the posts
 _MIN_ALONG = 8
 
@@ -175,7 +175,7 @@ def fit_strip(runs: Runs, members: Int64Array, carpet: UInt8Array, limits: Strip
     strip[6] = foot_row(strip[:4], strip[5], carpet)
     strip[7] = 0.0
     for m in members:
-        strip[7] += min(contrast[m], BRIGHTEST)
+        strip[7] += min(contrast[m], _BRIGHTEST)
     return True
 
 

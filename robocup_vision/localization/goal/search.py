@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from field_models.field import COLOR_NAMES, Field
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.strips import mean_along
 from robocup_vision.localization.goal.edges import EdgeAppearance, from_ideal
@@ -228,15 +228,16 @@ class GoalSearch:
 
     def _contradiction(self, fit: GoalFit, proposal: Proposal) -> str | None:
         """Why a goal of a hue cannot be one for what the masks show around it, or None."""
-        before = np.empty(2)
-        pixels = self._corner_px(proposal.model, fit.unknowns, proposal.scale)
-        painted = _shares(proposal.paint, pixels)
+        corners = project(proposal.model.view, fit.unknowns, self.shape.corners)
+        pixels = (from_ideal(self.camera, corners) + 0.5) / proposal.scale - 0.5
+        painted, before = np.empty(3), np.empty(2)
+        mean_along(proposal.paint, np.ascontiguousarray(pixels[:-1]), np.ascontiguousarray(pixels[1:]), painted)
         # of posts and bar lamps may have washed one
-        if np.sort(painted)[1] < self.settings.min_painted:
+        if np.sort(painted)[1] < self.settings.min_painted * 255:
             return "what looks like one has not the goal's colour"
         bare = fit.edge_ratio[:BAR_TOP].reshape(2, 2).min(axis=1) < fit.settings.min_edge_ratio
         # its own hue behind a post may hide an edge of it: then it is all in that hue
-        if np.any(painted[[0, 2]][bare] < self.settings.mostly_painted):
+        if np.any(painted[[0, 2]][bare] < self.settings.mostly_painted * 255):
             return "what looks like a post of one has one edge and not the goal's colour"
         feet = pixels[[0, 3]]
         mean_along(
@@ -256,11 +257,6 @@ class GoalSearch:
         green = picture[..., 1][carpet > 0]
         least = self.settings.shaded * float(np.median(green)) if len(green) else 0.0
         return np.where(lit >= least, np.uint8(255), np.uint8(0))
-
-    def _corner_px(self, model: GoalModel, unknowns: FloatArray, scale: int) -> FloatArray:
-        """Place the ends (4, 2) of posts and bar in a picture reduced by a factor."""
-        corners = project(model.view, unknowns, self.shape.corners)
-        return np.asarray((from_ideal(self.camera, corners) + 0.5) / scale - 0.5)
 
     def proposals(self, frame: UInt8Array) -> Iterator[Proposal]:
         """Yield where goals may be: by each goal's hue, then white ones by their edges."""
@@ -393,10 +389,3 @@ class GoalSearch:
             if max(f.score for f in found) > self.settings.clear_score:
                 break  # a better bar will not come
         return sorted(found, key=lambda f: -f.score)
-
-
-def _shares(mask: UInt8Array, corner_px: FloatArray) -> FloatArray:
-    """How much of both posts' and the bar's axes (3,) a mask covers."""
-    mean = np.empty(3)
-    mean_along(mask, np.ascontiguousarray(corner_px[:-1]), np.ascontiguousarray(corner_px[1:]), mean)
-    return mean / 255

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -90,6 +91,13 @@ class _Bank:
     cell_px: int
     scene: GoalScene
     cameras: Cameras
+
+
+class Edges(NamedTuple):
+    """Edges of a picture, and what they count as evidence: the first two of `kernels.goal.silhouettes.Evidence`."""
+
+    levels: UInt8Array
+    nats: FloatArray
 
 
 class SilhouetteSearch:
@@ -173,8 +181,8 @@ class SilhouetteSearch:
             return frame
         return np.asarray(cv2.remap(frame, *self._ideal_px, cv2.INTER_LINEAR), np.uint8)
 
-    def edges(self, picture: UInt8Array) -> list[UInt8Array]:
-        """Levels of edges in pictures of each bank's size and in the whole one, see `mark_edges`."""
+    def edges(self, picture: UInt8Array) -> list[Edges]:
+        """Mark edges in pictures of each bank's size and in the whole one."""
         s, (height, width) = self.settings, picture.shape[:2]
         along, down = np.empty((2, height, width), np.int32)
         strongest_gradients(np.asarray(cv2.GaussianBlur(picture, (0, 0), s.blur_px), np.uint8), along, down)
@@ -184,32 +192,32 @@ class SilhouetteSearch:
         for cell_px in (*(bank.cell_px for bank in self._banks), 1):
             levels = np.zeros((height // cell_px, width // cell_px), np.uint8)
             mark_edges(along, down, least, cell_px, levels)
-            marked.append(levels)
+            marked.append(Edges(levels, self._edge_nats(levels)))
         return marked
 
-    def propose(self, edges: list[UInt8Array], paint: UInt8Array, carpet: UInt8Array) -> list[tuple[float, FloatArray]]:
+    def propose(self, edges: list[Edges], paint: UInt8Array, carpet: UInt8Array) -> list[tuple[float, FloatArray]]:
         """Propose cameras: evidence and unknowns (8,), the likeliest first.
 
         Parameters
         ----------
-        edges : list of (H, W) uint8
+        edges : list of Edges
             See `edges`.
         paint, carpet : (H, W) uint8
             Masks of `picture`, perhaps of reduced size.
         """
         s = self.settings
         likely: list[tuple[float, float, float, FloatArray]] = []
-        for bank, levels in zip(self._banks, edges, strict=False):
+        for bank, seen in zip(self._banks, edges, strict=False):
             found = np.empty((len(bank.cameras.places_m), 4))
-            score_places(bank.scene, self._evidence(levels, paint, carpet), bank.cameras, found)
+            score_places(bank.scene, self._evidence(seen, paint, carpet), bank.cameras, found)
             for place in np.argsort(-found[:, 0], kind="stable")[: s.settled].tolist():
                 nats, heading, tilt, of_paint = found[place].tolist()
                 p = np.array([*bank.cameras.places_m[place], heading, tilt, bank.cameras.roll_rad])
                 likely.append((nats, of_paint, float(bank.cell_px), p))
         likely.sort(key=lambda one: -one[0])
-        evidence, height = self._evidence(edges[-1], paint, carpet), float(self._model.prior[HEIGHT])
+        height = float(self._model.prior[HEIGHT])
         settled = [
-            (of_paint + settle(self._scene, evidence, height, step_px, p), p)
+            (of_paint + settle(self._scene, *edges[-1], height, step_px, p), p)
             for nats, of_paint, step_px, p in likely[: s.settled]
             if math.isfinite(nats)
         ]
@@ -226,13 +234,14 @@ class SilhouetteSearch:
                 proposed.append((nats, unknowns))
         return proposed
 
-    def _evidence(self, levels: UInt8Array, paint: UInt8Array, carpet: UInt8Array) -> Evidence:
-        size, ratio = (levels.shape[1], levels.shape[0]), self.settings.painted_ratio
+    def _evidence(self, edges: Edges, paint: UInt8Array, carpet: UInt8Array) -> Evidence:
+        (rows, columns), ratio = edges.levels.shape, self.settings.painted_ratio
+        size = (columns, rows)
         painted = cv2.resize(paint, size, interpolation=cv2.INTER_AREA) > _LEAST_PAINT
         share = min(max(float(painted.mean()), 0.02), ratio)
         nats = np.where(painted, math.log(ratio / share), math.log((1 - ratio) / (1 - share))).astype(np.float32)
         green = np.asarray(cv2.resize(carpet, size, interpolation=cv2.INTER_NEAREST), np.uint8)
-        return Evidence(levels, self._edge_nats(levels), nats, green)
+        return Evidence(*edges, nats, green)
 
     def _edge_nats(self, levels: UInt8Array) -> FloatArray:
         """(4, 3) float64: see `kernels.goal.silhouettes.Evidence`; clutter is what the picture has everywhere."""

@@ -169,7 +169,7 @@ def test_a_camera_settles_where_the_goal_s_edges_are(x, y, tilt, seed):
     start = true + rng.uniform(-1, 1, 5) * [0.03, 0.03, 0.015, 0.015, 0.005]
     before = plain_score(evidence, outlined(*start))[1]
     settled = start.copy()
-    nats = settle(SCENE, evidence, HEIGHT_M, 2.0, settled)
+    nats = settle(SCENE, evidence.levels, evidence.edge_nats, HEIGHT_M, 2.0, settled)
     points = outlined(*settled)
     assert nats == pytest.approx(plain_score(evidence, points)[1], abs=1e-6)
     assert nats >= before - 1e-9
