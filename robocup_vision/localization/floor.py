@@ -18,8 +18,8 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor.hull import hull_moments
-from robocup_vision.kernels.floor.walls import Vector
+from robocup_vision.kernels.walls.fit import Vector
+from robocup_vision.kernels.walls.hull import hull_moments
 from robocup_vision.localization.outline_camera import OutlineCamera
 from robocup_vision.localization.outline_model import (
     OutlineCameraSettings,

@@ -16,8 +16,8 @@ import numpy as np
 from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor import doubted_camera as kernels
-from robocup_vision.kernels.floor.walls import FitSummary, FloorOutline, Vector, WallScene
+from robocup_vision.kernels.walls import doubted_camera as kernels
+from robocup_vision.kernels.walls.fit import FitSummary, FloorOutline, Vector, WallScene
 from robocup_vision.localization.outline_model import OutlineCameraSettings, OutlineFit, OutlineModel
 
 _POSE, _LEAN = slice(0, 3), slice(5, 7)

@@ -15,9 +15,9 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.loops import plain
-from robocup_vision.kernels.floor import walls as kernels
-from robocup_vision.kernels.floor.doubted_camera import CameraDoubt, UprightRules, fit_upright
-from robocup_vision.kernels.floor.walls import Vector
+from robocup_vision.kernels.walls import fit as kernels
+from robocup_vision.kernels.walls.doubted_camera import CameraDoubt, UprightRules, fit_upright
+from robocup_vision.kernels.walls.fit import Vector
 from robocup_vision.perception.polar_view import PolarView
 
 # how well a centre or a tilt is known that is not doubted

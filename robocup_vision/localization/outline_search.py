@@ -11,9 +11,9 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor import wall_search
-from robocup_vision.kernels.floor import walls as kernels
-from robocup_vision.kernels.floor.walls import Vector
+from robocup_vision.kernels.walls import fit as kernels
+from robocup_vision.kernels.walls import search as wall_search
+from robocup_vision.kernels.walls.fit import Vector
 from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 
 Arbiter = Callable[[list[Pose2]], int | None]

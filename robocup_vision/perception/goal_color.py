@@ -15,7 +15,7 @@ import numpy.typing as npt
 from field_models import COLOR_NAMES
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.kernels.goal.shine import fill_shine
+from robocup_vision.kernels.goal.paint.shine import fill_shine
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.kernels.goal.runs import find_mask_runs, link_runs
-from robocup_vision.kernels.goal.strips import Runs, StripLimits, fit_strip, straight_line, summarize_chains
+from robocup_vision.kernels.goal.paint.runs import find_mask_runs, link_runs
+from robocup_vision.kernels.goal.paint.strips import Runs, StripLimits, fit_strip, straight_line, summarize_chains
 
 
 @dataclass(frozen=True, slots=True)

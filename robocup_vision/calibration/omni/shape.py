@@ -10,8 +10,8 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.calibration.omni.settings import JointFitSettings
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.kernels.floor.calibration import MirrorView, floor_points
 from robocup_vision.kernels.lines.lines import nearest_lines
+from robocup_vision.kernels.walls.calibration import MirrorView, floor_points
 
 
 class LineForms(NamedTuple):

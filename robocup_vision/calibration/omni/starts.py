@@ -23,7 +23,7 @@ from robocup_vision.calibration.omni.sightings import Sighting, points_of
 from robocup_vision.calibration.starts import JsonForm, StartTrials, array_json, array_of
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor.hull import hull_radius
+from robocup_vision.kernels.walls.hull import hull_radius
 from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import search_by_lines

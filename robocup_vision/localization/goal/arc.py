@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.kernels.goal.arc import ArcCameras, ArcLimits, trace_arc
 from robocup_vision.kernels.goal.fit import FitLoss
-from robocup_vision.kernels.goal.settle import ArcFit
+from robocup_vision.kernels.goal.lines.arc import ArcCameras, ArcLimits, trace_arc
+from robocup_vision.kernels.goal.lines.settle import ArcFit
 from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel, covariance_of, fit
 from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
@@ -161,7 +161,7 @@ class ConstrainedArc:
 
     @property
     def for_search(self) -> ArcFit:
-        """The arc as `kernels.goal.settle` takes it."""
+        """The arc as `kernels.goal.lines.settle` takes it."""
         return ArcFit(
             self._constrained.scene,
             self._samples.for_fit,

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.fit import FitLoss
-from robocup_vision.kernels.goal.marked_cameras import (
+from robocup_vision.kernels.goal.lines.marked_cameras import (
     MarkReach,
     MarkWorth,
     choose_marks,

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.kernels.goal.settle import DrawnPicture, drawn_likelihood, settle_drawing
+from robocup_vision.kernels.goal.lines.settle import DrawnPicture, drawn_likelihood, settle_drawing
 from robocup_vision.kernels.lines.drawing import MARGIN, LinePen, move_drawings, stroke_table
 from robocup_vision.kernels.lines.drawn_light import AROUND, LitCarpet, compare_each_line, light_carpet
 from robocup_vision.localization.goal.arc import ConstrainedArc

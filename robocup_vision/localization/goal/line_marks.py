@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.marked_cameras import MarkReach, SeenMarks, due_marks
-from robocup_vision.kernels.goal.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
+from robocup_vision.kernels.goal.lines.marked_cameras import MarkReach, SeenMarks, due_marks
+from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
 from robocup_vision.localization.goal.edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.localization.lines.line_map import LineMap

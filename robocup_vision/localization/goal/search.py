@@ -14,7 +14,7 @@ import numpy as np
 from field_models.field import COLOR_NAMES, Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.strips import mean_along
+from robocup_vision.kernels.goal.paint.strips import mean_along
 from robocup_vision.localization.goal.edges import EdgeAppearance, from_ideal
 from robocup_vision.localization.goal.fit import (
     GoalFit,

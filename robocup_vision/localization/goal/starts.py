@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.strips import mean_along
+from robocup_vision.kernels.goal.paint.strips import mean_along
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, to_ideal
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES, HEADING, HEIGHT, TILT, X, Y, project

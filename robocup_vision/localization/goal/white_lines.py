@@ -19,7 +19,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.kernels.algebra.pinhole import slopes_to_floor
 from robocup_vision.kernels.goal.fit import FitLoss
-from robocup_vision.kernels.goal.line_points import AssociatedMarks, LinePlaces, associate_points, fit_to_points
+from robocup_vision.kernels.goal.lines.fit import AssociatedMarks, LinePlaces, associate_points, fit_to_points
 from robocup_vision.localization.goal.edges import EdgeSamples, no_samples, to_ideal
 from robocup_vision.localization.goal.fit import GoalModel, covariance_of, residuals, system_at
 from robocup_vision.localization.goal.geometry import (

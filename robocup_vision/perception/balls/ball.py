@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.kernels.floor.ball_evidence import BallEvidence
+from robocup_vision.kernels.balls.evidence import BallEvidence
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.kernels.floor import ball as kernel
+from robocup_vision.kernels.balls import blobs as kernel
 from robocup_vision.perception.balls.ball import BallSettings
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_color import PaintColor

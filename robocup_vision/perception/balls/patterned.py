@@ -19,8 +19,8 @@ from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.compiling.loops import plain
-from robocup_vision.kernels.floor import patterned_ball as kernel
-from robocup_vision.kernels.floor import patterned_carpet
+from robocup_vision.kernels.balls import patterned as kernel
+from robocup_vision.kernels.balls import patterned_carpet
 from robocup_vision.perception.balls.ball import Ball
 
 _TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS

@@ -11,8 +11,8 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.kernels.balls.blobs import ACROSS, ALONG, U, V
 from robocup_vision.kernels.floor import free_floor
-from robocup_vision.kernels.floor.ball import ACROSS, ALONG, U, V
 from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.search import BallSearch
 from robocup_vision.perception.color_table import ColorTable

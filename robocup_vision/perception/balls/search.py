@@ -15,8 +15,8 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.loops import plain
-from robocup_vision.kernels.floor import ball as kernel
-from robocup_vision.kernels.floor.ball_evidence import find_and_weigh
+from robocup_vision.kernels.balls import blobs as kernel
+from robocup_vision.kernels.balls.evidence import find_and_weigh
 from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.colors import ball_colors, floor_evidence, green_evidence, with_swapped_ball
 from robocup_vision.perception.color_table import Colors, ColorTable

@@ -18,11 +18,11 @@ from field_models import COLOR_NAMES
 from robocup_vision.arrays import Float32Array, UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
-from sim2d.kernels.forward_outlines import ARC_PIECES
-from sim2d.kernels.forward_room import pack_cells
-from sim2d.kernels.forward_things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, SHEET
-from sim2d.kernels.forward_tiles import draw_forward
-from sim2d.kernels.forward_values import FloorPaint, ForwardEye, Outlines, UprightThings, WallPicture
+from sim2d.kernels.forward.outlines import ARC_PIECES
+from sim2d.kernels.forward.room import pack_cells
+from sim2d.kernels.forward.things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, SHEET
+from sim2d.kernels.forward.tiles import draw_forward
+from sim2d.kernels.forward.values import FloorPaint, ForwardEye, Outlines, UprightThings, WallPicture
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.frames import SHADE_REACH, EvenlyLit, even_light, refuse_uneven
 from sim2d.rendering.fast.lens_table import TILE_PX, lens_table

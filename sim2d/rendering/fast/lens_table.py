@@ -8,7 +8,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
-from sim2d.kernels.forward_values import ForwardLens
+from sim2d.kernels.forward.values import ForwardLens
 
 TILE_PX = (8, 32)  # rows and columns: most edges run across the image
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from robocup_vision.camera.projection import camera_rotation
-from sim2d.kernels.forward_floor import cover_arc, cover_line, end_carpet, fill_floor, is_inside, shade_floor
-from sim2d.kernels.forward_outlines import LINE, THING, bound_hull, outline_floor, outline_things, overlaps
-from sim2d.kernels.forward_room import draw_wall, pack_cells, wall_point
-from sim2d.kernels.forward_things import BALL, BAR, BOX_TOP, CYLINDER, SHEET, meet_grid, meet_thing
-from sim2d.kernels.forward_tiles import draw_forward
-from sim2d.kernels.forward_values import (
+from sim2d.kernels.forward.floor import cover_arc, cover_line, end_carpet, fill_floor, is_inside, shade_floor
+from sim2d.kernels.forward.outlines import LINE, THING, bound_hull, outline_floor, outline_things, overlaps
+from sim2d.kernels.forward.room import draw_wall, pack_cells, wall_point
+from sim2d.kernels.forward.things import BALL, BAR, BOX_TOP, CYLINDER, SHEET, meet_grid, meet_thing
+from sim2d.kernels.forward.tiles import draw_forward
+from sim2d.kernels.forward.values import (
     FloorPaint,
     ForwardEye,
     ForwardLens,

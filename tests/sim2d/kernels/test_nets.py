@@ -7,8 +7,8 @@ import pytest
 
 from robocup_vision.camera.projection import camera_rotation
 from sim2d.kernels import nets as kernels
-from sim2d.kernels.forward_outlines import NET, outline_nets, overlaps
-from sim2d.kernels.forward_values import ForwardEye, Outlines
+from sim2d.kernels.forward.outlines import NET, outline_nets, overlaps
+from sim2d.kernels.forward.values import ForwardEye, Outlines
 from sim2d.kernels.frame_values import BallSphere, Crossings, Lighting, Nets, PixelRays, Things, Viewpoint
 
 EYE = (0.1, -0.2, 0.45)

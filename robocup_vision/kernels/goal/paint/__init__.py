@@ -1,0 +1,1 @@
+"""Compiled loops that find a goal's posts and bar by their paint."""

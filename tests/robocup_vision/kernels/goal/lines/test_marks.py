@@ -1,0 +1,92 @@
+"""Places on lines against the plain NumPy picture of floor points."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, line_marks, mark_stds, measure_ridges
+from robocup_vision.localization.goal.geometry import IdealView, project
+
+VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
+VIEW_ARRAY = np.array([384.0, 380.0, 207.5, 159.5])
+ALONG = np.arange(-1.5, 1.5, 0.02)
+POINTS = np.column_stack([np.full(len(ALONG), 2.0), ALONG])
+
+
+def places(p, spacing=6.0, least=0.2, points=POINTS, clear=2.5):
+    room = len(points)
+    marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
+    along = np.tile([0.0, 1.0], (room, 1))
+    size = (416, 320)
+    limits = MarkLimits(0.05, spacing, least, clear)
+    n = line_marks(points, along, VIEW_ARRAY, p, size, limits, MarkPlaces(marks, pixels, normals, widths))
+    return marks[:n], pixels[:n], normals[:n], widths[:n]
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_places_are_where_numpy_projects_them(seed):
+    rng = np.random.default_rng(seed)
+    p = np.array([*rng.uniform(-0.5, 0.5, 2), *rng.uniform(-0.1, 0.1, 3), rng.uniform(0.2, 0.5), 0.01, 0.3])
+    marks, pixels, normals, widths = places(p)
+    assert len(marks) > 5
+    floor = np.column_stack([marks, np.zeros(len(marks))])
+    np.testing.assert_allclose(pixels, project(VIEW, p, floor), atol=1e-6)
+    # both borders of the paint, measured across the line in the picture
+    near, far = (project(VIEW, p, floor + np.array([x, 0, 0])) for x in (-0.025, 0.025))
+    np.testing.assert_allclose(np.abs(((far - near) * normals).sum(axis=1)), widths, rtol=0.02)
+    ahead = project(VIEW, p, floor + np.array([0, 1e-4, 0])) - pixels
+    np.testing.assert_allclose((ahead * normals).sum(axis=1), 0, atol=1e-6)
+    assert np.hypot(*np.diff(pixels, axis=0).T).min() >= 6.0
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_spread_of_places_is_that_of_many_cameras(seed):
+    rng = np.random.default_rng(seed)
+    p = np.array([*rng.uniform(-0.5, 0.5, 2), *rng.uniform(-0.1, 0.1, 3), rng.uniform(0.2, 0.5), 0.01, 0.3])
+    marks, _, normals, _ = places(p)
+    root = rng.normal(0, 1e-4, (8, 8))
+    std = np.empty(len(marks))
+    mark_stds(marks, normals, VIEW_ARRAY, p, root @ root.T, std)
+    floor = np.column_stack([marks, np.zeros(len(marks))])
+    moved = [
+        (((project(VIEW, p + column, floor) - project(VIEW, p - column, floor)) / 2) * normals).sum(axis=1)
+        for column in np.where(np.arange(8) < 7, root.T, 0.0)
+    ]
+    np.testing.assert_allclose(std, np.sqrt(np.square(moved).sum(axis=0)), rtol=1e-3)
+
+
+def test_thin_and_hidden_lines_are_left_out():
+    p = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0])
+    assert len(places(p)[0]) > 20
+    assert len(places(p, least=3.0)[0]) == 0
+    turned = p.copy()
+    turned[2] = np.pi  # looks away
+    assert len(places(turned)[0]) == 0
+
+
+def test_lines_that_run_into_each_other_are_distinguished_from_neither():
+    p = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0])
+    beside = POINTS + np.array([0.06, 0.0])
+    both = np.vstack([POINTS, beside])
+    assert len(places(p, points=both)[0]) == 0
+    assert len(places(p, points=both, clear=-100.0)[0]) > 1.9 * len(places(p)[0])
+    assert len(places(p, points=np.vstack([POINTS, POINTS + np.array([1.0, 0.0])]))[0]) > len(places(p)[0])
+
+
+def test_a_line_too_faint_for_one_place_is_seen_over_a_stretch():
+    rng = np.random.default_rng(3)
+    picture = np.full((60, 400, 3), (50.0, 130.0, 45.0))
+    picture[30] += 9.0
+    frame = np.clip(np.rint(picture + rng.normal(0, 3, picture.shape)), 0, 255).astype(np.uint8)
+    start = np.column_stack([np.arange(20.0, 380.0, 8.0), np.full(45, 30.0)])
+    normal, width, reach = np.tile([0.0, 1.0], (45, 1)), np.full(45, 0.2), np.full(45, 2.0)
+    off = {}
+    for along_px in (0.0, 6.0):
+        offset, contrast = np.empty(45), np.empty(45)
+        measure_ridges(frame, start, normal, reach, width, along_px, offset, contrast)
+        off[along_px] = offset[np.isfinite(offset)]
+    assert len(off[6.0]) > 30
+    assert len(off[6.0]) > len(off[0.0])
+    assert off[6.0].std() < off[0.0].std()

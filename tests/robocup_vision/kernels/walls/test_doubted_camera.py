@@ -1,0 +1,268 @@
+"""The fit of pose, centre and tilt against a plain NumPy twin, and against outlines of cameras that are off."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import PAPER_MIRROR, numbers
+
+from field_models import load_field
+from robocup_vision.camera import OmniCamera
+from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.walls.doubted_camera import (
+    CameraDoubt,
+    DoubtedFit,
+    UprightRules,
+    doubts_of_camera,
+    fit_upright,
+    fit_with_camera,
+    gather_doubted,
+    turned_scene,
+)
+from robocup_vision.kernels.walls.fit import (
+    Comparison,
+    FloorOutline,
+    WallPrediction,
+    WallScene,
+    cost_of,
+    predict_walls,
+    room_for,
+    settle,
+    summarise_fit,
+    thinned,
+)
+
+FIELD = load_field("ssl_2001")
+COUNT = 160
+ANGLES = np.arange(COUNT) * math.tau / COUNT
+COS, SIN = np.cos(ANGLES), np.sin(ANGLES)
+Q_STEP = 0.01
+RADIUS_OF_Q = PAPER_MIRROR.radius_px(np.arange(1000) * Q_STEP)
+SCALES = np.array([2.0, 1.0])
+CAMERA = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
+TILTED = replace(CAMERA, tilt_rad=(0.02, -0.03), offset_m=(0.03, -0.02))
+DOUBT = CameraDoubt(noise_px=0.15, center_std_px=0.5, turn_std_rad=0.004, turns_body=False)
+LEAN = CameraDoubt(noise_px=0.15, center_std_px=1e-6, turn_std_rad=0.01, turns_body=True)
+seeds = st.integers(0, 2**32 - 1)
+places = st.builds(Pose2, numbers(-1.2, 1.2), numbers(-0.6, 0.6), numbers(-3.1, 3.1))
+
+
+def scene(camera=CAMERA):
+    x, y, height = camera.viewpoint_m
+    to_camera = np.ascontiguousarray(camera.camera_to_robot.T)
+    return WallScene(FIELD.walls, float(x), float(y), float(height), to_camera, COS, SIN)
+
+
+def leaning(about_x, about_y):
+    return scene(replace(CAMERA, tilt_rad=(about_x, about_y)))
+
+
+def predict(pose, seen_by):
+    out = WallPrediction(np.empty(COUNT), np.empty(COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4, 3)))
+    predict_walls(pose, seen_by, out)
+    return out
+
+
+def radius_at(q):
+    return np.interp(q, np.arange(1000) * Q_STEP, RADIUS_OF_Q)
+
+
+def floor_of(radius):
+    return FloorOutline(radius, Q_STEP, RADIUS_OF_Q, SCALES, 1.0)
+
+
+def seen_outline(pose, center, tilt, rng=None, noise_px=0.0):
+    """Radius about the file's centre of the walls' feet, as a camera sees them that is off its file."""
+    fine = np.arange(8 * COUNT) * math.tau / (8 * COUNT)
+    seen_by = leaning(*tilt)._replace(cos_b=np.cos(fine), sin_b=np.sin(fine))
+    out = WallPrediction(np.empty(8 * COUNT), np.empty(8 * COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4, 3)))
+    predict_walls(pose.array, seen_by, out)
+    r = radius_at(out.q)
+    u, v = r * np.cos(fine) + center[0], r * np.sin(fine) + center[1]
+    around = np.unwrap(np.arctan2(v, u))
+    around, size = np.tile(around, 3), np.tile(np.hypot(u, v), 3)
+    around += np.repeat([-math.tau, 0.0, math.tau], 8 * COUNT)
+    order = np.argsort(around)
+    radius = np.interp(ANGLES, around[order], size[order])
+    return radius if rng is None else radius + rng.normal(0, noise_px, COUNT)
+
+
+def gather_twin(unknowns, radius, turned):
+    """Return the normal equations by finite differences of what is predicted."""
+    pose, center, tilt = unknowns[:3], unknowns[3:5], unknowns[5:]
+
+    def predicted(x):
+        q, wall, _ = predict(x[:3], turned(*x[5:]))
+        return radius_at(q), wall
+
+    at, wall = predicted(unknowns)
+    ahead, behind = (predict(pose, turned(*tilt)._replace(cos_b=np.cos(b), sin_b=np.sin(b))) for b in _aside())
+    by_bearing = (radius_at(ahead.q) - radius_at(behind.q)) / 2e-6 / at
+    oblique = 1 / np.hypot(1, by_bearing)
+    columns = []
+    for j in range(7):
+        step = np.zeros(7)
+        step[j] = 1e-6
+        if j < 3 or j > 4:
+            columns.append((predicted(unknowns + step)[0] - predicted(unknowns - step)[0]) / 2e-6 * oblique)
+        elif j == 3:
+            columns.append(oblique * (COS + by_bearing * SIN))
+        else:
+            columns.append(oblique * (SIN - by_bearing * COS))
+    rows = np.stack(columns, axis=1)
+    e = (radius - at) * oblique - rows[:, 3:5] @ center
+    use = (wall >= 0) & (radius > 0)
+    e, rows = e[use], rows[use]
+    weight = 1 / (1 + np.where(e < 0, e, e / 3) ** 2) ** 2
+    pulls = rows * (weight * e)[:, None]
+    groups = pulls[: len(pulls) // 4 * 4].reshape(-1, 4, 7).sum(axis=1)
+    return (rows.T * weight) @ rows, groups.T @ groups, pulls.sum(axis=0), (weight * e**2).sum(), weight.sum()
+
+
+def _aside():
+    return ANGLES + 1e-6, ANGLES - 1e-6
+
+
+def body_that_turns(about_x, about_y):
+    """Return the walls as a camera sees them that a turned body carries, by matrices."""
+    turn = camera_rotation(0.0, -about_y, about_x)
+    seen_by = scene(TILTED)
+    x, y, _ = turn @ (seen_by.offset_x, seen_by.offset_y, seen_by.height)
+    return seen_by._replace(
+        offset_x=x, offset_y=y, robot_to_camera=np.ascontiguousarray(seen_by.robot_to_camera @ turn.T)
+    )
+
+
+@given(numbers(-0.1, 0.1), numbers(-0.1, 0.1))
+def test_turned_scenes_agree_with_matrices(about_x, about_y):
+    found, expected = turned_scene(scene(TILTED), about_x, about_y, True), body_that_turns(about_x, about_y)
+    np.testing.assert_allclose(found.robot_to_camera, expected.robot_to_camera, atol=1e-12)
+    np.testing.assert_allclose(found[1:4], expected[1:4], atol=1e-12)
+    by_itself = turned_scene(scene(), about_x, about_y, False)
+    np.testing.assert_allclose(by_itself.robot_to_camera, leaning(about_x, about_y).robot_to_camera, atol=1e-12)
+    np.testing.assert_allclose(by_itself[1:4], scene()[1:4])
+
+
+@pytest.mark.parametrize(("turned", "turns_body"), [(leaning, False), (body_that_turns, True)])
+@settings(deadline=None, max_examples=25)
+@given(places, seeds)
+def test_normal_equations_agree_with_finite_differences(turned, turns_body, pose, seed):
+    rng = np.random.default_rng(seed)
+    unknowns = np.concatenate([pose.array, rng.normal(0, 0.4, 2), rng.normal(0, 0.004, 2)])
+    radius = seen_outline(pose, (0.3, -0.2), (0.003, -0.002), rng, 0.2)
+    radius[rng.random(COUNT) < 0.2] = np.nan
+    seen_by = turned(*unknowns[5:])
+    fit = DoubtedFit(np.empty((7, 7)), np.empty((7, 7)), np.empty(7))
+    prediction = predict(unknowns[:3], seen_by)
+    squares, total = gather_doubted(unknowns, seen_by, floor_of(radius), prediction, turns_body, fit)
+    information, scatter, pull, *sums = gather_twin(unknowns, radius, turned)
+    # at a corner, and between cells of the table, a difference may see another wall or slope
+    scale = np.sqrt(np.diag(information))
+    both = np.outer(scale, scale)
+    np.testing.assert_allclose(fit.information / both, information / both, atol=0.05)
+    np.testing.assert_allclose(fit.pull / scale, pull / scale, atol=0.05 * np.sqrt(sums[0]) + 0.05)
+    np.testing.assert_allclose(fit.scatter / both, scatter / both, atol=0.1 * max(sums[0], 1.0))
+    np.testing.assert_allclose((squares, total), sums, rtol=0.05)
+
+
+def fit_pose(pose, radius):
+    """Return the pose by a fit that takes the file for true."""
+    return fitted(pose.array, radius)[0]
+
+
+def fitted(start, radius):
+    """Return the pose fitted from a start, and what is predicted from there."""
+    found, fine = start.copy(), Comparison(scene(), floor_of(radius), room_for(scene()))
+    settle(found, fine, thinned(fine))
+    return found, fine
+
+
+def fit_all(start, radius):
+    unknowns, covariance = np.concatenate([start, np.zeros(4)]), np.empty((7, 7))
+    residual, predicted = np.empty((2, COUNT))
+    summary = fit_with_camera(
+        unknowns, scene(), floor_of(radius), DOUBT, 1.5, 1.7, 0.008, residual, predicted, covariance
+    )
+    # a cost is that of its residuals, as `cost_of` counts
+    known = residual[np.isfinite(residual)]
+    inlying = known[np.abs(known) < 1.5]
+    assert summary.inlier_ratio == len(inlying) / len(known)
+    assert summary.rms_px == pytest.approx(np.sqrt(np.mean(inlying**2)))
+    assert summary.along_m == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[1]))
+    assert summary.cost == pytest.approx(
+        np.minimum((known / 2) ** 2, np.where(known < 0, 1, 2)).sum() / np.sum(radius > 0)
+    )
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-9)
+    return unknowns, predicted, covariance[:3, :3]
+
+
+def test_a_camera_that_is_off_is_doubted_and_its_pose_mended():
+    rng = np.random.default_rng(8)
+    errors, nees, doubts = [], [], []
+    for _ in range(30):
+        pose = Pose2(*rng.uniform((-1.2, -0.6, -3.1), (1.2, 0.6, 3.1)).tolist())
+        angle = rng.uniform(0, math.tau)
+        center, tilt = 0.7 * np.array([math.cos(angle), math.sin(angle)]), rng.normal(0, 0.003, 2)
+        radius = seen_outline(pose, center, tilt, rng, 0.1)
+        start = fit_pose(pose, radius)
+        unknowns, predicted, covariance = fit_all(start, radius)
+        doubts.append(doubts_of_camera(start, scene(), floor_of(radius), LEAN, DOUBT)[1])
+        errors.append([math.hypot(*(x[:2] - pose.array[:2])) for x in (start, unknowns)])
+        off = unknowns[:3] - pose.array
+        nees.append(off @ np.linalg.solve(covariance, off))
+        # walls are predicted where they are seen, not where the file puts them
+        assert np.median(np.abs(predicted - radius)) < 0.2
+    before, after = np.median(errors, axis=0)
+    assert after < 0.5 * before
+    assert np.mean(np.array(doubts) > 24) > 0.9
+    # of three dimensions: 2.4 in the median
+    assert 0.5 < np.median(nees) < 7.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_true_camera_is_not_doubted(seed):
+    rng = np.random.default_rng(seed)
+    pose = Pose2(*rng.uniform((-1.2, -0.6, -3.1), (1.2, 0.6, 3.1)).tolist())
+    radius = seen_outline(pose, (0.0, 0.0), (0.0, 0.0), rng, 0.15)
+    # noise of the bearings alone explains so much once in ten thousand outlines
+    assert max(doubts_of_camera(fit_pose(pose, radius), scene(), floor_of(radius), LEAN, DOUBT)) < 24
+
+
+@settings(deadline=None, max_examples=10)
+@given(places, seeds)
+def test_a_fit_its_summary_and_its_doubts_are_the_same_in_one_call(pose, seed):
+    rng = np.random.default_rng(seed)
+    radius = seen_outline(pose, (0.3, -0.1), (0.002, 0.0), rng, 0.15)
+    start = pose.array + rng.normal(0, (0.02, 0.02, 0.02))
+    found, fine = fitted(start, radius)
+    cost, prediction = cost_of(fine), fine.prediction
+    fit = DoubtedFit(np.empty((7, 7)), np.empty((7, 7)), np.empty(7))
+    unknowns = np.concatenate([found, np.zeros(4)])
+    gather_doubted(unknowns, scene(), floor_of(radius), prediction, False, fit)
+    # residuals are along the edge's normal: what is across the ray shows less
+    predicted = np.where(prediction.wall >= 0, radius_at(prediction.q), np.nan)
+    covariance, out_covariance, lines = *np.empty((2, 3, 3)), np.empty((2, COUNT))
+    rules = UprightRules(tuple(scene()), Q_STEP, RADIUS_OF_Q, 1.0, 1.5, 1.7, 0.008, tuple(LEAN), tuple(DOUBT))
+    told = fit_upright(tuple(start.tolist()), radius, SCALES, tuple(rules), lines, out_covariance)
+    residual = lines[0]
+    assert told[0] == pytest.approx(tuple(found), rel=1e-9, abs=1e-12)
+    assert told[1] == np.count_nonzero(radius > 0)
+    np.testing.assert_allclose(lines[1], predicted, rtol=1e-9)
+    assert (np.abs(residual) <= np.abs(radius - predicted) + 1e-9)[np.isfinite(radius + predicted)].all()
+    summary = summarise_fit(residual, 1.5, fit.information[:3, :3], fit.scatter[:3, :3], 1.7, 0.008, covariance)
+    doubts = doubts_of_camera(found, scene(), floor_of(radius), LEAN, DOUBT)
+    assert told[2:] == pytest.approx((cost, *summary, *doubts), rel=1e-9)
+    np.testing.assert_allclose(out_covariance, covariance, rtol=1e-9)
+
+
+def test_an_outline_that_shows_nothing_doubts_nothing():
+    nothing = floor_of(np.full(COUNT, np.nan))
+    assert doubts_of_camera(np.zeros(3), scene(), nothing, LEAN, DOUBT) == (0.0, 0.0)
+    outside = np.array([9.0, 9.0, 0.0])
+    unknowns = np.concatenate([outside, np.zeros(4)])
+    fit_with_camera(unknowns, scene(), nothing, DOUBT, 1.5, 1.7, 0.008, *np.empty((2, COUNT)), np.empty((7, 7)))
+    np.testing.assert_allclose(unknowns[:3], outside)
