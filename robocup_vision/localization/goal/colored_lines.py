@@ -340,7 +340,7 @@ class ColoredGoalLines:
         how_far = MarkReach(self._settings.reach_stds, self._settings.min_reach_px, max_px)
         due = self._marks.look(frame, model, p[None], covariance[None], how_far)
         is_seen = np.empty(len(due.widths), np.bool_)
-        count = choose_marks(due.contrast, due.widths, self._worth, is_seen)
+        count = choose_marks(due.contrast, due.widths, self._worth.contrast_width_px, self._worth.min_contrast, is_seen)
         if count < self._settings.min_marks:
             return None
         marks, uv, direction, sigma = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2)), np.empty(count)

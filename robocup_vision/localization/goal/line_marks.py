@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.lines.marked_cameras import MarkReach, SeenMarks, due_marks
+from robocup_vision.kernels.goal.lines.marked_cameras import MarkReach, SeenMarks, choose_marks, due_marks
 from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
 from robocup_vision.localization.goal.edges import EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalModel
@@ -170,9 +170,7 @@ class LineMarks:
         )
         marks, pixels, direction, width = (part[:n] for part in places)
         start = np.ascontiguousarray(from_ideal(self._camera, pixels))
-        offset, contrast = np.empty(n), np.empty(n)
-        measure_ridges(frame, start, direction, reach[:n], width, self._settings.along_px, offset, contrast)
-        contrast[np.isnan(offset)] = np.nan
+        offset, contrast = self._ridges(frame, start, direction, reach[:n], width)
         uv = np.ascontiguousarray(to_ideal(self._camera, start + direction * offset[:, None]))
         return SeenMarks(bounds, marks, direction, uv, width, reach[:n], contrast)
 
@@ -198,17 +196,20 @@ class LineMarks:
             At which places, M of them.
         """
         start = np.ascontiguousarray(from_ideal(self._camera, predicted.ideal_px))
-        offset, contrast = np.empty(len(start)), np.empty(len(start))
-        settings, width = self._settings, predicted.width_px
-        measure_ridges(frame, start, predicted.direction, reach_px, width, settings.along_px, offset, contrast)
-        seen = np.isfinite(offset)
-        if settings.full_width_px:
-            # paint of half the width makes half the contrast
-            contrast /= np.minimum(width, settings.full_width_px)
-        if seen.any():
-            seen &= contrast > settings.min_contrast * np.median(contrast[seen])
+        offset, contrast = self._ridges(frame, start, predicted.direction, reach_px, predicted.width_px)
+        settings, seen = self._settings, np.empty(len(start), np.bool_)
+        choose_marks(contrast, predicted.width_px, settings.full_width_px, settings.min_contrast, seen)
         uv = start[seen] + predicted.direction[seen] * offset[seen, None]
         return np.ascontiguousarray(to_ideal(self._camera, uv)), seen
+
+    def _ridges(
+        self, frame: UInt8Array, start: FloatArray, direction: FloatArray, reach_px: FloatArray, width_px: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Measure ridges across (N,) places, see `measure_ridges`; where none is, offset and contrast are NaN."""
+        offset, contrast = np.empty(len(start)), np.empty(len(start))
+        measure_ridges(frame, start, direction, reach_px, width_px, self._settings.along_px, offset, contrast)
+        contrast[np.isnan(offset)] = np.nan
+        return offset, contrast
 
 
 def with_marks(

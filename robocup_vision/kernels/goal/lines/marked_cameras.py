@@ -112,19 +112,31 @@ def due_marks(
 
 
 @compiled
-def choose_marks(contrast: FloatArray, widths: FloatArray, worth: MarkWorth, is_seen: BoolArray) -> int:
-    """Mark (N,) the ridges that are as bright as lines of their width; returns how many there are."""
-    if worth.contrast_width_px > 0.0:
+def choose_marks(
+    contrast: FloatArray, widths: FloatArray, full_width_px: float, min_contrast: float, is_seen: BoolArray
+) -> int:
+    """Mark (N,) the ridges that are as bright as lines of their width; returns how many there are.
+
+    Parameters
+    ----------
+    contrast, widths : (N,) float64
+        See `SeenMarks`; contrasts are overwritten.
+    full_width_px, min_contrast : float
+        See `localization.goal.line_marks.MarkSettings`.
+    is_seen : (N,) bool
+        Result.
+    """
+    if full_width_px > 0.0:
         # paint of half the width makes half the contrast
         for i in range(contrast.shape[0]):
-            contrast[i] /= min(widths[i], worth.contrast_width_px)
+            contrast[i] /= min(widths[i], full_width_px)
     known = np.empty(contrast.shape[0])
     count = variable(0)
     for i in range(contrast.shape[0]):
         if not math.isnan(contrast[i]):
             known[count] = contrast[i]
             count += 1
-    least = worth.min_contrast * sorted_median(known[:count]) if count else np.inf
+    least = min_contrast * sorted_median(known[:count]) if count else np.inf
     count = 0
     for i in range(contrast.shape[0]):
         is_seen[i] = contrast[i] > least
@@ -241,7 +253,8 @@ def fit_marked(
             continue
         widths = seen.widths[begin:end]
         is_seen = np.empty(end - begin, np.bool_)
-        count = choose_marks(seen.contrast[begin:end], widths, worth, is_seen)
+        contrast = seen.contrast[begin:end]
+        count = choose_marks(contrast, widths, worth.contrast_width_px, worth.min_contrast, is_seen)
         if count < worth.min_marks:
             continue
         marks, uv, directions = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))

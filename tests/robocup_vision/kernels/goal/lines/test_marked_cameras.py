@@ -115,7 +115,7 @@ def test_marks_that_are_bright_for_their_width_are_gathered_and_weighed():
     places = [rng.normal(size=(count, 2)) for _ in range(3)]
     seen = SeenMarks(np.array([0, 5, count]), *places, widths, rng.uniform(1.5, 8, count), contrast.copy())
     is_seen = np.empty(count - 5, bool)
-    chosen = choose_marks(seen.contrast[5:], widths[5:], WORTH, is_seen)
+    chosen = choose_marks(seen.contrast[5:], widths[5:], WORTH.contrast_width_px, WORTH.min_contrast, is_seen)
     bright = contrast[5:] / np.minimum(widths[5:], WORTH.contrast_width_px)
     expected = bright > WORTH.min_contrast * np.nanmedian(bright)
     np.testing.assert_array_equal(is_seen, expected)
@@ -142,5 +142,5 @@ def test_marks_that_are_bright_for_their_width_are_gathered_and_weighed():
 
 def test_where_no_mark_is_seen_none_is_chosen():
     is_seen = np.ones(3, bool)
-    assert choose_marks(np.full(3, np.nan), np.ones(3), WORTH, is_seen) == 0
+    assert choose_marks(np.full(3, np.nan), np.ones(3), 0.0, WORTH.min_contrast, is_seen) == 0
     assert not is_seen.any()
