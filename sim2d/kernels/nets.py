@@ -16,7 +16,7 @@ from sim2d.kernels.floor_lines import GAIN, SLOPE_HIGH, SLOPE_LOW, TANGENTIAL, X
 from sim2d.kernels.frame_values import BallSphere, Crossings, Lighting, Nets, PixelRays, Things, Viewpoint
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-_LEAST_WIDTH_M = np.float32(1e-4)
+_MIN_WIDTH_M = np.float32(1e-4)
 # columns of `Nets.rows`
 SIZE, MESH, CORD = 9, 11, 13
 
@@ -132,8 +132,8 @@ def draw_nets(
             du, dv = un * per_facing, vn * per_facing
             wide_u, wide_v = t * (ua - along * du), t * (va - along * dv)
             tall_u, tall_v = t * (ub - up * du), t * (vb - up * dv)
-            wide = max(np.float32(math.sqrt(wide_u * wide_u + wide_v * wide_v)), _LEAST_WIDTH_M)
-            tall = max(np.float32(math.sqrt(tall_u * tall_u + tall_v * tall_v)), _LEAST_WIDTH_M)
+            wide = max(np.float32(math.sqrt(wide_u * wide_u + wide_v * wide_v)), _MIN_WIDTH_M)
+            tall = max(np.float32(math.sqrt(tall_u * tall_u + tall_v * tall_v)), _MIN_WIDTH_M)
             inside_a, free_a = cover_axis(t * along - start_a, wide, size_a, mesh_a, cord)
             inside_b, free_b = cover_axis(t * up - start_b, tall, size_b, mesh_b, cord)
             covered = inside_a * inside_b - free_a * free_b
@@ -265,8 +265,8 @@ def _cover(row: FloatArray, axes: Float32Array, start: Float32Array, ray: _Ray) 
     of_side, of_up = angle * _along(axes, 2, -y, x, _ZERO) * per_facing, tall * axes[2, 2] * per_facing
     side_a, up_a = angle * _along(axes, 0, -y, x, _ZERO) - along * of_side, tall * axes[0, 2] - along * of_up
     side_b, up_b = angle * _along(axes, 1, -y, x, _ZERO) - up * of_side, tall * axes[1, 2] - up * of_up
-    wide = max(t * np.float32(math.sqrt(side_a * side_a + up_a * up_a)), _LEAST_WIDTH_M)
-    high = max(t * np.float32(math.sqrt(side_b * side_b + up_b * up_b)), _LEAST_WIDTH_M)
+    wide = max(t * np.float32(math.sqrt(side_a * side_a + up_a * up_a)), _MIN_WIDTH_M)
+    high = max(t * np.float32(math.sqrt(side_b * side_b + up_b * up_b)), _MIN_WIDTH_M)
     size_a, size_b, cord = np.float32(row[SIZE]), np.float32(row[SIZE + 1]), np.float32(row[CORD])
     if abs(at_a - size_a * _HALF) > (size_a + wide) * _HALF or abs(at_b - size_b * _HALF) > (size_b + high) * _HALF:
         return t, _ZERO

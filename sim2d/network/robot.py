@@ -183,9 +183,9 @@ class LeagueRobot:
         if change > 0:
             body.velocity = (vx + dx, vy + dy)
         want_turn = max(-spec.max_turn_rps, min(spec.max_turn_rps, want_turn))
-        most_turn = (spec.turn_speed_up_rps2 if abs(want_turn) >= abs(turn) else spec.turn_brake_rps2) * dt_s
+        max_turn = (spec.turn_speed_up_rps2 if abs(want_turn) >= abs(turn) else spec.turn_brake_rps2) * dt_s
         if want_turn != turn:
-            body.angular_velocity = turn + max(-most_turn, min(most_turn, want_turn - turn))
+            body.angular_velocity = turn + max(-max_turn, min(max_turn, want_turn - turn))
 
     def mouth(self, ball: BallBody) -> Mouth:
         """Its mouth for a ball."""

@@ -26,7 +26,7 @@ from sim2d.match.arena import Arena
 from sim2d.robot_link import Command
 
 _REACHED_M = 0.01
-_MOST_STEPS = 1500
+_MAX_STEPS = 1500
 _PATIENCE_S = 2.0
 
 
@@ -50,7 +50,7 @@ def drive(goals: list[tuple[float, float]], start: Pose2) -> dict[str, Any]:
     teller = Topics(arena.field, arena.camera)
     path, reached, missed, wanted = [], [], 0, list(goals)
     _wait(node, lambda: images.get_subscription_count() and to_goal.get_subscription_count())
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         truth = arena.state.robots[0].pose
         path.append((truth.x_m, truth.y_m))
         if wanted and Pose2(*wanted[0], 0.0).error_to(truth)[0] < _REACHED_M:

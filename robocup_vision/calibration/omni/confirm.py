@@ -50,14 +50,14 @@ def confirmed(
         Why each other frame, by its index, is none of them.
     """
     observer = Observer(field, fit.model.written(fit.vector), mask, locate=True, settings=settings.points)
-    most_m = settings.max_confirmed_radii * field.robot_radius_m
+    max_m = settings.max_confirmed_radii * field.robot_radius_m
     kept, notes = [], {}
     for sighting, array in zip(sightings, fit.poses, strict=True):
         pose = Pose2(*array.tolist())
         seen = observer.look(sighting.index, frames[sighting.index]).pose
         if seen is None:
             notes[sighting.index] = "by the camera found, the robot does not find itself in it"
-        elif seen.error_to(pose, symmetric=not field.halves_differ)[0] > most_m:
+        elif seen.error_to(pose, symmetric=not field.halves_differ)[0] > max_m:
             notes[sighting.index] = "by the camera found, the robot is somewhere else"
         else:
             kept.append(dataclasses.replace(sighting, pose=pose))

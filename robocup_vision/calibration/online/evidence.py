@@ -76,11 +76,11 @@ class Evidence:
     gradient: FloatArray
 
 
-def spread_px(residual_px: FloatArray, least_px: float) -> float:
+def spread_px(residual_px: FloatArray, min_px: float) -> float:
     """Robust standard deviation of residuals, at least so much."""
     if not len(residual_px):
-        return least_px
-    return max(least_px, _MEDIAN_TO_STD * float(np.median(np.abs(residual_px))))
+        return min_px
+    return max(min_px, _MEDIAN_TO_STD * float(np.median(np.abs(residual_px))))
 
 
 def tukey_weights(residual_px: FloatArray, gate_px: float) -> FloatArray:

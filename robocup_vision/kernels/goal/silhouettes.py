@@ -35,8 +35,8 @@ _SLACK = 1.2
 # of settling: rounds, what each round's steps are of those before, and most of a step of bearing and of roll (rad)
 _ROUNDS = 5
 _SHRINK = 0.6
-_MOST_TURN = 0.1
-_MOST_ROLL = 0.02
+_MAX_TURN = 0.1
+_MAX_ROLL = 0.02
 
 
 class Cameras(NamedTuple):
@@ -329,12 +329,12 @@ def settle(
         step = step_px * distance / (scene.camera[0] * scene.shape[1])
         for a in range(-1, 2):
             for b in range(-1, 2):
-                away, turned = distance * (1.0 + a * step), bearing + b * min(2.0 * step, _MOST_TURN)
+                away, turned = distance * (1.0 + a * step), bearing + b * min(2.0 * step, _MAX_TURN)
                 at_x, at_y = scene.shape[0] - away * math.cos(turned), away * math.sin(turned)
                 goal_outline(scene, at_x, at_y, height_m, outline)
                 middle = math.atan2(-at_y, scene.shape[0] - at_x) + aside
                 for c in range(-1, 2):
-                    rolled = roll + c * min(step, _MOST_ROLL)
+                    rolled = roll + c * min(step, _MAX_ROLL)
                     for d in range(-1, 2):
                         heading = middle + d * turn
                         for e in range(-1, 2):

@@ -114,7 +114,7 @@ def draw_lines(
     middle_u, middle_v = view[2] + MARGIN, view[3] + MARGIN - first_row
     z = -p[5]
     low, high_u, high_v = float(_REACH), width - _REACH - 1.0, height - _REACH - 1.0
-    least_u, least_v, most_u, most_v = 1e9, 1e9, -1e9, -1e9
+    min_u, min_v, max_u, max_v = 1e9, 1e9, -1e9, -1e9
     for line in range(first, last):
         is_before = False
         before_u, before_v = 0.0, 0.0
@@ -155,15 +155,15 @@ def draw_lines(
                     cv = from_v + t * (v - from_v) + off * across_v
                     if cu >= low and cu < high_u and cv >= low and cv < high_v:
                         _draw_stroke(pen.strokes, cu, cv, weight, drawing)
-                        least_u, most_u = min(least_u, cu), max(most_u, cu)
-                        least_v, most_v = min(least_v, cv), max(most_v, cv)
-    if most_v < least_v:
+                        min_u, max_u = min(min_u, cu), max(max_u, cu)
+                        min_v, max_v = min(min_v, cv), max(max_v, cv)
+    if max_v < min_v:
         return 0, 0, 0, 0
     return (
-        int(least_v + 0.5) - _REACH,
-        int(least_u + 0.5) - _REACH,
-        int(most_v + 0.5) + _REACH + 1,
-        int(most_u + 0.5) + _REACH + 1,
+        int(min_v + 0.5) - _REACH,
+        int(min_u + 0.5) - _REACH,
+        int(max_v + 0.5) + _REACH + 1,
+        int(max_u + 0.5) + _REACH + 1,
     )
 
 

@@ -19,7 +19,7 @@ TONES = 24
 MIN_GREEN, MIN_BESIDE = 0.1, 0.1
 # of all light, by which green leads in a carpet that glare has bleached, and does not in noisy grey; and of the pixels,
 # that carpet in another light fills
-LEAST_GREEN, MIN_OTHER = 0.03, 0.05
+MIN_GREEN, MIN_OTHER = 0.03, 0.05
 # of a picture's width: what is so small may be a blurred line, and no patch of carpet in other light; by so much of it
 # the light of neighbouring grass may differ
 PATCHES, SAME_LIGHT = 60, 0.4
@@ -75,7 +75,7 @@ def _commonest(tones: Int64Array, total: int) -> tuple[int, int]:
 @compiled(fastmath=True, error_model="numpy")
 def _is_green(b: float, g: float, r: float) -> bool:
     """Whether green leads in a colour, as it does even in a carpet that glare has bleached."""
-    return g - max(b, r) > LEAST_GREEN * (b + g + r)
+    return g - max(b, r) > MIN_GREEN * (b + g + r)
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -114,7 +114,7 @@ def upright_bins(
 
 @compiled(error_model="numpy")
 def floor_places(
-    points: FloatArray, count: int, lens: FloatArray, tilt: float, roll: float, height_m: float, most_m: float,
+    points: FloatArray, count: int, lens: FloatArray, tilt: float, roll: float, height_m: float, max_m: float,
     out: FloatArray,
 ) -> int:  # fmt: skip
     """Put line points on the floor, for an undistorted lens: rows forward, left, tolerance (m), mixed in order."""
@@ -138,7 +138,7 @@ def floor_places(
         scale = -height_m / up
         x, y = ahead * scale, left * scale
         away = math.sqrt(x * x + y * y)
-        if away > most_m:
+        if away > max_m:
             continue
         out[kept, 0], out[kept, 1] = x, y
         out[kept, 2] = 0.12 + 0.06 * away + 0.012 * away * away / height_m

@@ -180,7 +180,7 @@ def search(
     count : int
         Samples.
     """
-    samples, reach_px, found, least_ratio = room.samples, room.reach_px, room.found, settings.min_ratio
+    samples, reach_px, found, min_ratio = room.samples, room.reach_px, room.found, settings.min_ratio
     height, width = image.shape[0], image.shape[1]
     flat = image.reshape(-1)
     sums, response = np.empty(MAX_PROFILE_PX + 1), np.empty(MAX_PROFILE_PX)
@@ -227,7 +227,7 @@ def search(
         found.candidates[n] = -1
         if expected < 4.0 * noise:
             continue
-        least = max(least_ratio * expected, 3.5 * noise)
+        least = max(min_ratio * expected, 3.5 * noise)
         reach = min(int(math.ceil(reach_px[n] / size_axis_px)), MAX_REACH_PX)
         # a band is seen whole
         is_banded = settings.max_line_widths > 0.0 and samples.place[n] == ON_FLOOR

@@ -37,7 +37,7 @@ SIZE = 7  # x, y, theta; centre of the image along bearing 0 and a quarter turn 
 STEPS = 4
 ONE, TWO, THREE, FOUR, FIVE, SIX = (np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6))
 SEVEN, EIGHT, NINE, TEN, ELEVEN = (np.uint64(7), np.uint64(8), np.uint64(9), np.uint64(10), np.uint64(11))
-LEAST_NOISE = 0.3  # of what is said of a bearing: exact outlines have errors of the tables
+MIN_NOISE = 0.3  # of what is said of a bearing: exact outlines have errors of the tables
 
 
 class CameraDoubt(NamedTuple):
@@ -221,7 +221,7 @@ def _gain(doubt: CameraDoubt, fit: DoubtedFit, system: FloatArray, squares: floa
         step[i] /= system[i, i]
         if i >= 3:
             gain += step[i] * step[i]
-    left = max((squares - gain) / total, (LEAST_NOISE * doubt.noise_px) ** 2)
+    left = max((squares - gain) / total, (MIN_NOISE * doubt.noise_px) ** 2)
     return float(gain / left)
 
 

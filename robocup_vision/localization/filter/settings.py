@@ -90,7 +90,7 @@ class PoseFilterSettings:
 
     def is_possible(self, odometry: Pose2, seconds: float) -> bool:
         """Return whether a robot can move so far in this time."""
-        most_s = seconds + self.jitter_s
-        if math.hypot(odometry.x_m, odometry.y_m) > self.max_speed_mps * most_s:
+        max_s = seconds + self.jitter_s
+        if math.hypot(odometry.x_m, odometry.y_m) > self.max_speed_mps * max_s:
             return False
-        return abs(odometry.theta_rad) <= self.max_turn_rps * most_s
+        return abs(odometry.theta_rad) <= self.max_turn_rps * max_s

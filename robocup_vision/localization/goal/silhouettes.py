@@ -33,7 +33,7 @@ from robocup_vision.localization.goal.geometry import HEADING, HEIGHT, ROLL, TIL
 
 _DIRECTIONS = 4
 # of a cell's 255, what makes it painted
-_LEAST_PAINT = 75
+_MIN_PAINT = 75
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class SilhouetteSettings:
         Edges are sharper than this many pixels nowhere, and noise is.
     edge_ratio : float
         An edge is this many times steeper than half of the picture is.
-    least_step : float
+    min_step : float
         And at least so many levels from pixel to pixel but one, whatever the picture.
     there_ratio, nearby_ratio : float
         Of a goal's silhouette, what has an edge exactly there, and in a neighbouring cell.
@@ -74,7 +74,7 @@ class SilhouetteSettings:
     max_bearing_rad: float = 0.2
     blur_px: float = 0.8
     edge_ratio: float = 4.0
-    least_step: float = 4.0
+    min_step: float = 4.0
     there_ratio: float = 0.45
     nearby_ratio: float = 0.35
     painted_ratio: float = 0.5
@@ -187,7 +187,7 @@ class SilhouetteSearch:
         along, down = np.empty((2, height, width), np.int32)
         strongest_gradients(np.asarray(cv2.GaussianBlur(picture, (0, 0), s.blur_px), np.uint8), along, down)
         square = along * along + down * down
-        least = max(s.edge_ratio**2 * float(np.median(square)), s.least_step**2)
+        least = max(s.edge_ratio**2 * float(np.median(square)), s.min_step**2)
         marked = []
         for cell_px in (*(bank.cell_px for bank in self._banks), 1):
             levels = np.zeros((height // cell_px, width // cell_px), np.uint8)
@@ -237,7 +237,7 @@ class SilhouetteSearch:
     def _evidence(self, edges: Edges, paint: UInt8Array, carpet: UInt8Array) -> Evidence:
         (rows, columns), ratio = edges.levels.shape, self.settings.painted_ratio
         size = (columns, rows)
-        painted = cv2.resize(paint, size, interpolation=cv2.INTER_AREA) > _LEAST_PAINT
+        painted = cv2.resize(paint, size, interpolation=cv2.INTER_AREA) > _MIN_PAINT
         share = min(max(float(painted.mean()), 0.02), ratio)
         nats = np.where(painted, math.log(ratio / share), math.log((1 - ratio) / (1 - share))).astype(np.float32)
         green = np.asarray(cv2.resize(carpet, size, interpolation=cv2.INTER_NEAREST), np.uint8)

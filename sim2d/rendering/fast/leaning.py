@@ -18,7 +18,7 @@ from robocup_vision.camera.projection import camera_rotation
 from sim2d.rendering.rays import RIM_MARGIN
 
 # derivatives are differences over so much; less leans are not drawn: they move nothing by a tenth of a pixel
-_STEP_RAD, _LEAST_RAD = math.radians(1.0), math.radians(0.01)
+_STEP_RAD, _MIN_RAD = math.radians(1.0), math.radians(0.01)
 # of maps whose two coordinates stand together
 _NO_MAP = np.empty(0, dtype=np.float32)
 
@@ -64,7 +64,7 @@ class LeaningMirror:
         pitch_rad, roll_rad : float
             Nose up and right side down are positive.
         """
-        if max(abs(pitch_rad), abs(roll_rad)) < _LEAST_RAD:
+        if max(abs(pitch_rad), abs(roll_rad)) < _MIN_RAD:
             return frame
         cv2.scaleAdd(self._by_pitch, pitch_rad, self._upright, self._source)
         cv2.scaleAdd(self._by_roll, roll_rad, self._source, self._source)
