@@ -269,7 +269,7 @@ class Memory:
         self._forget_surroundings()
 
     def _update_surroundings(self, view: View, t_s: float) -> None:
-        then = self._pose_at(t_s)
+        then = self.poses.belief_at(t_s)
         if then is None:
             self._tracks = ()
         elif self._last is None or t_s > self._last[0]:
@@ -277,11 +277,6 @@ class Memory:
                 self._forget_surroundings()
             self._last = (t_s, then.pose)
             self._update_around(view, t_s, then)
-
-    def _pose_at(self, t_s: float) -> PoseEstimate | None:
-        """Return the estimated pose at a time."""
-        pose, motion = self.poses.belief, self.poses.motion_since(t_s)
-        return pose.seen_from(motion.inverse()) if pose and motion is not None else None
 
     def _has_jumped(self, before_s: float, before: Pose2) -> bool:
         motion = self.poses.motion_since(before_s)

@@ -228,7 +228,7 @@ class BuiltInPlayer:
         self._view = view
         if view.polar is None or not view.marks.any():
             return
-        belief, motion = self._filter.belief, self._filter.motion_since(frame_t_s)
+        motion = self._filter.motion_since(frame_t_s)
         before = self._filter.motion_since(self._view_t_s)
         if before is None or motion is None:
             self._floor = SteadyFreeSpace(self._settings.floor_margin_ratio)
@@ -241,8 +241,8 @@ class BuiltInPlayer:
             self._free_space = view.free_space
             self._drivable = self._recent.update(view.free_space, moved, frame_t_s)
         self._view_t_s = frame_t_s
-        if belief and motion is not None and view.ball is not None:
-            then = dataclasses.replace(belief, pose=belief.pose.compose(motion.inverse()), candidates=())
+        then = self._filter.belief_at(frame_t_s)
+        if then is not None and view.ball is not None:
             self._ball.see(then, view.ball, frame_t_s, *self._tracks(frame_t_s))
 
     def _decide(self, senses: Senses) -> Command:

@@ -211,13 +211,32 @@ class PoseFilter:
 
     def prior(self, t_s: float) -> Pose2 | None:
         """Return the pose at a time, a prior for its frame; None if unknown, or contradicted by the last frame."""
-        best = self._expected_at(t_s)
-        return None if best is None else best.pose
+        prior = self.prior_estimate(t_s)
+        return None if prior is None else prior.pose
 
     def prior_estimate(self, t_s: float) -> PoseEstimate | None:
         """Return `prior` with its covariance."""
-        best = self._expected_at(t_s)
-        return None if best is None else PoseEstimate(best.pose, best.covariance, 1.0, 0.0)
+        return None if self._mixture.is_contradicted else self.belief_at(t_s)
+
+    def belief_at(self, t_s: float) -> PoseEstimate | None:
+        """Return the most probable pose at a time, by what was until then; None if unknown, or before the history.
+
+        The present one, moved back by odometry, would keep the slip since then, and be as uncertain as it is now.
+        """
+        odometry_pose = self._odometry_pose(t_s) if self._moments and math.isfinite(t_s) else None
+        if odometry_pose is None:
+            return None
+        at = len(self._moments)
+        while self._moments[at - 1].t_s > t_s:
+            at -= 1
+        then = self._moments[at - 1]
+        if at < len(self._moments) and then.t_s < t_s:
+            is_doubted = self._moments[at].is_doubted
+            then = self._after(then, _Moment(t_s, odometry_pose, None, then.mixture, is_doubted))
+        if not then.mixture.modes:
+            return None
+        best = then.mixture.hypotheses[0]
+        return PoseEstimate(best.pose, best.covariance, 1.0, 0.0)
 
     def motion_since(self, t_s: float) -> Pose2 | None:
         """Return the motion from a time to the present, in the robot's frame of then; None before the history."""
@@ -251,23 +270,6 @@ class PoseFilter:
                 )
             later = before
         return None
-
-    def _expected_at(self, t_s: float) -> Hypothesis | None:
-        """Return the most probable hypothesis of a time, by what was before it; None where `prior` is.
-
-        The present one, moved back by odometry, would keep the slip since then, and be as uncertain as it is now.
-        """
-        odometry_pose = self._odometry_pose(t_s) if self._moments and math.isfinite(t_s) else None
-        if odometry_pose is None or self._mixture.is_contradicted:
-            return None
-        at = len(self._moments)
-        while self._moments[at - 1].t_s > t_s:
-            at -= 1
-        then = self._moments[at - 1]
-        if at < len(self._moments) and then.t_s < t_s:
-            is_doubted = self._moments[at].is_doubted
-            then = self._after(then, _Moment(t_s, odometry_pose, None, then.mixture, is_doubted))
-        return None if then.mixture.is_contradicted else then.mixture.hypotheses[0]
 
     def _after(self, before: _Moment, moment: _Moment) -> _Moment:
         """Return a moment after the one before it: first the motion up to it, then the update with its frame."""
