@@ -131,12 +131,15 @@ class BuiltInPlayer:
             self._planner = TravelPlanner(field, limits, self._memory.free_map.looks_to_free, settings.travel)
             # a keeper does not shoot
             if field.goals and not self._tactics.is_keeper:
+                planned = self._planner
                 self._shooter = Shooter(
                     field,
                     limits,
                     setup.attacks,
                     settings.shot,
-                    motion=settings.motion,
+                    motion=dataclasses.replace(
+                        settings.motion, holding_mps=planned.holding_mps, holding_rps=planned.holding_rps
+                    ),
                     keeper=settings.tactics.keeper,
                 )
         self._travel: Travel | None = None

@@ -88,6 +88,7 @@ class OverheadPlayer:
     def __init__(self, field: Field, limits: RobotLimits, motion: MotionSettings, seed: int) -> None:
         self._field, self._limits = field, limits
         self._motion = Motion(limits, np.random.default_rng(seed), motion)
+        self._holding = motion.holding_mps, motion.holding_rps
         self._planner = TravelPlanner(field, limits, 1)
         self._shooter = Shooter(field, limits, 1, motion=motion)
         self._bearing_rad: FloatArray = np.linspace(-math.pi, math.pi, 2 * _DIRECTIONS + 1)[1::2].astype(np.float64)
@@ -180,7 +181,9 @@ class OverheadPlayer:
 
     def _travel(self, plan: Plan, around: Surroundings, ball: Point | None) -> Travel:
         if plan.holding:
-            return self._planner.carry(plan.target)
+            carried, holding = self._planner.carry(plan.target), self._holding
+            speed_mps, turn_rps = min(carried.speed_mps, holding[0]), min(carried.turn_rps, holding[1])
+            return dataclasses.replace(carried, speed_mps=speed_mps, turn_rps=turn_rps)
         if plan.close:
             return self._planner.approach(around, plan.target, ball)
         return self._planner.plan(around, plan.target)

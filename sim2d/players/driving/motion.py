@@ -32,7 +32,7 @@ class MotionSettings:
     turn_time_s : float
         The heading's error is turned away in about this time: shorter overshoots by the dead time.
     holding_mps, holding_rps : float
-        Limits with the ball in the mouth: faster, the dribbler loses it.
+        Limits with the ball in the mouth where none are planned: slow enough for any dribbler.
     push_mps : float
         Speed of pushing close to the ball where no direction is safe.
     near_m, near_holding_m : float
@@ -183,7 +183,7 @@ class Motion:
         turn = wrap_angle(bearing if faces_way else plan.heading_rad - pose.theta_rad) / settings.turn_time_s
         fastest = self._limits.turn_rps
         if plan.holding:
-            fastest = min(fastest, settings.holding_rps)
+            fastest = min(fastest, settings.holding_rps if travel is None else travel.turn_rps)
         elif self._sees_ahead_only and not plan.close:
             fastest = min(fastest, settings.calm_rps)
         turn = max(-fastest, min(fastest, turn))
@@ -203,7 +203,7 @@ class Motion:
         if pushes and not self._would_push(known, bearing, near_m):
             push = min(settings.push_mps, 4.0 * distance_m)
             v_x, v_y = push * math.cos(bearing), push * math.sin(bearing)
-        if plan.holding:
+        if plan.holding and travel is None:
             part = min(1.0, settings.holding_mps / max(math.hypot(v_x, v_y), 1e-9))
             v_x, v_y = part * v_x, part * v_y
         # by the time the command works, the robot will have turned on

@@ -23,6 +23,9 @@ from sim2d.robot_link import CONTROL_PERIOD_S, Reason, RobotLimits
 
 Point = tuple[float, float]
 
+# to where a ball is taken before a kick, in the mean
+_SHORT_M = 0.35
+
 
 @dataclass(frozen=True, slots=True)
 class TravelSettings:
@@ -50,6 +53,8 @@ class TravelSettings:
         Two tracks whose centres are nearer than this, in robot radii, are of one robot: two robots would overlap.
     creep_mps : float
         Where no speed is safe, the robot creeps on by steering; no plan makes it slower.
+    hold_mps2 : float
+        A ball in the mouth is turned with the robot by no larger an acceleration: half of what a dribbler pulls with.
     """
 
     route: RouteSettings = RouteSettings()
@@ -62,6 +67,7 @@ class TravelSettings:
     room_m: float = 0.06
     apart_radii: float = 1.6
     creep_mps: float = 0.2
+    hold_mps2: float = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +86,8 @@ class Travel:
         Why.
     ends_there : bool
         The drive ends at the waypoint for now, not at the target.
+    turn_rps : float
+        How fast to turn at most.
     """
 
     waypoint: Point
@@ -87,6 +95,7 @@ class Travel:
     gap: tuple[Point, Point] | None
     reasons: tuple[Reason, ...]
     ends_there: bool = False
+    turn_rps: float = math.inf
 
 
 class TravelPlanner:
@@ -164,7 +173,19 @@ class TravelPlanner:
     def carry(self, target: Point) -> Travel:
         """Take the ball to a target as fast as it can be held, pushing no robot."""
         self._forget()
-        return Travel(target, self._limits.speed_mps, None, (Reason("speed", "full speed", "with the ball"),))
+        why = Reason("speed", "full speed", "with the ball")
+        return Travel(target, self._limits.speed_mps, None, (why,), turn_rps=self.holding_rps)
+
+    @property
+    def holding_rps(self) -> float:
+        """How fast the robot can turn without losing the ball in its mouth, which goes round with it."""
+        reach_m = self._limits.radius_m + self._field.ball_radius_m
+        return min(math.sqrt(self._settings.hold_mps2 / reach_m), self._limits.turn_rps)
+
+    @property
+    def holding_mps(self) -> float:
+        """How fast the ball is taken a short way from rest, in the mean."""
+        return min(math.sqrt(self._limits.acceleration_mps2 * _SHORT_M / 2), self._limits.speed_mps)
 
     def _holder(self, here: Point, others: Sequence[Disc], ball: Point) -> Disc | None:
         """Return the robot that has the ball and stands between it and this one."""

@@ -104,7 +104,11 @@ class BallHolder:
         if now.held_s > settings.clear_after_s + (0.0 if is_stopped else away / self._limits.speed_mps):
             # held in vain, in a corner or a scrum: any way out is good
             return self._kick("clear", ball, pose.theta_rad)
-        step = min(settings.max_step_m, max(away - 2 * goal_half, settings.min_step_m))
+        # who plans its speed drives faster, and needs the way to stop
+        farthest = (
+            settings.max_step_m if now.shot is None else self._limits.speed_mps**2 / self._limits.acceleration_mps2
+        )
+        step = min(max(farthest, settings.max_step_m), max(away - 2 * goal_half, settings.min_step_m))
         return self._dribble(pose, offset(now.place, wanted, step), wanted)
 
     def _is_pressed(self, now: Situation) -> bool:

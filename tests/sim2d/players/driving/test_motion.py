@@ -44,6 +44,23 @@ def test_others_are_kept_farther_off_a_ball_that_is_held():
     assert forward_mps(PLANNED, 0.15) == pytest.approx(0.25)
 
 
+def test_who_plans_takes_the_ball_as_fast_as_it_can_be_held():
+    open_floor = FreeSpace(HEMMED_IN.bearing_rad, np.full(72, 3.0))
+    plan = Plan("dribble", (3.0, 0.0), 2.5, holding=True)
+    carried = replace(PLANNED, waypoint=plan.target, turn_rps=4.0)
+
+    def fastest(travel):
+        command = Motion(LIMITS, np.random.default_rng(0)).drive(
+            plan, Pose2(0.0, 0.0, 0.0), open_floor, 0.0, (), travel
+        )
+        return math.hypot(command.forward_mps, command.left_mps), command.turn_rps
+
+    usual = MotionSettings()
+    assert fastest(None) == (pytest.approx(usual.holding_mps), usual.holding_rps)
+    assert fastest(carried) == (pytest.approx(LIMITS.speed_mps), 4.0)
+    assert fastest(replace(carried, turn_rps=math.inf))[1] == LIMITS.turn_rps
+
+
 def turn_rps(target, **plan):
     """Return the turning rate of a robot that sees ahead only and is to face along x at a target."""
     open_floor = FreeSpace(HEMMED_IN.bearing_rad, np.full(72, 3.0))

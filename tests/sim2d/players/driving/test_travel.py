@@ -13,10 +13,12 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE, UNDECIDED
 from sim2d.match.match import Match
+from sim2d.match.setups import setup_for
 from sim2d.players.catalog import player_factory
 from sim2d.players.driving.travel import TravelPlanner
 from sim2d.players.surroundings import Surroundings
-from sim2d.robot_link import RobotLimits
+from sim2d.robot_link import Command, RobotLimits
+from sim2d.world.world import World
 
 FIELD = load_field("ssl_2001")
 LIMITS = RobotLimits()
@@ -143,6 +145,26 @@ def test_a_ball_is_carried_straight_and_as_fast_as_it_can_be_held():
     travel = p.carry(TARGET)
     assert (travel.waypoint, travel.speed_mps, travel.gap) == (TARGET, LIMITS.speed_mps, None)
     assert said(travel, "speed").text == "with the ball"
+    assert travel.turn_rps == p.holding_rps < LIMITS.turn_rps
+
+
+@pytest.mark.parametrize("name", ["ssl_2001", "ssl_division_b", "msl_18x12", "four_legged_2007", "spl_2020"])
+def test_a_ball_stays_in_the_mouth_of_a_robot_that_drives_and_turns_as_planned(name):
+    field = load_field(name)
+    robot = setup_for(field).robot
+    fastest_rps = TravelPlanner(field, robot.limits, 3).holding_rps
+    for way_rad, turn_rps in ((0.0, 0.0), (0.0, fastest_rps), (0.5, -fastest_rps)):
+        world = World(field, 1, robot.limits, np.random.default_rng(2), robot.physics)
+        while world.state.phase != "play":
+            world.step({})
+        start = Pose2(-0.4 * field.length_m, 0.0, 0.0)
+        world.place(0, start)
+        world.place_ball(start.x_m + robot.limits.radius_m + field.ball_radius_m, 0.0)
+        for _ in range(40):
+            way = way_rad - world.state.robots[0].pose.theta_rad
+            speed_mps = robot.limits.speed_mps
+            world.step({0: Command(speed_mps * math.cos(way), speed_mps * math.sin(way), turn_rps, dribble=True)})
+            assert world.ball_in_mouth(0)
 
 
 @pytest.mark.slow
