@@ -339,12 +339,10 @@ class BuiltInPlayer:
         target = self._point_in_team(plan.target)
         if plan.holding:
             return self._planner.carry(target)
+        if plan.close or plan.races:
+            return self._planner.race(target)
         around = self._around(t_s)
-        if around is None:
-            return None
-        if plan.close:
-            return self._planner.approach(around, target, self._ball.place(t_s))
-        return self._planner.plan(around, target)
+        return None if around is None else self._planner.plan(around, target)
 
     def _around(self, t_s: float) -> Surroundings | None:
         robot = self._filter.belief

@@ -97,6 +97,8 @@ class Plan:
         Where the rules forbid the robot to be now.
     looks : bool
         Face the heading on the way, too.
+    races : bool
+        To a ball that whoever is first has: straight, and at full speed.
     """
 
     intent: str
@@ -111,3 +113,4 @@ class Plan:
     speed_mps: float | None = None
     keep_outs: tuple[KeepOut, ...] = ()
     looks: bool = False
+    races: bool = False

@@ -14,6 +14,7 @@ from sim2d.players.driving.travel import TravelSettings
 from sim2d.players.head import HeadSettings
 from sim2d.players.pose_look import PoseLookSettings
 from sim2d.players.shot import ShotSettings
+from sim2d.players.tactics.keeper import KeeperSettings
 from sim2d.players.tactics.tactics import TacticsSettings
 from sim2d.players.team_talk import TeamTalkSettings
 
@@ -25,7 +26,7 @@ class PlayerSettings:
     Attributes
     ----------
     tactics, ball, motion, travel, shot, head, look, talk
-        Of its parts.
+        Of its parts. Its keeper does not go out to block: with the ball others drive round it.
     memory : MemorySettings
         Of its estimates over time: pose filter, tracks and map.
     legs_odometry, wheels_odometry : OdometryNoise
@@ -49,7 +50,7 @@ class PlayerSettings:
         It turns so fast while it is not located, to see more of the field.
     """
 
-    tactics: TacticsSettings = TacticsSettings()
+    tactics: TacticsSettings = TacticsSettings(keeper=KeeperSettings(block_widths=0.0))
     ball: BallMemorySettings = BallMemorySettings()
     motion: MotionSettings = MotionSettings()
     travel: TravelSettings = TravelSettings()

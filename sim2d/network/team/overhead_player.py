@@ -183,7 +183,7 @@ class OverheadPlayer:
         if plan.holding:
             carried, holding = self._planner.carry(plan.target), self._holding
             speed_mps, turn_rps = min(carried.speed_mps, holding[0]), min(carried.turn_rps, holding[1])
-            return dataclasses.replace(carried, speed_mps=speed_mps, turn_rps=turn_rps)
+            return dataclasses.replace(carried, speed_mps=speed_mps, turn_rps=turn_rps, presses=False)
         if plan.close:
             return self._planner.approach(around, plan.target, ball)
         return self._planner.plan(around, plan.target)

@@ -155,9 +155,9 @@ class Motion:
         t_s : float
             Now, seconds.
         moving : sequence of Disc
-            Robots that move around this one: steering keeps clear of them, unless the plan is `close`.
+            Robots that move around this one: steering keeps clear of them, unless the plan is `close` or `holding`.
         travel : Travel, optional
-            Planned way and speed. With one, no known robot is pushed.
+            Planned way and speed. With one that does not press, no known robot is pushed.
         """
         settings = self._settings
         first = plan.target if travel is None else travel.waypoint
@@ -192,14 +192,15 @@ class Motion:
         steering = self._close if is_close else self._travel
         if t_s - self._direct_s > settings.detour_s:
             self._forget_detours(t_s)
-        wheels, others = self._wheels, () if plan.close and travel is None else moving
+        presses = travel is None or travel.presses
+        wheels, others = self._wheels, () if presses and (plan.close or plan.holding) else moving
         chosen = steering.steer(free_space, wheels.now_mps, bearing, distance_m, wheels.pending_mps, others, speed_mps)
         if chosen.reason == "towards target":
             self._direct_s = t_s
         v_x, v_y = chosen.velocity_mps.tolist()
         pushes = not chosen.safe and (plan.close or plan.holding)
         near_m = settings.near_holding_m if plan.holding else settings.near_m
-        known = touched if travel is None else (*moving, *touched)
+        known = touched if presses else (*moving, *touched)
         if pushes and not self._would_push(known, bearing, near_m):
             push = min(settings.push_mps, 4.0 * distance_m)
             v_x, v_y = push * math.cos(bearing), push * math.sin(bearing)

@@ -88,6 +88,8 @@ class Travel:
         The drive ends at the waypoint for now, not at the target.
     turn_rps : float
         How fast to turn at most.
+    presses : bool
+        Close to the ball, and with it, others may be touched.
     """
 
     waypoint: Point
@@ -96,6 +98,7 @@ class Travel:
     reasons: tuple[Reason, ...]
     ends_there: bool = False
     turn_rps: float = math.inf
+    presses: bool = False
 
 
 class TravelPlanner:
@@ -170,11 +173,17 @@ class TravelPlanner:
         text = f"{speed:.2f} m/s: opponent in {max(room, 0.0):.2f} m at the ball"
         return Travel(target, speed, None, (Reason("speed", "slow: at the ball", text),))
 
+    def race(self, target: Point) -> Travel:
+        """Go to a ball before others are there: straight, and not slower for them."""
+        self._forget()
+        why = Reason("speed", "full speed", "to the ball")
+        return Travel(target, self._limits.speed_mps, None, (why,), presses=True)
+
     def carry(self, target: Point) -> Travel:
-        """Take the ball to a target as fast as it can be held, pushing no robot."""
+        """Take the ball to a target as fast as it can be held: who gives way loses it."""
         self._forget()
         why = Reason("speed", "full speed", "with the ball")
-        return Travel(target, self._limits.speed_mps, None, (why,), turn_rps=self.holding_rps)
+        return Travel(target, self._limits.speed_mps, None, (why,), turn_rps=self.holding_rps, presses=True)
 
     @property
     def holding_rps(self) -> float:

@@ -80,12 +80,12 @@ class Fetch:
         is_close = away < settings.close_reaches * reach
         if is_straight or team.is_near_wall(ball, settings.wall_reaches * reach):
             place = team.inside(offset(ball, to_ball, -settings.through_reaches * reach))
-            return Plan("fetch", place, to_ball, dribble=True, close=is_close)
+            return Plan("fetch", place, to_ball, dribble=True, close=is_close, races=True)
         # on the near side round it
         side = 1.0 if off > 0 else -1.0
         around = to_goal + math.pi + side * max(abs(off) - settings.step_rad, 0.0)
         place = team.inside(offset(ball, around, settings.round_reaches * reach))
-        return Plan("get behind", place, to_ball, avoid_ball=True, close=is_close)
+        return Plan("get behind", place, to_ball, avoid_ball=True, close=is_close, races=True)
 
     def meeting_place(self, now: Situation, ball: Point) -> Point:
         """Return where a rolling ball will be after `lead_s`."""

@@ -38,6 +38,12 @@ def test_who_plans_pushes_nobody_and_who_does_not_pushes_on():
     assert forward_mps(PLANNED, 0.01, holding=False) <= 0.0
 
 
+def test_who_races_for_the_ball_or_has_it_gives_way_to_nobody():
+    pressing = replace(PLANNED, presses=True)
+    assert forward_mps(pressing, 0.01) == pytest.approx(0.25)
+    assert forward_mps(pressing, 0.01, holding=False) == pytest.approx(0.25)
+
+
 def test_others_are_kept_farther_off_a_ball_that_is_held():
     assert forward_mps(PLANNED, 0.06) <= 0.0
     assert forward_mps(PLANNED, 0.06, holding=False) == pytest.approx(0.25)

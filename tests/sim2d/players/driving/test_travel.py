@@ -140,12 +140,19 @@ def test_to_the_ball_it_goes_no_faster_than_it_can_stop_before_others():
     assert 0 < speeds[-1] < speeds[0] < LIMITS.speed_mps
 
 
+def test_a_ball_that_others_may_reach_is_raced_for():
+    travel = planner().race(TARGET)
+    assert (travel.waypoint, travel.speed_mps, travel.gap, travel.presses) == (TARGET, LIMITS.speed_mps, None, True)
+    assert said(travel, "speed").text == "to the ball"
+
+
 def test_a_ball_is_carried_straight_and_as_fast_as_it_can_be_held():
     p = planner()
     travel = p.carry(TARGET)
     assert (travel.waypoint, travel.speed_mps, travel.gap) == (TARGET, LIMITS.speed_mps, None)
     assert said(travel, "speed").text == "with the ball"
     assert travel.turn_rps == p.holding_rps < LIMITS.turn_rps
+    assert travel.presses
 
 
 @pytest.mark.parametrize("name", ["ssl_2001", "ssl_division_b", "msl_18x12", "four_legged_2007", "spl_2020"])
