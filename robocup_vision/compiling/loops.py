@@ -57,3 +57,9 @@ def plain(values: Values) -> Values:
 def variable(value: int) -> int:
     """Return a whole number as a variable of a loop; called with a literal, a loop is compiled once more for it."""
     return int(np.int64(value))
+
+
+@compiled(inline="always")
+def flag(value: bool) -> bool:
+    """Return a truth value as a variable of a loop; see `variable`."""
+    return bool(np.int64(value) != 0)

@@ -7,17 +7,16 @@ it.
 
 from __future__ import annotations
 
-import gc
 import json
 import sys
 from collections import deque
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from robocup_vision.compiling.listed_loop import prepare_kernel
+from robocup_vision.compiling.listed_loop import prepare_kernel, seldom_collected
 from robocup_vision.compiling.second_process import Entry, second_process
 
 SIGNATURES = Path(__file__).parents[1] / "kernels" / "signatures.json"
@@ -35,14 +34,14 @@ def prepare(group: str) -> None:
     entries = _listed().get(group, [])
     # the shortest first, as one that is not in the cache says that a second process is of use; that takes the longest
     waiting = deque(entries)
-    with _seldom_collected(), ExitStack() as beside:
+    with seldom_collected(), ExitStack() as beside:
         is_alone = True
         for entry in _from_the_end(waiting):
             if prepare_kernel(*entry) and is_alone:
                 _tell_once()
                 beside.enter_context(second_process(waiting))
                 is_alone = False
-    with _seldom_collected():
+    with seldom_collected():
         for kernel, arguments in entries:
             prepare_kernel(kernel, arguments)
 
@@ -61,17 +60,6 @@ def _from_the_end(waiting: deque[Entry]) -> Iterator[Entry]:
             yield waiting.pop()
         except IndexError:  # the second process may take the last one
             return
-
-
-@contextmanager
-def _seldom_collected() -> Iterator[None]:
-    """Look for garbage seldom: numba makes so many objects that Python's search takes a tenth of the time."""
-    before = gc.get_threshold()
-    gc.set_threshold(50_000, 20, 100)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)
 
 
 def groups() -> dict[str, list[tuple[str, list[Any]]]]:
@@ -94,7 +82,7 @@ def _length(module: str) -> int:
 
 def prepare_module(module: str) -> None:
     """Compile or load the loops of one module, as `modules` lists them."""
-    with _seldom_collected():
+    with seldom_collected():
         for kernel, arguments in modules()[module]:
             prepare_kernel(kernel, arguments)
 

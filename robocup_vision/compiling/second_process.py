@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from threading import Thread
 from typing import IO, Any
 
-from robocup_vision.compiling.listed_loop import prepare_kernel
+from robocup_vision.compiling.listed_loop import prepare_kernel, seldom_collected
 
 Entry = tuple[str, list[Any]]
 
@@ -70,9 +70,10 @@ def _cores() -> int:
 
 def _main() -> None:
     print("ready", flush=True)
-    for line in sys.stdin:
-        prepare_kernel(*json.loads(line))
-        print("done", flush=True)
+    with seldom_collected():
+        for line in sys.stdin:
+            prepare_kernel(*json.loads(line))
+            print("done", flush=True)
 
 
 if __name__ == "__main__":

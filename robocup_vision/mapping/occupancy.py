@@ -186,7 +186,7 @@ class FreeSpaceMap:
         """
         model = self._model(sensor)
         discs = self._discs(mask)
-        hit, depth_m = profile.hit, np.asarray(profile.depth_m)
+        hit, depth_m = profile.hit.copy(), np.asarray(profile.depth_m)
         if len(discs):
             hit = hit & ~self._on_disc(profile, discs)
         out = np.empty((self.cells, self.cells), dtype=np.int8)

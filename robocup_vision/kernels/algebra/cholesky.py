@@ -1,4 +1,4 @@
-"""Cholesky's way to solve the small positive definite systems that the goal's fits meet, in place."""
+"""Cholesky's way to solve and to invert the small positive definite systems that fits meet, in place."""
 
 from __future__ import annotations
 
@@ -44,4 +44,17 @@ def solve_symmetric(matrix: FloatArray, right: FloatArray) -> bool:
     if not factor(matrix, n):
         return False
     substitute(matrix, n, right)
+    return True
+
+
+@compiled
+def invert(matrix: FloatArray, inverse: FloatArray) -> bool:
+    """Write the inverse of a small positive definite matrix, which its factor replaces; False: it is not definite."""
+    n = matrix.shape[0]
+    if not factor(matrix, n):
+        return False
+    for i in range(n):
+        for j in range(n):
+            inverse[i, j] = 1.0 if i == j else 0.0
+        substitute(matrix, n, inverse[i])
     return True

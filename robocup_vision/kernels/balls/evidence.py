@@ -133,7 +133,7 @@ def find_and_weigh(
     return count, stamp
 
 
-@compiled
+@compiled(inline="always")
 def weigh_blobs(
     frame: UInt8Array,
     blobs: FloatArray,

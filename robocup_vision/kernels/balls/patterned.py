@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, UInt64Array
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, lowest
 
 CARPET, NEUTRAL, COLORED = 0, 1, 2
@@ -257,7 +257,8 @@ def find_discs(
     # what lies beyond the picture may be ball, but shows no carpet
     words = (width + 63) // 64
     beyond = (int(search.outer * radii.max() + search.beyond_px) + 64) // 64 if len(radii) else 1
-    ball, carpet = _bits(kinds, NEUTRAL, EVERY_BIT, words, beyond), _bits(kinds, CARPET, NO_BITS, words, beyond)
+    ball = _bits(kinds, variable(NEUTRAL), EVERY_BIT, words, beyond)
+    carpet = _bits(kinds, variable(CARPET), NO_BITS, words, beyond)
     rim, far = np.empty((_ROUGH, 2), dtype=np.int64), np.empty((_ROUGH, 2), dtype=np.int64)
     places = np.empty(words, dtype=np.uint64)
     flat, offsets = kinds.reshape(-1), np.empty((3, len(directions)), dtype=np.int64)
@@ -309,7 +310,7 @@ def find_discs(
                     if margin <= u < width - margin and margin <= v < height - margin:
                         agree, shown, inside = _measure_within(flat, directions, v * width + u, offsets)
                     else:
-                        agree, shown, inside = measure_disc(kinds, directions, u, v, radius, search)
+                        agree, shown, inside = measure_disc(kinds, directions, float(u), float(v), radius, search)
                     is_disc = shown >= DIRECTIONS // 2 and agree >= search.min_agree * shown
                     if is_disc and inside >= search.min_inside and found < len(out):
                         out[found, U], out[found, V], out[found, RADIUS] = u, v, radius
@@ -341,13 +342,15 @@ def best_discs(
     """
     search = DiscSearch(*search)
     # the rim, the inside, and a little for size: a disc within a ball agrees nearly as well
-    score = found[:, AGREE] + found[:, INSIDE] + 0.003 * found[:, RADIUS]
+    score = np.empty(len(found))
+    for n in range(len(found)):
+        score[n] = found[n, AGREE] + found[n, INSIDE] + 0.003 * found[n, RADIUS]
     kept, tried = 0, np.empty((4 * len(out), 3))
     for n in range(len(tried)):
         best = int(np.argmax(score)) if len(score) else 0
         if len(score) == 0 or score[best] < 0.0:
             break
-        tried[n] = found[best, : RADIUS + 1]
+        tried[n, U], tried[n, V], tried[n, RADIUS] = found[best, U], found[best, V], found[best, RADIUS]
         for m in range(len(score)):
             far = search.apart * max(found[m, RADIUS], tried[n, RADIUS])
             # a ball and the line it touches look like a larger one: what its place says decides between them

@@ -95,7 +95,7 @@ def read_floor(
     return ring, outline_floor(frame, samples, llr, rules, min_contrast, outermost, edge_px, marks)
 
 
-@compiled
+@compiled(inline="always")
 def outline_floor(
     frame: UInt8Array,
     samples: UInt8Array,

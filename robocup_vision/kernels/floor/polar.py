@@ -69,7 +69,8 @@ def outer_boundary(llr: Int8Array, valid: UInt8Array, certain: int, gap: int, mi
     three, five = np.empty((rows + 2, columns), np.int16), np.empty((rows, columns), np.int16)
     begins = np.empty((rows, columns), np.bool_)
     _add_runs(llr.reshape(-1), three[1:-1].reshape(-1), five.reshape(-1))
-    three[0], three[rows + 1] = three[rows], three[1]
+    for m in range(columns):
+        three[0, m], three[rows + 1, m] = three[rows, m], three[1, m]
     for k in range(rows):
         # runs do not reach back into the row before
         five[k, 0], five[k, 1] = -(2**15), -(2**15)

@@ -69,7 +69,7 @@ class EdgeSearch(NamedTuple):
     min_contrast: float
 
 
-@compiled
+@compiled(inline="always")
 def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: EdgeSearch, out: FloatArray) -> None:
     """Locate the edge between two colours along each bearing to a fraction of a pixel.
 
@@ -242,7 +242,7 @@ def _weigh(colors: Int32Array, gain: Int32Array, out: Int32Array) -> None:
             out[i, n] = gain[0, n] * colors[0, i, n] + gain[1, n] * colors[1, i, n] + gain[2, n] * colors[2, i, n]
 
 
-@compiled
+@compiled(inline="always")
 def _find_steps(
     profile: Int32Array,
     near: FloatArray,

@@ -46,7 +46,8 @@ def unroll(frame: UInt8Array, places: Int32Array, out: UInt8Array) -> None:
             line[c] = line[6 + c]
             line[width + 3 + c] = line[width - 3 + c]
         _add_columns(line, sums[k + 1])
-    sums[0], sums[rows + 1] = sums[2], sums[rows - 1]
+    for i in range(width):
+        sums[0, i], sums[rows + 1, i] = sums[2, i], sums[rows - 1, i]
     flat, count = sums.reshape(-1), rows * width
     _average(flat[:count], flat[width : width + count], flat[2 * width :], out.reshape(-1))
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
-from robocup_vision.kernels.algebra.copies import copy_vector
+from robocup_vision.kernels.algebra.cholesky import invert, solve_symmetric
+from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
 from robocup_vision.kernels.algebra.pinhole import PinholeView, ideal_pixel, point_in_camera
 
 
@@ -176,8 +177,9 @@ def fit_pose(
                     normal[i, j] += bu * jacobian[0, j] + bv * jacobian[1, j]
         for i in range(3):
             normal[i, i] += 1e-9
-        if not final:
-            pose += np.linalg.solve(normal, gradient)
+        if not final and solve_symmetric(normal, gradient):
+            for i in range(3):
+                pose[i] += gradient[i]
     return normal
 
 
@@ -249,11 +251,13 @@ def most_informative(
     rows = np.zeros((total, 2, 3))
     left = np.zeros(total, dtype=np.bool_)
     left[_whitened(view, pose, positions_m, covariances, std_px, success, rows)] = True
-    known = information.copy()
+    known, lower, inverse = information.copy(), np.empty((3, 3)), np.empty((3, 3))
     chosen = np.empty(min(count, total), dtype=np.int64)
     found = 0
     for _ in range(len(chosen)):
-        inverse = np.linalg.inv(known)
+        copy_matrix(known, lower)
+        if not invert(lower, inverse):
+            break
         best, most = -1, 0.0
         for n in range(total):
             if not left[n]:

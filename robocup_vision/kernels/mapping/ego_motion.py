@@ -303,7 +303,7 @@ def excess(normal: FloatArray, scatter: FloatArray, information: FloatArray, blo
     return max(1.0, shown / max(claimed, 1e-12) * blocks / (blocks - 3.0))
 
 
-@compiled
+@compiled(inline="always")
 def difference(
     present: FloatArray,
     earlier: Earlier,

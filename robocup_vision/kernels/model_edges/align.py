@@ -250,7 +250,7 @@ def _advance(
     return float(cost)
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def align(bank: Bank, how: Alignment, start: FloatArray, pose: FloatArray) -> float:
     """Move one pose to the line points.
 
@@ -274,9 +274,10 @@ def align(bank: Bank, how: Alignment, start: FloatArray, pose: FloatArray) -> fl
     room = _room()
     for j in range(SIZE):
         pose[j] = start[j] if j < 3 else 0.0
-    for turn in range(turns):
-        _advance(bank, how, how.slopes, start, how.gates_px[turn], True, room, pose)
-    return _advance(bank, how, how.slopes, start, how.gates_px[turns - 1], False, room, pose)
+    cost = 0.0
+    for turn in range(turns + 1):
+        cost = _advance(bank, how, how.slopes, start, how.gates_px[min(turn, turns - 1)], turn < turns, room, pose)
+    return cost
 
 
 @compiled(fastmath=True, error_model="numpy")

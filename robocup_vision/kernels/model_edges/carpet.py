@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from robocup_vision.arrays import BoolArray
-from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.compiling.loops import compiled, flag, variable
 from robocup_vision.kernels.model_edges.tables import FloatArray, Int64Array, UInt8Array
 
 GRID = 24  # places along each image axis at which the carpet is looked at
@@ -164,7 +164,7 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
     greens = np.zeros((TONES + 2, TONES + 2), dtype=np.int64)
     lit = np.empty((GRID * GRID, 3))
     cells = np.empty((GRID * GRID, 2), dtype=np.int64)
-    total, count = 0, variable(0)
+    total, count = variable(0), variable(0)
     for i in range(GRID):
         y = top + (height - 2 - top) * i // (GRID - 1)
         for j in range(GRID):
@@ -183,14 +183,14 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
                     greens[cells[count, 0], cells[count, 1]] += 1
                 count += 1
     bi, bj = _commonest(tones, total)
-    number = _mean_tone(lit, cells, count, bi, bj, False, carpet[:3])
+    number = _mean_tone(lit, cells, count, bi, bj, flag(False), carpet[:3])
     if carpet.shape[0] > CARPET:
         for c in range(3):
             carpet[5 + c] = carpet[c]
         if _is_green(carpet[0], carpet[1], carpet[2]):
             oi, oj = _other_light(greens, total, bi, bj)
             if (oi != bi or oj != bj) and _lies_in_patches(image, top, oi, oj):
-                _mean_tone(lit, cells, count, oi, oj, True, carpet[5:])
+                _mean_tone(lit, cells, count, oi, oj, flag(True), carpet[5:])
     half, k = 0, 0
     while k < 63 and half + rough[k] < total // 2:
         half += rough[k]

@@ -106,7 +106,7 @@ def _moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
             p[i] += prior.root[i, j] * z[j]
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _refine(
     image: UInt8Array,
     scene: Scene,
@@ -202,7 +202,7 @@ def prepare(
     return True
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _propose(
     image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, modes: FloatArray
 ) -> tuple[int, int]:
@@ -277,7 +277,7 @@ def follow(
     )
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def _follow(
     image: UInt8Array,
     scene: Scene,
@@ -402,8 +402,10 @@ def _edges_found(room: Room, count: int) -> int:
     last = 0
     for n in range(count):
         last = max(last, room.samples.feature[n])
-    is_found = np.zeros(last + 1, np.bool_)
+    is_found, found = np.zeros(last + 1, np.bool_), 0
     for n in range(count):
-        if room.found.status[n] == FOUND:
-            is_found[room.samples.feature[n]] = True
-    return int(is_found.sum())
+        feature = room.samples.feature[n]
+        if room.found.status[n] == FOUND and not is_found[feature]:
+            is_found[feature] = True
+            found += 1
+    return found

@@ -160,7 +160,7 @@ class Commands(NamedTuple):
     meets: FloatArray
 
 
-@compiled(error_model="numpy")
+@compiled(error_model="numpy", inline="always")
 def _try_commands(
     start: Start,
     tried: int,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.compiling.loops import compiled, variable
 
 # detection number of a frame without one
 MISS = -1
@@ -122,7 +122,7 @@ def predict_and_split(
         np.empty(rows, dtype=np.int64),
         np.empty((rows, frames), dtype=np.int64),
     )
-    row, first = 0, 0
+    row, first = variable(0), 0
     while first < count:
         last = first
         while last < count and before.tree[last] == before.tree[first]:
@@ -133,7 +133,7 @@ def predict_and_split(
             after.odds[row] = odds[k] + math.log(likelihood)
             after.coasted_s[row] = before.coasted_s[k] + motion.seconds
             after.missed[row] = before.missed[k] + 1
-            _remember(before, k, MISS, after, row)
+            _remember(before, k, variable(MISS), after, row)
             row += 1
         for k in range(first, last):
             for m in range(detected.numbers.shape[0]):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.compiling.loops import compiled, flag
 from robocup_vision.kernels.tracking.branches import MISS
 
 
@@ -188,7 +188,7 @@ def _search(
                 continue
             following[depth] = start[members[depth]]
         if taken[depth] >= 0:
-            _mark(history, taken[depth], first, is_used, False)
+            _mark(history, taken[depth], first, is_used, flag(False))
             taken[depth] = -1
         end = start[members[depth] + 1]
         while following[depth] < end and _is_taken(history, options[following[depth]], first, is_used):
@@ -200,7 +200,7 @@ def _search(
         if following[depth] < end:
             taken[depth] = options[following[depth]]
             gained[depth + 1] += evidence[taken[depth]]
-            _mark(history, taken[depth], first, is_used, True)
+            _mark(history, taken[depth], first, is_used, flag(True))
         following[depth] += 1
         depth, is_new = depth + 1, True
     for k in range(count):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, UInt64Array
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.compiling.loops import compiled, flag
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.walls.fit import (
     Comparison,
@@ -251,7 +251,7 @@ def doubts_of_camera(
     return _gather_doubts(pose, scene, outline, prediction, lean, file, fit)
 
 
-@compiled
+@compiled(inline="always")
 def _gather_doubts(
     pose: FloatArray,
     scene: WallScene,
@@ -265,7 +265,7 @@ def _gather_doubts(
     unknowns, system = np.zeros(SIZE), np.empty((SIZE, SIZE))
     for i in range(3):
         unknowns[i] = pose[i]
-    squares, total = gather_doubted(unknowns, scene, outline, prediction, False, fit)
+    squares, total = gather_doubted(unknowns, scene, outline, prediction, flag(False), fit)
     if not total > SIZE:
         return 0.0, 0.0
     return _gain(lean, fit, system, squares, total), _gain(file, fit, system, squares, total)

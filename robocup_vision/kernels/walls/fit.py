@@ -273,7 +273,10 @@ def thinned(fine: Comparison) -> Comparison:
     """
     scene, outline = fine.scene, fine.outline
     count = scene.cos_b.shape[0]
-    step = 1 if count % 2 == 1 or not np.max(outline.scales) > FAR_UNITS * outline.unit_px else 2
+    is_far = False
+    for scale in outline.scales:
+        is_far |= scale > FAR_UNITS * outline.unit_px
+    step = 2 if is_far and count % 2 == 0 else 1
     few = count // step
     cos_b, sin_b, radius = np.empty(few), np.empty(few), np.empty(few)
     for k in range(few):

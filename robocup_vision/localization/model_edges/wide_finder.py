@@ -138,7 +138,8 @@ class WideFinder(EdgeFinder):
         pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px, _NO_SIGHTS)
         poses, costs = self._aligned[:kept], self._costs[:kept]
-        align_all(self._bank, how, self._seen, s.upright_weight, self._starts[:kept, :3], poses, costs)
+        starts = np.ascontiguousarray(self._starts[:kept, :3])
+        align_all(self._bank, how, self._seen, s.upright_weight, starts, poses, costs)
         costs = costs + wide.wall_weight * self._walls_off(
             poses, slopes_of(self._wall_rows[:walls], tilt, roll, camera.height_m), pixel_rad
         )

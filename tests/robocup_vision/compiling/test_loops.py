@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from robocup_vision.compiling.loops import compiled, plain, variable
+from robocup_vision.compiling.loops import compiled, flag, plain, variable
 
 ROOT = Path(__file__).parents[3]
 KERNELS = sorted(path for package in ("robocup_vision", "sim2d") for path in (ROOT / package / "kernels").rglob("*.py"))
@@ -32,6 +32,19 @@ def test_a_literal_makes_no_second_version() -> None:
         return count
 
     assert outer(3) == 3
+    assert len(inner.overloads) == 1  # type: ignore[attr-defined]
+
+
+def test_a_literal_truth_value_makes_no_second_version() -> None:
+    @compiled
+    def inner(is_set: bool, count: int) -> int:
+        return count + 1 if is_set else count
+
+    @compiled
+    def outer(is_set: bool) -> int:
+        return inner(flag(True), 1) + inner(flag(False), 1) + inner(is_set, 1)
+
+    assert outer(True) == 5
     assert len(inner.overloads) == 1  # type: ignore[attr-defined]
 
 

@@ -46,18 +46,14 @@ class ArcCameras(NamedTuple):
 @compiled
 def invert_information(information: FloatArray, weight: FloatArray, covariance: FloatArray) -> bool:
     """Invert an information matrix (8, 8); unknowns of infinite weight have no variance. False: it is not definite."""
-    lower, unit = np.empty((8, 8)), np.empty(8)
+    lower = np.empty((8, 8))
     copy_matrix(information, lower)
-    n = lower.shape[0]
-    if not cholesky.factor(lower, n):
+    if not cholesky.invert(lower, covariance):
         return False
     for i in range(8):
-        unit[:] = 0.0
-        unit[i] = 1.0
-        cholesky.substitute(lower, n, unit)
         for j in range(8):
-            is_held = math.isinf(weight[i]) or math.isinf(weight[j])
-            covariance[i, j] = 0.0 if is_held else unit[j]
+            if math.isinf(weight[i]) or math.isinf(weight[j]):
+                covariance[i, j] = 0.0
     return True
 
 

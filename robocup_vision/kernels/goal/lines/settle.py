@@ -87,7 +87,7 @@ def drawn_likelihood(picture: DrawnPicture, view: FloatArray, p: FloatArray) -> 
     return -0.5 * picture.pixels * math.log(max(1.0 - both * both / (own * picture.light_square), 1e-9))
 
 
-@compiled
+@compiled(inline="always")
 def _fit_at(fit: ArcFit, turn: float, tried: _Tried) -> int:
     """Index of the fit at a turn, made where there is none."""
     count = int(tried.counts[1])
@@ -102,7 +102,7 @@ def _fit_at(fit: ArcFit, turn: float, tried: _Tried) -> int:
     return int(count)
 
 
-@compiled
+@compiled(inline="always")
 def _value_at(picture: DrawnPicture, fit: ArcFit, place: FloatArray, tried: _Tried) -> float:
     """How likely the camera at a place is, as a logarithm; minus infinity where the samples determine none."""
     count = int(tried.counts[0])

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.algebra.cholesky import factor, solve_symmetric, substitute
+from robocup_vision.kernels.algebra.cholesky import factor, invert, solve_symmetric, substitute
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -22,6 +22,18 @@ def test_cholesky_agrees_with_numpy(seed):
 
 def test_cholesky_refuses_an_indefinite_matrix():
     assert not solve_symmetric(-np.eye(3), np.ones(3))
+    assert not invert(-np.eye(3), np.empty((3, 3)))
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_the_inverse_agrees_with_numpy(seed):
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(8, 8))
+    matrix, inverse = half @ half.T + 0.1 * np.eye(8), np.empty((8, 8))
+    expected = np.linalg.inv(matrix)
+    assert invert(matrix, inverse)
+    np.testing.assert_allclose(inverse, expected, rtol=1e-6, atol=1e-9)
 
 
 @settings(deadline=None, max_examples=30)
