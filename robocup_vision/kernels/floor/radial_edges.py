@@ -69,7 +69,7 @@ class EdgeSearch(NamedTuple):
     min_contrast: float
 
 
-@compiled(inline="always")
+@compiled
 def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: EdgeSearch, out: FloatArray) -> None:
     """Locate the edge between two colours along each bearing to a fraction of a pixel.
 
