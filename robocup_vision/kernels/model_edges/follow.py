@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,18 +10,19 @@ from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor
 from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
 from robocup_vision.kernels.model_edges.conclude import covariance_with_prior, gained_nats, pose_alone, position_std
-from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
-from robocup_vision.kernels.model_edges.prediction import predict
-from robocup_vision.kernels.model_edges.search import reaches, search, whiten
+from robocup_vision.kernels.model_edges.refine import moved, propose, refine
 from robocup_vision.kernels.model_edges.tables import (
     FOUND,
     UNKNOWNS,
     FieldEdges,
     Findings,
+    Fit,
     FloatArray,
     FollowSettings,
+    Prior,
     Room,
     Samples,
+    Scene,
     UInt8Array,
 )
 from robocup_vision.kernels.model_edges.verdict import LineLook, explained, judge, line_points
@@ -30,61 +30,6 @@ from robocup_vision.kernels.model_edges.verdict import LineLook, explained, judg
 MODES = 5  # looked at before giving up
 NO_FIT = -1e9  # worth of a mode that cannot be fitted
 CARPET_LIGHT = 225.0  # blue, green and red of the carpet under the light that channels' steps are given for
-
-
-class Scene(NamedTuple):
-    """What stays from frame to frame.
-
-    Parameters
-    ----------
-    field : FieldEdges
-        The field.
-    lens : (18,) float64
-        See `prediction.predict`.
-    draws : (H, 6) float64
-        See `fit.choose_mode`.
-    """
-
-    field: FieldEdges
-    lens: FloatArray
-    draws: FloatArray
-
-
-class Prior(NamedTuple):
-    """Mean (7,) of the unknowns and the lower triangular root (7, 7) of their covariance."""
-
-    mean: FloatArray
-    root: FloatArray
-
-
-class Fit(NamedTuple):
-    """Results of `follow`.
-
-    Parameters
-    ----------
-    unknowns : (7,) float64
-        The fit.
-    covariance : (7, 7) float64
-        With the prior.
-    information : (3, 3) float64
-        Of x, y and heading by the measurements alone, what else is unknown left as open as the prior leaves it.
-    gradient : (3,) float64
-        Of that log-likelihood at the fit.
-    carpet : (5,) or (8,) float64
-        See `carpet_look`.
-    figures : (14,) float64
-        Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
-        line points that a pose must explain, those explained, hidden upright, standard deviation of the position by the
-        measurements alone where it is greatest (m), how many edges of the field were found, and what the pose gained on
-        its prior (nats).
-    """
-
-    unknowns: FloatArray
-    covariance: FloatArray
-    information: FloatArray
-    gradient: FloatArray
-    carpet: FloatArray
-    figures: FloatArray
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -95,61 +40,6 @@ def brightness(carpet: FloatArray) -> float:
     """
     light = min(carpet[0] + carpet[1] + carpet[2], other_light(carpet))
     return float(min(max(light / CARPET_LIGHT, 0.15), 1.6))
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
-    """Unknowns of standard normal ones about the prior's mean."""
-    for i in range(UNKNOWNS):
-        p[i] = prior.mean[i]
-        for j in range(i + 1):
-            p[i] += prior.root[i, j] * z[j]
-
-
-@compiled(fastmath=True, error_model="numpy", inline="always")
-def _refine(
-    image: UInt8Array,
-    scene: Scene,
-    prior: Prior,
-    settings: FollowSettings,
-    spacing_px: float,
-    room: Room,
-    fit: Fit,
-    z: FloatArray,
-) -> tuple[int, int, float, bool]:
-    """Predict and search anew near a fit and fit again, until it stays; z is about the prior's mean, in and out."""
-    count, inliers, rms = 0, 0, 0.0
-    here, origin, step = np.empty(UNKNOWNS), np.empty(UNKNOWNS), np.empty(UNKNOWNS)
-    again = settings.again_px
-    gates = Gates(settings.fine_gates_px, settings.sharp_steps)
-    for _ in range(3):
-        for j in range(UNKNOWNS):
-            origin[j] = -z[j]
-            step[j] = 0.0
-        _moved(prior, z, here)
-        count = predict(scene.field, scene.lens, here, spacing_px, room.samples)
-        whiten(room.samples, count, prior.root, room.rows)
-        for n in range(count):
-            room.reach_px[n] = again
-        search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, room, count)
-        inliers, rms, ok = robust_fit(room, count, settings, gates, origin, step)
-        if not ok:
-            return count, inliers, rms, False
-        for j in range(UNKNOWNS):
-            z[j] += step[j]
-        farthest = 0.0
-        for n in range(count):
-            if room.found.candidates[n] > 0:
-                moved = 0.0
-                for j in range(UNKNOWNS):
-                    moved += room.rows[n, j] * step[j]
-                farthest = max(farthest, abs(moved))
-        if farthest < 0.5 * settings.again_px:
-            break
-    # where the samples now lie by the fit
-    for j in range(UNKNOWNS):
-        fit.unknowns[j] = step[j]
-    return count, inliers, rms, True
 
 
 @compiled(error_model="numpy")
@@ -200,30 +90,6 @@ def prepare(
         prior[3 + i] = camera_prior[0, i] + sway[0, i]
         root[3 + i, 3 + i] = math.sqrt(max(sway[1, i], 0.0))
     return True
-
-
-@compiled(fastmath=True, error_model="numpy", inline="always")
-def _propose(
-    image: UInt8Array, scene: Scene, prior: Prior, settings: FollowSettings, room: Room, fit: Fit, modes: FloatArray
-) -> tuple[int, int]:
-    """Predict few samples, search for them in all of the prior's reach, and choose and fit modes (K, 7) by them.
-
-    Returns
-    -------
-    int, int
-        Samples that could be looked for, and modes.
-    """
-    count = predict(scene.field, scene.lens, prior.mean, settings.coarse_spacing_px, room.samples)
-    if count < 3:
-        return 0, 0
-    whiten(room.samples, count, prior.root, room.rows)
-    reaches(room.rows, count, settings, room.reach_px)
-    search(image, scene.field.channels, fit.carpet, brightness(fit.carpet), settings, room, count)
-    kept = choose_mode(room, count, scene.draws, settings, modes)
-    origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
-    for k in range(kept):
-        robust_fit(room, count, settings, gates, origin, modes[k])
-    return _looked_for(room, count), kept
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -293,23 +159,25 @@ def _follow(
         fit.figures[i] = 0.0
     if not knows_carpet:
         carpet_look(image, int(scene.lens[3] + scene.lens[1] * math.tan(prior.mean[3])), fit.carpet)
+    light = brightness(fit.carpet)
     # the best mode alone is chosen sooner, and in most frames no other needs a look
     modes = np.zeros((1, UNKNOWNS))
-    looked, kept = _propose(image, scene, prior, settings, room, fit, modes)
+    looked, kept = propose(image, scene, prior, settings, room, fit.carpet, light, modes)
     if kept == 0:
         return False
     # where much is in view, samples farther apart tell as much
     spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * looked / settings.ample_samples)
     z = modes[0].copy()
-    clear, best_worth = _assess(image, scene, prior, settings, spacing_px, room, fit, z)
+    clear, best_worth = _assess(image, scene, prior, settings, spacing_px, room, fit, light, z)
     if not clear and most_modes > 1:
         modes = np.zeros((most_modes, UNKNOWNS))
-        _, kept = _propose(image, scene, prior, settings, room, fit, modes)
-        best, last = variable(0), variable(0)
+        _, kept = propose(image, scene, prior, settings, room, fit.carpet, light, modes)
+        # proposing anew has overwritten what the first was fitted by
+        best, last = variable(0), variable(-1)
         for k in range(1, kept):
             for j in range(UNKNOWNS):
                 z[j] = modes[k, j]
-            clear, worth = _assess(image, scene, prior, settings, spacing_px, room, fit, z)
+            clear, worth = _assess(image, scene, prior, settings, spacing_px, room, fit, light, z)
             last = k
             if worth > best_worth:
                 best, best_worth = k, worth
@@ -319,7 +187,7 @@ def _follow(
             # back to the best of them
             for j in range(UNKNOWNS):
                 z[j] = modes[best, j]
-            _assess(image, scene, prior, settings, spacing_px, room, fit, z)
+            _assess(image, scene, prior, settings, spacing_px, room, fit, light, z)
     if best_worth == NO_FIT:
         return False
     if not covariance_with_prior(prior.root, room.information, fit.covariance):
@@ -340,6 +208,7 @@ def _assess(
     spacing_px: float,
     room: Room,
     fit: Fit,
+    light: float,
     z: FloatArray,
 ) -> tuple[bool, float]:
     """Refine a mode and weigh what speaks for it.
@@ -349,16 +218,13 @@ def _assess(
     bool, float
         Whether no other mode needs a look, and what the mode is worth among others; `NO_FIT` if it cannot be fitted.
     """
-    figures = fit.figures
-    count, inliers, rms, ok = _refine(image, scene, prior, settings, spacing_px, room, fit, z)
+    figures, step = fit.figures, np.empty(UNKNOWNS)
+    count, inliers, rms, ok = refine(image, scene, prior, settings, spacing_px, room, fit.carpet, light, z, step)
     if not ok:
         return False, NO_FIT
-    step = np.empty(UNKNOWNS)
-    for j in range(UNKNOWNS):
-        step[j] = fit.unknowns[j]
     seen, missing, upright, hidden = judge(image, fit.carpet, settings, room, count, step)
-    _moved(prior, z, fit.unknowns)
-    least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * brightness(fit.carpet)
+    moved(prior, z, fit.unknowns)
+    least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * light
     look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, settings.point_stride)
     number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, room.points)
     silent, lens = scene.field.silent, scene.lens

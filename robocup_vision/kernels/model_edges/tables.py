@@ -165,6 +165,10 @@ class FollowSettings(NamedTuple):
         Of the fit's steps.
     max_line_widths : float
         A bright band up to so many times as wide as the field file's lines may be a line; 0: lines of that width only.
+    view_sigmas : float
+        Of the prior's heading: what is so far beside the picture by the prior is looked for in it.
+    bent_ratio : float
+        Of the way of a mode's pose from the prior, in pixels: how far the mode is searched for at first.
     """
 
     spacing_px: float
@@ -192,6 +196,8 @@ class FollowSettings(NamedTuple):
     coarse_gates_px: FloatArray
     fine_gates_px: FloatArray
     max_line_widths: float
+    view_sigmas: float
+    bent_ratio: float
 
 
 class Room(NamedTuple):
@@ -220,6 +226,61 @@ class Room(NamedTuple):
     points: FloatArray
     information: FloatArray
     gradient: FloatArray
+
+
+class Scene(NamedTuple):
+    """What stays from frame to frame.
+
+    Parameters
+    ----------
+    field : FieldEdges
+        The field.
+    lens : (18,) float64
+        See `prediction.predict`.
+    draws : (H, 6) float64
+        See `fit.choose_mode`.
+    """
+
+    field: FieldEdges
+    lens: FloatArray
+    draws: FloatArray
+
+
+class Prior(NamedTuple):
+    """Mean (7,) of the unknowns and the lower triangular root (7, 7) of their covariance."""
+
+    mean: FloatArray
+    root: FloatArray
+
+
+class Fit(NamedTuple):
+    """Results of `follow`.
+
+    Parameters
+    ----------
+    unknowns : (7,) float64
+        The fit.
+    covariance : (7, 7) float64
+        With the prior.
+    information : (3, 3) float64
+        Of x, y and heading by the measurements alone, what else is unknown left as open as the prior leaves it.
+    gradient : (3,) float64
+        Of that log-likelihood at the fit.
+    carpet : (5,) or (8,) float64
+        See `carpet_look`.
+    figures : (14,) float64
+        Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
+        line points that a pose must explain, those explained, hidden upright, standard deviation of the position by the
+        measurements alone where it is greatest (m), how many edges of the field were found, and what the pose gained on
+        its prior (nats).
+    """
+
+    unknowns: FloatArray
+    covariance: FloatArray
+    information: FloatArray
+    gradient: FloatArray
+    carpet: FloatArray
+    figures: FloatArray
 
 
 def empty_room(samples: int, points: int) -> Room:

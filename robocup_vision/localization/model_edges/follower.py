@@ -22,8 +22,8 @@ from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.alone import frame_alone
 from robocup_vision.kernels.model_edges.carpet import CARPET, LIT_CARPET
-from robocup_vision.kernels.model_edges.follow import MODES, Fit, Prior, Scene, follow, prepare
-from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
+from robocup_vision.kernels.model_edges.follow import MODES, follow, prepare
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Fit, Prior, Scene, empty_room
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
 from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
 from robocup_vision.localization.model_edges.settings import EdgeSettings
@@ -183,7 +183,8 @@ class EdgeFollower:
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
         # the odds by which places of a search are compared were found with every sample counted in full
-        proposed = self.numbers._replace(stray_ratio=0.0)
+        # and another proposal is nearer to what is far from one
+        proposed = self.numbers._replace(stray_ratio=0.0, view_sigmas=0.0, bent_ratio=0.0)
         # a prior that frames before support lies so near that large residuals are no other mode's
         followed = self.numbers._replace(clear_rms_px=math.inf)
         self._plain_numbers, self._proposed_numbers, self._followed_numbers = plain((self.numbers, proposed, followed))

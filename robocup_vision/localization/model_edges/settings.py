@@ -52,6 +52,11 @@ class EdgeSettings:
     point_stride_px: float = 8.0
     # what looks like a line, so far beyond the field's outer lines, is none of its
     lines_end_m: float = math.inf
+    # of the prior's heading: what is so far beside the picture by the prior is looked for in it
+    view_sigmas: float = 2.0
+    # of the way of a mode's pose from the prior, in pixels, that the mode is searched for at first: derivatives at the
+    # prior are not better
+    bent_ratio: float = 0.4
     # hypotheses of which the mode is chosen
     hypotheses: int = 100
     # verdict: smallest number of inliers, and where the frames before support the prior: two may agree by chance; their
@@ -174,4 +179,6 @@ class EdgeSettings:
             coarse_gates_px=np.array([6.0, 4.0]) * grown,
             fine_gates_px=np.array([4.0, 3.0, 2.5]) * grown,
             max_line_widths=self.max_line_widths,
+            view_sigmas=self.view_sigmas,
+            bent_ratio=self.bent_ratio,
         )

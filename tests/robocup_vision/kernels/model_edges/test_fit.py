@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, msac, robust_fit
-from robocup_vision.kernels.model_edges.follow import Prior, brightness, prepare
-from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
+from robocup_vision.kernels.model_edges.follow import brightness, prepare
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Prior, empty_room
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 NUMBERS = EdgeSettings().for_width(208, 0.025)

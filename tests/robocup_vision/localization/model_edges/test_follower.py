@@ -9,6 +9,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.kernels.model_edges.follow import MODES
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
 from robocup_vision.localization.model_edges.field_edges import field_edges
 from robocup_vision.localization.model_edges.follower import EdgeFollower
@@ -41,6 +42,40 @@ def test_a_prior_is_refined_with_tilt(shot_name, off, request):
     # the next frame begins with the nod just seen
     again = follower.follow(shot.frame, PoseEstimate(shot.pose, np.diag(STD**2), 1.0, 0.0), 0.001)
     assert again.evidence.prior_distance2 < answer.evidence.prior_distance2
+
+
+@pytest.mark.parametrize("shot_name", ["fl_shot", "spl_shot"])
+def test_a_prior_far_off_converges(shot_name, request):
+    shot, good = request.getfixturevalue(shot_name), 0
+    std = np.array([0.10, 0.10, math.radians(6.0)])
+    follower = EdgeFollower(shot.field, shot.camera)
+    for direction in np.arange(8) * math.tau / 8:
+        for sense in (-1.0, 1.0):
+            follower.forget()
+            off = 0.10 * math.cos(direction), 0.10 * math.sin(direction), sense * math.radians(6.0)
+            answer = follower.follow(shot.frame, near(shot.pose, off, std))
+            away, turn = answer.estimate.pose.error_to(shot.pose) if answer else (1.0, 1.0)
+            good += away < 0.05 and turn < math.radians(2.0)
+    assert good >= 15
+
+
+def test_a_fit_is_as_sure_where_other_modes_were_looked_at_in_vain(take_shot):
+    shot, rng, same = take_shot("four_legged_2007", Pose2(-1.19, -0.33, -1.22)), np.random.default_rng(8), 0
+    follower = EdgeFollower(shot.field, shot.camera)
+    for _ in range(100):
+        prior = near(shot.pose, 3.0 * STD * rng.standard_normal(3))
+        alone, among = (follower_after(follower, shot, prior, modes) for modes in (1, MODES))
+        if alone[0] == among[0]:
+            same += 1
+            np.testing.assert_allclose(among[1].information, alone[1].information)
+    assert same > 20
+
+
+def follower_after(follower, shot, prior, modes):
+    """Return the pose that a follower fits, accepted or not, and its likelihood."""
+    follower.forget()
+    follower.follow(shot.frame, prior, modes=modes)
+    return follower.pose, follower.likelihood_under(np.array([0.02, 0.02, 0.006, 0.01]))
 
 
 def test_prior_times_likelihood_is_the_posterior(fl_shot):

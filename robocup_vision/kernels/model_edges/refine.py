@@ -1,0 +1,193 @@
+"""Proposes modes near a prior, and moves one to where its edges are: predicted and searched for anew until it stays."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.model_edges.crossings import drop_others
+from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
+from robocup_vision.kernels.model_edges.prediction import predict
+from robocup_vision.kernels.model_edges.search import reaches, search, whiten
+from robocup_vision.kernels.model_edges.tables import (
+    HEADING,
+    UNKNOWNS,
+    FloatArray,
+    FollowSettings,
+    Prior,
+    Room,
+    Scene,
+    UInt8Array,
+)
+
+POSE = 3  # x, y and heading lead the unknowns
+# at least and at most, how far a mode that is far from its prior is searched for, in searches near a fit; and how much
+# wider its fit's first gates are
+MIN_SEARCHES, MAX_SEARCHES, ROUGHER = 1.2, 4.0, 2.0
+
+
+@compiled(fastmath=True, error_model="numpy")
+def moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
+    """Fill in the unknowns (7,) of standard normal ones about the prior's mean."""
+    for i in range(UNKNOWNS):
+        p[i] = prior.mean[i]
+        for j in range(i + 1):
+            p[i] += prior.root[i, j] * z[j]
+
+
+@compiled(fastmath=True, error_model="numpy")
+def widened(lens: FloatArray, prior: Prior, settings: FollowSettings) -> tuple[FloatArray, float]:
+    """Return a lens whose picture is as much wider, on both sides, as the prior leaves its axis open; and how much, px.
+
+    What would be sampled at one place or none is not worth a wider picture.
+    """
+    std = math.sqrt(prior.root[HEADING, 0] ** 2 + prior.root[HEADING, 1] ** 2 + prior.root[HEADING, 2] ** 2)
+    beside_px = min(settings.view_sigmas * std * lens[0], settings.max_reach_px)
+    wide = lens.copy()
+    if beside_px < settings.coarse_spacing_px:
+        return wide, 0.0
+    wide[2] += beside_px
+    wide[4] += 2.0 * beside_px
+    wide[16] += beside_px / lens[0]
+    if lens[6] == 0.0:
+        wide[15] += (2.0 * math.sqrt(lens[15]) + beside_px / lens[0]) * beside_px / lens[0]
+    return wide, beside_px
+
+
+@compiled(fastmath=True, error_model="numpy")
+def propose(
+    image: UInt8Array,
+    scene: Scene,
+    prior: Prior,
+    settings: FollowSettings,
+    room: Room,
+    carpet: FloatArray,
+    light: float,
+    modes: FloatArray,
+) -> tuple[int, int]:
+    """Predict few samples, search for them in all of the prior's reach, and choose and fit modes (K, 7) by them.
+
+    Parameters
+    ----------
+    image, scene, prior, settings, room
+        See `follow.follow`.
+    carpet : (5,) or (8,) float64
+        See `carpet_look`.
+    light : float
+        See `follow.brightness`.
+    modes : (K, 7) float64
+        Result.
+
+    Returns
+    -------
+    int, int
+        Samples that could be looked for in the picture, and modes.
+    """
+    wide, beside_px = widened(scene.lens, prior, settings)
+    count = predict(scene.field, wide, prior.mean, settings.coarse_spacing_px, room.samples)
+    if count < 3:
+        return 0, 0
+    for n in range(count):
+        room.samples.uv[n, 0] -= beside_px
+    whiten(room.samples, count, prior.root, room.rows)
+    reaches(room.rows, count, settings, room.reach_px)
+    search(image, scene.field.channels, carpet, light, settings, room, count)
+    kept = choose_mode(room, count, scene.draws, settings, modes)
+    origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
+    for k in range(kept):
+        robust_fit(room, count, settings, gates, origin, modes[k])
+    looked = 0
+    for n in range(count):
+        if room.found.candidates[n] >= 0 and 0.0 <= room.samples.uv[n, 0] < image.shape[1]:
+            looked += 1
+    return looked, kept
+
+
+@compiled(fastmath=True, error_model="numpy")
+def refine(
+    image: UInt8Array,
+    scene: Scene,
+    prior: Prior,
+    settings: FollowSettings,
+    spacing_px: float,
+    room: Room,
+    carpet: FloatArray,
+    light: float,
+    z: FloatArray,
+    step: FloatArray,
+) -> tuple[int, int, float, bool]:
+    """Predict and search anew near a fit and fit again, until it stays.
+
+    Parameters
+    ----------
+    image, scene, prior, settings, room
+        See `follow.follow`.
+    spacing_px : float
+        Between samples.
+    carpet, light
+        See `propose`.
+    z : (7,) float64
+        About the prior's mean; in and out.
+    step : (7,) float64
+        Result: where the samples lie by the fit, about where they were predicted.
+
+    Returns
+    -------
+    int, int, float, bool
+        Samples, inliers, root mean square of their residuals, and whether it could be fitted.
+    """
+    count, inliers, rms = 0, 0, 0.0
+    here, origin = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
+    near_px = settings.again_px
+    fine = Gates(settings.fine_gates_px, settings.sharp_steps)
+    widths, last = settings.fine_gates_px, settings.fine_gates_px.shape[0] - 1
+    rough = Gates(np.array((ROUGHER * widths[0], ROUGHER * widths[1], widths[0], widths[last])), settings.sharp_steps)
+    for turn in range(3):
+        for j in range(UNKNOWNS):
+            origin[j] = -z[j]
+            step[j] = 0.0
+        moved(prior, z, here)
+        count = predict(scene.field, scene.lens, here, spacing_px, room.samples)
+        whiten(room.samples, count, prior.root, room.rows)
+        again_px = near_px
+        if turn == 0:
+            bent_px = settings.bent_ratio * _farthest(room, count, z, POSE, False)
+            if bent_px > MIN_SEARCHES * near_px:
+                again_px = min(bent_px, MAX_SEARCHES * near_px)
+        for n in range(count):
+            room.reach_px[n] = again_px
+        search(image, scene.field.channels, carpet, light, settings, room, count)
+        inliers, rms, ok = robust_fit(room, count, settings, rough if again_px > near_px else fine, origin, step)
+        if not ok:
+            return count, inliers, rms, False
+        for j in range(UNKNOWNS):
+            z[j] += step[j]
+        if _farthest(room, count, step, UNKNOWNS, True) < 0.5 * near_px:
+            break
+    # where lines may be wider than the field file has them, none of them is known to be faint
+    knows_widths = settings.max_line_widths == 0.0
+    if knows_widths and drop_others(room, count, step, settings.gate_px, spacing_px) > 0:
+        for j in range(UNKNOWNS):
+            z[j] -= step[j]
+        inliers, rms, ok = robust_fit(room, count, settings, fine, origin, step)
+        if not ok:
+            return count, inliers, rms, False
+        for j in range(UNKNOWNS):
+            z[j] += step[j]
+    return count, inliers, rms, True
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _farthest(room: Room, count: int, z: FloatArray, unknowns: int, found_only: bool) -> float:
+    """Return how far, in pixels, the first unknowns of z move a sample at most."""
+    farthest = 0.0
+    for n in range(count):
+        if found_only and room.found.candidates[n] < 1:
+            continue
+        way = 0.0
+        for j in range(unknowns):
+            way += room.rows[n, j] * z[j]
+        farthest = max(farthest, abs(way))
+    return farthest
