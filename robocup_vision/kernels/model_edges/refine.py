@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.compiling.loops import compiled
+from robocup_vision.compiling.loops import compiled, flag, variable
 from robocup_vision.kernels.model_edges.crossings import drop_others
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
@@ -56,7 +56,7 @@ def widened(lens: FloatArray, prior: Prior, settings: FollowSettings) -> tuple[F
     return wide, beside_px
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def propose(
     image: UInt8Array,
     scene: Scene,
@@ -105,7 +105,7 @@ def propose(
     return looked, kept
 
 
-@compiled(fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy", inline="always")
 def refine(
     image: UInt8Array,
     scene: Scene,
@@ -153,7 +153,7 @@ def refine(
         whiten(room.samples, count, prior.root, room.rows)
         again_px = near_px
         if turn == 0:
-            bent_px = settings.bent_ratio * _farthest(room, count, z, POSE, False)
+            bent_px = settings.bent_ratio * _farthest(room, count, z, variable(POSE), flag(False))
             if bent_px > MIN_SEARCHES * near_px:
                 again_px = min(bent_px, MAX_SEARCHES * near_px)
         for n in range(count):
@@ -164,7 +164,7 @@ def refine(
             return count, inliers, rms, False
         for j in range(UNKNOWNS):
             z[j] += step[j]
-        if _farthest(room, count, step, UNKNOWNS, True) < 0.5 * near_px:
+        if _farthest(room, count, step, variable(UNKNOWNS), flag(True)) < 0.5 * near_px:
             break
     # where lines may be wider than the field file has them, none of them is known to be faint
     knows_widths = settings.max_line_widths == 0.0
