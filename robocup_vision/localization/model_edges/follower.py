@@ -182,11 +182,13 @@ class EdgeFollower:
         self.edges = field_edges(field, self.settings.lines_end_m)
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
+        # what lies far from a search's proposal is another one's, and from a prior that frames before support clutter:
+        # matches lost robots for twice the time where it was looked for
+        near = self.numbers._replace(view_sigmas=0.0, bent_ratio=0.0)
         # the odds by which places of a search are compared were found with every sample counted in full
-        # and another proposal is nearer to what is far from one
-        proposed = self.numbers._replace(stray_ratio=0.0, view_sigmas=0.0, bent_ratio=0.0)
-        # a prior that frames before support lies so near that large residuals are no other mode's
-        followed = self.numbers._replace(clear_rms_px=math.inf)
+        proposed = near._replace(stray_ratio=0.0)
+        # no other mode is so near that large residuals would tell of it
+        followed = near._replace(clear_rms_px=math.inf)
         self._plain_numbers, self._proposed_numbers, self._followed_numbers = plain((self.numbers, proposed, followed))
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
