@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, flag, variable
-from robocup_vision.kernels.model_edges.crossings import drop_others
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import reaches, search, whiten
@@ -166,16 +165,6 @@ def refine(
             z[j] += step[j]
         if _farthest(room, count, step, variable(UNKNOWNS), flag(True)) < 0.5 * near_px:
             break
-    # where lines may be wider than the field file has them, none of them is known to be faint
-    knows_widths = settings.max_line_widths == 0.0
-    if knows_widths and drop_others(room, count, step, settings.gate_px, spacing_px) > 0:
-        for j in range(UNKNOWNS):
-            z[j] -= step[j]
-        inliers, rms, ok = robust_fit(room, count, settings, fine, origin, step)
-        if not ok:
-            return count, inliers, rms, False
-        for j in range(UNKNOWNS):
-            z[j] += step[j]
     return count, inliers, rms, True
 
 

@@ -228,10 +228,6 @@ def search(
         if expected < 4.0 * noise:
             continue
         least = max(min_ratio * expected, 3.5 * noise)
-        # what is so much brighter than a line of a share of a pixel is another line, or none
-        most = 1e9
-        if samples.kind[n] == RIDGE and wide < 1.0 and settings.max_line_widths == 0.0:
-            most = expected / min_ratio + 3.5 * noise
         reach = min(int(math.ceil(reach_px[n] / size_axis_px)), MAX_REACH_PX)
         # a band is seen whole
         is_banded = settings.max_line_widths > 0.0 and samples.place[n] == ON_FLOOR
@@ -267,7 +263,7 @@ def search(
         kept = variable(0)
         for i in range(begin + 1, end):
             here = response[i]
-            if here < least or here > most or here <= response[i - 1] or here < response[i + 1]:
+            if here < least or here <= response[i - 1] or here < response[i + 1]:
                 continue
             bend = response[i - 1] - 2.0 * here + response[i + 1]
             part = 0.5 * (response[i - 1] - response[i + 1]) / bend if bend < 0.0 else 0.0
