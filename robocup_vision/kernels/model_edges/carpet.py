@@ -16,7 +16,7 @@ from robocup_vision.kernels.model_edges.tables import FloatArray, Int64Array, UI
 GRID = 24  # places along each image axis at which the carpet is looked at
 TONES = 24
 # of all light, by which green leads in a surely green tone, and of the pixels, that a carpet beside somebody near fills
-MIN_GREEN, MIN_BESIDE = 0.1, 0.1
+MIN_SURE_GREEN, MIN_BESIDE = 0.1, 0.1
 # of all light, by which green leads in a carpet that glare has bleached, and does not in noisy grey; and of the pixels,
 # that carpet in another light fills
 MIN_GREEN, MIN_OTHER = 0.03, 0.05
@@ -58,13 +58,13 @@ def _commonest(tones: Int64Array, total: int) -> tuple[int, int]:
             near = _with_neighbours(tones, i, j) + tones[i, j]
             if near > best:
                 best, bi, bj = near, i, j
-    if _leads_in_green(bi, bj) > MIN_GREEN:
+    if _leads_in_green(bi, bj) > MIN_SURE_GREEN:
         return bi, bj
     greenest, gi, gj = int(MIN_BESIDE * total), bi, bj
     for i in range(1, TONES + 1):
         for j in range(1, TONES + 1):
             # the noise of a grey tone reaches into the cells around it
-            if _leads_in_green(i, j) <= MIN_GREEN or max(abs(i - bi), abs(j - bj)) <= 2:
+            if _leads_in_green(i, j) <= MIN_SURE_GREEN or max(abs(i - bi), abs(j - bj)) <= 2:
                 continue
             near = _with_neighbours(tones, i, j)
             if near > greenest:
