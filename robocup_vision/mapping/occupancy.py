@@ -186,6 +186,7 @@ class FreeSpaceMap:
         """
         model = self._model(sensor)
         discs = self._discs(mask)
+        # the profile's own is read only, for which the loop would be compiled once more
         hit, depth_m = profile.hit.copy(), np.asarray(profile.depth_m)
         if len(discs):
             hit = hit & ~self._on_disc(profile, discs)

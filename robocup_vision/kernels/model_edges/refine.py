@@ -141,8 +141,6 @@ def refine(
     here, origin = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
     near_px = settings.again_px
     fine = Gates(settings.fine_gates_px, settings.sharp_steps)
-    widths, last = settings.fine_gates_px, settings.fine_gates_px.shape[0] - 1
-    rough = Gates(np.array((ROUGHER * widths[0], ROUGHER * widths[1], widths[0], widths[last])), settings.sharp_steps)
     for turn in range(3):
         for j in range(UNKNOWNS):
             origin[j] = -z[j]
@@ -150,15 +148,17 @@ def refine(
         moved(prior, z, here)
         count = predict(scene.field, scene.lens, here, spacing_px, room.samples)
         whiten(room.samples, count, prior.root, room.rows)
-        again_px = near_px
-        if turn == 0:
+        again_px, gates = near_px, fine
+        # most frames are followed, where nothing far is looked for
+        if turn == 0 and settings.bent_ratio > 0.0:
             bent_px = settings.bent_ratio * _farthest(room, count, z, variable(POSE), flag(False))
             if bent_px > MIN_SEARCHES * near_px:
                 again_px = min(bent_px, MAX_SEARCHES * near_px)
+                gates = _rough_gates(settings)
         for n in range(count):
             room.reach_px[n] = again_px
         search(image, scene.field.channels, carpet, light, settings, room, count)
-        inliers, rms, ok = robust_fit(room, count, settings, rough if again_px > near_px else fine, origin, step)
+        inliers, rms, ok = robust_fit(room, count, settings, gates, origin, step)
         if not ok:
             return count, inliers, rms, False
         for j in range(UNKNOWNS):
@@ -166,6 +166,13 @@ def refine(
         if _farthest(room, count, step, variable(UNKNOWNS), flag(True)) < 0.5 * near_px:
             break
     return count, inliers, rms, True
+
+
+@compiled
+def _rough_gates(settings: FollowSettings) -> Gates:
+    """Return the gates of a fit that begins far from its end."""
+    first, second, last = settings.fine_gates_px[0], settings.fine_gates_px[1], settings.fine_gates_px[-1]
+    return Gates(np.array((ROUGHER * first, ROUGHER * second, first, last)), settings.sharp_steps)
 
 
 @compiled(fastmath=True, error_model="numpy")

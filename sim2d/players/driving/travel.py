@@ -175,15 +175,11 @@ class TravelPlanner:
 
     def race(self, target: Point) -> Travel:
         """Go to a ball before others are there: straight, and not slower for them."""
-        self._forget()
-        why = Reason("speed", "full speed", "to the ball")
-        return Travel(target, self._limits.speed_mps, None, (why,), presses=True)
+        return self._at_full_speed(target, "to the ball", math.inf)
 
     def carry(self, target: Point) -> Travel:
         """Take the ball to a target as fast as it can be held: who gives way loses it."""
-        self._forget()
-        why = Reason("speed", "full speed", "with the ball")
-        return Travel(target, self._limits.speed_mps, None, (why,), turn_rps=self.holding_rps, presses=True)
+        return self._at_full_speed(target, "with the ball", self.holding_rps)
 
     @property
     def holding_rps(self) -> float:
@@ -195,6 +191,11 @@ class TravelPlanner:
     def holding_mps(self) -> float:
         """How fast the ball is taken a short way from rest, in the mean."""
         return min(math.sqrt(self._limits.acceleration_mps2 * _SHORT_M / 2), self._limits.speed_mps)
+
+    def _at_full_speed(self, target: Point, why: str, turn_rps: float) -> Travel:
+        self._forget()
+        reason = Reason("speed", "full speed", why)
+        return Travel(target, self._limits.speed_mps, None, (reason,), turn_rps=turn_rps, presses=True)
 
     def _holder(self, here: Point, others: Sequence[Disc], ball: Point) -> Disc | None:
         """Return the robot that has the ball and stands between it and this one."""
