@@ -1,7 +1,8 @@
 """Frames, odometry and targets as varied as a robot meets them, to find every loop that the calls of an object reach.
 
 ``python tests/kernel_workloads.py all [GROUP...]`` writes `robocup_vision/kernels/signatures.json` by them: for each
-loop the types of its arguments. Run it where they have changed; a slow test finds what is missing.
+loop the types of its arguments. Run it where they have changed; a slow test finds what is missing. ``order`` instead of
+``all`` measures only which take long.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ import numpy as np
 from field_models import Field, load_field
 from robocup_vision import Memory, MotionLimits, Pose2, PoseEstimate, Steering, Vision, Wayfinder, load_camera
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.compiling.listed_loop import KERNELS, prepare_kernel, spelled_type
+from robocup_vision.compiling.listed_loop import KERNELS, prepare_kernel, quick_compiling, spelled_type
 from robocup_vision.compiling.prepared_kernels import SIGNATURES
 from robocup_vision.disc import Disc
 from robocup_vision.mapping import ViewMotion
@@ -284,18 +285,15 @@ def record(group: str) -> list[Any]:
     return sorted(entries, key=json.dumps)
 
 
-def print_longest_first(groups: dict[str, list[Any]]) -> None:
-    """Compile all loops into an empty cache, one after the other; print the groups, loops that take long first."""
-    seconds: dict[str, float] = {}
-    for entry in (entry for entries in groups.values() for entry in entries):
-        begin_s = time.process_time()
-        prepare_kernel(*entry)
-        seconds.setdefault(json.dumps(entry), time.process_time() - begin_s)
-    print(
-        json.dumps(
-            {name: sorted(of, key=lambda entry: -seconds[json.dumps(entry)]) for name, of in sorted(groups.items())}
-        )
-    )
+def longest_first(entries: list[Any]) -> list[Any]:
+    """Compile the loops of a group one after the other; return them, those that take long first."""
+    seconds = {}
+    with quick_compiling():
+        for entry in entries:
+            begin_s = time.process_time()
+            prepare_kernel(*entry)
+            seconds[json.dumps(entry)] = time.process_time() - begin_s
+    return sorted(entries, key=lambda entry: -seconds[json.dumps(entry)])
 
 
 def write(groups: dict[str, list[Any]]) -> None:
@@ -306,6 +304,16 @@ def write(groups: dict[str, list[Any]]) -> None:
     SIGNATURES.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
+def write_order() -> None:
+    """Put the loops of each group in order: those that take long first, each group by an empty cache."""
+    listed = json.loads(SIGNATURES.read_text(encoding="utf-8"))
+    for name in listed:
+        with tempfile.TemporaryDirectory() as cache:
+            environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+            listed[name] = in_own_process("longest-first", name, environment=environment)
+    write(listed)
+
+
 def in_own_process(*arguments: str, environment: dict[str, str] | None = None, check: bool = True) -> Any:
     command = [sys.executable, __file__, *arguments]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=check, env=environment)
@@ -313,8 +321,10 @@ def in_own_process(*arguments: str, environment: dict[str, str] | None = None, c
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["longest-first"]:
-        print_longest_first(json.loads(SIGNATURES.read_text(encoding="utf-8")))
+    if sys.argv[1:2] == ["longest-first"]:
+        print(json.dumps(longest_first(json.loads(SIGNATURES.read_text(encoding="utf-8"))[sys.argv[2]])))
+    elif sys.argv[1:] == ["order"]:
+        write_order()
     elif len(sys.argv) == 2 and sys.argv[1] != "all":
         cv2.setNumThreads(0)
         print(json.dumps(record(sys.argv[1])))
@@ -329,5 +339,4 @@ if __name__ == "__main__":
             listed[name] = in_own_process(name)
             print(name, len(listed[name]), file=sys.stderr)
         write(listed)
-        with tempfile.TemporaryDirectory() as cache:
-            write(in_own_process("longest-first", environment={**os.environ, "NUMBA_CACHE_DIR": cache}))
+        write_order()

@@ -7,10 +7,13 @@ the truth. "lost": longest time of any robot without such an estimate. "right ha
 "ball": fraction of the control periods of play in which a robot knows the ball within 20 cm of the truth. "stands":
 fraction of play in which a field player has moved less than 5 cm in 3 s. "contacts": times a robot came to touch
 another one, a robot and minute. "real time": simulated over processor seconds, one thread, all players and pictures.
+
+--full plays 40 matches of 60 s on each field, which takes hours; --only NAME plays those of one row.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections import deque
 from dataclasses import dataclass, field
@@ -124,7 +127,10 @@ def play(case: Case, seconds: float, seed: int, played: Played) -> None:
 
 def main() -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
+    parser = argparse.ArgumentParser()
+    names = [case.name for case in CASES]
+    parser.add_argument("--only", metavar="NAME", choices=names, help=f"one row: {', '.join(names)}")
+    arguments = parse_arguments(str(__doc__), parser=parser)
     cv2.setNumThreads(0)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     table = Table(
@@ -151,6 +157,8 @@ def main() -> None:
     )
     all_ok = True
     for case in CASES:
+        if arguments.only not in (None, case.name):
+            continue
         played = Played()
         # the first match of a field compiles and loads: it is not timed
         play(case, 0.1, arguments.seed, Played())

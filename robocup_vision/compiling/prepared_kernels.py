@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from robocup_vision.compiling.listed_loop import prepare_kernel, seldom_collected
+from robocup_vision.compiling.listed_loop import prepare_kernel, quick_compiling
 from robocup_vision.compiling.second_process import Entry, second_process
 
 SIGNATURES = Path(__file__).parents[1] / "kernels" / "signatures.json"
@@ -34,14 +34,14 @@ def prepare(group: str) -> None:
     entries = _listed().get(group, [])
     # the shortest first, as one that is not in the cache says that a second process is of use; that takes the longest
     waiting = deque(entries)
-    with seldom_collected(), ExitStack() as beside:
+    with quick_compiling(), ExitStack() as beside:
         is_alone = True
         for entry in _from_the_end(waiting):
             if prepare_kernel(*entry) and is_alone:
                 _tell_once()
                 beside.enter_context(second_process(waiting))
                 is_alone = False
-    with seldom_collected():
+    with quick_compiling():
         for kernel, arguments in entries:
             prepare_kernel(kernel, arguments)
 
@@ -82,7 +82,7 @@ def _length(module: str) -> int:
 
 def prepare_module(module: str) -> None:
     """Compile or load the loops of one module, as `modules` lists them."""
-    with seldom_collected():
+    with quick_compiling():
         for kernel, arguments in modules()[module]:
             prepare_kernel(kernel, arguments)
 

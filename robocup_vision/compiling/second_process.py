@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from threading import Thread
 from typing import IO, Any
 
-from robocup_vision.compiling.listed_loop import prepare_kernel, seldom_collected
+from robocup_vision.compiling.listed_loop import prepare_kernel, quick_compiling
 
 Entry = tuple[str, list[Any]]
 
@@ -70,7 +70,7 @@ def _cores() -> int:
 
 def _main() -> None:
     print("ready", flush=True)
-    with seldom_collected():
+    with quick_compiling():
         for line in sys.stdin:
             prepare_kernel(*json.loads(line))
             print("done", flush=True)
