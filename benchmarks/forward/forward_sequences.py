@@ -46,7 +46,7 @@ MAX_WHOLE_RATIO = {208: 12.0, 416: 8.0, 640: 4.0}
 MAX_RATIO = {208: (3.5, 9.0), 640: (1.0, 2.5)}
 MAX_COLD_RATIO = {208: 80.0, 640: 60.0}
 RICH_M = 0.03
-# walks of a plain row, by the frames' width: what one shows depends on who stands in its way; other rows have half
+# walks of a row, by the frames' width (what one shows depends on who stands in its way); one in short rows
 WALKED = {208: 4, 640: 2}
 
 
@@ -297,9 +297,10 @@ def main() -> None:
         pitch, tracked = load_field(what.field_name), Tracked()
         warm = EdgeFollower(pitch, what.camera)
         is_plain, width = name in ("FL", "SPL"), what.camera.size_px[0]
-        number, walked = counts[width], 1 if arguments.quick else WALKED[width] // (1 if is_plain else 2)
+        is_short = not is_plain and width == 640
+        number, walked = counts[width], 1 if arguments.quick or is_short else WALKED[width]
         for seed in range(arguments.seed, arguments.seed + walked):
-            frames = walk(what, seed, number if is_plain or number > 100 else min(number, 30))
+            frames = walk(what, seed, min(number, 30) if is_short else number)
             warm.follow(frames[0].frame, PoseEstimate(frames[0].camera_pose, np.eye(3) * 1e-4, 1.0, 0.0))
             track(what, pitch, frames, seed, tracked)
             walks.setdefault(name, []).extend(frames)
