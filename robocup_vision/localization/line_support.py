@@ -107,8 +107,11 @@ class LineSupport:
         self._near_m = settings.near_widths * line_map.field.line_width_m
         inner, outer = view.camera.usable_radius_px
         self._unit_px = max(1.0, (outer - inner) / 86.0)
+        deep_m = np.gradient(view.range_m)
         # a sample stands for half a column inwards and outwards
-        self._near_sample_m = np.maximum(self._near_m, 0.5 * np.gradient(view.range_m) + 0.5 * self._near_m)
+        self._near_sample_m = np.maximum(self._near_m, 0.5 * deep_m + 0.5 * self._near_m)
+        # near enough for a line to fill its sample
+        self._is_fine = deep_m < 2 * line_map.field.line_width_m
 
     def supports(self, estimate: PoseEstimate, frame: UInt8Array, marks: UInt8Array) -> bool:
         """Whether the lines in view support a pose.
@@ -133,15 +136,13 @@ class LineSupport:
         agreeing_ratio = estimate.inlier_ratio * min(max(tightness, 0.0), 1.0)
         row, column = np.nonzero(marks == LINE)
         missing_ratio = (settings.min_evidence - agreeing_ratio) / settings.point_weight
-        off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
-        on_lines = int(np.count_nonzero(off_m < self._near_sample_m[column]))
+        on_lines = self._count_near(estimate.pose, self._view.floor_m[row, column], self._near_sample_m[column])
         min_on_lines = max(missing_ratio, settings.min_sample_ratio) * len(row)
         if len(row) >= settings.min_samples and on_lines >= min_on_lines and not self._lacks_lines(estimate, marks):
             return True
         points = self._find_points(frame)
         if len(points) >= settings.min_points:
-            off_m = self._off_lines_m(estimate.pose, points.floor_m)
-            return bool(np.count_nonzero(off_m < self._near_m) >= missing_ratio * len(points))
+            return self._count_near(estimate.pose, points.floor_m, self._near_m) >= missing_ratio * len(points)
         nats = estimate.inlier_ratio * above_chance
         if nats >= settings.sure_hidden_nats:
             is_outline_enough = estimate.inlier_ratio >= settings.min_hidden_inlier_ratio
@@ -172,13 +173,13 @@ class LineSupport:
 
     def _lacks_lines(self, estimate: PoseEstimate, marks: UInt8Array) -> bool:
         """Whether plain floor shows where the pose puts lines."""
-        row, column = np.nonzero(marks == FLOOR)
-        # near enough for a line to fill its sample
-        width_m = self._map.field.line_width_m
-        near = np.gradient(self._view.range_m)[column] < 2 * width_m
-        row, column = row[near], column[near]
-        off_m = self._off_lines_m(estimate.pose, self._view.floor_m[row, column])
-        return int(np.count_nonzero(off_m < 0.25 * width_m)) >= self._settings.min_bare_samples
+        floor_m = self._view.floor_m[(marks == FLOOR) & self._is_fine]
+        return self._count_near(estimate.pose, floor_m, 0.25 * self._map.field.line_width_m) >= (
+            self._settings.min_bare_samples
+        )
 
-    def _off_lines_m(self, pose: Pose2, floor_m: FloatArray) -> FloatArray:
-        return self._map.nearest(pose.transform(floor_m)).distance_m
+    def _count_near(self, pose: Pose2, floor_m: FloatArray, near_m: FloatArray | float) -> int:
+        """Count the points (N, 2) of the floor, robot frame, that are so near to a line (N,)."""
+        return self._map.count_near(
+            pose.transform(floor_m), np.ascontiguousarray(np.broadcast_to(near_m, len(floor_m)))
+        )

@@ -12,6 +12,8 @@ from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.three import solve_3x3
 
 _DIAGONAL = math.sqrt(0.5)
+# `within2` of `nearest_line` where every line counts, however far
+ANYWHERE2 = 1e30
 
 
 @compiled
@@ -206,13 +208,22 @@ def line_ridge_points(
 
 
 @compiled
-def nearest_line(x: float, y: float, lines: FloatArray, arcs: FloatArray) -> tuple[float, float, float, int]:
-    """Nearest point of the field's lines and arcs: distance, unit normal (from the line towards the point), index."""
-    best, foot_x, foot_y, index = 1e30, 0.0, 0.0, -1
+def nearest_line(
+    x: float, y: float, lines: FloatArray, arcs: FloatArray, within2: float
+) -> tuple[float, float, float, int]:
+    """Nearest point of the field's lines and arcs: distance, unit normal (from the line towards the point), index.
+
+    Where none is nearer than the root of `within2`, that is the distance, and the index -1.
+    """
+    best, foot_x, foot_y, index = within2, 0.0, 0.0, -1
     for i in range(lines.shape[0]):
         x0, y0 = lines[i, 0], lines[i, 1]
         dx, dy = lines[i, 2] - x0, lines[i, 3] - y0
         length2 = dx * dx + dy * dy
+        aside = (x - x0) * dy - (y - y0) * dx
+        # no part of a line is nearer than its continuation
+        if aside * aside >= best * length2 > 0.0:
+            continue
         t = ((x - x0) * dx + (y - y0) * dy) / length2 if length2 > 0.0 else 0.0
         t = min(1.0, max(0.0, t))
         fx, fy = x0 + t * dx, y0 + t * dy
@@ -221,6 +232,10 @@ def nearest_line(x: float, y: float, lines: FloatArray, arcs: FloatArray) -> tup
             best, foot_x, foot_y, index = d2, fx, fy, i
     for j in range(arcs.shape[0]):
         cx, cy, radius, start, sweep = arcs[j, 0], arcs[j, 1], arcs[j, 2], arcs[j, 3], arcs[j, 4]
+        away = math.sqrt((x - cx) * (x - cx) + (y - cy) * (y - cy))
+        # no part of an arc is nearer than its circle
+        if (away - radius) * (away - radius) >= best:
+            continue
         if sweep < 0.0:
             start, sweep = start + sweep, -sweep
         angle = math.atan2(y - cy, x - cx)
@@ -234,6 +249,8 @@ def nearest_line(x: float, y: float, lines: FloatArray, arcs: FloatArray) -> tup
         if d2 < best:
             best, foot_x, foot_y, index = d2, fx, fy, lines.shape[0] + j
     distance = math.sqrt(best)
+    if index < 0:
+        return distance, 0.0, 0.0, index
     if distance > 1e-9:
         return distance, (x - foot_x) / distance, (y - foot_y) / distance, index
     # on the line itself: any unit vector across it
@@ -258,8 +275,19 @@ def nearest_lines(points: FloatArray, lines: FloatArray, arcs: FloatArray) -> tu
     count = points.shape[0]
     distance, normal, index = np.empty(count), np.empty((count, 2)), np.empty(count, dtype=np.int64)
     for i in range(count):
-        distance[i], normal[i, 0], normal[i, 1], index[i] = nearest_line(points[i, 0], points[i, 1], lines, arcs)
+        distance[i], normal[i, 0], normal[i, 1], index[i] = nearest_line(
+            points[i, 0], points[i, 1], lines, arcs, ANYWHERE2
+        )
     return distance, normal, index
+
+
+@compiled
+def count_near_lines(points: FloatArray, near_m: FloatArray, lines: FloatArray, arcs: FloatArray) -> int:
+    """Count the points (N, 2) that a field line is nearer to than `near_m` (N,)."""
+    count = 0
+    for i in range(points.shape[0]):
+        count += nearest_line(points[i, 0], points[i, 1], lines, arcs, near_m[i] * near_m[i])[3] >= 0
+    return count
 
 
 class DistanceTable(NamedTuple):
@@ -375,7 +403,7 @@ def refine_line_poses(
             loss[k] = 0.0
             for i in range(points.shape[0]):
                 rx, ry = c * points[i, 0] - s * points[i, 1], s * points[i, 0] + c * points[i, 1]
-                d, nx, ny, _ = nearest_line(poses[k, 0] + rx, poses[k, 1] + ry, lines, arcs)
+                d, nx, ny, _ = nearest_line(poses[k, 0] + rx, poses[k, 1] + ry, lines, arcs, ANYWHERE2)
                 v2 = scale * scale + noise_m[i] * noise_m[i]
                 loss[k] += weight[i] * math.log(1.0 + d * d / v2)
                 w = weight[i] / (v2 + d * d)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.lines.lines import nearest_lines
+from robocup_vision.kernels.lines.lines import count_near_lines, nearest_lines
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +99,10 @@ class LineMap:
         """Exact nearest lines of field points (N, 2), metres."""
         points = np.ascontiguousarray(np.asarray(points_m, dtype=np.float64).reshape(-1, 2))
         return NearestLine(*nearest_lines(points, self.lines, self.arcs))
+
+    def count_near(self, points_m: FloatArray, near_m: FloatArray) -> int:
+        """Count the field points (N, 2) that a line is nearer to than `near_m` (N,), metres; faster than `nearest`."""
+        return int(count_near_lines(points_m, near_m, self.lines, self.arcs))
 
     def counts(self, points_m: FloatArray, is_on_line: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Return which line points speak for or against a pose.

@@ -12,7 +12,7 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal
 from robocup_vision.kernels.goal.picture import GoalScene
-from robocup_vision.kernels.lines.lines import nearest_line
+from robocup_vision.kernels.lines.lines import ANYWHERE2, nearest_line
 
 # a line's direction in the picture is taken over this length; rays less steep meet no floor of the field
 _AHEAD_M, _MIN_FALL = 0.005, 1e-3
@@ -80,7 +80,7 @@ def associate_points(places: LinePlaces, view: FloatArray, p: FloatArray, marks:
             continue
         reach = -p[5] / fall
         x, y = p[0] + reach * (r00 + left * r01 + up * r02), p[1] + reach * (r10 + left * r11 + up * r12)
-        distance, nx, ny, _ = nearest_line(x, y, places.lines, places.arcs)
+        distance, nx, ny, _ = nearest_line(x, y, places.lines, places.arcs, ANYWHERE2)
         mx, my = x - nx * distance - p[0], y - ny * distance - p[1]
         depth, to_left, to_up = in_camera(axes, mx, my, -p[5])
         ahead, ahead_left, ahead_up = in_camera(axes, mx - ny * _AHEAD_M, my + nx * _AHEAD_M, -p[5])
