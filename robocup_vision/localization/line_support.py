@@ -180,6 +180,4 @@ class LineSupport:
 
     def _count_near(self, pose: Pose2, floor_m: FloatArray, near_m: FloatArray | float) -> int:
         """Count the points (N, 2) of the floor, robot frame, that are so near to a line (N,)."""
-        return self._map.count_near(
-            pose.transform(floor_m), np.ascontiguousarray(np.broadcast_to(near_m, len(floor_m)))
-        )
+        return self._map.count_near(pose.transform(floor_m), np.full(len(floor_m), near_m))

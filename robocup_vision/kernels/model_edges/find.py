@@ -16,6 +16,7 @@ from robocup_vision.compiling.loops import compiled, variable
 BINS = 96  # of bearing across the picture
 LIKENESS = 0.93  # cosine between a colour and the paint that it is
 FIRST_POINTS = 14
+_FAR_M = 1e3  # from lines, of what lies beside the table
 
 
 class Bank(NamedTuple):
@@ -24,7 +25,7 @@ class Bank(NamedTuple):
     Parameters
     ----------
     places : (P, 2) float64
-        Where the camera may stand, metres.
+        Where the camera may stand, metres: middles of cells.
     headings : (H,) float64
         Of its axis, evenly spaced.
     distance_m : (R, C) float32
@@ -157,8 +158,8 @@ def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: flo
     for i in range(begin, end):
         fx = x + c * rows[i, 0] - s * rows[i, 1]
         fy = y + s * rows[i, 0] + c * rows[i, 1]
-        column = int((fx - bank.origin_m[0]) * inverse + 0.5)
-        row = int((fy - bank.origin_m[1]) * inverse + 0.5)
+        column = math.floor((fx - bank.origin_m[0]) * inverse + 0.5)
+        row = math.floor((fy - bank.origin_m[1]) * inverse + 0.5)
         if column < 0 or row < 0 or column > last_column or row > last_row:
             total += 1.0
             continue
@@ -230,6 +231,26 @@ def upright_mismatch(bank: Bank, seen: FloatArray, x: float, y: float, theta: fl
     return _mismatch(bank, seen, total, low, high, theta)
 
 
+@compiled
+def _cell(bank: Bank, x: float, y: float) -> tuple[int, int]:
+    """Column and row of the cell that a place lies in."""
+    column = math.floor((x - bank.origin_m[0]) / bank.cell_m + 0.5)
+    return int(column), int(math.floor((y - bank.origin_m[1]) / bank.cell_m + 0.5))
+
+
+@compiled
+def _with_margin(distance_m: Float32Array, margin: int) -> tuple[Float32Array, int]:
+    """Return a table, flat, with so many cells around it that are far from everything, and its columns."""
+    rows, columns = distance_m.shape
+    wide = columns + 2 * margin
+    table = np.full((rows + 2 * margin) * wide, np.float32(_FAR_M))
+    for row in range(rows):
+        begin = (row + margin) * wide + margin
+        for column in range(columns):
+            table[begin + column] = distance_m[row, column]
+    return table, wide
+
+
 @compiled(fastmath=True, error_model="numpy")
 def score_bank(
     bank: Bank, rows: FloatArray, number: int, seen: FloatArray, upright_weight: float, scores: FloatArray
@@ -256,32 +277,35 @@ def score_bank(
     total = 0.0
     for k in range(seen.shape[0]):
         total += seen[k, BINS]
-    # the points as each heading turns them, in cells, are the same at all places
-    inverse = 1.0 / bank.cell_m
-    turned, sharpness = np.empty((headings, first, 2)), np.empty(first)
-    for i in range(first):
-        sharpness[i] = 1.0 / rows[i, 2]
+    inverse, farthest = 1.0 / bank.cell_m, 0.0
+    for k in range(first):
+        farthest = max(farthest, math.hypot(rows[k, 0], rows[k, 1]))
+    margin = int(farthest * inverse) + 2
+    table, columns = _with_margin(bank.distance_m, margin)
+    # places are cells: where a point lies from them, as each heading turns it, is the same number of cells everywhere
+    steps, sharpness = np.empty((first, headings), np.int32), np.empty(first, np.float32)
+    for k in range(first):
+        sharpness[k] = 1.0 / rows[k, 2]
         for j in range(headings):
             c, s = math.cos(bank.headings[j]), math.sin(bank.headings[j])
-            turned[j, i, 0] = (c * rows[i, 0] - s * rows[i, 1]) * inverse
-            turned[j, i, 1] = (s * rows[i, 0] + c * rows[i, 1]) * inverse
-    last_row, last_column = bank.distance_m.shape[0] - 1, bank.distance_m.shape[1] - 1
+            across = math.floor((c * rows[k, 0] - s * rows[k, 1]) * inverse + 0.5)
+            up = math.floor((s * rows[k, 0] + c * rows[k, 1]) * inverse + 0.5)
+            steps[k, j] = up * columns + across
+    costs = np.empty(headings, np.float32)
     for i in range(bank.places.shape[0]):
         x, y = bank.places[i, 0], bank.places[i, 1]
         if upright_weight > 0.0:
             _upright_spans(bank, x, y, low, high)
-        # half a cell more: a cell's number is where its middle lies
-        across, up = (x - bank.origin_m[0]) * inverse + 0.5, (y - bank.origin_m[1]) * inverse + 0.5
+        column, row = _cell(bank, x, y)
+        here = (row + margin) * columns + column + margin
+        # headings side by side: the processor looks up eight at once
+        costs[:] = np.float32(0.0)
+        for k in range(first):
+            for j in range(headings):
+                d = table[np.uint32(here + steps[k, j])] * sharpness[k]
+                costs[j] += min(d * d, np.float32(1.0))
         for j in range(headings):
-            cost = 0.0
-            for k in range(first):
-                column, row = int(across + turned[j, k, 0]), int(up + turned[j, k, 1])
-                if 0 <= column <= last_column and 0 <= row <= last_row:
-                    d = bank.distance_m[np.uintp(row), np.uintp(column)] * sharpness[k]
-                    cost += min(d * d, 1.0)
-                else:
-                    cost += 1.0
-            scores[i, j] = cost * (number / max(first, 1))
+            scores[i, j] = costs[j] * (number / max(first, 1))
             if upright_weight > 0.0:
                 scores[i, j] += upright_weight * _mismatch(bank, seen, total, low, high, bank.headings[j])
 

@@ -102,7 +102,7 @@ class LineMap:
 
     def count_near(self, points_m: FloatArray, near_m: FloatArray) -> int:
         """Count the field points (N, 2) that a line is nearer to than `near_m` (N,), metres; faster than `nearest`."""
-        return int(count_near_lines(points_m, near_m, self.lines, self.arcs))
+        return int(count_near_lines(np.ascontiguousarray(points_m), near_m, self.lines, self.arcs))
 
     def counts(self, points_m: FloatArray, is_on_line: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Return which line points speak for or against a pose.

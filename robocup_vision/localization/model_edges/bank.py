@@ -39,10 +39,11 @@ def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_
     low_x = -half_x if field.shows_half else 0.0
     columns = np.arange(low_x + spacing_m / 2, half_x, spacing_m)
     rows = np.arange(-half_y + spacing_m / 2, half_y, spacing_m)
+    origin = np.array([-field.length_m / 2 - _MARGIN_M, -field.width_m / 2 - _MARGIN_M])
     places = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    places = np.rint((places - origin) / _CELL_M) * _CELL_M + origin
     count = math.ceil(math.tau / heading_step_rad)
     headings = np.linspace(0.0, math.tau, count, endpoint=False)
-    origin = np.array([-field.length_m / 2 - _MARGIN_M, -field.width_m / 2 - _MARGIN_M])
     shape = (round(-2 * origin[1] / _CELL_M) + 1, round(-2 * origin[0] / _CELL_M) + 1)
     distance = _distances(field.line_points(_CELL_M / 2), origin, shape)
     items: list[list[float]] = []

@@ -37,8 +37,9 @@ class CandidateSettings:
     of_std: float = -1.26
     # of the outcome that none is right
     of_none: float = 6.76
-    # smallest probability of a pose that is the answer alone, and of several together that are candidates
-    min_probability: float = 0.94
+    # smallest probability of a pose that is the answer alone, and of several together that are candidates. Of 1661
+    # frames of development walks 0.4 % are answered wrongly and 64 % rightly; at 0.94 0.6 and 65 %
+    min_probability: float = 0.95
     min_together: float = 0.98
     max_candidates: int = 3
 

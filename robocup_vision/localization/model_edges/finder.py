@@ -29,8 +29,8 @@ from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
 class FinderSettings:
     """How a camera is found."""
 
-    # of the bank: what aligning bridges
-    spacing_m: float = 0.25
+    # of the bank: what aligning bridges, a whole number of its cells
+    spacing_m: float = 0.24
     heading_step_rad: float = math.radians(6.0)
     # scored by all points; aligned; fitted; weighed against each other
     scored: int = 600
@@ -137,14 +137,15 @@ class EdgeFinder:
         """Poses of the camera worth a fit, the likeliest first."""
         return self._likeliest(self._aligned_poses(frame, 0.0))
 
-    def _likeliest(self, aligned: list[tuple[float, Pose2]]) -> list[Pose2]:
-        """Of costs and poses, the poses that cost little more than the best and are apart, the best first."""
-        order = sorted(aligned, key=lambda one: one[0])
-        likely = (pose for cost, pose in order if cost <= order[0][0] + self.settings.behind)
-        return self._first_apart(likely, self.settings.fitted)
+    def _likeliest(self, aligned: FloatArray) -> list[Pose2]:
+        """Of poses and costs (N, 4), the poses that cost little more than the best and are apart, the best first."""
+        costs = aligned[:, 3]
+        likely = aligned[costs <= costs.min(initial=math.inf) + self.settings.behind]
+        poses = (Pose2(*pose) for pose in likely[np.argsort(likely[:, 3], kind="stable"), :3].tolist())
+        return self._first_apart(poses, self.settings.fitted)
 
-    def _aligned_poses(self, frame: UInt8Array, nod_rad: float) -> list[tuple[float, Pose2]]:
-        """Poses aligned with what is in view of a camera that nods by so much, each with its cost in line points."""
+    def _aligned_poses(self, frame: UInt8Array, nod_rad: float) -> FloatArray:
+        """Poses aligned with what is in view of a camera that nods by so much: (N, 4), with the cost in line points."""
         s, follower, camera = self.settings, self.follower, self.follower.camera
         tilt, roll = (camera.tilt_rad or 0.0) + nod_rad, camera.roll_rad or 0.0
         carpet, p = np.zeros(5), np.zeros(UNKNOWNS)
@@ -161,7 +162,7 @@ class EdgeFinder:
         many = sightings(frame, lens, level, seen, self._bank.half_view_rad, self._uprights, self._sights)
         sights = self._sights[:many]
         if number < 3 and seen[:, -1].sum() < 2:
-            return []
+            return np.empty((0, 4))
         score_bank(self._bank, self._rows, number, seen, 0.0, self._scores)
         apart = np.array([s.apart_m, s.apart_rad])
         kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
@@ -175,8 +176,8 @@ class EdgeFinder:
         sway = follower.sway_std_rad
         # the nod is weighed as one from rest
         costs += 0.5 * ((poses[:, 3] + nod_rad) ** 2 - poses[:, 3] ** 2) / (sway * sway)
-        ended = zip(costs.tolist(), poses[:, :3].tolist(), strict=True)
-        return [(cost, Pose2(*pose)) for cost, pose in ended if cost < 0.5 * LEFT_BEHIND]
+        ended = costs < 0.5 * LEFT_BEHIND
+        return np.column_stack([poses[ended, :3], costs[ended]])
 
     def _first_apart(self, poses: Iterable[Pose2], count: int) -> list[Pose2]:
         """Return the first of some poses that are not what one before them is; up to so many."""
@@ -206,12 +207,11 @@ class EdgeFinder:
             return self.judge(frame, self.propose(frame))
         aligned = self._aligned_poses(frame, 0.0)
         answer = self.judge(frame, self._likeliest(aligned))
-        if answer or not aligned:
+        if answer or not len(aligned):
             return answer
         # a body that nods sees far lines elsewhere than the bank: all is weighed again, with poses by other nods
-        for ratio in self.settings.nods:
-            aligned += self._aligned_poses(frame, ratio * self.follower.sway_std_rad)
-        return self.judge(frame, self._likeliest(aligned))
+        nods = [self._aligned_poses(frame, ratio * self.follower.sway_std_rad) for ratio in self.settings.nods]
+        return self.judge(frame, self._likeliest(np.vstack([aligned, *nods])))
 
     def judge(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> FollowedCamera | NotLocated:
         """Fit every proposed pose of the camera, and return those that the frame confirms: one, or a few candidates.
