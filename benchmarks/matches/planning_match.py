@@ -1,4 +1,4 @@
-"""Planning in the match: a side that plans its ways, speeds, gaze and shots, and the same side without.
+"""Planning in the match: a side that plans its ways, speeds, gaze and shots, and agrees by messages; and one without.
 
 Matches of 2 against 2 on ssl_2001, each played twice with one seed: by a side that plans against plain players, and by
 plain players against plain ones; then fewer of them on each league's field, as `robocup-vision match --field F` plays.

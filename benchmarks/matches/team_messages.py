@@ -1,7 +1,7 @@
 """Team messages: how much of the time robots know where the ball is, with and without messages of others.
 
 Matches of 3 against 3 on four_legged_2007 (heads with a narrow view) and of 2 against 2 on ssl_2001 (mirror cameras),
-with all that disturbs robots there. The side that attacks +x plays with players that speak to each other ("team"),
+with all that disturbs robots there. The side that attacks +x plays with planning players, which speak to each other,
 with a part of the messages lost; "alone" are the same players with all messages lost. The other side plays with plain
 players. "known": fraction of the control periods in which a robot's ball is within 20 cm of the true one, mean of all
 robots of the side. "ratio": that, to the one of robots that are alone, with its standard error over the matches (SE).
@@ -36,7 +36,7 @@ LOSSES = (0.1, 0.5)
 FIELDS = (("four_legged_2007", 3), ("ssl_2001", 2))
 
 
-TEAM = player_factory("team")
+TEAM = player_factory("planning")
 
 
 def play(plan: MatchPlan) -> tuple[float, float, int]:

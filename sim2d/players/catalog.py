@@ -54,10 +54,10 @@ class BuiltInTeam:
 PLAYERS: dict[str, PlayerFactory] = {
     "plain": BuiltInPlayer,
     "memory": BuiltInTeam(remembers=True),
-    "planning": BuiltInTeam(remembers=True, plans=True),
-    "asking": BuiltInTeam(remembers=True, plans=True, asks=True),
-    "looking": BuiltInTeam(remembers=True, plans=True, looks_again=True),
-    "team": BuiltInTeam(remembers=True, plans=True, talks=True),
+    "planning": BuiltInTeam(remembers=True, plans=True, talks=True),
+    "asking": BuiltInTeam(remembers=True, plans=True, asks=True, talks=True),
+    "looking": BuiltInTeam(remembers=True, plans=True, looks_again=True, talks=True),
+    "silent": BuiltInTeam(remembers=True, plans=True),
 }
 
 

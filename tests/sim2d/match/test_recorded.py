@@ -46,7 +46,7 @@ def test_a_robot_replays_bit_for_bit(recorded: MatchSummary, robot: int) -> None
 
 @pytest.mark.slow
 def test_a_player_that_hears_others_replays_bit_for_bit(tmp_path: Path) -> None:
-    plan = MatchPlan(players=2, seconds=1.0, seed=4, ours=PLAYERS["team"], theirs=Sleeper)
+    plan = MatchPlan(players=2, seconds=1.0, seed=4, ours=PLAYERS["planning"], theirs=Sleeper)
     summary = run_match(plan, tmp_path / "match", record=True)
     recording, differences = Recording(summary.recordings[1]), Differences()
     for call in replay(recording):

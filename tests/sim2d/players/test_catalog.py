@@ -19,7 +19,7 @@ from sim2d.players.catalog import PLAYERS, BuiltInTeam, player_factory, player_n
 from sim2d.players.parts import PlayerParts
 from sim2d.players.settings import PlayerSettings
 
-KNOWN = "plain, memory, planning, asking, looking, team, or one's own as MODULE:NAME"
+KNOWN = "plain, memory, planning, asking, looking, silent, or one's own as MODULE:NAME"
 LONE = PlayerSettings(lost_rps=2.0)
 OPTIONS = {
     "remembers": False,
@@ -45,14 +45,14 @@ def test_teams_have_the_options_of_their_names(monkeypatch):
     player_factory("planning")("setup")
     player_factory("asking")("setup")
     player_factory("looking")("setup")
-    player_factory("team")("setup")
+    player_factory("silent")("setup")
     BuiltInTeam(settings=LONE)("setup")
     assert made == [
         ("setup", {**OPTIONS, "remembers": True}),
-        ("setup", {**OPTIONS, "remembers": True, "plans": True}),
-        ("setup", {**OPTIONS, "remembers": True, "plans": True, "asks": True}),
-        ("setup", {**OPTIONS, "remembers": True, "plans": True, "looks_again": True}),
         ("setup", {**OPTIONS, "remembers": True, "plans": True, "talks": True}),
+        ("setup", {**OPTIONS, "remembers": True, "plans": True, "asks": True, "talks": True}),
+        ("setup", {**OPTIONS, "remembers": True, "plans": True, "looks_again": True, "talks": True}),
+        ("setup", {**OPTIONS, "remembers": True, "plans": True}),
         ("setup", {**OPTIONS, "settings": LONE}),
     ]
     assert player_factory("plain") is BuiltInPlayer
@@ -65,7 +65,7 @@ def test_players_of_ones_own_are_called_by_their_class():
 
 def test_an_unknown_name_is_refused_with_the_known_ones():
     with pytest.raises(
-        ArgumentError, match="there is no player 'clever', only plain, memory, planning, asking, looking, team"
+        ArgumentError, match="there is no player 'clever', only plain, memory, planning, asking, looking, silent"
     ):
         player_factory("clever")
 

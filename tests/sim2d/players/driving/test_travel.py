@@ -176,10 +176,11 @@ def test_a_ball_stays_in_the_mouth_of_a_robot_that_drives_and_turns_as_planned(n
 
 @pytest.mark.slow
 def test_a_planning_team_plays_and_says_why():
-    match = Match(FIELD, 2, 5, ours=player_factory("planning"))
+    # the one without the ball plans ways to where it supports
+    match = Match(FIELD, 3, 5, ours=player_factory("planning"))
     topics, seen = set(), []
     for moment in match.play(6.0):
-        ours, theirs = moment.robots[:2], moment.robots[2:]
+        ours, theirs = moment.robots[:3], moment.robots[3:]
         assert not any(robot.stopped for robot in moment.robots)
         assert all(not robot.status.reasons for robot in theirs)
         topics |= {reason.topic for robot in ours for reason in robot.status.reasons}
