@@ -25,7 +25,7 @@ class Bank(NamedTuple):
     Parameters
     ----------
     places : (P, 2) float64
-        Where the camera may stand, metres: middles of cells.
+        Where the camera may stand, metres: middles of cells of `distance_m`.
     headings : (H,) float64
         Of its axis, evenly spaced.
     distance_m : (R, C) float32
