@@ -283,7 +283,7 @@ def score_bank(
     margin = int(farthest * inverse) + 2
     table, columns = _with_margin(bank.distance_m, margin)
     # places are cells: where a point lies from them, as each heading turns it, is the same number of cells everywhere
-    steps, sharpness = np.empty((first, headings), np.int32), np.empty(first, np.float32)
+    steps, sharpness = np.empty((first, headings), np.int32), np.empty(first)
     for k in range(first):
         sharpness[k] = 1.0 / rows[k, 2]
         for j in range(headings):
@@ -291,19 +291,19 @@ def score_bank(
             across = math.floor((c * rows[k, 0] - s * rows[k, 1]) * inverse + 0.5)
             up = math.floor((s * rows[k, 0] + c * rows[k, 1]) * inverse + 0.5)
             steps[k, j] = up * columns + across
-    costs = np.empty(headings, np.float32)
+    costs = np.empty(headings)
     for i in range(bank.places.shape[0]):
         x, y = bank.places[i, 0], bank.places[i, 1]
         if upright_weight > 0.0:
             _upright_spans(bank, x, y, low, high)
         column, row = _cell(bank, x, y)
         here = (row + margin) * columns + column + margin
-        # headings side by side: the processor looks up eight at once
-        costs[:] = np.float32(0.0)
+        # headings side by side: the processor looks up several at once
+        costs[:] = 0.0
         for k in range(first):
             for j in range(headings):
                 d = table[np.uint32(here + steps[k, j])] * sharpness[k]
-                costs[j] += min(d * d, np.float32(1.0))
+                costs[j] += min(d * d, 1.0)
         for j in range(headings):
             scores[i, j] = costs[j] * (number / max(first, 1))
             if upright_weight > 0.0:
