@@ -21,8 +21,7 @@ from field_models import load_field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.localization.goal.fit import refine
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
-from robocup_vision.localization.goal.search import GoalSearch
-from robocup_vision.perception.goal_color import hue_masks
+from robocup_vision.localization.goal.search import Candidate, GoalSearch
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
 
 FIELD = load_field("four_legged_2007")
@@ -37,12 +36,17 @@ def warm_median_s(call: Callable[[], object], repeats: int) -> float:
 
 def masks(search: GoalSearch, frame: UInt8Array) -> object:
     """Mark the paint of both goals."""
-    return hue_masks(search.reduced(frame)[0], search.families)
+    return search.picture(frame).masks
 
 
 def pairs(search: GoalSearch, frame: UInt8Array) -> object:
     """Find the first two pairs of posts."""
-    return list(itertools.islice(search.proposals(frame), 2))
+    return list(itertools.islice(search.proposals(search.picture(frame)), 2))
+
+
+def candidates(search: GoalSearch, frame: UInt8Array) -> tuple[list[Candidate], str]:
+    """Find goals."""
+    return search.candidates(search.picture(frame))
 
 
 def main() -> None:
@@ -66,7 +70,7 @@ def main() -> None:
         if search.families:
             stages.append(("masks of both hues", partial(masks, search)))
         stages.append(("masks, posts, pairs", partial(pairs, search)))
-        stages.append(("goal search", search.candidates))
+        stages.append(("goal search", partial(candidates, search)))
         stages.append(("whole locate()", estimator.locate))
         for stage, call in stages:
             typical = float(np.median([warm_median_s(partial(call, f), repeats) for f in frames]))
@@ -75,10 +79,10 @@ def main() -> None:
             all_ok &= ok or not judged
             target, says = (max_ratio, verdict(ok)) if judged else (None, None)
             table.row(stage, 1e3 * typical, typical / unit, target, says)
-        found = search.candidates(frames[0])[0]
+        found = candidates(search, frames[0])[0]
         if found:
             c = found[0]
-            appearance = next(iter(search.proposals(frames[0]))).appearance
+            appearance = next(iter(search.proposals(search.picture(frames[0])))).appearance
             refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, appearance)
             once = warm_median_s(refining, 5 * repeats)
             table.row("one refinement", 1e3 * once, once / unit, None, None)

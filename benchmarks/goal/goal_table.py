@@ -163,7 +163,7 @@ def measure(job: tuple[str, int, tuple[int, ...]]) -> list[list[Score]]:
     search = GoalSearch(FIELD, condition.camera)
     rows = []
     for s in sample_goal(FIELD, condition, seed, 66, places=paper_places(FIELD), indices=indices, supersample=4):
-        candidates, _ = search.candidates(s.frame)
+        candidates, _ = search.candidates(search.picture(s.frame))
         pixels = corners(candidates[0], condition.camera.height_m) if candidates else None
         row = []
         for estimator in (direct, paper, closed):

@@ -23,6 +23,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.goal.fit import FitLoss
+from robocup_vision.localization.goal.camera_estimate import CameraEstimate
 from robocup_vision.localization.goal.fit import GoalModel, goal_model, system_at
 from robocup_vision.localization.goal.geometry import (
     BLOOM,
@@ -35,7 +36,7 @@ from robocup_vision.localization.goal.geometry import (
     IdealView,
     goal_shape,
 )
-from robocup_vision.localization.goal.pose_estimator import CameraEstimate, GoalPoseEstimator
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.localization.goal.white_lines import loosened
 from robocup_vision.progress import progress
 

@@ -197,6 +197,26 @@ def _paint_nats(paint: npt.NDArray[np.float32], points: FloatArray) -> float:
 
 
 @compiled
+def silhouette_nats(scene: GoalScene, evidence: Evidence, unknowns: FloatArray) -> float:
+    """Sum the evidence of edges and paint where one camera sees the goal; minus infinity where it is not in front.
+
+    Parameters
+    ----------
+    scene : GoalScene
+        As for `score_places`, of the picture that the evidence is of.
+    evidence : Evidence
+        Of a picture.
+    unknowns : (8,) float64
+        The camera, in the order of goal/geometry.py.
+    """
+    outline, points = np.empty((_ENDS, 3)), np.empty((_ENDS, 2))
+    goal_outline(scene, unknowns[0], unknowns[1], unknowns[5], outline)
+    if not project_outline(outline, scene.camera, unknowns[2], unknowns[3], unknowns[4], points):
+        return -np.inf
+    return _paint_nats(evidence.paint_nats, points) + _edges_nats(evidence.levels, evidence.edge_nats, points)
+
+
+@compiled
 def _stands_on_carpet(carpet: UInt8Array, points: FloatArray) -> bool:
     """Whether both outer feet are in the picture, and carpet begins below one of them."""
     rows, columns = carpet.shape

@@ -19,6 +19,7 @@ from robocup_vision.kernels.goal.fit import FitLoss
 from robocup_vision.kernels.goal.lines.marked_cameras import (
     MarkReach,
     MarkWorth,
+    SeenMarks,
     choose_marks,
     fit_marked,
     gather_marks,
@@ -26,7 +27,7 @@ from robocup_vision.kernels.goal.lines.marked_cameras import (
 )
 from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, follow_arc
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
-from robocup_vision.localization.goal.edges import EdgeSamples
+from robocup_vision.localization.goal.edges import EdgeSamples, no_samples
 from robocup_vision.localization.goal.fit import (
     GoalFit,
     GoalModel,
@@ -219,6 +220,12 @@ class ColoredGoalLines:
         _, seen = self._marks.measure(frame, due, np.full(len(due), self._settings.reaches_px[1]))
         return len(due), int(np.count_nonzero(seen))
 
+    def nats(self, frame: npt.NDArray[np.uint8], model: GoalModel, p: FloatArray) -> float:
+        """Log-likelihood ratio of what a camera (8,) has in view where lines are due, if they are there, to clutter."""
+        reach = self._settings.reaches_px[-1]
+        looked = self._look(frame, model, p, np.zeros((len(p), len(p))), MarkReach(0.0, reach, reach))
+        return self._evidence(model, self._gathered(no_samples(), *looked), p)
+
     def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
         """Settle each fit along its arc by all lines drawn."""
         settled: list[_Fitted] = []
@@ -282,7 +289,7 @@ class ColoredGoalLines:
 
     def _evidence(self, model: GoalModel, marked: _Marked, p: FloatArray) -> float:
         """Logarithm of how much likelier the ridges are if these lines are there than if they are clutter."""
-        residual = residuals(model, marked.samples, p)[-int(marked.seen.sum()) :]
+        residual = residuals(model, marked.samples, p)[len(marked.samples.sigma) - int(marked.seen.sum()) :]
         return float(mark_evidence(residual, marked.width, marked.reach, marked.seen, self._worth))
 
     def _from(
@@ -338,11 +345,27 @@ class ColoredGoalLines:
     ) -> _Marked | None:
         """Look for the lines where a camera predicts them; None where too few are in view or seen."""
         how_far = MarkReach(self._settings.reach_stds, self._settings.min_reach_px, max_px)
+        due, is_seen = self._look(frame, model, p, covariance, how_far)
+        if np.count_nonzero(is_seen) < self._settings.min_marks:
+            return None
+        return self._gathered(samples, due, is_seen)
+
+    def _look(
+        self,
+        frame: npt.NDArray[np.uint8],
+        model: GoalModel,
+        p: FloatArray,
+        covariance: FloatArray,
+        how_far: MarkReach,
+    ) -> tuple[SeenMarks, npt.NDArray[np.bool_]]:
         due = self._marks.look(frame, model, p[None], covariance[None], how_far)
         is_seen = np.empty(len(due.widths), np.bool_)
-        count = choose_marks(due.contrast, due.widths, self._worth.contrast_width_px, self._worth.min_contrast, is_seen)
-        if count < self._settings.min_marks:
-            return None
+        choose_marks(due.contrast, due.widths, self._worth.contrast_width_px, self._worth.min_contrast, is_seen)
+        return due, is_seen
+
+    def _gathered(self, samples: EdgeSamples, due: SeenMarks, is_seen: npt.NDArray[np.bool_]) -> _Marked:
+        """Add the lines that are seen to a goal's samples."""
+        count = int(np.count_nonzero(is_seen))
         marks, uv, direction, sigma = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2)), np.empty(count)
         gather_marks(due, 0, is_seen, self._worth, marks, uv, direction, sigma)
         return _Marked(with_marks(samples, marks, uv, direction, sigma), is_seen, due.widths, due.reach)

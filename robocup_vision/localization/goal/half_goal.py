@@ -24,6 +24,7 @@ from robocup_vision.localization.goal.fit import (
     without_element,
 )
 from robocup_vision.localization.goal.geometry import BAR_TOP, HEADING, TILT, X, Y
+from robocup_vision.localization.goal.goal_picture import GoalPicture
 from robocup_vision.localization.goal.search import Candidate, GoalSearch
 from robocup_vision.localization.goal.starts import strip_samples
 from robocup_vision.perception.goal_region import Strip
@@ -53,7 +54,7 @@ class PriorSettings:
 
 
 def find_half_goal(
-    search: GoalSearch, frame: UInt8Array, prior: Pose2, settings: PriorSettings = PriorSettings()
+    search: GoalSearch, picture: GoalPicture, prior: Pose2, settings: PriorSettings = PriorSettings()
 ) -> Candidate | None:
     """Fit one post and the bar, or two posts without it, under a prior pose; None where less is in view.
 
@@ -61,8 +62,8 @@ def find_half_goal(
     ----------
     search : GoalSearch
         Field and camera.
-    frame : (H, W, 3) uint8
-        BGR.
+    picture : GoalPicture
+        Of this search.
     prior : Pose2
         Where to look. It is not part of the information of what is found: a filter that the prior comes from may
         update with the result.
@@ -70,7 +71,7 @@ def find_half_goal(
         How well the prior is known.
     """
     best: Candidate | None = None
-    for proposal in search.proposals(frame):
+    for proposal in search.proposals(picture):
         appearance = proposal.appearance
         if proposal.model is search.colored_model:
             # what hides the rest of the goal has edges of its own, but no paint inside
@@ -80,7 +81,7 @@ def find_half_goal(
         for side in proposal.sides:
             constrained = under_prior(proposal.model, prior if side > 0 else prior.half_turn(), settings)
             for strip, post in itertools.product(proposal.found[: settings.max_strips], (0, 1)):
-                whole = _fit_one_post(search, frame, strip, post, constrained, appearance)
+                whole = _fit_one_post(search, picture.frame, strip, post, constrained, appearance)
                 seen = None if whole is None else _without_missing(proposal.model, constrained, whole, settings)
                 if seen is None or seen.unknowns[X] > constrained.shape.line_x_m - search.settings.edge_on_m:
                     continue

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from field_models.field import COLOR_NAMES, Field
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.paint.strips import mean_along
 from robocup_vision.localization.goal.edges import EdgeAppearance, from_ideal
@@ -30,12 +30,12 @@ from robocup_vision.localization.goal.fit import (
     residuals,
 )
 from robocup_vision.localization.goal.geometry import BAR_TOP, X, goal_shape, project
+from robocup_vision.localization.goal.goal_picture import GoalPicture
 from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
 from robocup_vision.localization.goal.starts import bar_rows, rotated, starts, strip_samples, with_bar
 from robocup_vision.perception.goal_color import (
     GoalColorSettings,
     hue_families,
-    hue_masks,
     is_chromatic,
 )
 from robocup_vision.perception.goal_region import (
@@ -193,13 +193,18 @@ class GoalSearch:
         self._silhouettes = SilhouetteSearch(self.colored_model, camera, self.extent_m)
         self._has_white = any(not is_chromatic(goal.color) for goal in field.goals)
 
-    def candidates(self, frame: UInt8Array) -> tuple[list[Candidate], str]:
-        """Goals that may be in a frame, distinct ones, best first; and why there is none if there is none."""
+    def picture(self, frame: UInt8Array) -> GoalPicture:
+        """Take a frame (H, W, 3), BGR, of the camera's size."""
+        factor = max(1, round(self.camera.size_px[0] / self.settings.width_px))
+        return GoalPicture(frame, factor, self.families, self.settings.colors, self._silhouettes)
+
+    def candidates(self, picture: GoalPicture) -> tuple[list[Candidate], str]:
+        """Goals that may be in a picture, distinct ones, best first; and why there is none if there is none."""
         found: list[Candidate] = []
         reason = ""
-        for proposal in self.proposals(frame):
+        for proposal in self.proposals(picture):
             for left, right in proposal.pairs:
-                fits = self._fits(frame, left, right, proposal)
+                fits = self._fits(picture.frame, left, right, proposal)
                 if not fits:
                     reason = "no goal: two posts may be there, but no bar that fits them"
                 found += [self._judged(f, proposal) for f in fits if f.score > self.settings.min_score]
@@ -208,7 +213,7 @@ class GoalSearch:
             if any(c.is_plain and c.fit.score > self.settings.clear_score for c in found):
                 break
         if self.families and not any(c.is_plain for c in found):
-            found += self._by_silhouettes(frame)
+            found += self.by_silhouettes(picture)
         found.sort(key=lambda c: (c.objection is not None, -c.rank))
         distinct: list[Candidate] = []
         for candidate in found:
@@ -247,25 +252,14 @@ class GoalSearch:
             return "what looks like one has no carpet before it"
         return None
 
-    def _bright(self, picture: UInt8Array, color: str, carpet: UInt8Array) -> UInt8Array:
-        """Mask (H, W) of what may be paint of a hue, washed by lamps or not.
-
-        Its colours are brighter than carpet, and lamps add light: where a post is dark, somebody stands before it.
-        """
-        bgr = COLOR_NAMES[color]
-        lit = picture[..., [k for k in range(3) if 3 * bgr[k] > sum(bgr)]].min(axis=2)
-        green = picture[..., 1][carpet > 0]
-        least = self.settings.shaded * float(np.median(green)) if len(green) else 0.0
-        return np.where(lit >= least, np.uint8(255), np.uint8(0))
-
-    def proposals(self, frame: UInt8Array) -> Iterator[Proposal]:
+    def proposals(self, picture: GoalPicture) -> Iterator[Proposal]:
         """Yield where goals may be: by each goal's hue, then white ones by their edges."""
         if self.families:
-            small, factor = self.reduced(frame)
-            masks, carpet = self._masks(small)
-            for color, mask in masks.items():
-                yield self._of_hue(color, mask, carpet, self._mask_strips(mask, carpet), factor)
+            masks = picture.masks
+            for color, mask in masks.paint.items():
+                yield self._of_hue(color, mask, masks.carpet, self._mask_strips(mask, masks.carpet), picture.factor)
         if self._has_white:
+            frame = picture.frame
             carpet = carpet_mask(frame)
             found = strips(
                 white_runs(frame, 4, self.settings.strips), 4, carpet, certain=False, settings=self.settings.strips
@@ -276,40 +270,39 @@ class GoalSearch:
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)], self.settings.white_pairs)
             yield Proposal(sides, found, pairs, paint, carpet, 1, self.white_model, appearance)
 
-    def _by_silhouettes(self, frame: UInt8Array) -> list[Candidate]:
+    def by_silhouettes(self, picture: GoalPicture) -> list[Candidate]:
         """Goals that paint alone does not show: washed by lamps, or before something of a neighbouring hue."""
-        small, factor = self.reduced(frame)
-        masks, carpet = self._masks(small)
-        picture = self._silhouettes.picture(frame)
-        ideal_masks, ideal_carpet = (masks, carpet) if picture is frame else self._masks(self.reduced(picture)[0])
-        edges = self._silhouettes.edges(picture)
+        paint, carpet = picture.masks
+        straight = picture.straight_masks
         proposed = []
-        for color, mask in masks.items():
-            proposal = self._of_hue(color, mask, carpet, [], factor)
-            appearance = replace(proposal.appearance, paint=self._bright(small, color, carpet))
+        for color, mask in paint.items():
+            proposal = self._of_hue(color, mask, carpet, [], picture.factor)
+            appearance = replace(proposal.appearance, paint=picture.bright(color, self.settings.shaded))
             proposal = proposal._replace(appearance=appearance)
-            starts = self._silhouettes.propose(edges, ideal_masks[color], ideal_carpet)
+            starts = self._silhouettes.propose(picture.edges, straight.paint[color], straight.carpet)
             proposed += [(nats, start, proposal) for nats, start in starts]
         proposed.sort(key=lambda one: -one[0])
         found = []
         for _, start, proposal in proposed[: self._silhouettes.settings.proposed]:
-            fit = refine(frame, self.camera, proposal.model, start, proposal.appearance)
+            fit = refine(picture.frame, self.camera, proposal.model, start, proposal.appearance)
             if fit is not None and fit.score > self.settings.min_score:
                 found.append(self._judged(fit, proposal))
         return found
 
-    def _masks(self, image: UInt8Array) -> tuple[dict[str, UInt8Array], UInt8Array]:
-        """Mask the paint of each hue, and carpet."""
-        masks = hue_masks(image, self.families, self.settings.colors)
-        return masks, carpet_mask(image, np.bitwise_or.reduce(list(masks.values())))
+    def nats(self, picture: GoalPicture, sides: tuple[int, ...], unknowns: FloatArray) -> float:
+        """Log-likelihood ratio of a whole picture's edges and paint, if a camera (8,) sees a goal of a hue, to clutter.
 
-    def reduced(self, frame: UInt8Array) -> tuple[UInt8Array, int]:
-        """Return the frame at about the width of `settings`, and the factor it was reduced by."""
-        factor = max(1, round(self.camera.size_px[0] / self.settings.width_px))
-        if factor == 1:
-            return frame, 1
-        small = cv2.resize(frame, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
-        return np.asarray(small, np.uint8), factor
+        Parameters
+        ----------
+        picture : GoalPicture
+            Of this search.
+        sides : tuple of int
+            Which goals it can be.
+        unknowns : (8,) float64
+            The camera, in the order of goal/geometry.py.
+        """
+        color = next(goal.color for goal in self.field.goals if goal.side == sides[0])
+        return self._silhouettes.nats(picture.evidence(color), unknowns)
 
     def _mask_strips(self, mask: UInt8Array, carpet: UInt8Array) -> list[Strip]:
         return strips(mask_runs(mask, 2), 2, carpet, certain=True, settings=self.settings.strips)

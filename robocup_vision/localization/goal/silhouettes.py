@@ -25,6 +25,7 @@ from robocup_vision.kernels.goal.silhouettes import (
     mark_edges,
     score_places,
     settle,
+    silhouette_nats,
     strongest_gradients,
 )
 from robocup_vision.localization.goal.edges import from_ideal
@@ -209,7 +210,7 @@ class SilhouetteSearch:
         likely: list[tuple[float, float, float, FloatArray]] = []
         for bank, seen in zip(self._banks, edges, strict=False):
             found = np.empty((len(bank.cameras.places_m), 4))
-            score_places(bank.scene, self._evidence(seen, paint, carpet), bank.cameras, found)
+            score_places(bank.scene, self.evidence(seen, paint, carpet), bank.cameras, found)
             for place in np.argsort(-found[:, 0], kind="stable")[: s.settled].tolist():
                 nats, heading, tilt, of_paint = found[place].tolist()
                 p = np.array([*bank.cameras.places_m[place], heading, tilt, bank.cameras.roll_rad])
@@ -234,7 +235,12 @@ class SilhouetteSearch:
                 proposed.append((nats, unknowns))
         return proposed
 
-    def _evidence(self, edges: Edges, paint: UInt8Array, carpet: UInt8Array) -> Evidence:
+    def nats(self, seen: Evidence, unknowns: FloatArray) -> float:
+        """Evidence that a whole picture shows the goal where a camera (8,) has it; minus infinity behind the camera."""
+        return float(silhouette_nats(self._scene, seen, unknowns))
+
+    def evidence(self, edges: Edges, paint: UInt8Array, carpet: UInt8Array) -> Evidence:
+        """Weigh edges, paint and carpet of a picture; the masks may be of another size than the edges."""
         (rows, columns), ratio = edges.levels.shape, self.settings.painted_ratio
         size = (columns, rows)
         painted = cv2.resize(paint, size, interpolation=cv2.INTER_AREA) > _MIN_PAINT

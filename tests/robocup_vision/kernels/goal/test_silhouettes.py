@@ -15,6 +15,7 @@ from robocup_vision.kernels.goal.silhouettes import (
     mark_edges,
     score_places,
     settle,
+    silhouette_nats,
     strongest_gradients,
 )
 from robocup_vision.localization.goal.edges import goal_scene
@@ -157,6 +158,23 @@ def test_places_are_scored_as_plain_loops_score_them(seed):
             assert math.isinf(result[0])
         else:
             assert result == pytest.approx(best, abs=1e-4)
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.floats(-1.0, 2.0), st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(-0.2, 0.2), st.integers(0, 2**32 - 1)
+)
+def test_one_camera_counts_paint_and_edges_as_plain_loops_do(x, y, heading, tilt, seed):
+    rng = np.random.default_rng(seed)
+    evidence = Evidence(
+        rng.integers(0, 256, SIZE[::-1]).astype(np.uint8),
+        rng.normal(size=(4, 3)),
+        rng.normal(size=SIZE[::-1]).astype(np.float32),
+        np.zeros(SIZE[::-1], np.uint8),
+    )
+    nats = silhouette_nats(SCENE, evidence, np.array([x, y, heading, tilt, 0.02, HEIGHT_M, 0.0, 0.0]))
+    points = outlined(x, y, heading, tilt, 0.02)
+    assert nats == pytest.approx(-np.inf if points is None else sum(plain_score(evidence, points)), abs=1e-6)
 
 
 @settings(deadline=None, max_examples=15)

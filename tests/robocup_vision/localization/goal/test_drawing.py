@@ -39,7 +39,7 @@ def test_lines_are_likeliest_where_they_are(far):
 
 def test_a_drawing_settles_where_the_camera_stands(far):
     frame, search, truth = far
-    candidate = search.candidates(frame)[0][0]
+    candidate = search.candidates(search.picture(frame))[0][0]
     drawing = LineDrawing(frame, PEN)
     start = turned(candidate.model, truth, 0.03)
     drawn = drawing.settle(candidate.model, candidate.fit.samples, start, 0.06, loose=2)
@@ -53,7 +53,7 @@ def test_a_drawing_settles_where_the_camera_stands(far):
 
 def test_no_drawing_settles_where_lines_of_it_are_missing(far):
     frame, search, truth = far
-    candidate = search.candidates(frame)[0][0]
+    candidate = search.candidates(search.picture(frame))[0][0]
     # a line that nobody painted, across the carpet before the camera
     ahead = truth[0] + 0.3 * (SIDE_X_M - truth[0])
     unpainted = np.column_stack([np.full(51, ahead), np.linspace(-1.0, 1.0, 51)])
@@ -66,4 +66,7 @@ def test_without_carpet_nothing_is_estimated(far):
     black = np.zeros((160, 208, 3), np.uint8)
     drawing = LineDrawing(black, PEN)
     assert drawing.likelihood(search.colored_model, truth) == 0.0
-    assert drawing.settle(search.colored_model, search.candidates(far[0])[0][0].fit.samples, truth, 0.05) is None
+    assert (
+        drawing.settle(search.colored_model, search.candidates(search.picture(far[0]))[0][0].fit.samples, truth, 0.05)
+        is None
+    )

@@ -11,6 +11,7 @@ from field_models import ArgumentError, FrameError, load_field
 from robocup_vision.camera import load_camera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.goal.colored_goals import ColoredGoalSettings
 from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator, GoalSettings
 from robocup_vision.localization.goal.search import GoalSearch
@@ -116,7 +117,8 @@ def test_posts_washed_white_or_before_their_own_hue_are_found(condition, seed, i
 def test_lines_overrule_what_a_lamp_s_streak_makes_of_a_goal(index):
     condition, places = GOAL_CONDITIONS["streaks_416x320"], paper_places(FIELD)
     sample = next(sample_goal(FIELD, condition, 901, 66, places=places, indices=[index], supersample=3))
-    candidates, _ = GoalSearch(FIELD, condition.camera).candidates(sample.frame)
+    search = GoalSearch(FIELD, condition.camera)
+    candidates, _ = search.candidates(search.picture(sample.frame))
     assert candidates[0].objection is not None
     estimate = GoalPoseEstimator(FIELD, condition.camera).locate(sample.frame)
     assert estimate
@@ -246,7 +248,7 @@ def test_a_goal_of_a_hue_whose_lines_are_not_there_must_be_beyond_doubt():
     painted = np.array([[-2.0, y, 1.5, y] for y in (-1.2, -0.9, -0.6, -0.3, 0.3, 0.6, 0.9, 1.2)])
     other = replace(FIELD, lines=painted, arcs=np.empty((0, 5)))
     assert GoalPoseEstimator(other, CLEAN.camera).locate(sample.frame)
-    doubting = GoalSettings(clear_hue_score=1.1)
+    doubting = GoalSettings(colored=ColoredGoalSettings(clear_score=1.1))
     assert GoalPoseEstimator(FIELD, CLEAN.camera, settings=doubting).locate(sample.frame)
     found = GoalPoseEstimator(other, CLEAN.camera, settings=doubting).locate(sample.frame)
     assert not found

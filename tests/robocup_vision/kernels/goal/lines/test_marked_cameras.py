@@ -34,7 +34,8 @@ SCALES = np.full(4, 1.5)
 @pytest.fixture(scope="module")
 def goal():
     sample = next(sample_goal(FIELD, CONDITION, 7, 66, places=paper_places(FIELD), indices=[47], supersample=3))
-    candidate = GoalSearch(FIELD, CONDITION.camera).candidates(sample.frame)[0][0]
+    search = GoalSearch(FIELD, CONDITION.camera)
+    candidate = search.candidates(search.picture(sample.frame))[0][0]
     return sample.frame, candidate.model, candidate.fit
 
 

@@ -1,0 +1,116 @@
+"""A frame as the search for goals takes it: its paint, carpet and edges, each worked out when it is first asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from field_models.field import COLOR_NAMES
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.kernels.goal.silhouettes import Evidence
+from robocup_vision.localization.goal.silhouettes import Edges, SilhouetteSearch
+from robocup_vision.perception.goal_color import GoalColorSettings, hue_masks
+from robocup_vision.perception.goal_region import carpet_mask
+
+
+class PaintMasks(NamedTuple):
+    """Masks (H, W) of the paint of each hue, by its name, and of carpet."""
+
+    paint: dict[str, UInt8Array]
+    carpet: UInt8Array
+
+
+class GoalPicture:
+    """One frame of the camera that goals are searched with.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR.
+    factor : int
+        Masks are made of a frame reduced by so much.
+    families : dict of str to (float, float)
+        Hues of the field's goals, see `perception.goal_color.hue_families`.
+    colors : GoalColorSettings
+        How paint is told.
+    silhouettes : SilhouetteSearch
+        Marks edges.
+    """
+
+    def __init__(
+        self,
+        frame: UInt8Array,
+        factor: int,
+        families: dict[str, tuple[float, float]],
+        colors: GoalColorSettings,
+        silhouettes: SilhouetteSearch,
+    ) -> None:
+        self.frame = frame
+        self.factor = factor
+        self._families = families
+        self._colors = colors
+        self._silhouettes = silhouettes
+        self._evidence: dict[str, Evidence] = {}
+
+    @cached_property
+    def small(self) -> UInt8Array:
+        """The frame reduced."""
+        return self._reduced(self.frame)
+
+    @cached_property
+    def masks(self) -> PaintMasks:
+        """Of the reduced frame."""
+        return self._masks(self.small)
+
+    @cached_property
+    def straight(self) -> UInt8Array:
+        """The frame as a lens without distortion would show it."""
+        return self._silhouettes.picture(self.frame)
+
+    @cached_property
+    def straight_masks(self) -> PaintMasks:
+        """Of `straight` reduced."""
+        return self.masks if self.straight is self.frame else self._masks(self._reduced(self.straight))
+
+    @cached_property
+    def edges(self) -> list[Edges]:
+        """Of `straight`."""
+        return self._silhouettes.edges(self.straight)
+
+    def evidence(self, color: str) -> Evidence:
+        """Weigh what `straight` shows of a goal of a hue, pixel by pixel."""
+        if color not in self._evidence:
+            paint, carpet = self.straight_masks
+            self._evidence[color] = self._silhouettes.evidence(self.edges[-1], paint[color], carpet)
+        return self._evidence[color]
+
+    def bright(self, color: str, shaded: float) -> UInt8Array:
+        """Mask (H, W) of what may be paint of a hue, washed by lamps or not, in the reduced frame.
+
+        Its colours are brighter than carpet, and lamps add light: where a post is dark, somebody stands before it.
+
+        Parameters
+        ----------
+        color : str
+            The hue's name.
+        shaded : float
+            Paint in its own shade is no darker than this part of the carpet.
+        """
+        bgr = COLOR_NAMES[color]
+        lit = self.small[..., [k for k in range(3) if 3 * bgr[k] > sum(bgr)]].min(axis=2)
+        green = self.small[..., 1][self.masks.carpet > 0]
+        least = shaded * float(np.median(green)) if len(green) else 0.0
+        return np.where(lit >= least, np.uint8(255), np.uint8(0))
+
+    def _reduced(self, image: UInt8Array) -> UInt8Array:
+        if self.factor == 1:
+            return image
+        small = cv2.resize(image, None, fx=1 / self.factor, fy=1 / self.factor, interpolation=cv2.INTER_AREA)
+        return np.asarray(small, np.uint8)
+
+    def _masks(self, image: UInt8Array) -> PaintMasks:
+        masks = hue_masks(image, self._families, self._colors)
+        return PaintMasks(masks, carpet_mask(image, np.bitwise_or.reduce(list(masks.values()))))

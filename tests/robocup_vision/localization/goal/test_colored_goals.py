@@ -1,0 +1,67 @@
+"""Goals of a hue chosen by the whole picture: washed ones are found, and doubt between cameras is said."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from field_models import load_field
+from robocup_vision.localization.goal.camera_estimate import CameraEstimate
+from robocup_vision.localization.goal.colored_goals import ColoredGoals, ColoredGoalSettings, doubting
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator, GoalSettings
+from robocup_vision.localization.goal.search import GoalSearch
+from robocup_vision.localization.lines.line_map import LineMap
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
+
+FIELD = load_field("four_legged_2007")
+STREAKS = GOAL_CONDITIONS["streaks_416x320"]
+
+
+def streaked(index):
+    """Render a goal along whose posts lamps draw white streaks."""
+    return next(sample_goal(FIELD, STREAKS, 91, 66, places=paper_places(FIELD), indices=[index], supersample=3))
+
+
+def placed(x_m, y_m, std_m):
+    """Place a camera, as certain of everything as said."""
+    unknowns = np.zeros(8)
+    unknowns[:2] = x_m, y_m
+    return CameraEstimate(unknowns, np.eye(8) * std_m**2, (1,), None, None)
+
+
+@pytest.mark.parametrize("index", [44, 49])
+def test_a_goal_that_single_edges_refuse_is_told_by_the_whole_picture(index):
+    sample = streaked(index)
+    deaf = GoalSettings(colored=ColoredGoalSettings(min_nats=math.inf))
+    assert not GoalPoseEstimator(FIELD, STREAKS.camera, settings=deaf).locate(sample.frame)
+    estimate = GoalPoseEstimator(FIELD, STREAKS.camera).locate(sample.frame)
+    assert estimate
+    assert estimate.pose.error_to(sample.pose)[0] < 0.1
+
+
+def test_only_objections_are_no_goal():
+    goals = ColoredGoals(GoalSearch(FIELD, STREAKS.camera), LineMap(FIELD))
+    picture = GoalSearch(FIELD, STREAKS.camera).picture(np.full((320, 416, 3), (40, 120, 40), np.uint8))
+    assert goals.locate(picture, []) is None
+
+
+@given(
+    offset_m=st.floats(0.0, 0.19),
+    std_m=st.floats(0.001, 0.05),
+    behind_nats=st.floats(0.0, 100.0),
+)
+def test_a_camera_is_as_uncertain_as_its_neighbours_differ(offset_m, std_m, behind_nats):
+    best, other = placed(0.0, 0.0, std_m), placed(offset_m, 0.0, std_m)
+    doubted = doubting(best, [(300.0, best), (300.0 - behind_nats, other)], 0.2, 15.0)
+    share = math.exp(-behind_nats / 15.0)
+    expected = std_m**2 + offset_m**2 * share / (1.0 + share)
+    assert doubted.covariance[0, 0] == pytest.approx(expected)
+    assert doubted.covariance[1, 1] == pytest.approx(std_m**2)
+    assert doubted.unknowns is best.unknowns
+
+
+def test_a_camera_elsewhere_is_another_answer():
+    best, other = placed(0.0, 0.0, 0.01), placed(0.5, 0.0, 0.01)
+    assert doubting(best, [(300.0, best), (299.0, other)], 0.2, 15.0).covariance == pytest.approx(best.covariance)
