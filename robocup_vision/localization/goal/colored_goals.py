@@ -37,6 +37,8 @@ class ColoredGoalSettings:
         Of the places on lines that are due, those that must be seen before lines overrule an objection to a goal.
     telling_marks : int
         So many places on lines predicted in view, and lines that are not seen speak against a goal.
+    telling_ratio : float
+        Of the evidence that lines would give were all of them seen where they are due, what leaves no doubt.
     min_alone_score : float
         Score from which a goal counts without lines on a field that has them: motley clutter has up to 0.7, goals that
         no lamp dazzles 0.85 and more.
@@ -54,6 +56,7 @@ class ColoredGoalSettings:
     max_rivals: int = 6
     min_overruling_ratio: float = 0.6
     telling_marks: int = 12
+    telling_ratio: float = 0.5
     min_alone_score: float = 0.72
     clear_score: float = 0.85
     max_doubted: int = 6
@@ -71,10 +74,6 @@ class _Joined(NamedTuple):
     @property
     def camera(self) -> CameraEstimate:
         return CameraEstimate(self.lines.unknowns, self.lines.covariance, self.goal.sides, self.goal.fit, self.lines)
-
-    def is_plain(self, min_score: float, min_ratio: float) -> bool:
-        """Whether nothing speaks against the goal, and lines confirm it."""
-        return self.goal.objection is None and self.goal.fit.score >= min_score and self.lines.line_ratio >= min_ratio
 
 
 class ColoredGoals:
@@ -115,7 +114,8 @@ class ColoredGoals:
             Goals of a hue, the best first.
         """
         settings = self._settings
-        alone, best, best_evidence = None, None, -math.inf
+        alone: Candidate | None = None
+        best: _Joined | None = None
         joined: list[_Joined] = []
         rejected: list[_Joined] = []
         for candidate in candidates[: settings.max_rivals]:
@@ -126,37 +126,37 @@ class ColoredGoals:
             if found is None:
                 continue
             joined.append(found)
-            if found.evidence <= best_evidence:
+            if best is not None and found.evidence <= best.evidence:
                 continue
             if fine.objection is not None and not self._is_overruled(picture, found):
                 rejected.append(found)
                 continue
-            best_evidence, best = found.evidence, found.camera
-            if found.is_plain(settings.clear_score, settings.min_overruling_ratio):
-                return best
-        if best is None and alone is not None and alone.fit.score >= settings.clear_score:
-            return self._alone(alone)
-        answer = self._by_edges(picture, alone, best, best_evidence, rejected)
+            best = found
+            if self._is_plain(best) and (self._is_clear(fine) or self._is_confirmed(picture, best.camera)):
+                return best.camera
+        answer = self._by_edges(picture, alone, best, rejected)
+        told = alone if best is None else best.goal
+        if isinstance(answer, CameraEstimate) and told is not None and self._is_clear(told):
+            return answer
         return answer if self._lines is None else self._by_picture(picture, self._lines, candidates, joined, answer)
 
     def _by_edges(
         self,
         picture: GoalPicture,
         alone: Candidate | None,
-        best: CameraEstimate | None,
-        best_evidence: float,
+        best: _Joined | None,
         rejected: list[_Joined],
     ) -> CameraEstimate | NotLocated | None:
         """Choose by single edges, and by the lines that confirm them."""
         settings, lines = self._settings, self._lines
         if best is not None and rejected:
             rival = max(rejected, key=lambda one: one.evidence)
-            is_elsewhere = math.dist(rival.lines.unknowns[:2], best.unknowns[:2]) > self._line_settings.same_m
-            if is_elsewhere and rival.evidence > best_evidence + self._line_settings.clear_evidence:
+            is_elsewhere = math.dist(rival.lines.unknowns[:2], best.lines.unknowns[:2]) > self._line_settings.same_m
+            if is_elsewhere and rival.evidence > best.evidence + self._line_settings.clear_evidence:
                 return NotLocated("no certain goal: lines fit far better about another, of which too little is seen")
         if best is not None or alone is None:
-            return best
-        if lines is not None:
+            return None if best is None else best.camera
+        if lines is not None and not self._is_clear(alone):
             if alone.fit.score < settings.min_alone_score:
                 return NotLocated(
                     "no certain goal: posts and bar agree too badly to count without the lines around them"
@@ -178,7 +178,7 @@ class ColoredGoals:
         settings = self._settings
         judged = self._judged(picture, lines, joined)
         first = max(judged, key=lambda one: one[0], default=None)
-        if first is None or not first[1].is_plain(settings.min_alone_score, settings.min_overruling_ratio):
+        if first is None or not self._is_plain(first[1]):
             judged += self._judged(picture, lines, self._joined_beyond(picture, candidates))
         cameras = [(nats, found.camera) for nats, found in judged]
         own = -math.inf
@@ -217,6 +217,24 @@ class ColoredGoals:
         """Weigh by the whole picture those that may be the goal."""
         return [(self._nats(picture, lines, j.camera), j) for j in joined if self._may_be(picture, j)]
 
+    def _is_plain(self, found: _Joined) -> bool:
+        """Whether nothing speaks against a goal, and lines go with it."""
+        goal, settings = found.goal, self._settings
+        return (
+            goal.objection is None
+            and goal.fit.score >= settings.min_alone_score
+            and found.lines.line_ratio >= settings.min_overruling_ratio
+        )
+
+    def _is_clear(self, goal: Candidate) -> bool:
+        return goal.objection is None and goal.fit.score >= self._settings.clear_score
+
+    def _is_confirmed(self, picture: GoalPicture, camera: CameraEstimate) -> bool:
+        """Whether lines tell at least so much of what they can tell that no other camera needs to be tried."""
+        assert self._lines is not None
+        nats, most = self._lines.nats(picture.frame, self._search.colored_model, camera.unknowns)
+        return nats >= self._settings.telling_ratio * most
+
     def _may_be(self, picture: GoalPicture, found: _Joined) -> bool:
         """Whether a goal and lines put the camera where it can stand, and both posts are seen: not half a goal."""
         p, limits = found.lines.unknowns, found.goal.fit.settings
@@ -227,7 +245,7 @@ class ColoredGoals:
         """Log-likelihood ratio of goal and lines, where a camera has them, to clutter."""
         p = camera.unknowns
         of_goal = self._search.nats(picture, camera.sides, p)
-        return of_goal + lines.nats(picture.frame, self._search.colored_model, p)
+        return of_goal + lines.nats(picture.frame, self._search.colored_model, p)[0]
 
     def _polished(self, picture: GoalPicture, candidate: Candidate) -> Candidate:
         camera = self._search.camera

@@ -220,11 +220,17 @@ class ColoredGoalLines:
         _, seen = self._marks.measure(frame, due, np.full(len(due), self._settings.reaches_px[1]))
         return len(due), int(np.count_nonzero(seen))
 
-    def nats(self, frame: npt.NDArray[np.uint8], model: GoalModel, p: FloatArray) -> float:
-        """Log-likelihood ratio of what a camera (8,) has in view where lines are due, if they are there, to clutter."""
+    def nats(self, frame: npt.NDArray[np.uint8], model: GoalModel, p: FloatArray) -> tuple[float, float]:
+        """Log-likelihood ratio of what a camera (8,) has in view where lines are due, if they are there, to clutter.
+
+        The second value is what it would be were all of them seen exactly there.
+        """
         reach = self._settings.reaches_px[-1]
-        looked = self._look(frame, model, p, np.zeros((len(p), len(p))), MarkReach(0.0, reach, reach))
-        return self._evidence(model, self._gathered(no_samples(), *looked), p)
+        due, is_seen = self._look(frame, model, p, np.zeros((len(p), len(p))), MarkReach(0.0, reach, reach))
+        marked = self._gathered(no_samples(), due, is_seen)
+        all_seen = np.ones(len(is_seen), np.bool_)
+        most = mark_evidence(np.zeros(len(is_seen)), due.widths, due.reach, all_seen, self._worth)
+        return self._evidence(model, marked, p), float(most)
 
     def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
         """Settle each fit along its arc by all lines drawn."""
