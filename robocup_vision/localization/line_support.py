@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.free_floor import FLOOR, LINE
@@ -111,7 +111,8 @@ class LineSupport:
         # a sample stands for half a column inwards and outwards
         self._near_sample_m = np.maximum(self._near_m, 0.5 * deep_m + 0.5 * self._near_m)
         # near enough for a line to fill its sample
-        self._is_fine = deep_m < 2 * line_map.field.line_width_m
+        is_fine = deep_m < 2 * line_map.field.line_width_m
+        self._bare_m = np.where(is_fine, 0.25 * line_map.field.line_width_m, 0.0)
 
     def supports(self, estimate: PoseEstimate, frame: UInt8Array, marks: UInt8Array) -> bool:
         """Whether the lines in view support a pose.
@@ -134,15 +135,16 @@ class LineSupport:
         above_chance = math.log(settings.chance_rms / max(rms, 1e-3))
         tightness = above_chance / math.log(settings.chance_rms / settings.max_tight_rms)
         agreeing_ratio = estimate.inlier_ratio * min(max(tightness, 0.0), 1.0)
-        row, column = np.nonzero(marks == LINE)
+        samples = int(np.count_nonzero(marks == LINE))
         missing_ratio = (settings.min_evidence - agreeing_ratio) / settings.point_weight
-        on_lines = self._count_near(estimate.pose, self._view.floor_m[row, column], self._near_sample_m[column])
-        min_on_lines = max(missing_ratio, settings.min_sample_ratio) * len(row)
-        if len(row) >= settings.min_samples and on_lines >= min_on_lines and not self._lacks_lines(estimate, marks):
+        on_lines = self._map.count_near(estimate.pose, marks, LINE, self._view.floor_m, self._near_sample_m)
+        min_on_lines = max(missing_ratio, settings.min_sample_ratio) * samples
+        if samples >= settings.min_samples and on_lines >= min_on_lines and not self._lacks_lines(estimate, marks):
             return True
         points = self._find_points(frame)
         if len(points) >= settings.min_points:
-            return self._count_near(estimate.pose, points.floor_m, self._near_m) >= missing_ratio * len(points)
+            away_m = self._map.nearest(estimate.pose.transform(points.floor_m)).distance_m
+            return bool(np.count_nonzero(away_m < self._near_m) >= missing_ratio * len(points))
         nats = estimate.inlier_ratio * above_chance
         if nats >= settings.sure_hidden_nats:
             is_outline_enough = estimate.inlier_ratio >= settings.min_hidden_inlier_ratio
@@ -150,7 +152,7 @@ class LineSupport:
             is_outline_enough = (
                 estimate.inlier_ratio >= settings.min_bare_inlier_ratio
                 and nats >= settings.min_bare_nats
-                and len(row) - on_lines <= settings.max_bare_samples
+                and samples - on_lines <= settings.max_bare_samples
             )
         return is_outline_enough and not self._lacks_lines(estimate, marks)
 
@@ -173,11 +175,5 @@ class LineSupport:
 
     def _lacks_lines(self, estimate: PoseEstimate, marks: UInt8Array) -> bool:
         """Whether plain floor shows where the pose puts lines."""
-        floor_m = self._view.floor_m[(marks == FLOOR) & self._is_fine]
-        return self._count_near(estimate.pose, floor_m, 0.25 * self._map.field.line_width_m) >= (
-            self._settings.min_bare_samples
-        )
-
-    def _count_near(self, pose: Pose2, floor_m: FloatArray, near_m: FloatArray | float) -> int:
-        """Count the points (N, 2) of the floor, robot frame, that are so near to a line (N,)."""
-        return self._map.count_near(pose.transform(floor_m), np.full(len(floor_m), near_m))
+        bare = self._map.count_near(estimate.pose, marks, FLOOR, self._view.floor_m, self._bare_m)
+        return bare >= self._settings.min_bare_samples

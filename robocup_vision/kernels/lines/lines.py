@@ -281,15 +281,6 @@ def nearest_lines(points: FloatArray, lines: FloatArray, arcs: FloatArray) -> tu
     return distance, normal, index
 
 
-@compiled
-def count_near_lines(points: FloatArray, near_m: FloatArray, lines: FloatArray, arcs: FloatArray) -> int:
-    """Count the points (N, 2) that a field line is nearer to than `near_m` (N,)."""
-    count = 0
-    for i in range(points.shape[0]):
-        count += nearest_line(points[i, 0], points[i, 1], lines, arcs, near_m[i] * near_m[i])[3] >= 0
-    return count
-
-
 class DistanceTable(NamedTuple):
     """Distances to the nearest line, tabulated.
 

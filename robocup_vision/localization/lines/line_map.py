@@ -9,9 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.lines.lines import count_near_lines, nearest_lines
+from robocup_vision.kernels.lines.lines import DistanceTable, nearest_lines
+from robocup_vision.kernels.lines.rough_distances import count_marks_near_lines, mean_rough_distance
+
+# the table's value at `truncate_m` and beyond
+_FAR = 255
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +77,7 @@ class LineMap:
         columns, rows = np.ceil((top - self.table_origin_m) / self.cell_m).astype(int) + 1
         x, y = np.meshgrid(np.arange(columns), np.arange(rows))
         cells = np.stack([x.ravel(), y.ravel()], axis=1) * self.cell_m + self.table_origin_m
-        units = np.minimum(self.nearest(cells).distance_m / self.truncate_m, 1.0) * 255
+        units = np.minimum(self.nearest(cells).distance_m / self.truncate_m, 1.0) * _FAR
         return np.round(units).astype(np.uint8).reshape(rows, columns)
 
     def rough_distance_m(self, points_m: npt.ArrayLike) -> FloatArray:
@@ -89,20 +93,40 @@ class LineMap:
         t = self.table
         near = t[iy, ix] * (1 - fx) + t[iy, ix + 1] * fx
         far = t[iy + 1, ix] * (1 - fx) + t[iy + 1, ix + 1] * fx
-        return np.where(inside, (near * (1 - fy) + far * fy) * self.truncate_m / 255, self.truncate_m)
+        return np.where(inside, (near * (1 - fy) + far * fy) * self.truncate_m / _FAR, self.truncate_m)
+
+    @cached_property
+    def distances(self) -> DistanceTable:
+        """The table as compiled loops take it."""
+        x_m, y_m = self.table_origin_m.tolist()
+        return DistanceTable(self.table, (x_m, y_m), self.cell_m, _FAR)
 
     def rough_losses_m(self, poses: list[Pose2], floor_m: FloatArray) -> FloatArray:
         """Mean of `rough_distance_m` of points (N, 2) in the robot's frame, by each of some poses."""
-        return np.array([self.rough_distance_m(pose.transform(floor_m)).mean() for pose in poses])
+        points, distances = np.ascontiguousarray(floor_m), self.distances
+        return np.array(
+            [
+                mean_rough_distance(points, (pose.x_m, pose.y_m, pose.theta_rad), distances, self.truncate_m)
+                for pose in poses
+            ]
+        )
 
     def nearest(self, points_m: npt.ArrayLike) -> NearestLine:
         """Exact nearest lines of field points (N, 2), metres."""
         points = np.ascontiguousarray(np.asarray(points_m, dtype=np.float64).reshape(-1, 2))
         return NearestLine(*nearest_lines(points, self.lines, self.arcs))
 
-    def count_near(self, points_m: FloatArray, near_m: FloatArray) -> int:
-        """Count the field points (N, 2) that a line is nearer to than `near_m` (N,), metres; faster than `nearest`."""
-        return int(count_near_lines(np.ascontiguousarray(points_m), near_m, self.lines, self.arcs))
+    def count_near(self, pose: Pose2, marks: UInt8Array, mark: int, floor_m: FloatArray, near_m: FloatArray) -> int:
+        """Count the samples (K, M) of a mark that a line is nearer to than `near_m` (M,), metres, by a pose.
+
+        `floor_m` (K, M, 2) is where they lie, robot frame, metres. Faster than `nearest`.
+        """
+        at = pose.x_m, pose.y_m, pose.theta_rad
+        return int(
+            count_marks_near_lines(
+                marks, mark, floor_m, near_m, at, self.lines, self.arcs, self.distances, self.truncate_m
+            )
+        )
 
     def counts(self, points_m: FloatArray, is_on_line: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Return which line points speak for or against a pose.

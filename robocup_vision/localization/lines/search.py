@@ -14,7 +14,7 @@ import numpy as np
 
 from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.kernels.lines.lines import DistanceTable, PoseGrid, refine_line_poses, score_pose_grid
+from robocup_vision.kernels.lines.lines import PoseGrid, refine_line_poses, score_pose_grid
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LinePoints
 
@@ -184,7 +184,7 @@ def one_per_patch(
 
 def _best_of_grid(floor_m: FloatArray, line_map: LineMap, settings: LineSearchSettings) -> FloatArray:
     """Distinct best poses (K, 3) of the grid over the field, K <= `max_starts`."""
-    cell, origin = line_map.cell_m, line_map.table_origin_m
+    cell = line_map.cell_m
     step = round(settings.grid_step_m / cell)
     low, high = line_map.extent_m
     count_x, count_y = (np.floor((high - low) / (step * cell)).astype(int) + 1).tolist()
@@ -193,8 +193,8 @@ def _best_of_grid(floor_m: FloatArray, line_map: LineMap, settings: LineSearchSe
         count_x -= count_x // 2
     headings = np.arange(0, math.tau - 1e-9, settings.grid_step_rad)
     first_x, first_y = np.round(low / cell).astype(int).tolist()
-    table = DistanceTable(line_map.table, (float(origin[0]), float(origin[1])), cell, 255)
-    cost = score_pose_grid(floor_m, table, PoseGrid(headings, (first_x, first_y), step, (count_x, count_y)))
+    grid = PoseGrid(headings, (first_x, first_y), step, (count_x, count_y))
+    cost = score_pose_grid(floor_m, line_map.distances, grid)
     flat = cost.ravel()
     best = np.argpartition(flat, min(600, flat.size - 1))[:600]
     best = best[np.argsort(flat[best], kind="stable")]

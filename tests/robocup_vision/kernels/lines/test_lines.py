@@ -12,7 +12,6 @@ from robocup_vision.kernels.lines.lines import (
     ANYWHERE2,
     DistanceTable,
     PoseGrid,
-    count_near_lines,
     floor_mask_by_tone,
     line_ridge_points,
     line_widths,
@@ -160,15 +159,6 @@ def test_nearest_lines_agree_with_numpy(name):
     assert abs(np.dot(single[1:3], expected_normal[0])) == pytest.approx(1.0)
     assert nearest_line(*points[0], field.lines, field.arcs, 0.9 * expected[0] ** 2)[3] == -1
     assert nearest_line(*points[0], field.lines, field.arcs, 1.1 * expected[0] ** 2) == single
-
-
-@pytest.mark.parametrize("name", ["ssl_2001", "four_legged_2007", "msl_18x12"])
-def test_points_near_lines_are_counted_as_numpy_does(name):
-    field, rng = load_field(name), np.random.default_rng(2)
-    points, near_m = rng.uniform(-6, 6, (2000, 2)), rng.uniform(0.0, 1.0, 2000)
-    expected = nearest_twin(points, field.lines, field.arcs)[0] < near_m
-    assert count_near_lines(points, near_m, field.lines, field.arcs) == np.count_nonzero(expected)
-    assert count_near_lines(points, np.zeros(2000), field.lines, field.arcs) == 0
 
 
 def test_nearest_lines_have_a_normal_on_the_line_itself():
