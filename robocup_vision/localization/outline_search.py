@@ -79,38 +79,40 @@ class OutlineSearch:
         settings, model = self.settings, self.model
         starts = np.vstack([self._starts(radius_px), self._slides(fit.pose)])
         half_px = radius_px[::2].copy()
-        poses, costs = self._fit_coarsely(starts, half_px, np.array(settings.rough_scales) * model.unit_px)
+        poses, costs = self._fit_each(
+            starts, model.half_scene, half_px, np.array(settings.rough_scales) * model.unit_px
+        )
         likely = self._apart(poses[np.argsort(costs)], settings.likely)
-        poses, costs = self._fit_coarsely(likely, half_px, model.scales(settings.coarse_scales))
+        poses, costs = self._fit_each(likely, model.half_scene, half_px, model.scales(settings.coarse_scales))
         hopeful = poses[np.argsort(costs)][: np.count_nonzero(costs < costs.min() + settings.hopeless_cost)]
-        scales = model.scales(settings.fine_scales)
-        refined = [
-            model.fit((x, y, t), radius_px, scales)[0] for x, y, t in self._apart(hopeful, settings.refined).tolist()
-        ]
-        return self._choose(sorted([fit, *refined], key=lambda f: f.cost), arbiter)
+        last, scales = self._apart(hopeful, settings.refined), model.scales(settings.fine_scales)
+        poses, costs = self._fit_each(last, model.scene, radius_px, scales)
+        chosen = self._choose(np.vstack([fit.pose, poses]), np.append(fit.cost, costs), arbiter)
+        if not chosen:
+            return fit if chosen == 0 else None
+        x, y, theta = last[chosen - 1].tolist()
+        return model.fit((x, y, theta), radius_px, scales)[0]
 
-    def _choose(self, fits: list[OutlineFit], arbiter: Arbiter | None) -> OutlineFit | None:
-        """Return the right one of some fits, the best first; None where several explain the outline equally well."""
-        settings = self.settings
-        rivals: list[OutlineFit] = []
-        for candidate in fits:
-            others = np.array([rival.pose for rival in rivals]).reshape(-1, 3)
-            is_rival = candidate.cost < fits[0].cost + settings.rival_cost
-            if is_rival and wall_search.is_apart(np.array(candidate.pose), others, settings.rival_apart):
-                rivals.append(candidate)
+    def _choose(self, poses: FloatArray, costs: FloatArray, arbiter: Arbiter | None) -> int | None:
+        """Return the index of the right one of some fits (N, 3); None where several explain the outline as well."""
+        settings, most = self.settings, costs.min() + self.settings.rival_cost
+        rivals: list[int] = []
+        for n in np.argsort(costs, kind="stable").tolist():
+            if costs[n] < most and wall_search.is_apart(poses[n], poses[rivals], settings.rival_apart):
+                rivals.append(n)
         if len(rivals) == 1:
             return rivals[0]
-        chosen = None if arbiter is None else arbiter([Pose2(*rival.pose) for rival in rivals])
+        chosen = None if arbiter is None else arbiter([Pose2(*poses[n].tolist()) for n in rivals])
         if chosen is not None:
             return rivals[chosen]
-        return None if rivals[1].cost < rivals[0].cost + settings.equal_cost else rivals[0]
+        return None if costs[rivals[1]] < costs[rivals[0]] + settings.equal_cost else rivals[0]
 
-    def _fit_coarsely(
-        self, starts: FloatArray, half_px: FloatArray, scales: FloatArray
+    def _fit_each(
+        self, starts: FloatArray, scene: kernels.WallScene, radius_px: FloatArray, scales: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Fit each of the starts (N, 3) to every second bearing's radius; return poses (N, 3) and costs (N,)."""
+        """Fit each of the starts (N, 3) to an outline at a scene's bearings; return poses (N, 3) and costs (N,)."""
         poses, costs = np.empty_like(starts), np.empty(len(starts))
-        wall_search.fit_each(starts, self.model.half_scene, self.model.outline(half_px, scales), poses, costs)
+        wall_search.fit_each(starts, scene, self.model.outline(radius_px, scales), poses, costs)
         return poses, costs
 
     def _apart(self, poses: FloatArray, most: int) -> FloatArray:
@@ -152,7 +154,7 @@ class OutlineSearch:
         places = places[model.field.contains(places)]
         bearings = np.arange(self.settings.bank_bearings) * (math.tau / self.settings.bank_bearings)
         q, wall = np.empty(len(bearings)), np.empty(len(bearings), dtype=np.int64)
-        out = kernels.WallPrediction(q, wall, np.empty((len(model.scene.walls), 4, 3)))
+        out = kernels.WallPrediction(q, wall, np.empty((len(model.scene.walls), 4)))
         scene = model.scene._replace(cos_b=np.cos(bearings), sin_b=np.sin(bearings))
         q_step, radius = model.radius_of_q
         profiles = np.empty((len(places), len(bearings)), dtype=np.float32)

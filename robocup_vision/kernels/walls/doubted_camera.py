@@ -31,12 +31,12 @@ from robocup_vision.kernels.walls.fit import (
     tabulated,
     thinned,
     truncated_loss,
+    turned_rate,
 )
 
 SIZE = 7  # x, y, theta; centre of the image along bearing 0 and a quarter turn on, pixels; turns about x and y
 STEPS = 4
-ONE, TWO, THREE, FOUR, FIVE, SIX = (np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6))
-SEVEN, EIGHT, NINE, TEN, ELEVEN = (np.uint64(7), np.uint64(8), np.uint64(9), np.uint64(10), np.uint64(11))
+ONE, TWO, THREE, FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 MIN_NOISE = 0.3  # of what is said of a bearing: exact outlines have errors of the tables
 
 
@@ -151,15 +151,18 @@ def _linearise(
     plane, best_q, best_wall = prediction.planes.reshape(-1), prediction.q, prediction.wall
     cos_b, sin_b, radius, height = scene.cos_b, scene.sin_b, outline.radius, scene.height
     to_camera = scene.robot_to_camera
-    per_scale = 1.0 / outline.scales[outline.scales.shape[0] - 1]
+    per_scale, per_height = 1.0 / outline.scales[outline.scales.shape[0] - 1], 1.0 / height
     cos_t, sin_t, center_u, center_v = math.cos(unknowns[2]), math.sin(unknowns[2]), unknowns[3], unknowns[4]
-    (x0, y0), (x1, y1), (x2, y2) = to_camera[0, :2], to_camera[1, :2], to_camera[2, :2]
+    (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = to_camera[0], to_camera[1], to_camera[2]
+    # how the viewpoint moves by theta
+    swing_x = -sin_t * scene.offset_x - cos_t * scene.offset_y
+    swing_y = cos_t * scene.offset_x - sin_t * scene.offset_y
     # a body that turns moves the viewpoint, as a pose does: about x to the right, about y ahead
     lever = height if turns_body else 0.0
     squares, total = 0.0, 0.0
     for n in range(np.uint64(which.shape[0])):
         k = which[n]
-        at = np.uint64(12) * np.uint64(best_wall[k])
+        at = FOUR * np.uint64(best_wall[k])
         c, s, q = cos_b[k], sin_b[k], best_q[k]
         along, aside = plane[at], plane[at + ONE]
         predicted, slope = tabulated(outline, q)
@@ -168,13 +171,11 @@ def _linearise(
         by_u, by_v = oblique * (c + turn * s), oblique * (s - turn * c)
         e = (radius[k] - predicted) * oblique - by_u * center_u - by_v * center_v
         by_q = slope * oblique
-        by_x = by_q * (plane[at + THREE] * c + plane[at + FOUR] * s - q * plane[at + FIVE])
-        by_y = by_q * (plane[at + SIX] * c + plane[at + SEVEN] * s - q * plane[at + EIGHT])
-        by_theta = by_q * (plane[at + NINE] * c + plane[at + TEN] * s - q * plane[at + ELEVEN])
-        # a turn t of the camera takes a plane's normal n to n - t x n
-        by_t0 = by_q * (s / height + q * height * aside)
-        by_t1 = -by_q * (c / height + q * height * along)
-        by_t2 = by_q * (aside * c - along * s)
+        fall = by_q * (z0 * c + z1 * s - z2 * (q * height))
+        by_x, by_y = -fall * plane[at + THREE], fall * plane[at + TWO]
+        t0, t1, t2 = turned_rate(c, s, q * height, along, aside, per_height)
+        by_t0, by_t1, by_t2 = by_q * t0, by_q * t1, by_q * t2
+        by_theta = z0 * by_t0 + z1 * by_t1 + z2 * by_t2 + swing_x * by_x + swing_y * by_y
         by_ahead, by_left = cos_t * by_x + sin_t * by_y, cos_t * by_y - sin_t * by_x
         about_x = x0 * by_t0 + x1 * by_t1 + x2 * by_t2 - lever * by_left
         about_y = y0 * by_t0 + y1 * by_t1 + y2 * by_t2 + lever * by_ahead
@@ -465,7 +466,7 @@ def _compare(
         r, wall = outline.radius[k], prediction.wall[k]
         is_seen, is_met = r > 0.0, wall >= 0
         c, s = scene.cos_b[k], scene.sin_b[k]
-        place = np.uint64(12 * max(wall, 0))
+        place = np.uint64(4 * max(wall, 0))
         at, slope = tabulated(outline, prediction.q[k])
         turn = slope * (plane[place + ONE] * c - plane[place] * s) / at
         foot = at + center_u * (c + turn * s) + center_v * (s - turn * c)

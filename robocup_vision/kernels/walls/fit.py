@@ -12,8 +12,7 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.three import adjugate_3x3, solve_3x3
 
 Vector = tuple[float, float, float]
-B1, B3, B4, B5, B6 = np.uint64(1), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6)
-B7, B8, B9, B10, B11 = np.uint64(7), np.uint64(8), np.uint64(9), np.uint64(10), np.uint64(11)
+B1, B2, B3 = np.uint64(1), np.uint64(2), np.uint64(3)
 # widths of the weights from which on a fit is far from its end, as multiples of the unit
 FAR_UNITS = 2.5
 
@@ -51,9 +50,8 @@ class WallPrediction(NamedTuple):
         Inverse range; 0 where no wall is met.
     wall : (K,) int64
         Its index; -1 where none.
-    planes : (W, 4, 3) float64
-        Each wall's normal and its derivatives by x, y and theta, the first two components over h n_z, the third over
-        n_z.
+    planes : (W, 4) float64
+        Each wall's n_x and n_y, of its plane's normal n, and its extent along the field's x and y, all over h n_z.
     """
 
     q: FloatArray
@@ -102,26 +100,20 @@ def _in_camera(x_m: float, y_m: float, pose: FloatArray, c: float, s: float, sce
 
 
 @compiled
-def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> None:
+def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> tuple[float, float]:
     """Inverse range at which each bearing meets the nearest wall's foot, from a pose (3,) x, y, theta of the robot.
 
     A wall's foot and the viewpoint span a plane with normal n; the ray (cos, sin, -q h) of a bearing lies in it where
-    q = (n_x cos + n_y sin) / (h n_z): walls are straight in q, whatever the mirror and its tilt.
+    q = (n_x cos + n_y sin) / (h n_z): walls are straight in q, whatever the mirror and its tilt. Returns how the
+    viewpoint moves by theta, along the field's x and y.
     """
-    walls, offset_x, offset_y, height, turn, cos_b, sin_b = scene
+    walls, offset_x, offset_y, height, _, cos_b, sin_b = scene
     best_q, best_wall, planes = out
     count = cos_b.shape[0]
     per_rad = count / (2 * math.pi)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     best_q[:] = 0.0
     best_wall[:] = -1
-    # an end e of a wall moves by x and y alike for all ends, by theta as (e x up) and what the viewpoint's place adds
-    by_pose = np.empty((3, 3))
-    for i in range(3):
-        by_pose[0, i] = -turn[i, 0] * c + turn[i, 1] * s
-        by_pose[1, i] = -turn[i, 0] * s - turn[i, 1] * c
-        by_pose[2, i] = turn[i, 0] * offset_y - turn[i, 1] * offset_x
-    up = turn[0, 2], turn[1, 2], turn[2, 2]
     end, end_at = (0.0, 0.0, 0.0), 0.0
     for w in range(walls.shape[0]):
         # walls go around the floor: most begin where the one before ends
@@ -131,23 +123,15 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
             start_at = math.atan2(start[1], start[0])
         end = _in_camera(walls[w, 2], walls[w, 3], pose, c, s, scene)
         end_at = math.atan2(end[1], end[0])
-        wall = end[0] - start[0], end[1] - start[1], end[2] - start[2]
-        normal = _cross(start, wall)
+        normal = _cross(start, (end[0] - start[0], end[1] - start[1], end[2] - start[2]))
         if abs(normal[2]) < 1e-12:
             planes[w] = 0.0
             continue
         # scaled so that a bearing's q needs no division
-        per_nz = 1.0 / normal[2]
-        per_height = per_nz / height
-        planes[w, 0, 0], planes[w, 0, 1], planes[w, 0, 2] = normal[0] * per_height, normal[1] * per_height, 1.0
-        turned = _cross(normal, up)
-        for p in range(3):
-            moved = _cross((by_pose[p, 0], by_pose[p, 1], by_pose[p, 2]), wall)
-            if p == 2:
-                moved = moved[0] + turned[0], moved[1] + turned[1], moved[2] + turned[2]
-            planes[w, p + 1, 0], planes[w, p + 1, 1] = moved[0] * per_height, moved[1] * per_height
-            planes[w, p + 1, 2] = moved[2] * per_nz
-        along, aside = planes[w, 0, 0], planes[w, 0, 1]
+        scale = 1.0 / normal[2] / height
+        along, aside = normal[0] * scale, normal[1] * scale
+        planes[w, 0], planes[w, 1] = along, aside
+        planes[w, 2], planes[w, 3] = (walls[w, 2] - walls[w, 0]) * scale, (walls[w, 3] - walls[w, 1]) * scale
         first, span = start_at, end_at - start_at
         span -= 2 * math.pi * math.floor(span / (2 * math.pi) + 0.5)
         if span < 0:
@@ -163,6 +147,7 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> No
             bearing += 1
             if bearing == count:
                 bearing = 0
+    return -s * offset_x - c * offset_y, c * offset_x - s * offset_y
 
 
 @compiled(error_model="numpy")
@@ -203,23 +188,34 @@ def _off_wall(outline: FloorOutline, r: float, q: float, q_turn: float) -> tuple
     return (r - predicted) * oblique, slope * oblique
 
 
+@compiled(error_model="numpy", inline="always")
+def turned_rate(
+    c: float, s: float, fall: float, along: float, aside: float, per_height: float
+) -> tuple[float, float, float]:
+    """Return how a wall's inverse range q at a bearing grows by turns of the camera about its axes; `fall` is q h."""
+    # a turn t takes a plane's normal n to n - t x n
+    return s * per_height + fall * aside, -c * per_height - fall * along, aside * c - along * s
+
+
 @compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
 def _add_up(
     scene: WallScene,
     outline: FloorOutline,
     prediction: WallPrediction,
+    swing: tuple[float, float],
     scale: float,
     information: FloatArray,
     pull: FloatArray,
 ) -> None:
     """Add up the normal equations over the bearings.
 
-    Fills `information` (3, 3), the sum of w J^T J, and `pull` (3,), the sum of w e J. Without branches, and with sums
-    in any order: the processor takes eight bearings at once.
+    Fills `information` (3, 3), the sum of w J^T J, and `pull` (3,), the sum of w e J. `swing` is how the viewpoint
+    moves by theta. Without branches, and with sums in any order: the processor takes eight bearings at once.
     """
     best_q, best_wall, planes = prediction
     cos_b, sin_b, radius, plane = scene.cos_b, scene.sin_b, outline.radius, planes.reshape(-1)
-    per_scale = 1.0 / scale
+    per_scale, height, per_height = 1.0 / scale, scene.height, 1.0 / scene.height
+    up_x, up_y, up_z = scene.robot_to_camera[:, 2]
     # written out: sums in arrays would be stored and loaded at each bearing
     a00, a01, a02, a11, a12, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     p0, p1, p2 = 0.0, 0.0, 0.0
@@ -227,12 +223,15 @@ def _add_up(
     for k in range(np.uint64(cos_b.shape[0])):
         wall, r, q, c, s = best_wall[k], radius[k], best_q[k], cos_b[k], sin_b[k]
         is_known = (r > 0.0) & (wall >= 0)
-        at = np.uint64(12 * max(wall, 0))
-        e, by_q = _off_wall(outline, r, q, plane[at] * s - plane[at + B1] * c)
+        at = np.uint64(4 * max(wall, 0))
+        along, aside = plane[at], plane[at + B1]
+        e, by_q = _off_wall(outline, r, q, along * s - aside * c)
         e = e if is_known else 0.0
-        j0 = by_q * (plane[at + B3] * c + plane[at + B4] * s - q * plane[at + B5])
-        j1 = by_q * (plane[at + B6] * c + plane[at + B7] * s - q * plane[at + B8])
-        j2 = by_q * (plane[at + B9] * c + plane[at + B10] * s - q * plane[at + B11])
+        # a viewpoint that moves with the field's x and y comes nearer to the wall's line across its extent
+        fall = by_q * (up_x * c + up_y * s - up_z * (q * height))
+        j0, j1 = -fall * plane[at + B3], fall * plane[at + B2]
+        t0, t1, t2 = turned_rate(c, s, q * height, along, aside, per_height)
+        j2 = by_q * (up_x * t0 + up_y * t1 + up_z * t2) + swing[0] * j0 + swing[1] * j1
         weight = agreement(e, per_scale) if is_known else 0.0
         w0, w1, w2 = weight * j0, weight * j1, weight * j2
         a00 += w0 * j0
@@ -254,7 +253,7 @@ def _add_up(
 def room_for(scene: WallScene) -> WallPrediction:
     """Return arrays for a prediction of a scene."""
     count = scene.cos_b.shape[0]
-    return WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4, 3)))
+    return WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4)))
 
 
 class Comparison(NamedTuple):
@@ -308,13 +307,13 @@ def settle(pose: FloatArray, fine: Comparison, thin: Comparison) -> None:
         scale = outline.scales[min(iteration, iterations - 1)]
         # one or the other by name: an outline that is read only is of another type than its thinned copy
         if iteration < iterations and scale > FAR_UNITS * outline.unit_px:
-            predict_walls(pose, thin.scene, thin.prediction)
-            _add_up(thin.scene, thin.outline, thin.prediction, scale, information, pull)
+            swing = predict_walls(pose, thin.scene, thin.prediction)
+            _add_up(thin.scene, thin.outline, thin.prediction, swing, scale, information, pull)
         else:
-            predict_walls(pose, fine.scene, fine.prediction)
+            swing = predict_walls(pose, fine.scene, fine.prediction)
             if iteration == iterations:
                 break
-            _add_up(fine.scene, fine.outline, fine.prediction, scale, information, pull)
+            _add_up(fine.scene, fine.outline, fine.prediction, swing, scale, information, pull)
         for i in range(3):
             information[i, i] += 1e-6
         if not solve_3x3(information, pull, work, step):
@@ -336,7 +335,7 @@ def cost_of(settled: Comparison) -> float:
     for k in range(np.uint64(cos_b.shape[0])):
         wall, r = best_wall[k], radius[k]
         is_seen, is_met = r > 0.0, wall >= 0
-        at = np.uint64(12 * max(wall, 0))
+        at = np.uint64(4 * max(wall, 0))
         e, _ = _off_wall(outline, r, best_q[k], plane[at] * sin_b[k] - plane[at + B1] * cos_b[k])
         cost += truncated_loss(e, per_two_units) if is_seen & is_met else 0.0
         used += is_seen

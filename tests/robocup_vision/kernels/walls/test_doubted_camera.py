@@ -62,7 +62,7 @@ def leaning(about_x, about_y):
 
 
 def predict(pose, seen_by):
-    out = WallPrediction(np.empty(COUNT), np.empty(COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4, 3)))
+    out = WallPrediction(np.empty(COUNT), np.empty(COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4)))
     predict_walls(pose, seen_by, out)
     return out
 
@@ -79,7 +79,7 @@ def seen_outline(pose, center, tilt, rng=None, noise_px=0.0):
     """Radius about the file's centre of the walls' feet, as a camera sees them that is off its file."""
     fine = np.arange(8 * COUNT) * math.tau / (8 * COUNT)
     seen_by = leaning(*tilt)._replace(cos_b=np.cos(fine), sin_b=np.sin(fine))
-    out = WallPrediction(np.empty(8 * COUNT), np.empty(8 * COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4, 3)))
+    out = WallPrediction(np.empty(8 * COUNT), np.empty(8 * COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4)))
     predict_walls(pose.array, seen_by, out)
     r = radius_at(out.q)
     u, v = r * np.cos(fine) + center[0], r * np.sin(fine) + center[1]

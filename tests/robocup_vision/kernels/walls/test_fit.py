@@ -1,6 +1,7 @@
 """The compiled outline fit against plain NumPy twins and against the camera's own geometry."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ def geometry(camera):
 
 
 def predict(pose, camera):
-    out = WallPrediction(np.empty(COUNT), np.empty(COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4, 3)))
+    out = WallPrediction(np.empty(COUNT), np.empty(COUNT, dtype=np.int64), np.empty((len(FIELD.walls), 4)))
     predict_walls(pose.array if isinstance(pose, Pose2) else pose, geometry(camera), out)
     return out
 
@@ -82,15 +83,49 @@ def test_predicted_walls_agree_with_geometry(pose, camera):
 
 @settings(deadline=None, max_examples=20)
 @given(places, cameras())
-def test_predicted_planes_have_the_derivatives_they_say(pose, camera):
-    q, wall, planes = predict(pose, camera)
+def test_predicted_planes_are_those_of_walls_and_viewpoint(pose, camera):
+    planes = predict(pose, camera).planes
+    for wall, plane in zip(FIELD.walls, planes, strict=True):
+        normal, _ = plane_twin(pose.array, camera, wall)
+        if abs(normal[2]) < 1e-9:
+            continue
+        scale = camera.viewpoint_m[2] * normal[2]
+        np.testing.assert_allclose(plane[:2] * scale, normal[:2], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(plane[2:] * scale, wall[2:] - wall[:2], rtol=1e-9, atol=1e-12)
+
+
+def plane_twin(pose, camera, wall):
+    """Return the normal (3,) of a wall's plane, camera frame, and its derivatives by x, y and theta, rows (3, 3)."""
+    to_camera = camera.camera_to_robot.T
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    to_robot = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    on_robot = [to_robot @ (wall[i] - pose[0], wall[i + 1] - pose[1], 0.0) for i in (0, 2)]
+    start, end = (to_camera @ (point - camera.viewpoint_m) for point in on_robot)
+    by_theta = [to_camera @ np.cross(point, (0.0, 0.0, 1.0)) for point in on_robot]
+    moved = [-to_camera @ to_robot[:, 0], -to_camera @ to_robot[:, 1]]
+    turned = np.cross(by_theta[0], end - start) + np.cross(start, by_theta[1] - by_theta[0])
+    return np.cross(start, end - start), np.stack([*(np.cross(m, end - start) for m in moved), turned])
+
+
+def rates_twin(pose, camera, q, wall, bearings):
+    """Return how the inverse range q (N,) at some bearings grows with x, y and theta, (N, 3)."""
+    planes = [plane_twin(pose, camera, wall) for wall in FIELD.walls]
+    normal, moved = (np.array(part) for part in zip(*planes, strict=True))
+    height = camera.viewpoint_m[2]
+    ray = np.stack([COS[bearings], SIN[bearings], -q * height], axis=1)
+    return np.einsum("kpi,ki->kp", moved[wall], ray) / (height * normal[wall, 2])[:, None]
+
+
+@settings(deadline=None, max_examples=20)
+@given(places, cameras())
+def test_the_twins_rates_are_those_of_predicted_walls(pose, camera):
+    q, wall, _ = predict(pose, camera)
     for p in range(3):
         step = np.zeros(3)
         step[p] = 1e-6
         ahead, behind = (predict(pose.array + sign * step, camera) for sign in (1, -1))
-        same = (wall >= 0) & (ahead[1] == wall) & (behind[1] == wall)
-        plane = planes[wall[same], 1 + p]
-        rate = plane[:, 0] * COS[same] + plane[:, 1] * SIN[same] - q[same] * plane[:, 2]
+        same = np.flatnonzero((wall >= 0) & (ahead[1] == wall) & (behind[1] == wall))
+        rate = rates_twin(pose.array, camera, q[same], wall[same], same)[:, p]
         expected = (ahead[0] - behind[0])[same] / 2e-6
         np.testing.assert_allclose(rate, expected, rtol=1e-3, atol=1e-3 * (1 + np.abs(expected).max()))
 
@@ -139,11 +174,10 @@ def fit_twin(start, camera, radius, scales, unit_px):
         cell = place.astype(int)
         slope = (RADIUS_OF_Q[cell + 1] - RADIUS_OF_Q[cell]) / Q_STEP
         predicted = RADIUS_OF_Q[cell] + (q[met] - cell * Q_STEP) * slope
-        ray = np.stack([COS[met], SIN[met], -q[met]], axis=1)
-        turn_rate = slope * (plane[:, 0, 1] * COS[met] - plane[:, 0, 0] * SIN[met]) / predicted
+        turn_rate = slope * (plane[:, 1] * COS[met] - plane[:, 0] * SIN[met]) / predicted
         oblique = 1 / np.hypot(1, turn_rate)
         e = (radius[met] - predicted) * oblique
-        jacobian = (slope * oblique)[:, None] * np.einsum("kpi,ki->kp", plane[:, 1:], ray)
+        jacobian = (slope * oblique)[:, None] * rates_twin(pose, camera, q[met], wall[met], met)
         ratio = np.where(e < 0, e / scale, e / (3 * scale))
         weight = 1 / (1 + ratio**2) ** 2
         loss = (e / (2 * unit_px)) ** 2
@@ -157,30 +191,31 @@ def fit_twin(start, camera, radius, scales, unit_px):
 
 
 CAMERA = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
+TILTED = replace(CAMERA, tilt_rad=(0.02, -0.03), offset_m=(0.03, -0.02))
 
 
-def outline(pose, rng, noise_px=0.2, hidden=0.2):
-    q, wall, _ = predict(pose, CAMERA)
+def outline(pose, rng, noise_px=0.2, hidden=0.2, camera=CAMERA):
+    q, wall, _ = predict(pose, camera)
     radius = PAPER_MIRROR.radius_px(q) + rng.normal(0, noise_px, COUNT)
     radius[(wall < 0) | (rng.random(COUNT) < hidden)] = np.nan
     return radius
 
 
-def fit(start, radius, scales):
-    scene, pose = geometry(CAMERA), start.copy()
+def fit(start, radius, scales, camera=CAMERA):
+    scene, pose = geometry(camera), start.copy()
     fine = Comparison(scene, FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), room_for(scene))
     settle(pose, fine, thinned(fine))
     return cost_of(fine), pose, fine.prediction
 
 
 @settings(deadline=None, max_examples=25)
-@given(places, seeds)
-def test_fit_agrees_with_numpy(pose, seed):
+@given(places, seeds, st.sampled_from([CAMERA, TILTED]))
+def test_fit_agrees_with_numpy(pose, seed, camera):
     rng = np.random.default_rng(seed)
-    radius, scales = outline(pose, rng), np.array([8.0, 5.0, 3.0, 2.0, 1.0])
+    radius, scales = outline(pose, rng, camera=camera), np.array([8.0, 5.0, 3.0, 2.0, 1.0])
     start = pose.array + rng.normal(0, (0.05, 0.05, 0.05))
-    cost, found, prediction = fit(start, radius, scales)
-    expected_cost, expected, q, wall = fit_twin(start, CAMERA, radius, scales, 1.0)
+    cost, found, prediction = fit(start, radius, scales, camera)
+    expected_cost, expected, q, wall = fit_twin(start, camera, radius, scales, 1.0)
     np.testing.assert_allclose(found, expected, atol=1e-6)
     assert cost == pytest.approx(expected_cost, abs=1e-5)
     np.testing.assert_allclose(prediction.q, q, atol=1e-5)
