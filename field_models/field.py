@@ -192,7 +192,7 @@ class Field:
         """Whether a pose is told from its half turn: by goals or beacons of two colours, or as one half is missing."""
         return self.is_half or self.shows_half
 
-    @property
+    @cached_property
     def shows_half(self) -> bool:
         """Whether both halves are there, and goals or beacons of two colours show which one it is."""
         if self.is_half:
@@ -238,13 +238,13 @@ class Field:
     def is_on_floor(self, x_m: float, y_m: float) -> bool:
         """Return whether one point lies on the floor: `contains` without arrays, for once a frame."""
         inside = False
-        x0, y0 = self._corners[-1]
-        for x1, y1 in self._corners:
-            if (y0 > y_m) != (y1 > y_m) and x_m < x0 + (y_m - y0) / (y1 - y0) * (x1 - x0):
+        for low, high, x0, y0, x1, y1 in self._sides:
+            if low <= y_m < high and x_m < x0 + (y_m - y0) / (y1 - y0) * (x1 - x0):
                 inside = not inside
-            x0, y0 = x1, y1
         return inside
 
     @cached_property
-    def _corners(self) -> list[tuple[float, float]]:
-        return [(float(x), float(y)) for x, y in self.floor_polygon]
+    def _sides(self) -> list[tuple[float, float, float, float, float, float]]:
+        """Least and greatest y, and both ends, of the floor's sides but those along x: no ray along x crosses them."""
+        ends = np.hstack([self.floor_polygon, np.roll(self.floor_polygon, -1, axis=0)]).tolist()
+        return [(min(y0, y1), max(y0, y1), x0, y0, x1, y1) for x0, y0, x1, y1 in ends if y0 != y1]

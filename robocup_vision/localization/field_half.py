@@ -18,7 +18,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2, half_turn_covariance
-from robocup_vision.kernels.goal.colors import GoalVotes, MirrorProjection, vote_goal_colors
+from robocup_vision.kernels.goal.colors import MirrorProjection, Votes, vote_goal_colors
 from robocup_vision.localization.swapped_channels import (
     SWAPPED_BY_GOALS,
     SwappedChannelsSettings,
@@ -29,7 +29,7 @@ from robocup_vision.localization.swapped_channels import (
 )
 from robocup_vision.perception.color_table import Colors
 
-_NO_VOTES = GoalVotes(0, 0, 0, 0)
+_NO_VOTES = (0, 0, 0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +155,7 @@ class GoalSide:
             return turned if there < here else estimate
         return estimate
 
-    def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> GoalVotes:
+    def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> Votes:
         if colors.goal_hue_difference < self.settings.min_hue_difference:
             return _NO_VOTES
         at, palette = (pose.x_m, pose.y_m, pose.theta_rad), colors.goal_palette

@@ -176,17 +176,19 @@ class OutlineFitter:
         """
         settings, model = self.settings, self._model
         fit: OutlineFit | None = None
+        is_good = False
         if prior is not None:
             start = prior.x_m, prior.y_m, prior.theta_rad
             fit, bearings = model.fit(start, radius_px, self._prior_scales)
             if bearings < settings.min_bearings:
                 return self._too_little(radius_px, bearings)
             fit = self._camera.leaned(fit, radius_px)
-            if not self._is_good(fit, settings.max_cost_at_prior):
+            is_good = self._is_good(fit, settings.max_cost_at_prior)
+            if not is_good:
                 leaning = self._camera.leaning((fit.pose, start), radius_px)
                 if leaning is not None:
                     return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
-        if fit is None or not self._is_good(fit, settings.max_cost_at_prior):
+        if fit is None or not is_good:
             bearings, guess = self._guess(radius_px)
             if bearings < settings.min_bearings:
                 return self._too_little(radius_px, bearings)

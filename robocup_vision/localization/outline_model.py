@@ -237,6 +237,8 @@ class OutlineModel:
         lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
         told = fit_upright(start, radius_px, scales, self._rules, lines, covariance)
         pose, bearings, cost, inlier_ratio, rms_px, along_m, by_lean, by_file = told
+        # so that nobody has to copy it
+        covariance.setflags(write=False)
         residual, predicted = lines
         fit = OutlineFit(
             pose, covariance, cost, inlier_ratio, rms_px, along_m, residual, predicted, (0.0, 0.0), by_lean, by_file

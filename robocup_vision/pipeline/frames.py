@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -57,9 +58,11 @@ class FloorEdgeSettings:
     min_contrast: float = 5.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _CarriedFloor:
-    """Free space of the last frame moved to now, when that frame was taken, and how many have been dropped since."""
+class _CarriedFloor(NamedTuple):
+    """Free space of the last frame moved to now, when that frame was taken, and how many have been dropped since.
+
+    A tuple, as one is made in each frame.
+    """
 
     free_space: FreeSpace
     frame_s: float | None

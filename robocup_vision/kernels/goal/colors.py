@@ -13,7 +13,9 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled
 
+Pair = tuple[float, float]
 Vector = tuple[float, float, float]
+Votes = tuple[int, int, int, int]
 
 
 class MirrorProjection(NamedTuple):
@@ -62,23 +64,6 @@ class GoalPalette(NamedTuple):
     log_ratios: FloatArray
 
 
-class GoalVotes(NamedTuple):
-    """Points on the goals that agree.
-
-    Parameters
-    ----------
-    right, wrong : int
-        With a pose, and with its half turn, by hue.
-    own, swapped : int
-        With the goals' own colours, and with those of swapped red and blue; each of the better half.
-    """
-
-    right: int
-    wrong: int
-    own: int
-    swapped: int
-
-
 @compiled
 def _nearest_ratio(log_ratios: FloatArray, red: float, blue: float) -> int:
     """Row of the palette that is nearest to the logarithms of R/G and B/G."""
@@ -91,8 +76,11 @@ def _nearest_ratio(log_ratios: FloatArray, red: float, blue: float) -> int:
 
 
 @compiled
-def _goal_pixel(camera: MirrorProjection, x: float, y: float, z: float) -> tuple[int, int]:
-    """Pixel of a direction from the viewpoint, robot frame; (-1, -1) where the camera does not see it."""
+def _goal_pixel(camera: MirrorProjection, heading: Pair, x: float, y: float, z: float) -> tuple[int, int]:
+    """Pixel of a direction from the viewpoint, robot frame; (-1, -1) where the camera does not see it.
+
+    `heading` is the cosine and the sine of the camera's.
+    """
     to_camera = camera.robot_to_camera
     px = to_camera[0, 0] * x + to_camera[0, 1] * y + to_camera[0, 2] * z
     py = to_camera[1, 0] * x + to_camera[1, 1] * y + to_camera[1, 2] * z
@@ -106,8 +94,7 @@ def _goal_pixel(camera: MirrorProjection, x: float, y: float, z: float) -> tuple
     radius = camera.radius_of_q[int(place)]
     if radius < camera.usable_px[0] or radius > camera.usable_px[1]:
         return -1, -1
-    flip = 1.0 if camera.mirrored else -1.0
-    cos, sin = math.cos(camera.heading_rad), math.sin(camera.heading_rad)
+    flip, (cos, sin) = 1.0 if camera.mirrored else -1.0, heading
     along, aside = (px * cos + py * sin) / away, (py * cos - px * sin) / away
     u = int(camera.center_px[0] + radius * along + 0.5)
     v = int(camera.center_px[1] + flip * radius * aside + 0.5)
@@ -123,7 +110,7 @@ def vote_goal_colors(
     camera: MirrorProjection,
     palette: GoalPalette,
     hidden: UInt8Array,
-) -> GoalVotes:
+) -> Votes:
     """Count points on the goals that have their own goal's colour, and those that have the other goal's.
 
     Parameters
@@ -141,10 +128,17 @@ def vote_goal_colors(
         Colours of the goals; may be plain.
     hidden : (H, W) uint8, or (0, 0)
         Non-zero: neither this pixel nor its neighbours may be looked at.
+
+    Returns
+    -------
+    (int, int, int, int)
+        Points that agree with the pose, and with its half turn, by hue; with the goals' own colours, and with those of
+        swapped red and blue, each of the better half. A plain tuple, as making a named one takes as long as ten points.
     """
     camera, palette = MirrorProjection(*camera), GoalPalette(*palette)
     height, width = frame.shape[0], frame.shape[1]
     c, s = math.cos(pose[2]), math.sin(pose[2])
+    heading = math.cos(camera.heading_rad), math.sin(camera.heading_rad)
     viewpoint = camera.viewpoint
     hues = palette.hues
     right, wrong = 0, 0
@@ -154,27 +148,26 @@ def vote_goal_colors(
         x = c * dx + s * dy - viewpoint[0]
         y = -s * dx + c * dy - viewpoint[1]
         z = points[n, 2] - viewpoint[2]
-        u, v = _goal_pixel(camera, x, y, z)
+        u, v = _goal_pixel(camera, heading, x, y, z)
         if u < 1 or v < 1 or u >= width - 1 or v >= height - 1:
             continue
         if hidden.shape[0] == height and hidden[v, u] != 0:
             continue
-        blue, red, total = 0.0, 0.0, 1.0
+        # one grey level more in each of the nine pixels: no logarithm of zero
+        blue, green, red = 0, 9, 0
         is_positive = sides[n] > 0
         for j in range(-1, 2):
             for i in range(-1, 2):
                 blue += frame[v + j, u + i, 0]
+                green += frame[v + j, u + i, 1]
                 red += frame[v + j, u + i, 2]
-                total += float(frame[v + j, u + i, 0]) + frame[v + j, u + i, 1] + frame[v + j, u + i, 2]
-        green = total - blue - red
-        # one grey level more in each of the nine pixels: no logarithm of zero
-        log_green = math.log(green + 8.0)
+        log_green = math.log(green)
         nearest = _nearest_ratio(palette.log_ratios, math.log(red + 9.0) - log_green, math.log(blue + 9.0) - log_green)
         own_here += nearest == (0 if is_positive else 1)
         own_there += nearest == (1 if is_positive else 0)
         swapped_here += nearest == (2 if is_positive else 3)
         swapped_there += nearest == (3 if is_positive else 2)
-        hue = (blue - red) / total
+        hue = (blue - red) / (blue + green + red - 8)
         to_positive, to_negative, to_white = abs(hue - hues[0]), abs(hue - hues[1]), abs(hue - hues[2])
         if to_white <= min(to_positive, to_negative):
             continue
@@ -182,4 +175,4 @@ def vote_goal_colors(
             right += 1
         else:
             wrong += 1
-    return GoalVotes(right, wrong, max(own_here, own_there), max(swapped_here, swapped_there))
+    return right, wrong, max(own_here, own_there), max(swapped_here, swapped_there)

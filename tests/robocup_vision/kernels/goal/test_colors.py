@@ -89,9 +89,9 @@ def test_votes_agree_with_the_camera(camera, seed, masked):
     found = vote(frame, pose, points, sides, camera, hidden)
     assert right <= found[0] <= right + doubtful
     assert wrong <= found[1] <= wrong + doubtful
-    assert found.right + found.wrong <= right + wrong + doubtful
-    assert own <= found.own <= own + doubtful
-    assert swapped <= found.swapped <= swapped + doubtful
+    assert found[0] + found[1] <= right + wrong + doubtful
+    assert own <= found[2] <= own + doubtful
+    assert swapped <= found[3] <= swapped + doubtful
 
 
 @pytest.mark.parametrize(
