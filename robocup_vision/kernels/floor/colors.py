@@ -40,6 +40,7 @@ def tabulate(
         Filled: blue bins first, then green, then red.
     """
     last = floor.shape[1] - 1
+    least = np.int8(-int(0.5 + clip / unit))
     at = 0
     for b in range(blue.shape[0]):
         for g in range(green.shape[0]):
@@ -51,14 +52,18 @@ def tabulate(
                     + 2 * floor[RED_BLUE, s] * d_red * d_blue
                     + floor[BLUE_BLUE, s] * d_blue * d_blue
                 )
-                if value > -clip:
-                    d_red, d_blue = red[r] - white[RED, s] * green[g], blue[b] - white[BLUE, s] * green[g]
-                    rival = white[PEAK, s] - 0.5 * (
-                        white[RED_RED, s] * d_red * d_red
-                        + 2 * white[RED_BLUE, s] * d_red * d_blue
-                        + white[BLUE_BLUE, s] * d_blue * d_blue
-                    )
-                    value -= max(rival, 0.0)
+                # most colours are none of the floor's
+                if value <= -clip:
+                    out[at] = least
+                    at += 1
+                    continue
+                d_red, d_blue = red[r] - white[RED, s] * green[g], blue[b] - white[BLUE, s] * green[g]
+                rival = white[PEAK, s] - 0.5 * (
+                    white[RED_RED, s] * d_red * d_red
+                    + 2 * white[RED_BLUE, s] * d_red * d_blue
+                    + white[BLUE_BLUE, s] * d_blue * d_blue
+                )
+                value -= max(rival, 0.0)
                 value = max(-clip, min(clip, value)) / unit
                 out[at] = np.int8(int(value + 0.5) if value >= 0 else -int(0.5 - value))
                 at += 1
