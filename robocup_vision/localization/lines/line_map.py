@@ -103,7 +103,8 @@ class LineMap:
 
     def rough_losses_m(self, poses: list[Pose2], floor_m: FloatArray) -> FloatArray:
         """Mean of `rough_distance_m` of points (N, 2) in the robot's frame, by each of some poses."""
-        points, distances = np.ascontiguousarray(floor_m), self.distances
+        # a copy: what is read only would be compiled for once more
+        points, distances = np.array(floor_m), self.distances
         return np.array(
             [
                 mean_rough_distance(points, (pose.x_m, pose.y_m, pose.theta_rad), distances, self.truncate_m)

@@ -28,6 +28,7 @@ from robocup_vision.kernels.walls.fit import (
     tabulated,
     thinned,
     truncated_loss,
+    turned_rate,
 )
 from robocup_vision.kernels.walls.hull import hull_moments, hull_radius, star_moments
 from robocup_vision.kernels.walls.search import fit_each, is_apart, score_bank, spread_poses, spread_starts
@@ -128,6 +129,14 @@ def test_the_twins_rates_are_those_of_predicted_walls(pose, camera):
         rate = rates_twin(pose.array, camera, q[same], wall[same], same)[:, p]
         expected = (ahead[0] - behind[0])[same] / 2e-6
         np.testing.assert_allclose(rate, expected, rtol=1e-3, atol=1e-3 * (1 + np.abs(expected).max()))
+
+
+@given(numbers(-3.1, 3.1), numbers(0.0, 3.0), numbers(-2.0, 2.0), numbers(-2.0, 2.0), numbers(0.1, 0.6))
+def test_rates_of_turns_are_those_of_the_planes_normal(bearing, fall, along, aside, height):
+    ray, normal = (math.cos(bearing), math.sin(bearing), -fall), (along, aside, 1.0 / height)
+    expected = [-np.cross(axis, normal) @ ray for axis in np.eye(3)]
+    found = turned_rate(ray[0], ray[1], fall, along, aside, 1.0 / height)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 @settings(deadline=None, max_examples=20)
