@@ -82,10 +82,10 @@ class OutlineSearch:
         poses, costs = self._fit_each(
             starts, model.half_scene, half_px, np.array(settings.rough_scales) * model.unit_px
         )
-        likely = self._apart(poses[np.argsort(costs)], settings.likely)
+        likely = _apart(poses[np.argsort(costs)], settings.fit_apart, settings.likely)
         poses, costs = self._fit_each(likely, model.half_scene, half_px, model.scales(settings.coarse_scales))
         hopeful = poses[np.argsort(costs)][: np.count_nonzero(costs < costs.min() + settings.hopeless_cost)]
-        last, scales = self._apart(hopeful, settings.refined), model.scales(settings.fine_scales)
+        last, scales = _apart(hopeful, settings.fit_apart, settings.refined), model.scales(settings.fine_scales)
         poses, costs = self._fit_each(last, model.scene, radius_px, scales)
         chosen = self._choose(np.vstack([fit.pose, poses]), np.append(fit.cost, costs), arbiter)
         if not chosen:
@@ -96,10 +96,9 @@ class OutlineSearch:
     def _choose(self, poses: FloatArray, costs: FloatArray, arbiter: Arbiter | None) -> int | None:
         """Return the index of the right one of some fits (N, 3); None where several explain the outline as well."""
         settings, most = self.settings, costs.min() + self.settings.rival_cost
-        rivals: list[int] = []
-        for n in np.argsort(costs, kind="stable").tolist():
-            if costs[n] < most and wall_search.is_apart(poses[n], poses[rivals], settings.rival_apart):
-                rivals.append(n)
+        order = np.argsort(costs, kind="stable")
+        order = order[costs[order] < most]
+        rivals: list[int] = order[_spread(poses[order], settings.rival_apart, len(order))].tolist()
         if len(rivals) == 1:
             return rivals[0]
         chosen = None if arbiter is None else arbiter([Pose2(*poses[n].tolist()) for n in rivals])
@@ -114,11 +113,6 @@ class OutlineSearch:
         poses, costs = np.empty_like(starts), np.empty(len(starts))
         wall_search.fit_each(starts, scene, self.model.outline(radius_px, scales), poses, costs)
         return poses, costs
-
-    def _apart(self, poses: FloatArray, most: int) -> FloatArray:
-        """Return those (N, 3) of some poses, the best first, that are not what a better one is."""
-        taken = np.empty((min(most, len(poses)), 3))
-        return taken[: wall_search.spread_poses(poses, self.settings.fit_apart, taken)]
 
     def _slides(self, pose: Vector) -> FloatArray:
         """Return poses (N, 3) along and across the field from a pose x, y, theta, of its heading."""
@@ -178,5 +172,18 @@ class OutlineSearch:
         most = min(10 * settings.bank_starts, cost.size)
         best = np.argpartition(cost, most - 1, axis=None)[:most]
         best = best[np.argsort(cost.ravel()[best])]
-        starts = np.empty((settings.bank_starts, 3))
-        return starts[: wall_search.spread_starts(places, best, count, settings.start_apart, starts)]
+        place, shift = np.divmod(best, count)
+        poses = np.empty((len(best), 3))
+        poses[:, :2], poses[:, 2] = places[place], -shift * math.tau / count
+        return _apart(poses, settings.start_apart, settings.bank_starts)
+
+
+def _spread(poses: FloatArray, apart: float, most: int) -> Int64Array:
+    """Return the indices (N,) of some poses, the best first, that are not what a better one is."""
+    picked = np.empty(most, dtype=np.int64)
+    return picked[: wall_search.spread_poses(poses, apart, picked)]
+
+
+def _apart(poses: FloatArray, apart: float, most: int) -> FloatArray:
+    """Return those poses (N, 3) that `_spread` picks."""
+    return np.asarray(poses[_spread(poses, apart, most)])

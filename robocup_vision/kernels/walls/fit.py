@@ -188,7 +188,7 @@ def _off_wall(outline: FloorOutline, r: float, q: float, q_turn: float) -> tuple
     return (r - predicted) * oblique, slope * oblique
 
 
-@compiled(error_model="numpy", inline="always")
+@compiled(error_model="numpy")
 def turned_rate(
     c: float, s: float, fall: float, along: float, aside: float, per_height: float
 ) -> tuple[float, float, float]:

@@ -53,69 +53,40 @@ def score_bank(
 
 
 @compiled
-def is_apart(pose: FloatArray, others: FloatArray, apart: float) -> bool:
-    """Whether a pose (3,) differs from all others (N, 3), and their half turns, by more than `apart`.
-
-    The difference is the distance, metres, and the angle, radians, added.
-    """
-    for n in range(others.shape[0]):
-        turned = abs(_wrapped(pose[2] - others[n, 2]))
-        here = math.hypot(pose[0] - others[n, 0], pose[1] - others[n, 1]) + turned
-        there = math.hypot(pose[0] + others[n, 0], pose[1] + others[n, 1]) + (math.pi - turned)
-        if min(here, there) <= apart:
-            return False
-    return True
-
-
-@compiled
-def _wrapped(angle: float) -> float:
-    """Return the same direction within half a turn of 0."""
-    return float(angle - 2.0 * math.pi * np.rint(angle / (2.0 * math.pi)))
-
-
-@compiled
-def spread_starts(places: FloatArray, best: Int64Array, bearings: int, apart: float, out: FloatArray) -> int:
-    """Take the best places and headings that are apart from those taken before.
+def spread_poses(poses: FloatArray, apart: float, out: Int64Array) -> int:
+    """Pick the best poses that are apart from those picked before, and from their half turns.
 
     Parameters
     ----------
-    places : (P, 2) float64
-        Of the bank, metres.
-    best : (N,) int64
-        Indices into the costs of `score_bank`, the best first.
-    bearings : int
-        Number B of the bank's bearings.
+    poses : (N, 3) float64
+        x, y, theta, the best first; metres, radians.
     apart : float
-        See `is_apart`.
-    out : (M, 3) float64
-        Filled with x, y and theta of up to M poses.
+        Poses differ by more than this: by the distance, metres, and the angle, radians, added.
+    out : (M,) int64
+        Filled with the indices of up to M poses.
 
     Returns
     -------
     int
         How many.
     """
-    count = 0
-    for n in range(best.shape[0]):
-        if count == out.shape[0]:
-            break
-        place, shift = best[n] // bearings, best[n] % bearings
-        out[count, 0], out[count, 1] = places[place, 0], places[place, 1]
-        out[count, 2] = -shift * (2.0 * math.pi) / bearings
-        if is_apart(out[count], out[:count], apart):
-            count += 1
-    return count
-
-
-@compiled
-def spread_poses(poses: FloatArray, apart: float, out: FloatArray) -> int:
-    """Take the best poses (N, 3), which come first, that are apart from those taken before; see `spread_starts`."""
-    count = 0
+    count, turn = 0, 2.0 * math.pi
     for n in range(poses.shape[0]):
         if count == out.shape[0]:
             break
-        if is_apart(poses[n], out[:count], apart):
-            copy_vector(poses[n], out[count])
+        x, y, theta = poses[n, 0], poses[n, 1], poses[n, 2]
+        nearest = np.inf
+        for k in range(count):
+            other = out[k]
+            turned = theta - poses[other, 2]
+            turned = abs(turned - turn * np.rint(turned / turn))
+            here = math.hypot(x - poses[other, 0], y - poses[other, 1]) + turned
+            there = math.hypot(x + poses[other, 0], y + poses[other, 1]) + (math.pi - turned)
+            nearest = min(here, there)
+            if nearest <= apart:
+                break
+        if nearest > apart:
+            out[count] = n
             count += 1
     return count
 

@@ -31,7 +31,7 @@ from robocup_vision.kernels.walls.fit import (
     turned_rate,
 )
 from robocup_vision.kernels.walls.hull import hull_moments, hull_radius, star_moments
-from robocup_vision.kernels.walls.search import fit_each, is_apart, score_bank, spread_poses, spread_starts
+from robocup_vision.kernels.walls.search import fit_each, score_bank, spread_poses
 
 FIELD = load_field("ssl_2001")
 COUNT = 160
@@ -277,40 +277,20 @@ def differ(pose, others, apart):
 
 
 @settings(deadline=None, max_examples=40)
-@given(seeds, st.integers(0, 5), st.floats(0.05, 2.0))
-def test_poses_are_apart_as_plain_code_says(seed, count, apart):
+@given(places, seeds, st.floats(0.05, 2.0))
+def test_spread_poses_are_the_best_that_are_apart(pose, seed, apart):
     rng = np.random.default_rng(seed)
-    pose, others = rng.normal(0, 0.5, 3), rng.normal(0, 0.5, (count, 3))
-    others[:, 2] += rng.integers(-4, 5, count) * math.pi
-    assert is_apart(pose, others, apart) == differ(pose, others, apart)
-
-
-@settings(deadline=None, max_examples=20)
-@given(seeds)
-def test_starts_are_the_best_that_are_apart(seed):
-    rng = np.random.default_rng(seed)
-    places, bearings = rng.uniform(-1, 1, (12, 2)), 16
-    best = rng.permutation(12 * bearings)[:60]
-    out = np.full((10, 3), np.nan)
-    count = spread_starts(places, best, bearings, 0.6, out)
-    expected: list[np.ndarray] = []
-    for index in best:
-        pose = np.array([*places[index // bearings], -(index % bearings) * math.tau / bearings])
-        if len(expected) < 10 and differ(pose, expected, 0.6):
-            expected.append(pose)
-    np.testing.assert_allclose(out[:count], expected)
-
-
-@given(places, seeds)
-def test_spread_poses_are_the_best_that_are_apart(pose, seed):
-    poses = pose.array + np.random.default_rng(seed).normal(0, 0.2, (40, 3))
-    out = np.full((8, 3), np.nan)
-    count = spread_poses(poses, 0.3, out)
-    expected: list[np.ndarray] = []
-    for found in poses:
-        if len(expected) < 8 and differ(found, expected, 0.3):
-            expected.append(found)
-    np.testing.assert_array_equal(out[:count], expected)
+    poses = pose.array + rng.normal(0, (0.3, 0.3, 0.3), (40, 3))
+    # their half turns, too, and whole turns
+    poses[::3, :2] *= -1
+    poses[:, 2] += rng.integers(-4, 5, 40) * math.pi
+    out = np.full(8, -1)
+    count = spread_poses(poses, apart, out)
+    expected: list[int] = []
+    for n, found in enumerate(poses):
+        if len(expected) < 8 and differ(found, poses[expected], apart):
+            expected.append(n)
+    assert out[:count].tolist() == expected
 
 
 def test_a_fit_from_nowhere_still_says_how_bad_it_is():
