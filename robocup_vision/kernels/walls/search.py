@@ -47,6 +47,8 @@ def score_bank(
             row[shift] = np.float32(0.0)
         # headings side by side: the processor adds eight at once
         for b in range(count):
+            if part[b] == 0.0:
+                continue
             expected = bank[p, count - b : 2 * count - b]
             for shift in range(count):
                 row[shift] += part[b] * min(abs(radius[b] - expected[shift]), width_px)
