@@ -214,7 +214,7 @@ class EdgeFollower:
         self._fitted_camera, self._fitted_variances = self._fit.unknowns[3:], self._fit.covariance.diagonal()[3:]
         self._keep, self._dt_s = np.zeros(4), -1.0
         self._last_pose: Pose2 | None = None
-        self._log_odds = 0.0
+        self._log_odds = self._log_ratio = 0.0
         self.forget()
 
     def with_camera(self, camera: PinholeCamera) -> EdgeFollower:
@@ -259,6 +259,11 @@ class EdgeFollower:
     def evidence(self) -> Evidence:
         """What the last fit was judged by, whether it was accepted or not."""
         return Evidence(*self._fit.figures.tolist())
+
+    @property
+    def confirms_prior(self) -> bool:
+        """Whether the last frame followed is likelier if its prior is right than if it is wrong."""
+        return self._log_ratio > 0.0
 
     @property
     def pose(self) -> Pose2:
@@ -363,10 +368,12 @@ class EdgeFollower:
             modes,
             is_same_frame,
         ):
+            self._log_ratio = 0.0
             return NotLocated("no edge of the field file is in view")
         evidence = self.evidence
         settings = self._for_proposals if is_proposal else self.settings
         reason, log_ratio = weigh(evidence, settings, prior_log_odds)
+        self._log_ratio = log_ratio
         if reason is not None:
             # the prior goes on without a measurement
             known = self._last_pose is not None and prior_log_odds > 0.0

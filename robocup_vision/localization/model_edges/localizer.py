@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from copy import copy
 from functools import partial
 
@@ -13,14 +14,17 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.hypothesis import pose_offset
 from robocup_vision.localization.forward import GoalLocalizer
 from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.localization.model_edges.finder import EdgeFinder
-from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
+from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera, FollowerState
 from robocup_vision.localization.model_edges.second_look import SecondLook
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.localization.model_edges.wide_finder import WideFinder
 
+# or what makes them when they are asked for
+_Points = EdgePoints | Callable[[], EdgePoints]
 # between frames without times
 _USUAL_STEP_S = 1 / 30
 # a head's pan is known to no less, and a prior's heading never better than that
@@ -46,6 +50,7 @@ class EdgeLocalizer:
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._last_s: float | None = None
         self._was_located = False  # in the last look
+        self._located_s: float | None = None  # when it was last
         self._failed_s: float | None = None  # when the last search beside a prior found nothing
 
     def with_camera(self, camera: PinholeCamera) -> EdgeLocalizer:
@@ -62,7 +67,7 @@ class EdgeLocalizer:
         camera = evidence.camera
         assert isinstance(camera, PinholeCamera)
         answer: FollowedCamera | NotLocated
-        points: EdgePoints | None = None
+        points: _Points | None = None
         if prior is None:
             answer = self._find(evidence.frame)
         else:
@@ -73,6 +78,8 @@ class EdgeLocalizer:
                 answer = answer if isinstance(found, NotLocated) else found
         self._was_located = bool(answer)
         self._last_s = evidence.t_s
+        if answer:
+            self._located_s = evidence.t_s
         is_open = isinstance(answer, NotLocated) or bool(answer.others)
         if is_open and prior is None and self._has_posts:
             # a search of its own, slow: where a prior exists, the next frame will do
@@ -94,17 +101,52 @@ class EdgeLocalizer:
 
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate
-    ) -> tuple[FollowedCamera | NotLocated, EdgePoints | None]:
+    ) -> tuple[FollowedCamera | NotLocated, _Points | None]:
         """Follow by the frame, or by a second look that tells more; with the edges where that located the camera."""
         before, dt_s = self.follower.state, self._passed(evidence.t_s)
-        answer = self.follower.follow(evidence.frame, near, dt_s)
+        answer = first = self.follower.follow(evidence.frame, near, dt_s)
+        points: _Points | None = None
+        if not self.follower.confirms_prior and self._was_near(evidence.t_s):
+            answer, points = self._follow_slipped(evidence, near, dt_s, before, first)
+            if first and not answer:
+                return answer, points
         if answer and not (self._has_copies and answer.evidence.position_std_m >= self.follower.settings.open_m):
-            return answer, None
+            return answer, points
         again = self._second_look.follow(evidence.frame, near, dt_s, before, answer, may_compare=self._has_copies)
         if not again:
-            return answer, None
+            return answer, points
         self.follower.state = self._second_look.state
         return again, self._second_look.edge_points()
+
+    def _follow_slipped(
+        self,
+        evidence: FrameEvidence,
+        near: PoseEstimate,
+        dt_s: float,
+        before: FollowerState,
+        first: FollowedCamera | NotLocated,
+    ) -> tuple[FollowedCamera | NotLocated, _Points]:
+        """Follow a frame that does not confirm its prior as if the robot had slipped: by a prior that is no surer.
+
+        Either the frames before are right and this one says little, or this one is right: the odds are compared. One
+        that says as well that the robot slipped is no evidence for the prior.
+        """
+        follower = self.follower
+        after, points = follower.state, follower.edge_points_when_asked()
+        follower.state = FollowerState(before.sway, None, 0.0)
+        slipped = follower.follow(evidence.frame, self._widened(near), dt_s, is_same_frame=True)
+        if slipped and (not first or follower.state.log_odds > after.log_odds):
+            return slipped, follower.edge_points_when_asked()
+        follower.state = after
+        if first and slipped and _squared_distance(slipped.estimate, near) > follower.settings.max_same_distance2:
+            return NotLocated("what is in view confirms another place near by as well"), points
+        return first, points
+
+    def _was_near(self, t_s: float | None) -> bool:
+        """Whether the camera was located so lately that it has hardly left its place, whatever moved it."""
+        if t_s is None or self._located_s is None:
+            return self._was_located
+        return 0.0 <= t_s - self._located_s < self.follower.settings.odds_memory_s
 
     def _search_beside(self, evidence: FrameEvidence, near: PoseEstimate) -> FollowedCamera | NotLocated:
         """Search for a camera whose prior is not confirmed: all over the field only where it may be lost.
@@ -168,10 +210,20 @@ class EdgeLocalizer:
         s = self.follower.settings
         return PoseEstimate(prior, np.diag([s.prior_std_m, s.prior_std_m, s.prior_std_rad]) ** 2, 1.0, 0.0)
 
+    def _widened(self, near: PoseEstimate) -> PoseEstimate:
+        """Return a prior that is no surer than one of which only the pose is given."""
+        return PoseEstimate(near.pose, near.covariance + self._as_estimate(near.pose).covariance, 1.0, 0.0)
+
     def _passed(self, t_s: float | None) -> float:
         if t_s is None or self._last_s is None or not t_s > self._last_s:
             return _USUAL_STEP_S
         return t_s - self._last_s
+
+
+def _squared_distance(estimate: PoseEstimate, other: PoseEstimate) -> float:
+    """Squared Mahalanobis distance of two estimates of a pose, 3 degrees of freedom."""
+    offset = pose_offset(estimate.pose, other.pose)
+    return float(offset @ np.linalg.solve(estimate.covariance + other.covariance, offset))
 
 
 def _measurement(answer: FollowedCamera, robot_in_camera: Pose2) -> PoseEstimate:

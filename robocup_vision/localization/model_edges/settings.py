@@ -68,6 +68,9 @@ class EdgeSettings:
     min_points: int = 6
     # greatest squared distance from the prior, all six or seven unknowns: 0.01 % of right ones are farther
     max_prior_distance2: float = 27.9
+    # of a prior and of where the same frame finds a robot that slipped, up to which both are one place: chi-square with
+    # 3 degrees of freedom, 99.9 %
+    max_same_distance2: float = 16.27
     # modes near one prior are compared by these: logarithm of the inliers, fractions, squared distance from the prior,
     # residuals (px)
     mode_of_inliers: float = 1.3

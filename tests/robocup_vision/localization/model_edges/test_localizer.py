@@ -15,9 +15,11 @@ from robocup_vision.kernels.model_edges.find import floor_places
 from robocup_vision.localization.model_edges.field_edges import lens_table
 from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
 from robocup_vision.localization.model_edges.follower import EdgeFollower
+from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
+from sim2d.rendering.scene import Robot
 
 NEGATIVES = Path(__file__).resolve().parents[4].parent / "shared" / "real" / "negatives" / "images"
 
@@ -107,6 +109,65 @@ def test_a_frame_that_does_not_confirm_a_prior_may_confirm_the_place(fl_shot, mo
     view = vision.look(fl_shot.frame, prior=near)
     assert view.pose
     assert view.pose.pose.error_to(fl_shot.pose)[0] < 0.03
+
+
+@pytest.mark.parametrize(
+    ("pose", "robot", "turn_rad"),
+    [
+        (Pose2(0.222, -0.64, 2.354), (-0.138, -0.369), 0.148),
+        (Pose2(-1.091, 1.107, 2.308), (-1.416, 1.364), 0.122),
+        (Pose2(1.544, -0.421, -0.828), (2.113, -0.885), -0.142),
+    ],
+)
+def test_a_robot_that_slipped_is_followed_by_what_its_frames_show(pose, robot, turn_rad, take_shot):
+    shot = take_shot("four_legged_2007", pose, robots=(Robot(*robot, 0.12, 0.25),))
+    vision, sure = Vision(shot.field, shot.camera), np.diag([0.02, 0.02, math.radians(1.2)]) ** 2
+    # wheels that spin turn the prior away, which does not know of it
+    for step, off_rad in enumerate((0.0, 0.0, 0.0, turn_rad, turn_rad, turn_rad)):
+        near = PoseEstimate(pose.compose(Pose2(0.0, 0.0, off_rad)), sure, 1.0, 0.0)
+        view = vision.look(shot.frame, step / 30, prior=near)
+        assert view.pose
+        assert view.pose.pose.error_to(pose)[1] < math.radians(1.0)
+
+
+def test_a_frame_that_confirms_another_place_too_is_no_evidence_for_its_prior(take_shot):
+    pose = Pose2(0.769, 0.379, -0.766)
+    shot = take_shot("four_legged_2007", pose, robots=(Robot(1.321, -0.501, 0.12, 0.25),))
+    vision, sure = Vision(shot.field, shot.camera), np.diag([0.02, 0.02, math.radians(1.2)]) ** 2
+    for step in range(4):
+        assert vision.look(shot.frame, step / 30, prior=PoseEstimate(pose, sure, 1.0, 0.0)).pose
+    # a prior supported by frames before, and near it a few samples that agree with it without fixing it
+    near, located = PoseEstimate(pose.compose(Pose2(0.0, 0.0, -0.143)), sure, 1.0, 0.0), 0
+    for step in range(4, 10):
+        view = vision.look(shot.frame, step / 30, prior=near)
+        located += bool(view.pose)
+        assert not view.pose or view.pose.pose.error_to(pose)[1] < math.radians(2.0)
+    assert located >= 3
+
+
+def test_only_a_robot_located_lately_can_have_slipped(fl_shot, monkeypatch):
+    vision, follow, stds = Vision(fl_shot.field, fl_shot.camera), EdgeFollower.follow, []
+
+    def note(self, frame, prior, dt_s=1 / 30, **how):
+        if not how.get("is_proposal"):
+            stds.append(prior.std[2])
+        return follow(self, frame, prior, dt_s, **how)
+
+    monkeypatch.setattr(EdgeFollower, "follow", note)
+    monkeypatch.setattr(EdgeFinder, "find", lambda self, frame: NotLocated("none is right"))
+    near = PoseEstimate(fl_shot.pose, np.diag([0.02, 0.02, 0.02]) ** 2, 1.0, 0.0)
+    empty, memory_s = np.full_like(fl_shot.frame, 90), EdgeSettings().odds_memory_s
+    for frame, t_s, is_looked_beside in (
+        (empty, 0.0, False),
+        (fl_shot.frame, 0.1, False),
+        (empty, 0.2, True),
+        (empty, 0.05 + memory_s, True),
+        (empty, 0.2 + memory_s, False),
+        (fl_shot.frame, 0.3 + memory_s, False),
+    ):
+        stds.clear()
+        vision.look(frame, t_s, prior=near)
+        assert (max(stds) > EdgeSettings().prior_std_rad) == is_looked_beside
 
 
 def test_memory_takes_the_frame_s_own_word(fl_shot):
