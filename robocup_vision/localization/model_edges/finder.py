@@ -71,6 +71,10 @@ class FinderSettings:
     max_std_m: float = 0.10
     # of a bearing bin whose paint is wrong, in line points
     upright_weight: float = 0.25
+    # of where a camera is found that got lost, about where it was believed to be; in so many of such cases it is near
+    lost_std_m: float = 0.5
+    lost_std_rad: float = 0.5
+    near_share: float = 0.5
     # line points in use, and how far away they may be, in metres
     points: int = 60
     max_range_m: float = 6.0
@@ -119,6 +123,8 @@ class EdgeFinder:
         sway = follower.sway_std_rad
         self._near = np.array([s.near_m, s.near_m, s.near_rad, sway, sway])
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
+        low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
+        self._room_m2rad = math.tau * float(np.prod(high - low))
         self._covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
         self._gates_px = np.array(s.gates_px) * max(1.0, 0.5 * (1.0 + scale))
 
@@ -195,25 +201,46 @@ class EdgeFinder:
             return False
         return abs(wrap_angle(pose.theta_rad - other.theta_rad)) < self.settings.apart_rad
 
-    def find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
-        """Locate the camera by one frame alone.
+    def find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
+        """Locate the camera by one frame.
 
         Parameters
         ----------
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
+        near : Pose2, optional
+            Where the camera may be near, or may be not: where it was believed to be until it got lost.
         """
+        turned = [] if near is None else self._turned(near)
         if not self.settings.nods:
-            return self.judge(frame, self.propose(frame))
+            return self.judge(frame, [*turned, *self.propose(frame)], near)
         aligned = self._aligned_poses(frame, 0.0)
-        answer = self.judge(frame, self._likeliest(aligned))
+        answer = self.judge(frame, [*turned, *self._likeliest(aligned)], near)
         if answer or not len(aligned):
             return answer
         # a body that nods sees far lines elsewhere than the bank: all is weighed again, with poses by other nods
         nods = [self._aligned_poses(frame, ratio * self.follower.sway_std_rad) for ratio in self.settings.nods]
-        return self.judge(frame, self._likeliest(np.vstack([aligned, *nods])))
+        return self.judge(frame, self._likeliest(np.vstack([aligned, *nods])), near)
 
-    def judge(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> FollowedCamera | NotLocated:
+    def _turned(self, near: Pose2) -> list[Pose2]:
+        """Poses at a place, turned as far as a lost robot's heading may be off, as far apart as fits bridge."""
+        s = self.settings
+        steps = math.ceil(s.lost_std_rad / (2 * s.std_rad))
+        return [near.compose(Pose2(0.0, 0.0, 2 * s.std_rad * k)) for k in range(-steps, steps + 1)]
+
+    def _log_prior(self, pose: Pose2, near: Pose2 | None) -> float:
+        """Logarithm of a pose's prior density against that of a camera which may be anywhere."""
+        if near is None:
+            return 0.0
+        s = self.settings
+        away_m, turned_rad = pose.error_to(near)
+        density = math.exp(-0.5 * ((away_m / s.lost_std_m) ** 2 + (turned_rad / s.lost_std_rad) ** 2))
+        density /= math.sqrt(math.tau) ** 3 * s.lost_std_m**2 * s.lost_std_rad
+        return math.log(1 - s.near_share + s.near_share * density * self._room_m2rad)
+
+    def judge(
+        self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None
+    ) -> FollowedCamera | NotLocated:
         """Fit every proposed pose of the camera, and return those that the frame confirms: one, or a few candidates.
 
         Parameters
@@ -222,10 +249,12 @@ class EdgeFinder:
             BGR, of the camera's size.
         proposals : iterable of Pose2
             Whoever proposes them.
+        near : Pose2, optional
+            As in `find`.
         """
         s, follower = self.settings, self.follower
         self._is_same_frame = False
-        places = self._places(frame, proposals)
+        places = self._places(frame, proposals, near)
         if follower.field.shows_half:
             # lines alone look alike from both halves, whichever of them was proposed
             for pose in [one.half_turn() for one in places[: s.turned]]:
@@ -239,7 +268,9 @@ class EdgeFinder:
         follower.forget()
         if not answers:
             return NotLocated("no pose on the field explains what is in view")
-        probabilities = posterior([log_weight(one.evidence, s.candidates) for one in answers])
+        probabilities = posterior(
+            [log_weight(one.evidence, s.candidates) + self._log_prior(one.estimate.pose, near) for one in answers]
+        )
         order = accepted(probabilities, s.candidates)
         if not order:
             best = float(probabilities.max())
@@ -255,14 +286,15 @@ class EdgeFinder:
         others = tuple(answers[index].estimate.pose for index in order[1:])
         return best_answer.with_candidates(others, has_twins=not follower.field.halves_differ)
 
-    def _places(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> list[Pose2]:
+    def _places(self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None) -> list[Pose2]:
         """Poses that the fits of proposals end at, the likeliest first."""
         s, follower = self.settings, self.follower
         ends: list[tuple[float, Pose2]] = []
         for proposal in proposals:
             answer, evidence = self._fit(frame, proposal), follower.evidence
             if evidence.inliers >= s.min_inliers:
-                ends.append((log_weight(evidence, s.candidates), self._end(answer)))
+                end = self._end(answer)
+                ends.append((log_weight(evidence, s.candidates) + self._log_prior(end, near), end))
         ends.sort(key=lambda one: -one[0])
         return self._first_apart((pose for weight, pose in ends if weight > ends[0][0] - s.unlikelier), s.weighed)
 

@@ -106,7 +106,7 @@ class EdgeLocalizer:
         before, dt_s = self.follower.state, self._passed(evidence.t_s)
         answer = first = self.follower.follow(evidence.frame, near, dt_s)
         points: _Points | None = None
-        if not self.follower.confirms_prior and self._was_near(evidence.t_s):
+        if not self.follower.confirms_prior and self._was_near(evidence.t_s, self.follower.settings.odds_memory_s):
             answer, points = self._follow_slipped(evidence, near, dt_s, before, first)
             if first and not answer:
                 return answer, points
@@ -142,11 +142,11 @@ class EdgeLocalizer:
             return NotLocated("what is in view confirms another place near by as well"), points
         return first, points
 
-    def _was_near(self, t_s: float | None) -> bool:
-        """Whether the camera was located so lately that it has hardly left its place, whatever moved it."""
+    def _was_near(self, t_s: float | None, lately_s: float) -> bool:
+        """Whether the camera was located so lately; without times, in the last look."""
         if t_s is None or self._located_s is None:
             return self._was_located
-        return 0.0 <= t_s - self._located_s < self.follower.settings.odds_memory_s
+        return 0.0 <= t_s - self._located_s < lately_s
 
     def _search_beside(self, evidence: FrameEvidence, near: PoseEstimate) -> FollowedCamera | NotLocated:
         """Search for a camera whose prior is not confirmed: all over the field only where it may be lost.
@@ -163,7 +163,8 @@ class EdgeLocalizer:
             return found
         if not self._may_search(evidence.t_s):
             return NotLocated("the last search found nothing")
-        found = self._find(evidence.frame)
+        is_near = self._was_near(evidence.t_s, self.follower.settings.near_s)
+        found = self._find(evidence.frame, near.pose if is_near else None)
         self._failed_s = evidence.t_s if isinstance(found, NotLocated) else None
         return found
 
@@ -172,8 +173,8 @@ class EdgeLocalizer:
             return True
         return not 0.0 <= t_s - self._failed_s < self.follower.settings.search_again_s
 
-    def _find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
-        return self._made_finder().find(frame)
+    def _find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
+        return self._made_finder().find(frame, near)
 
     def _made_finder(self) -> EdgeFinder:
         if self._finder is None:

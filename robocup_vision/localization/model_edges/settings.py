@@ -129,6 +129,8 @@ class EdgeSettings:
     less_open: float = 0.7
     # a search by the bank that found nothing is not repeated so soon: frames so close together show the same
     search_again_s: float = 0.1
+    # a camera located so lately is probably near its prior still: odometry that is a tenth off errs by 20 cm at 1 m/s
+    near_s: float = 2.0
     # of the prior where only a pose is given
     prior_std_m: float = 0.15
     prior_std_rad: float = 0.1

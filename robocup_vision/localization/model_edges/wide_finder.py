@@ -100,9 +100,9 @@ class WideFinder(EdgeFinder):
         """Whether boards bound the field, and frames have a smaller copy."""
         return field.is_bounded and smallest_copy(camera, edges) > 1
 
-    def find(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
+    def find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
         """See `EdgeFinder.find`; the frame is a whole one."""
-        answer = super().find(copy_of(frame, self.follower.camera.size_px))
+        answer = super().find(copy_of(frame, self.follower.camera.size_px), near)
         if not answer:
             return answer
         estimate = replace(answer.estimate, residual_px=self.factor * answer.estimate.residual_px)
@@ -145,9 +145,9 @@ class WideFinder(EdgeFinder):
         )
         return self._first_apart((Pose2(*poses[k, :3].tolist()) for k in np.argsort(costs)), s.fitted)
 
-    def _places(self, frame: UInt8Array, proposals: Iterable[Pose2]) -> list[Pose2]:
+    def _places(self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None) -> list[Pose2]:
         """Poses that the fits of proposals end at, and what looks like the likeliest at the floor's other corners."""
-        places = super()._places(frame, proposals)
+        places = super()._places(frame, proposals, near)
         repeated = [like for pose in places[: self._wide.repeated] for like in self._likes(pose)]
         return self._first_apart([*places, *repeated], len(places) + len(repeated))
 

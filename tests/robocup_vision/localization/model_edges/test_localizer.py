@@ -63,7 +63,9 @@ def test_edge_points_stay_those_of_their_frame_when_they_are_asked_for_later(fl_
 def test_a_search_that_found_nothing_is_not_repeated_at_once(fl_shot, monkeypatch):
     searches = []
     monkeypatch.setattr(
-        EdgeFinder, "find", lambda self, frame: searches.append(frame) or NotLocated("no pose explains what is in view")
+        EdgeFinder,
+        "find",
+        lambda self, frame, near=None: searches.append(frame) or NotLocated("no pose explains what is in view"),
     )
     vision = Vision(fl_shot.field, fl_shot.camera)
     searches.clear()
@@ -78,7 +80,9 @@ def test_a_followed_camera_is_searched_for_in_the_second_look_that_does_not_conf
     proposed, searches = [], []
     judge = finder.judge
     monkeypatch.setattr(finder, "judge", lambda self, frame, poses: proposed.append(poses) or judge(self, frame, poses))
-    monkeypatch.setattr(finder, "find", lambda self, frame: searches.append(frame) or NotLocated("none is right"))
+    monkeypatch.setattr(
+        finder, "find", lambda self, frame, near=None: searches.append(near) or NotLocated("none is right")
+    )
     empty = np.full_like(fl_shot.frame, 90)
     near = PoseEstimate(fl_shot.pose, np.diag([0.02, 0.02, 0.02]) ** 2, 1.0, 0.0)
     wide = replace(near, covariance=np.diag([0.3, 0.3, 0.2]) ** 2)
@@ -154,7 +158,7 @@ def test_only_a_robot_located_lately_can_have_slipped(fl_shot, monkeypatch):
         return follow(self, frame, prior, dt_s, **how)
 
     monkeypatch.setattr(EdgeFollower, "follow", note)
-    monkeypatch.setattr(EdgeFinder, "find", lambda self, frame: NotLocated("none is right"))
+    monkeypatch.setattr(EdgeFinder, "find", lambda self, frame, near=None: NotLocated("none is right"))
     near = PoseEstimate(fl_shot.pose, np.diag([0.02, 0.02, 0.02]) ** 2, 1.0, 0.0)
     empty, memory_s = np.full_like(fl_shot.frame, 90), EdgeSettings().odds_memory_s
     for frame, t_s, is_looked_beside in (
@@ -206,6 +210,53 @@ def test_a_camera_is_found_without_a_prior(fl_shot, spl_shot):
     near = finder.judge(spl_shot.frame, [spl_shot.pose])
     assert near
     assert near.estimate.pose.error_to(spl_shot.pose)[0] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("pose", "turn_rad"),
+    [
+        (Pose2(0.69, -0.83, 2.49), 0.15),
+        (Pose2(1.41, -0.79, -1.15), 0.19),
+        (Pose2(-1.02, 0.97, 1.5), -0.25),
+        (Pose2(-0.59, -1.03, -1.15), 0.29),
+    ],
+)
+def test_a_lost_camera_is_found_near_where_it_was_believed_to_be(pose, turn_rad, take_shot):
+    shot = take_shot("four_legged_2007", pose)
+    finder, blurred = EdgeFinder(EdgeFollower(shot.field, shot.camera)), cv2.blur(shot.frame, (9, 1))
+    # the frame alone leaves it open, and so does a belief that is wrong
+    assert not finder.find(blurred)
+    assert not finder.find(blurred, Pose2(-pose.x_m, -pose.y_m, pose.theta_rad + 2.0))
+    found = finder.find(blurred, pose.compose(Pose2(0.1, -0.05, turn_rad)))
+    assert found
+    away, turned = found.estimate.pose.error_to(pose)
+    assert away < 0.1
+    assert turned < math.radians(3.0)
+
+
+def test_what_a_frame_alone_tells_is_found_wherever_it_was_believed_to_be(take_shot):
+    pose = Pose2(0.79, -0.45, -3.0)
+    shot = take_shot("four_legged_2007", pose)
+    finder = EdgeFinder(EdgeFollower(shot.field, shot.camera))
+    for near in (None, pose, Pose2(-1.5, 1.0, 0.5)):
+        found = finder.find(shot.frame, near)
+        assert found
+        assert found.estimate.pose.error_to(pose)[0] < 0.05
+
+
+def test_a_camera_located_lately_is_searched_for_about_its_prior(fl_shot, monkeypatch):
+    vision, nears = Vision(fl_shot.field, fl_shot.camera), []
+    monkeypatch.setattr(
+        EdgeFinder, "find", lambda self, frame, near=None: nears.append(near) or NotLocated("none is right")
+    )
+    wide = PoseEstimate(fl_shot.pose, np.diag([0.3, 0.3, 0.2]) ** 2, 1.0, 0.0)
+    empty, near_s = np.full_like(fl_shot.frame, 90), EdgeSettings().near_s
+    vision.look(empty, 0.0, prior=wide)
+    assert vision.look(fl_shot.frame, 1.0, prior=fl_shot.pose).pose
+    vision.look(empty, 1.0 + 0.9 * near_s, prior=wide)
+    vision.look(empty, 1.0 + 1.1 * near_s, prior=wide)
+    expected = wide.seen_from(fl_shot.camera.camera_in_robot).pose
+    assert nears == [None, expected, None]
 
 
 @pytest.mark.parametrize("condition", ["clean_208x160", "heavy_glare_208x160"])
