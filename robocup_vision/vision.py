@@ -193,14 +193,19 @@ class Vision:
         frame = cast("UInt8Array", frame)
         if self._memory is None:
             view = self._look(frame, t_s, odometry, prior, pan_rad)
+            self._refine_camera(frame, view)
         else:
             view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, pan_rad)
-        if self.online is not None:
-            better = self.online.follow(to_bgr(frame, self.channels), view)
-            if better is not None:
-                self._pipeline = _with_camera(self._pipeline, better)
-                self.camera = better
         return view
+
+    def _refine_camera(self, frame: UInt8Array, view: View) -> bool:
+        """Refine the camera by a frame and its view; whether it is now another one."""
+        better = None if self.online is None else self.online.follow(to_bgr(frame, self.channels), view)
+        if better is None:
+            return False
+        self._pipeline = _with_camera(self._pipeline, better)
+        self.camera = better
+        return True
 
     def _look(
         self,
@@ -250,6 +255,9 @@ class Vision:
                 before = before.compose(odometry)
             prior = before
         view = self._look(frame, t_s, odometry, prior, pan_rad)
+        if self._refine_camera(frame, view) and prior is not None:
+            # the memory is not to believe what a camera shows that this very frame has found to be wrong
+            view = self._look(frame, t_s, None, prior, pan_rad)
         if by_view:
             memory.predict_by_view(view, odometry)
         return replace(view, belief=memory.update(view))

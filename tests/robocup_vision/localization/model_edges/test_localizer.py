@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
+from robocup_vision.calibration.online.calibration import OnlineCalibration
 from robocup_vision.estimates import EdgeState, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.find import floor_places
@@ -185,6 +186,21 @@ def test_memory_takes_the_frame_s_own_word(fl_shot):
     assert view.belief is not None
     assert view.belief.pose
     assert view.belief.pose.pose.error_to(fl_shot.pose)[0] < 0.05
+
+
+@pytest.mark.parametrize(("pose", "off_px"), [(Pose2(0.38, -1.03, math.pi), -8.0), (Pose2(0.38, 1.03, math.pi), 7.0)])
+def test_memory_does_not_believe_a_camera_that_the_frame_finds_to_be_wrong(pose, off_px, take_shot, fl_shot):
+    file = fl_shot.camera
+    true = replace(file, center_px=(file.center_px[0] + off_px, file.center_px[1]))
+    shot = take_shot("four_legged_2007", pose, camera=true)
+    memory = Memory(shot.field)
+    vision = Vision(shot.field, file, memory=memory, online=OnlineCalibration(shot.field, file))
+    at_start = PoseEstimate(pose, np.diag([0.05, 0.05, math.radians(3.0)]) ** 2, 1.0, 0.0)
+    memory.poses.update(at_start, 0.0)
+    belief = vision.look(shot.frame, 0.0, odometry=Pose2(0.0, 0.0, 0.0)).belief
+    assert belief is not None
+    assert belief.pose
+    assert belief.pose.pose.error_to(pose)[0] < 0.06
 
 
 @pytest.fixture(scope="module")
