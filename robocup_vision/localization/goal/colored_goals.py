@@ -46,9 +46,11 @@ class ColoredGoalSettings:
         Score from which one counts though lines that would be in view are not seen.
     max_doubted : int
         Further ones that the whole picture may choose among, the likeliest.
+    min_washable : float
+        Of each post and the bar, what may be paint of the goal's hue, washed or not: of what is none, less is.
     min_nats : float
-        Log-likelihood ratio of the whole picture to clutter from which it tells a goal: where none is, the best of all
-        cameras reaches 160.
+        Log-likelihood ratio of the whole picture to clutter from which it tells a goal: where half a goal or none is,
+        the best of all cameras with such posts and bar reaches 112.
     shared_nats : float
         Neighbouring samples of an edge or line share their errors: differences in evidence count in this unit.
     """
@@ -60,7 +62,8 @@ class ColoredGoalSettings:
     min_alone_score: float = 0.72
     clear_score: float = 0.85
     max_doubted: int = 6
-    min_nats: float = 165.0
+    min_washable: float = 0.9
+    min_nats: float = 150.0
     shared_nats: float = 15.0
 
 
@@ -236,10 +239,14 @@ class ColoredGoals:
         return nats >= self._settings.telling_ratio * most
 
     def _may_be(self, picture: GoalPicture, found: _Joined) -> bool:
-        """Whether a goal and lines put the camera where it can stand, and both posts are seen: not half a goal."""
-        p, limits = found.lines.unknowns, found.goal.fit.settings
-        posts = shown_ratios(picture.frame, self._search.camera, found.goal, p, limits.reaches_px[-1])[:2]
-        return bool(np.all(np.abs(p[:2]) <= self._search.extent_m) and posts.min() >= limits.min_edge_ratio)
+        """Whether a goal and lines put the camera where it can stand, and all of the goal is seen, nobody before it."""
+        search, p, limits = self._search, found.lines.unknowns, found.goal.fit.settings
+        posts = shown_ratios(picture.frame, search.camera, found.goal, p, limits.reaches_px[-1])[:2]
+        return bool(
+            np.all(np.abs(p[:2]) <= search.extent_m)
+            and posts.min() >= limits.min_edge_ratio
+            and search.washable(picture, found.goal.sides, p).min() >= self._settings.min_washable
+        )
 
     def _nats(self, picture: GoalPicture, lines: ColoredGoalLines, camera: CameraEstimate) -> float:
         """Log-likelihood ratio of goal and lines, where a camera has them, to clutter."""

@@ -84,7 +84,7 @@ class ColoredLineSettings:
     clear_evidence, same_m : float, float
         A fit this much worse in log odds is no rival; fits nearer to each other are one.
     max_starts : int
-        Cameras along the goal's arc that are tried.
+        Cameras along the goal's arc that are tried beside the goal's own.
     reach_on_arc_stds : float
         How far along the arc, by the fit's own uncertainty, drawn lines may move it.
     min_drawn_evidence : float
@@ -198,6 +198,7 @@ class ColoredGoalLines:
         if arc is not None:
             drawing = LineDrawing(frame, self._pen)
             fits = self._drawn(drawing, model, fits) if fits else self._drawn_alone(drawing, model, found, arc)
+        fits = [t for t in fits if keeps_elements(model, found, t[1].unknowns)]
         fits.sort(key=lambda t: -t[0])
         if not fits:
             return None
@@ -268,7 +269,7 @@ class ColoredGoalLines:
     def _starts(
         self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
     ) -> list[tuple[FloatArray, FloatArray]]:
-        """Cameras on the arc that lines confirm best."""
+        """Cameras on the arc: the goal's own, and those that lines confirm best."""
         settings, held = self._settings, at_one_heading(model)
         how_far = MarkReach(settings.reach_stds, settings.min_reach_px, settings.reaches_px[0])
         seen = self._marks.look(frame, model, arc.unknowns, arc.covariance, how_far)
@@ -285,9 +286,10 @@ class ColoredGoalLines:
             evidence,
         )
         evidence -= arc.cost / 2
-        chosen: list[tuple[FloatArray, FloatArray]] = []
+        likeliest = int(np.argmin(arc.cost))
+        chosen = [(arc.unknowns[likeliest], arc.covariance[likeliest])]
         for k in np.argsort(-evidence, kind="stable"):
-            if len(chosen) == settings.max_starts or math.isinf(evidence[k]):
+            if len(chosen) > settings.max_starts or math.isinf(evidence[k]):
                 break
             if all(math.dist(cameras[k, :2], other[:2]) > settings.same_m for other, _ in chosen):
                 chosen.append((cameras[k], arc.covariance[k]))
@@ -384,3 +386,23 @@ class ColoredGoalLines:
         sigma = samples.sigma.copy()
         sigma[first:] *= math.sqrt(scatter)
         return replace(samples, sigma=sigma)
+
+
+def keeps_elements(model: GoalModel, found: GoalFit, unknowns: FloatArray) -> bool:
+    """Whether a camera sees both posts and the bar where a goal's own fit has found edges of them.
+
+    A streak's border may have passed for an edge: it lies on the post. What is off by more than a post's width is lost.
+
+    Parameters
+    ----------
+    model, found : GoalModel, GoalFit
+        The goal and its own fit.
+    unknowns : (8,) float64
+        The camera.
+    """
+    shape, samples = model.shape, found.samples
+    away_m = math.hypot(shape.line_x_m - unknowns[0], unknowns[1])
+    width_px = 2 * shape.radius_m * model.view.focal_px[0] / max(away_m, shape.width_m)
+    off = np.abs(residuals(model, samples, unknowns)[: len(samples.edge)])
+    elements = [off[samples.edge // 2 == element] for element in range(3)]
+    return all(float(np.median(one)) <= width_px for one in elements if len(one))

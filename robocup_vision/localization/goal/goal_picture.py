@@ -15,6 +15,10 @@ from robocup_vision.localization.goal.silhouettes import Edges, SilhouetteSearch
 from robocup_vision.perception.goal_color import GoalColorSettings, hue_masks
 from robocup_vision.perception.goal_region import carpet_mask
 
+# of white light, colours differ by so much where a lamp or the white balance is tinted, and by the sensor's noise
+_WHITE_RATIO = np.float32(1.1)
+_NOISE = np.float32(8.0)
+
 
 class PaintMasks(NamedTuple):
     """Masks (H, W) of the paint of each hue, by its name, and of carpet."""
@@ -38,6 +42,8 @@ class GoalPicture:
         How paint is told.
     silhouettes : SilhouetteSearch
         Marks edges.
+    shaded : float
+        Paint in its own shade is no darker than this part of the carpet.
     """
 
     def __init__(
@@ -47,13 +53,16 @@ class GoalPicture:
         families: dict[str, tuple[float, float]],
         colors: GoalColorSettings,
         silhouettes: SilhouetteSearch,
+        shaded: float,
     ) -> None:
         self.frame = frame
         self.factor = factor
         self._families = families
         self._colors = colors
         self._silhouettes = silhouettes
+        self._shaded = shaded
         self._evidence: dict[str, Evidence] = {}
+        self._washable: dict[str, UInt8Array] = {}
 
     @cached_property
     def small(self) -> UInt8Array:
@@ -87,23 +96,27 @@ class GoalPicture:
             self._evidence[color] = self._silhouettes.evidence(self.edges[-1], paint[color], carpet)
         return self._evidence[color]
 
-    def bright(self, color: str, shaded: float) -> UInt8Array:
+    def washable(self, color: str) -> UInt8Array:
         """Mask (H, W) of what may be paint of a hue, washed by lamps or not, in the reduced frame.
 
         Its colours are brighter than carpet, and lamps add light: where a post is dark, somebody stands before it.
+        White light adds to all colours alike: what has more of another colour than of the hue's is no paint.
 
         Parameters
         ----------
         color : str
             The hue's name.
-        shaded : float
-            Paint in its own shade is no darker than this part of the carpet.
         """
-        bgr = COLOR_NAMES[color]
-        lit = self.small[..., [k for k in range(3) if 3 * bgr[k] > sum(bgr)]].min(axis=2)
+        if color in self._washable:
+            return self._washable[color]
+        bgr = np.array(COLOR_NAMES[color])
+        of_hue = 3 * bgr > bgr.sum()
+        lit, other = self.small[..., of_hue].min(axis=2), self.small[..., ~of_hue].max(axis=2)
         green = self.small[..., 1][self.masks.carpet > 0]
-        least = shaded * float(np.median(green)) if len(green) else 0.0
-        return np.where(lit >= least, np.uint8(255), np.uint8(0))
+        least = self._shaded * float(np.median(green)) if len(green) else 0.0
+        is_washable = (lit >= least) & (_WHITE_RATIO * lit + _NOISE >= other)
+        self._washable[color] = np.where(is_washable, np.uint8(255), np.uint8(0))
+        return self._washable[color]
 
     def _reduced(self, image: UInt8Array) -> UInt8Array:
         if self.factor == 1:

@@ -196,7 +196,7 @@ class GoalSearch:
     def picture(self, frame: UInt8Array) -> GoalPicture:
         """Take a frame (H, W, 3), BGR, of the camera's size."""
         factor = max(1, round(self.camera.size_px[0] / self.settings.width_px))
-        return GoalPicture(frame, factor, self.families, self.settings.colors, self._silhouettes)
+        return GoalPicture(frame, factor, self.families, self.settings.colors, self._silhouettes, self.settings.shaded)
 
     def candidates(self, picture: GoalPicture) -> tuple[list[Candidate], str]:
         """Goals that may be in a picture, distinct ones, best first; and why there is none if there is none."""
@@ -277,7 +277,7 @@ class GoalSearch:
         proposed = []
         for color, mask in paint.items():
             proposal = self._of_hue(color, mask, carpet, [], picture.factor)
-            appearance = replace(proposal.appearance, paint=picture.bright(color, self.settings.shaded))
+            appearance = replace(proposal.appearance, paint=picture.washable(color))
             proposal = proposal._replace(appearance=appearance)
             starts = self._silhouettes.propose(picture.edges, straight.paint[color], straight.carpet)
             proposed += [(nats, start, proposal) for nats, start in starts]
@@ -301,8 +301,25 @@ class GoalSearch:
         unknowns : (8,) float64
             The camera, in the order of goal/geometry.py.
         """
-        color = next(goal.color for goal in self.field.goals if goal.side == sides[0])
-        return self._silhouettes.nats(picture.evidence(color), unknowns)
+        return self._silhouettes.nats(picture.evidence(self._color_of(sides)), unknowns)
+
+    def washable(self, picture: GoalPicture, sides: tuple[int, ...], unknowns: FloatArray) -> FloatArray:
+        """Measure how much along the left post, the bar and the right post may be their paint, washed or not: (3,).
+
+        Parameters
+        ----------
+        picture, sides, unknowns
+            As in `nats`.
+        """
+        mask = picture.washable(self._color_of(sides))
+        corners = project(self.colored_model.view, unknowns, self.shape.corners)
+        pixels = (from_ideal(self.camera, corners) + 0.5) / picture.factor - 0.5
+        share = np.empty(3)
+        mean_along(mask, np.ascontiguousarray(pixels[:-1]), np.ascontiguousarray(pixels[1:]), share)
+        return share / 255
+
+    def _color_of(self, sides: tuple[int, ...]) -> str:
+        return next(goal.color for goal in self.field.goals if goal.side == sides[0])
 
     def _mask_strips(self, mask: UInt8Array, carpet: UInt8Array) -> list[Strip]:
         return strips(mask_runs(mask, 2), 2, carpet, certain=True, settings=self.settings.strips)

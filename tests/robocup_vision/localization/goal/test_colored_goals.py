@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from field_models import load_field
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate
 from robocup_vision.localization.goal.colored_goals import ColoredGoals, ColoredGoalSettings, doubting
+from robocup_vision.localization.goal.colored_lines import keeps_elements
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator, GoalSettings
 from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.localization.lines.line_map import LineMap
@@ -65,3 +66,16 @@ def test_a_camera_is_as_uncertain_as_its_neighbours_differ(offset_m, std_m, behi
 def test_a_camera_elsewhere_is_another_answer():
     best, other = placed(0.0, 0.0, 0.01), placed(0.5, 0.0, 0.01)
     assert doubting(best, [(300.0, best), (299.0, other)], 0.2, 15.0).covariance == pytest.approx(best.covariance)
+
+
+def test_lines_may_move_a_post_by_its_width_and_no_farther():
+    search = GoalSearch(FIELD, STREAKS.camera)
+    picture = search.picture(next(sample_goal(FIELD, GOAL_CONDITIONS["clean_416x320"], 11, 1, supersample=2)).frame)
+    found = search.candidates(picture)[0][0]
+    p = found.fit.unknowns
+    assert keeps_elements(found.model, found.fit, p)
+    width_rad = 2 * search.shape.radius_m / math.hypot(search.shape.line_x_m - p[0], p[1])
+    for widths, is_kept in ((0.5, True), (3.0, False)):
+        turned = p.copy()
+        turned[2] += widths * width_rad
+        assert keeps_elements(found.model, found.fit, turned) is is_kept

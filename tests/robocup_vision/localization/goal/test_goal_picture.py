@@ -47,3 +47,15 @@ def test_the_whole_picture_speaks_for_the_true_camera_alone(sample):
     behind = found.fit.unknowns.copy()
     behind[2] += np.pi
     assert search.nats(picture, found.sides, behind) == -np.inf
+
+
+def test_paint_may_be_washed_white_but_has_no_more_of_another_colour(sample):
+    search = GoalSearch(FIELD, CLEAN.camera)
+    frame = np.full((320, 416, 3), (40, 120, 40), np.uint8)
+    shades = {"cyan": (200, 160, 20), "white": (250, 250, 250), "orange": (20, 120, 240), "dark": (20, 20, 20)}
+    for k, bgr in enumerate(shades.values()):
+        frame[20:60, 100 * k + 10 : 100 * k + 90] = bgr
+    mask = search.picture(frame).washable("cyan")
+    assert [bool(mask[20, 50 * k + 25]) for k in range(4)] == [True, True, False, False]
+    found = search.candidates(search.picture(sample.frame))[0][0]
+    assert search.washable(search.picture(sample.frame), found.sides, found.fit.unknowns).min() > 0.9
