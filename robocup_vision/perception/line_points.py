@@ -31,8 +31,6 @@ _SIDE_WIDTHS, _SIDE_PX = 0.7, 1.8
 _MIN_COUNTS = 3
 # R/G and B/G below this are not told apart: of a carpet of deep green they are noise and the veil of lines beside it
 _DEEP_RATIO = 0.2
-# share of a normal distribution that is less than one standard deviation above its mean
-_ONE_STD_ABOVE = 0.841
 
 
 class FloorCamera(Protocol):
@@ -315,11 +313,6 @@ class LineFinder:
             mode = np.array([np.median(row) for row in chosen])
             off = np.abs(chosen - mode[:, None])
             spread = np.maximum([1.48 * np.median(row) for row in off], settings.min_tone_spread)
-            for channel in np.flatnonzero(mode <= np.log(_DEEP_RATIO)):
-                # not told apart below: what is above tells the spread, of all that the other channel takes for floor
-                alike = np.abs(log_ratio[1 - channel] - mode[1 - channel]) < settings.tone_stds * spread[1 - channel]
-                above = np.quantile(log_ratio[channel, alike], _ONE_STD_ABOVE) - mode[channel]
-                spread[channel] = max(spread[channel], above)
         green = float(np.median(greens[members]))
         reach = settings.tone_stds * spread
         low, high = np.exp(mode - reach), np.exp(mode + reach)

@@ -62,18 +62,6 @@ def test_lines_on_a_carpet_of_deep_green_are_found_around_a_dark_robot(finder, m
     assert np.mean(errors_m(points, POSE) < 0.05) > 0.95
 
 
-def test_a_deep_green_of_some_blue_in_places_is_one_tone(finder, mirror_camera):
-    width, height = mirror_camera.size_px
-    frame = np.empty((height, width, 3))
-    # most of the carpet has no blue that counts, a third has up to half as much as green
-    share = np.abs(np.random.default_rng(3).normal(0.0, 0.22, (height, width)))
-    frame[..., 1], frame[..., 2] = 60.0, 45.0
-    frame[..., 0] = 60.0 * share
-    low, high = finder._tone(np.round(frame).astype(np.uint8))[2:4]
-    assert low == 0.0
-    assert 0.4 < high < 2.0
-
-
 def test_a_line_where_the_carpet_ends_is_found_and_weighs_less(finder, mirror_camera, paint_field):
     points = finder.find(paint_field(mirror_camera, FIELD, POSE, margin_m=FIELD.line_width_m / 2))
     on_edge = (np.abs(np.abs(POSE.transform(points.floor_m)) - (3.0, 2.0)) < 0.04).any(axis=1)
