@@ -1,8 +1,7 @@
 """Mirror cameras of unlike curves over carpets whose lines lie beside where the field file has them.
 
 Paint errs by a third of a line's width, things stand about on and off the carpet, white strips lie beside it: what one
-photograph of a laboratory shows. "deep": a hyperboloid over a carpet of so deep a green that red and blue have hardly a
-count, around a dark robot that fills a quarter of the nearest floor, with somebody's legs beside it.
+photograph of a laboratory shows.
 """
 
 from __future__ import annotations
@@ -20,14 +19,11 @@ from robocup_vision.calibration.omni.model import BentCurve, hyperboloid_of
 from robocup_vision.camera import OmniCamera, Table
 from robocup_vision.geometry import Pose2
 
-MirrorKind = Literal["hyperboloid", "bent", "kinked", "deep"]
+MirrorKind = Literal["hyperboloid", "bent", "kinked"]
 SIDE_PX, FINE = 480, 2
 PAINT_ERROR, CARPET_MARGIN_M, BODY_RATIO = 0.3, 0.5, 0.11
 MIN_FARTHEST_M, MAX_TABLE_M = 2.6, 25.0
 BLUR_PX, NOISE = 0.7, 9.0
-GREEN, DEEP_GREEN = (60.0, 140.0, 40.0), (3.0, 125.0, 10.0)
-# of the usable image's inner radius
-BODY_RADIUS, DEEP_BODY_RADIUS = 0.9, 1.35
 
 
 class Carpet(NamedTuple):
@@ -52,7 +48,7 @@ def mirror(kind: MirrorKind, rng: np.random.Generator) -> OmniCamera:
     camera = OmniCamera(
         (SIDE_PX, SIDE_PX), (u, v), (inner, outer), curve, tilt_rad=(tilt_x, tilt_y), viewpoint_height_m=height_m
     )
-    if kind in ("hyperboloid", "deep"):
+    if kind == "hyperboloid":
         return camera
     bent = BentCurve(curve, np.linspace(inner, outer, 6), rng.normal(0.0, 0.006, 6))
     radius = np.linspace(0.5 * inner, outer, 200)
@@ -89,8 +85,7 @@ def carpet(field: Field, kind: MirrorKind, seed: int, index: int) -> Carpet:
         camera = mirror(kind, rng)
         farthest_m = float(1.0 / camera.floor_range.inverse_range_per_m(0.97 * camera.usable_radius_px[1]))
     x, y = (rng.uniform(-0.46, 0.46, 2) * (field.length_m, field.width_m)).tolist()
-    pose = Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
-    return Carpet(_render(camera, field, pose, rng, is_deep=kind == "deep"), camera)
+    return Carpet(_render(camera, field, Pose2(x, y, float(rng.uniform(-math.pi, math.pi))), rng), camera)
 
 
 def map_error(camera: OmniCamera, true: OmniCamera) -> float:
@@ -103,9 +98,7 @@ def map_error(camera: OmniCamera, true: OmniCamera) -> float:
     )
 
 
-def _render(
-    camera: OmniCamera, field: Field, pose: Pose2, rng: np.random.Generator, *, is_deep: bool = False
-) -> UInt8Array:
+def _render(camera: OmniCamera, field: Field, pose: Pose2, rng: np.random.Generator) -> UInt8Array:
     """Draw the room, the carpet, its lines and what stands there."""
     v, u = (np.mgrid[: SIDE_PX * FINE, : SIDE_PX * FINE] + 0.5) / FINE - 0.5
     pixels = np.stack([u, v], axis=-1).reshape(-1, 2)
@@ -117,7 +110,7 @@ def _render(
     half = np.array([field.length_m, field.width_m]) / 2 + CARPET_MARGIN_M
     on_carpet: BoolArray = np.asarray(known & (np.abs(places) <= half).all(axis=1))
     image = rng.uniform(30.0, 220.0, (40, 3))[((angle + math.pi) / math.tau * 39.99).astype(int)]
-    image[on_carpet] = np.array(DEEP_GREEN if is_deep else GREEN) * rng.uniform(0.8, 1.2)
+    image[on_carpet] = np.array([60.0, 140.0, 40.0]) * rng.uniform(0.8, 1.2)
     beside = _distance_m(places[on_carpet], field, rng)
     image[np.flatnonzero(on_carpet)[beside <= field.line_width_m / 2]] = (215.0, 225.0, 220.0)
     _clutter(image, places, on_carpet, pose, field, rng)
@@ -125,24 +118,12 @@ def _render(
     for _ in range(2):
         strut = np.abs(np.angle(np.exp(1j * (angle - rng.uniform(-math.pi, math.pi))))) * radius < 4
         image[strut] = 20.0
-    if is_deep:
-        _legs(image, angle, radius, camera.usable_radius_px, rng)
-    image[radius < (DEEP_BODY_RADIUS if is_deep else BODY_RADIUS) * camera.usable_radius_px[0]] = 25.0
+    image[radius < 0.9 * camera.usable_radius_px[0]] = 25.0
     image[radius > camera.usable_radius_px[1] + 6] = 10.0
     fine = image.reshape(SIDE_PX, FINE, SIDE_PX, FINE, 3).mean(axis=(1, 3))
     light = cv2.GaussianBlur(fine, (0, 0), BLUR_PX)
     noisy = light + rng.normal(0.0, NOISE, light.shape)
     return np.asarray(np.clip(np.rint(noisy), 0, 255), np.uint8)
-
-
-def _legs(
-    image: FloatArray, angle: FloatArray, radius: FloatArray, usable_px: tuple[float, float], rng: np.random.Generator
-) -> None:
-    """Stand somebody beside the robot: two dark legs, wider towards the rim."""
-    toward, outer = float(rng.uniform(-math.pi, math.pi)), usable_px[1]
-    for aside in (-0.25, 0.25):
-        away = np.abs(np.angle(np.exp(1j * (angle - toward - aside))))
-        image[(away < 0.1) & (radius > float(rng.uniform(0.3, 0.5)) * outer)] = 20.0
 
 
 def _distance_m(points: FloatArray, field: Field, rng: np.random.Generator) -> FloatArray:

@@ -27,10 +27,6 @@ AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))
 WIDTH_UNITS_PER_PX = 16
 # the floor beside a line is looked for so many of its widths and pixels from its middle: past its blur
 _SIDE_WIDTHS, _SIDE_PX = 0.7, 1.8
-# fewer counts of a channel are quantisation
-_MIN_COUNTS = 3
-# R/G and B/G below this are not told apart: of a carpet of deep green they are noise and the veil of lines beside it
-_DEEP_RATIO = 0.2
 
 
 class FloorCamera(Protocol):
@@ -288,14 +284,11 @@ class LineFinder:
         settings = self.settings
         near = smooth.reshape(-1, 3)[self._near]
         least, most = (step(near[:, 0], step(near[:, 1], near[:, 2])) for step in (np.minimum, np.maximum))
-        bin_size, span = 0.08, 2.0
-        # a channel without counts says that its ratio is small only where green has many
-        told = (least >= _MIN_COUNTS) | (near[:, 1] >= _MIN_COUNTS / _DEEP_RATIO)
-        blue, greens, red = near[(most < 250) & told].astype(np.float64).T
+        blue, greens, red = near[(most < 250) & (least >= 3)].astype(np.float64).T
         if len(greens) < settings.min_samples:
             return None
-        # R/G, B/G
-        log_ratio = np.log(np.maximum(np.stack([red, blue]) / greens, _DEEP_RATIO))
+        log_ratio = np.log(np.stack([red, blue]) / greens)  # R/G, B/G
+        bin_size, span = 0.08, 2.0
         edges = np.arange(-span, span + bin_size / 2, bin_size)
         histogram = np.histogram2d(log_ratio[0], log_ratio[1], [edges, edges])[0]
         smoothed = cv2.blur(histogram, (3, 3), borderType=cv2.BORDER_CONSTANT)
@@ -316,7 +309,6 @@ class LineFinder:
         green = float(np.median(greens[members]))
         reach = settings.tone_stds * spread
         low, high = np.exp(mode - reach), np.exp(mode + reach)
-        low[low < _DEEP_RATIO] = 0.0
         bounds = (low[0], high[0], low[1], high[1], settings.dark_ratio * green, settings.bright_ratio * green)
         return np.array([*bounds, settings.slack], dtype=np.float32)
 

@@ -5,8 +5,7 @@
    fitted to the end, with weights that narrow down to the points' own accuracy (`starts`).
 3. The points are found again by the new camera, the poses are searched over the whole field, and all is fitted again
    (`fit`).
-4. The family of curves, and whether the tilt is fitted, are chosen by held-out points; without walls by the evidence
-   (`choice`).
+4. The family of curves, and whether the tilt is fitted, are chosen by held-out points (`choice`).
 5. Without walls, each frame is looked at by the camera found: the robot must find itself where the fit puts it.
 """
 
@@ -167,7 +166,7 @@ class _Calibration:
             return self._refuse(
                 f"no start brings the points found onto the walls and lines of field '{self.field.name}'"
             )
-        likely = self._unlike(fits, settings.max_doubtful_ratio)
+        likely = _unlike(fits, settings.max_doubtful_ratio, settings)
         answers = self._answers(likely, search) or self._answers(likely[:1], search, sure=False)
         if not answers:
             return self._refuse("by the best camera found, no frame shows enough of " + self._wanted)
@@ -178,9 +177,9 @@ class _Calibration:
                 f"only {kept} of {len(sightings)} images fit one camera on field '{self.field.name}': "
                 "are field and camera file those of the images?"
             )
-        rivals = self._unlike([answer.fit for answer in answers], settings.max_rival_ratio)
+        rivals = _unlike([answer.fit for answer in answers], settings.max_rival_ratio, settings)
         if len(rivals) > 1:
-            center_px, curve = self._apart(*rivals[:2])
+            center_px, curve = _apart(*rivals[:2])
             return self._refuse(
                 f"two cameras explain the images about equally well: their centres lie {center_px:.1f} px, "
                 f"their curves {100 * curve:.0f} % apart; {MORE}"
@@ -301,33 +300,6 @@ class _Calibration:
                 kept.append(dataclasses.replace(sighting, pose=Pose2(*fit.poses[place].tolist())))
         return kept
 
-    def _unlike(self, fits: Sequence[Fit], max_ratio: float) -> list[Fit]:
-        """Return the best of fits ordered by cost, and those about as good whose cameras differ from all before."""
-        settings = self.settings
-        kept = [fits[0]]
-        for fit in fits[1:]:
-            if fit.cost > max_ratio * fits[0].cost + settings.rival_excess:
-                continue
-            side = min(fit.camera.size_px)
-            apart = [self._apart(fit, other) for other in kept]
-            min_px, min_curve = settings.min_rival_center_ratio * side, settings.min_rival_curve
-            if all(center_px > min_px or curve > min_curve for center_px, curve in apart):
-                kept.append(fit)
-        return kept
-
-    def _apart(self, fit: Fit, other: Fit) -> tuple[float, float]:
-        """Distance of two cameras' centres, pixels, and relative difference of their curves' main numbers.
-
-        Where both stretch one table, whose bends compensate for them, that of the floor's range.
-        """
-        difference = np.abs(fit.vector - other.vector)
-        curve = difference[SCALE : HORIZON + 1]
-        if fit.model.curve == "own":
-            q = 1.0 / (np.array(self.settings.range_radii) * self.field.robot_radius_m)
-            other_q = other.camera.floor_range.inverse_range_per_m(fit.camera.floor_range.radius_px(q))
-            curve = np.abs(np.log(np.fmax(other_q, 0.1 * q) / q))
-        return float(np.hypot(*difference[CENTER])), float(curve.max())
-
     def _finish(self, explained: _Explained) -> OmniCalibration | NotCalibrated:
         fit, sightings, search = explained.fit, explained.sightings, explained.search
         self.notes = explained.notes
@@ -388,3 +360,23 @@ class _Explained:
     sightings: list[Sighting]
     search: Search
     notes: dict[int, str]
+
+
+def _unlike(fits: Sequence[Fit], max_ratio: float, settings: OmniCalibrationSettings) -> list[Fit]:
+    """Return the best of some fits, ordered by cost, and those about as good whose cameras differ from all before."""
+    kept = [fits[0]]
+    for fit in fits[1:]:
+        if fit.cost > max_ratio * fits[0].cost + settings.rival_excess:
+            continue
+        side = min(fit.camera.size_px)
+        apart = [_apart(fit, other) for other in kept]
+        min_px, min_curve = settings.min_rival_center_ratio * side, settings.min_rival_curve
+        if all(center_px > min_px or curve > min_curve for center_px, curve in apart):
+            kept.append(fit)
+    return kept
+
+
+def _apart(fit: Fit, other: Fit) -> tuple[float, float]:
+    """Distance of two cameras' centres, pixels, and relative difference of their curves' main numbers."""
+    difference = np.abs(fit.vector - other.vector)
+    return float(np.hypot(*difference[CENTER])), float(difference[SCALE : HORIZON + 1].max())

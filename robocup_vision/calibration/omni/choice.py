@@ -1,7 +1,4 @@
-"""Chooses a mirror's family of curves, and whether its tilt is fitted.
-
-Points that are held out of the fit tell; where lines may be painted somewhat beside where the field has them, evidence.
-"""
+"""Chooses a mirror's family of curves, and whether its tilt is fitted, by points that are held out of the fit."""
 
 from __future__ import annotations
 
@@ -12,13 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array
-from robocup_vision.calibration.omni.fit import Fit, JointFit, Points, spread_px
-from robocup_vision.calibration.omni.model import BENT, CURVES, TILT, Curve
+from robocup_vision.calibration.omni.fit import Fit, JointFit, Points
+from robocup_vision.calibration.omni.model import CURVES, TILT, Curve
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.calibration.omni.shape import FieldShape
-
-# the others, in the order of preference
-_SMOOTH: tuple[Curve, ...] = tuple(curve for curve in CURVES if curve not in BENT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,23 +86,18 @@ class Chooser:
     def choose(self) -> tuple[Choice, ...]:
         """Return all that was tried, the best first: the fit's family, level, unless another is significantly better.
 
-        Where lines may be painted somewhat beside where the field has them, halves of one picture's few lines tell
-        little. A tilt is then hardly ever significant, and a level camera puts the whole of it into the centre: the
-        tilt stays free, within what its prior says. Whether the mirror is bent is told by the evidence.
+        Where lines may be painted somewhat beside where the field has them, a tilt is hardly ever significant; a level
+        camera then puts the whole of it into the centre. So the tilt stays free, within what its prior says.
         """
         usual = self.fit.model.curve
         assert usual != "magnified"
         curves = dict.fromkeys((usual, *CURVES))
-        painted = self.shape.paint_std_m > 0
-        if painted:
-            curves = dict.fromkeys((*_SMOOTH, *curves))
         tried = {curve: self._try(curve, True) for curve in curves}
-        best = tried[next(iter(curves))]
-        for curve in _SMOOTH if painted else curves:
+        best = tried[usual]
+        for curve in curves:
             if self._is_better(tried[curve], best):
                 best = tried[curve]
-        if painted:
-            best = tried[self._by_evidence(best.choice, [c.choice for c in tried.values() if c.choice.curve in BENT])]
+        if self.shape.paint_std_m > 0:
             return (best.choice, *(trial.choice for trial in tried.values() if trial is not best))
         level = self._try(best.choice.curve, False)
         if not self._is_better(best, level) and not self._is_tilted(best.choice):
@@ -123,27 +112,6 @@ class Chooser:
         covariance = joint.covariance(fit)[TILT, TILT]
         tilt = fit.vector[TILT] - fit.model.vector(fit.model.frame)[TILT]
         return float(tilt @ np.linalg.solve(covariance, tilt)) > self._settings.min_tilt_chi2
-
-    def _by_evidence(self, smooth: Choice, bent: Sequence[Choice]) -> Curve:
-        """Return the family with the most evidence: smooth or the start's table, unless that of bends is strong."""
-        fits = {choice.curve: self.final(choice, self._settings.scale_px) for choice in (smooth, *bent)}
-        width_px = min(spread_px(fit.residual_px, self._all_settings.fit) for fit in fits.values())
-        evidence = {curve: self._evidence(fit, width_px) for curve, fit in fits.items()}
-        if "table" in evidence:
-            evidence["table"] -= self._settings.min_bend_evidence
-        return max(evidence, key=lambda curve: evidence[curve])
-
-    def _evidence(self, fit: Fit, width_px: float) -> float:
-        """Logarithm of the evidence for a fit's family but for a constant, by Laplace's approximation.
-
-        Residuals are Cauchy's. What bends explain must outweigh their prior, and the share of it that points leave
-        them (MacKay, Information Theory, chapter 28). Numbers that all families have count alike.
-        """
-        joint, bends = self._joint(self.points), fit.model.bends
-        std = fit.model.prior_std()[bends]
-        left = np.eye(len(std)) + std[:, None] * joint.information(fit, width_px, bends) * std
-        penalty = np.sum((fit.vector[bends] / std) ** 2) + np.linalg.slogdet(left)[1]
-        return float(joint.log_likelihood(fit, width_px) - 0.5 * penalty)
 
     def _is_better(self, trial: _Trial, other: _Trial) -> bool:
         gain = np.bincount(self._group, self.points.weight * (other.loss - trial.loss))

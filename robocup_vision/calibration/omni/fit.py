@@ -337,37 +337,6 @@ class JointFit:
         g_p = np.add.reduceat(own * residual[:, None], self._first, axis=0)
         return h_gg, h_gp, h_pp, weighted.T @ residual, g_p
 
-    def log_likelihood(self, fit: Fit, width_px: float) -> float:
-        """Logarithm of the likelihood of Cauchy residuals of a width, but for a constant."""
-        size = np.minimum(np.abs(fit.residual_px), 1e3) / width_px
-        return -float(self.points.weight @ np.log1p(size**2)) / self.settings.points_per_measurement
-
-    def information(self, fit: Fit, width_px: float, of: slice) -> FloatArray:
-        """Information (B, B) that points give about some numbers of a fit's vector where all others are unknown, too.
-
-        It is that of `log_likelihood`, linearised and reweighted.
-        """
-        residual, by_vector, by_own, known = self.linearise(
-            fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool), fit.paint_m
-        )
-        weight = np.where(known, 2 * self.points.weight / (width_px**2 + residual**2), 0.0)
-        h_gg, h_gp, h_pp, _, _ = self._normal(
-            residual, by_vector, by_own, weight / self.settings.points_per_measurement
-        )
-        h_gg -= np.einsum("fgp,fph->gh", h_gp, np.linalg.solve(h_pp + 1e-6 * np.eye(3), h_gp.transpose(0, 2, 1)))
-        h_gg += np.diag(self._prior_information(fit))
-        chosen = np.zeros(len(h_gg), dtype=bool)
-        chosen[: len(fit.vector)][of] = True
-        cross = h_gg[np.ix_(~chosen, chosen)]
-        own = h_gg[np.ix_(chosen, chosen)] - np.diag(self._prior_information(fit)[chosen])
-        return np.asarray(own - cross.T @ np.linalg.solve(h_gg[np.ix_(~chosen, ~chosen)], cross))
-
-    def _prior_information(self, fit: Fit) -> FloatArray:
-        """(G + 3 L,) of a fit's vector and paint, each by itself."""
-        paint = 0 if fit.paint_m is None else fit.paint_m.size
-        by_paint = np.full(paint, 1 / max(self.shape.paint_std_m, 1e-9) ** 2)
-        return np.concatenate([1 / fit.model.prior_std() ** 2, by_paint])
-
     def covariance(self, fit: Fit) -> FloatArray:
         """Covariance (G, G) of a fit's vector, with unknown poses and paint. Points that err together count once.
 
@@ -391,7 +360,8 @@ class JointFit:
         scores = np.zeros((int(member.max()) + 1, by_vector.shape[1]))
         np.add.at(scores, member.ravel(), reduced * (weight * residual)[:, None])
         fisher = (reduced.T * weight) @ reduced
-        prior = self._prior_information(fit)
+        prior = np.full(len(fisher), 1 / max(self.shape.paint_std_m, 1e-9) ** 2)
+        prior[:count] = 1 / fit.model.prior_std() ** 2
         bread = np.linalg.inv(fisher + np.diag(prior))
         covariance = bread @ (fisher + scores.T @ scores + np.diag(prior)) @ bread
         return np.asarray(covariance[:count, :count])

@@ -25,8 +25,6 @@ from robocup_vision.camera.omni import OmniCamera
 # "own": the curve of a start that is a table, stretched; it keeps the kinks that no other family has
 Curve = Literal["hyperboloid", "tangent", "table", "own"]
 CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")
-# those with stretches
-BENT: tuple[Curve, ...] = ("table", "own")
 # the curve of the camera at hand, whatever it is: centre and tilt move, and its image radii are magnified
 Family = Literal[Curve, "magnified"]
 
@@ -144,11 +142,6 @@ class CameraModel:
         return {"hyperboloid": 7, "tangent": 6, "table": 7 + bends, "own": 6 + bends, "magnified": 5}[self.curve]
 
     @property
-    def bends(self) -> slice:
-        """Where the vector holds the stretches; empty where there are none."""
-        return slice(self.size - self.settings.bends if self.curve in BENT else self.size, self.size)
-
-    @property
     def names(self) -> tuple[str, ...]:
         """What each number of the vector is called."""
         if self.curve == "magnified":
@@ -210,9 +203,7 @@ class CameraModel:
         elif self.curve != "magnified":
             mirror = hyperboloid_of(scale, horizon, horizon * math.exp(vector[6]))
             curve = mirror if self.curve == "hyperboloid" else BentCurve(mirror, self._nodes_px, vector[7:])
-            if height is None:
-                height = mirror.implied_height_m
-        if self.curve != "hyperboloid" and height is None:
+        if self.curve != "hyperboloid":
             # a picture of the floor does not show it: the start's, or that of the paraboloid with this K and H
             height = self.frame.height_m if self.frame.height_m is not None else horizon / (2 * scale)
         return dataclasses.replace(

@@ -146,8 +146,6 @@ class ChoiceSettings:
         Standard errors by which a family with more freedom must explain the held-out points better.
     min_tilt_chi2 : float
         Chi-square of a tilt from which it is no chance: 2 degrees of freedom, 99.9 %.
-    min_bend_evidence : float
-        Without walls: logarithm of the Bayes factor from which a mirror is bent: 20 to 1, "strong" (Kass and Raftery).
     """
 
     sectors: int = 12
@@ -155,7 +153,6 @@ class ChoiceSettings:
     scale_px: float = 1.0
     min_gain_stds: float = 2.0
     min_tilt_chi2: float = 13.8
-    min_bend_evidence: float = 3.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,14 +10,12 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.omni.fit import Fit, Points
-from robocup_vision.calibration.omni.model import BENT, CENTER, HORIZON, SCALE, CameraModel
+from robocup_vision.calibration.omni.model import CENTER, HORIZON, SCALE, CameraModel
 from robocup_vision.calibration.omni.result import range_std
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 
-# headings that differ by less show lines alike
-_HEADING_RAD = math.radians(30.0)
 MORE = "give more frames, from other places and headings"
 
 
@@ -77,9 +74,7 @@ class Trust:
             return (
                 f"the images do not determine the centre: its standard deviation is {std[CENTER].max():.1f} px; {MORE}"
             )
-        # what bends a mirror compensates for both numbers; its range is asked for
-        is_bent = not self.field.is_bounded and fit.model.curve in BENT
-        if not is_bent and std[SCALE : HORIZON + 1].max() > settings.max_curve_std:
+        if std[SCALE : HORIZON + 1].max() > settings.max_curve_std:
             worst = 100 * std[SCALE : HORIZON + 1].max()
             return f"the images do not determine the mirror's curve: its standard deviation is {worst:.0f} %; {MORE}"
         center_px = settings.max_center_ratio * side
@@ -105,19 +100,6 @@ class Trust:
     def _range_std(self, fit: Fit, covariance: FloatArray) -> FloatArray:
         return range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / self._range_m))
 
-    def _polish_std(self, fit: Fit) -> FloatArray:
-        """Return what a mirror's bends let expect of its range around it, where no curve follows: relative, (R,).
-
-        Frames of other headings show their lines elsewhere around it.
-        """
-        if fit.model.curve != "table":
-            return np.zeros(len(self._range_m))
-        curve = fit.camera.floor_range
-        headings = len(np.unique(np.round(fit.poses[:, 2] / _HEADING_RAD) % round(math.tau / _HEADING_RAD)))
-        polish = float(np.sqrt(np.mean(fit.vector[fit.model.bends] ** 2) / headings))
-        farther = curve.inverse_range_per_m(curve.radius_px(1.0 / self._range_m) * (1.0 + polish))
-        return np.asarray(1.0 / (farther * self._range_m) - 1.0)
-
     def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
         """Return why lines alone do not determine a camera; empty if they do."""
         settings = self.settings
@@ -126,8 +108,7 @@ class Trust:
         if single and features < (settings.min_single_features if unknown else settings.min_started_features):
             more = MORE if unknown else f"{MORE}, or try without a start"
             return f"one image of so few lines does not determine a camera: lines lie where they were painted; {more}"
-        is_little = features <= settings.min_started_features
-        few = single and is_little
+        few = single and features <= settings.min_started_features
         height_m, highest_m = fit.camera.height_m or 0.0, settings.max_height_radii * self.field.robot_radius_m
         if few and unknown and height_m > highest_m:
             # a field of like shape and other size is explained by a higher mirror
@@ -142,13 +123,8 @@ class Trust:
                 f"with viewpoint_height_m, or {MORE.removeprefix('give ')}"
             )
         limit = settings.max_range_std if few or unknown else settings.max_started_range_std
-        std = self._range_std(fit, covariance)
-        if np.nanmax(std) > limit:
+        if np.nanmax(self._range_std(fit, covariance)) > limit:
             return f"the images do not determine the floor's range: {self.range_note(fit, covariance)}; {MORE}"
-        # what a mirror that errs along its radius errs around it is averaged by many lines in one image's fit
-        is_asked = not single or (unknown and is_little)
-        if is_asked and np.nanmax(np.hypot(std, self._polish_std(fit))) > settings.max_range_std:
-            return f"the mirror is bent, and the lines in view do not tell how it is around; {MORE}"
         return ""
 
     def _features(self, fit: Fit, points: Points, agrees: npt.NDArray[np.bool_]) -> int:

@@ -229,13 +229,3 @@ def test_a_viewpoint_height_that_somebody_measured_is_kept(curve):
     model = CameraModel(frame, curve)
     assert model.camera(model.vector(frame)).height_m == 0.31
     assert model.written(model.vector(frame)).height_m == 0.31
-
-
-def test_a_bent_mirror_is_as_high_as_the_mirror_that_is_bent():
-    guess = dataclasses.replace(sekimori_camera(), viewpoint_height_m=None)
-    model = CameraModel(guess, "table")
-    vector = model.vector(guess)
-    assert model.camera(vector).height_m == pytest.approx(guess.height_m)
-    # half as much range to the pixel: a mirror half as high, whatever the guess was
-    vector[SCALE] += math.log(2.0)
-    assert model.camera(vector).height_m == pytest.approx(guess.height_m / 2)

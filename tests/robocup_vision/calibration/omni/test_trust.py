@@ -98,33 +98,3 @@ def test_how_well_the_range_is_known_is_said_near_and_far(seen):
     covariance[4, 4] = 0.01**2
     note = Trust(FIELD, LineMap(FIELD), False, 1.0).range_note(fit, covariance)
     assert note == "its standard deviation is 1.0 % at 0.75 m, 1.0 % at 1.5 m, 1.0 % at 2.5 m"
-
-
-def test_a_mirror_bent_along_the_radius_is_known_less_well_around_it_by_few_lines(seen):
-    fit, points = seen
-    model = dataclasses.replace(fit.model, curve="table")
-    plain = Fit(model, model.vector(fit.camera), fit.poses, 0.0, fit.residual_px)
-    few = {"min_started_features": 40}
-    assert problem((plain, points), **few) == ""
-    vector = plain.vector.copy()
-    vector[model.bends] = 0.012 * np.array([1, -1, 1, -1, 1, -1])
-    bent = dataclasses.replace(plain, vector=vector)
-    assert problem((bent, points), min_started_features=5) == ""
-    assert "the mirror is bent" in problem((bent, points), **few)
-    # its range errs by more far away, and by less where frames of other headings show lines elsewhere
-    trust = Trust(FIELD, LineMap(FIELD), False, 1.0)
-    one = trust._polish_std(bent)
-    turned = fit.poses + np.array([[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3]])
-    four = trust._polish_std(dataclasses.replace(bent, poses=turned))
-    alike = trust._polish_std(dataclasses.replace(bent, poses=np.vstack([fit.poses] * 4)))
-    np.testing.assert_array_equal(alike, one)
-    assert 0.012 < one[0] < one[1]
-    np.testing.assert_allclose(four[:2], one[:2] / 2, rtol=0.1)
-    assert not trust._polish_std(fit).any()
-
-
-def test_what_bends_compensate_for_is_not_asked_of_a_bent_mirror(seen):
-    fit, points = seen
-    model = dataclasses.replace(fit.model, curve="table")
-    plain = Fit(model, model.vector(fit.camera), fit.poses, 0.0, fit.residual_px)
-    assert problem((plain, points), max_curve_std=1e-9) == ""
