@@ -17,7 +17,7 @@ from robocup_vision.kernels.goal.fit import FitLoss
 from robocup_vision.kernels.goal.lines.arc import ArcCameras, ArcLimits, trace_arc
 from robocup_vision.kernels.goal.lines.settle import ArcFit
 from robocup_vision.localization.goal.edges import EdgeSamples
-from robocup_vision.localization.goal.fit import GoalModel, covariance_of, fit
+from robocup_vision.localization.goal.fit import GoalFit, GoalModel, covariance_of, fit
 from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
 
 # scale of the robust loss in each iteration, pixels: samples on an arc are good already
@@ -77,11 +77,13 @@ class GoalArc:
 
     def covariance_about(self, p: FloatArray) -> FloatArray:
         """Mean square deviation (8, 8) of all cameras on the arc from one, each weighted by its probability."""
-        off = self.unknowns - p
-        probability = self.probability
-        return np.asarray(
-            np.einsum("k,kij->ij", probability, self.covariance) + np.einsum("k,ki,kj->ij", probability, off, off)
-        )
+        return spread_about(p, self.unknowns, self.covariance, self.probability)
+
+
+def spread_about(p: FloatArray, unknowns: FloatArray, covariance: FloatArray, probability: FloatArray) -> FloatArray:
+    """Mean square deviation (8, 8) from one camera (8,) of some (K, 8), of which one is right: each so probable."""
+    off = unknowns - p
+    return np.asarray(np.einsum("k,kij->ij", probability, covariance) + np.einsum("k,ki,kj->ij", probability, off, off))
 
 
 def at_one_heading(model: GoalModel) -> GoalModel:
@@ -132,6 +134,22 @@ def follow_arc(
     begin, end = trace_arc(model.scene, samples.for_fit, priors, loss, start, limits, cameras)
     unknowns, covariance, cost = (part[begin:end] for part in cameras)
     return GoalArc(unknowns, covariance, cost - cost.min(initial=math.inf))
+
+
+def open_arc(model: GoalModel, found: GoalFit, covariance: FloatArray, certain_m: float) -> GoalArc | None:
+    """Follow the arc of a goal that leaves its camera's position less certain than this; None where it does not.
+
+    Parameters
+    ----------
+    model, found : GoalModel, GoalFit
+        The goal and its fit.
+    covariance : (8, 8) float64
+        Of the fit's unknowns.
+    certain_m : float
+        One standard deviation of the position, where it is greatest.
+    """
+    std_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    return follow_arc(model, found.samples, found.unknowns, std_m) if std_m > certain_m else None
 
 
 class ConstrainedArc:

@@ -11,7 +11,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.goal.arc import follow_arc
+from robocup_vision.localization.goal.arc import open_arc
 from robocup_vision.localization.goal.edges import measure
 from robocup_vision.localization.goal.fit import GoalFit, covariance_of, residuals
 from robocup_vision.localization.goal.geometry import EDGES, HEADING, LOG_FOCAL, IdealView, X, Y, pose_of
@@ -86,10 +86,9 @@ def goal_alone(candidate: Candidate, certain_m: float) -> CameraEstimate:
     """
     found, model = candidate.fit, candidate.model
     covariance = covariance_of(model, found.information)
-    std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-    if std > certain_m:
-        arc = follow_arc(model, found.samples, found.unknowns, std)
-        covariance = arc.covariance_about(found.unknowns) if len(arc.cost) else covariance
+    arc = open_arc(model, found, covariance, certain_m)
+    if arc is not None and len(arc.cost):
+        covariance = arc.covariance_about(found.unknowns)
     return CameraEstimate(found.unknowns, covariance, candidate.sides, found, None)
 
 

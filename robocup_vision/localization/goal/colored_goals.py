@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.estimates import NotLocated
+from robocup_vision.localization.goal.arc import spread_about
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, goal_alone, shown_ratios
 from robocup_vision.localization.goal.colored_lines import ColoredGoalLines, ColoredLineSettings
 from robocup_vision.localization.goal.fit import max_prior_deviation
@@ -139,9 +140,10 @@ class ColoredGoals:
                 return best.camera
         answer = self._by_edges(picture, alone, best, rejected)
         told = alone if best is None else best.goal
-        if isinstance(answer, CameraEstimate) and told is not None and self._is_clear(told):
+        is_clear = isinstance(answer, CameraEstimate) and told is not None and self._is_clear(told)
+        if self._lines is None or is_clear:
             return answer
-        return answer if self._lines is None else self._by_picture(picture, self._lines, candidates, joined, answer)
+        return self._by_picture(picture, self._lines, candidates, joined, answer)
 
     def _by_edges(
         self,
@@ -157,8 +159,10 @@ class ColoredGoals:
             is_elsewhere = math.dist(rival.lines.unknowns[:2], best.lines.unknowns[:2]) > self._line_settings.same_m
             if is_elsewhere and rival.evidence > best.evidence + self._line_settings.clear_evidence:
                 return NotLocated("no certain goal: lines fit far better about another, of which too little is seen")
-        if best is not None or alone is None:
-            return None if best is None else best.camera
+        if best is not None:
+            return best.camera
+        if alone is None:
+            return None
         if lines is not None and not self._is_clear(alone):
             if alone.fit.score < settings.min_alone_score:
                 return NotLocated(
@@ -298,6 +302,5 @@ def doubting(
     near = [(nats, c) for nats, c in judged if math.dist(c.unknowns[:2], best.unknowns[:2]) <= near_m]
     nats = np.array([one for one, _ in near])
     weight = np.exp((nats - nats.max()) / shared_nats)
-    off = np.array([c.unknowns - best.unknowns for _, c in near])
-    spread = np.array([c.covariance for _, c in near]) + off[:, :, None] * off[:, None, :]
-    return replace(best, covariance=np.tensordot(weight / weight.sum(), spread, axes=1))
+    unknowns, covariance = np.array([c.unknowns for _, c in near]), np.array([c.covariance for _, c in near])
+    return replace(best, covariance=spread_about(best.unknowns, unknowns, covariance, weight / weight.sum()))

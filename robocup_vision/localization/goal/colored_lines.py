@@ -25,7 +25,7 @@ from robocup_vision.kernels.goal.lines.marked_cameras import (
     gather_marks,
     mark_evidence,
 )
-from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, follow_arc
+from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, open_arc
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
 from robocup_vision.localization.goal.edges import EdgeSamples, no_samples
 from robocup_vision.localization.goal.fit import (
@@ -190,8 +190,7 @@ class ColoredGoalLines:
             The goal.
         """
         covariance = covariance_of(model, found.information)
-        std = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-        arc = follow_arc(model, found.samples, found.unknowns, std) if std > self._settings.certain_m else None
+        arc = open_arc(model, found, covariance, self._settings.certain_m)
         starts = [(found.unknowns, covariance)] if arc is None else self._starts(frame, model, found, arc)
         fits = [t for t in (self._from(frame, model, found, p, c) for p, c in starts) if t is not None]
         fits = [t for t in fits if t[0] >= self._settings.min_evidence]
