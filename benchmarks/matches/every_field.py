@@ -8,21 +8,26 @@ the truth. "lost": longest time of any robot without such an estimate. "right ha
 fraction of play in which a field player has moved less than 5 cm in 3 s. "contacts": times a robot came to touch
 another one, a robot and minute. "real time": simulated over processor seconds, one thread, all players and pictures.
 
---full plays 40 matches of 60 s on each field, which takes hours; --only NAME plays those of one row.
+--full plays 40 matches of 60 s on each field, which takes hours; --only NAME plays those of one row. Each match says on
+stderr, as it ends, its seed and how long a robot of it was lost.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache
 from time import process_time
 
 import cv2
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.pool import open_pool
 from benchmarks.worlds.failed_players import COLUMN, count_failed
 from benchmarks.worlds.near_truth import BOUNDS
 from sim2d.match.run import MatchPlan
@@ -58,7 +63,7 @@ CASES = (
 
 @dataclass
 class Played:
-    """What is counted over the matches of a case."""
+    """What is counted over a match, or the matches of a case."""
 
     periods: int = 0
     near: int = 0
@@ -74,6 +79,22 @@ class Played:
     stopped: int = 0
     seconds: float = 0.0
     spent_s: float = 0.0
+
+    @classmethod
+    def together(cls, parts: Sequence[Played]) -> Played:
+        """Add up the counts of matches; the longest time lost is that of any."""
+        total = cls(**{f.name: sum(getattr(part, f.name) for part in parts) for f in fields(cls)})
+        total.lost_s = max(part.lost_s for part in parts)
+        return total
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A match to play."""
+
+    case: Case
+    seconds: float
+    seed: int
 
 
 @dataclass
@@ -98,8 +119,25 @@ class Moves:
         self.places.append(place)
 
 
-def play(case: Case, seconds: float, seed: int, played: Played) -> None:
+@cache
+def prepare(case: Case) -> None:
+    """Play a moment, which compiles and loads what the matches of a field need: it is not timed."""
+    cv2.setNumThreads(0)
+    play(case, 0.1, 0)
+
+
+def play_piece(piece: Piece) -> Played:
+    """Play a match in this process, and say on stderr how it was."""
+    prepare(piece.case)
+    played = play(piece.case, piece.seconds, piece.seed)
+    near = percent(played.near / played.periods)
+    print(f"{piece.case.name}, seed {piece.seed}: near {near} %, lost {played.lost_s:.2f} s", file=sys.stderr)
+    return played
+
+
+def play(case: Case, seconds: float, seed: int) -> Played:
     """Play a match, and count."""
+    played = Played()
     match = MatchPlan(case.field, seconds=seconds, seed=seed, camera=case.camera).begin()
     lost_s = [0.0] * len(match.arena.state.robots)
     moves = [Moves() for _ in lost_s]
@@ -117,12 +155,40 @@ def play(case: Case, seconds: float, seed: int, played: Played) -> None:
             played.near += is_near
             lost_s[index] = 0.0 if is_near else lost_s[index] + CONTROL_PERIOD_S
             played.lost_s = max(played.lost_s, lost_s[index])
-    played.spent_s += process_time() - began
-    figures = match.figures
-    played.seconds += figures.seconds
-    played.goals += sum(figures.score)
-    played.contacts += sum(robot.collisions for robot in figures.robots)
-    played.stopped += count_failed(figures)
+    played.spent_s = process_time() - began
+    played.seconds = match.figures.seconds
+    played.goals = sum(match.figures.score)
+    played.contacts = sum(robot.collisions for robot in match.figures.robots)
+    played.stopped = count_failed(match.figures)
+    return played
+
+
+def print_row(table: Table, case: Case, played: Played) -> bool:
+    """Print the figures of a case; return whether they reach what is asked."""
+    players = MatchPlan(case.field).setup.players
+    near = played.near / played.periods
+    right_half = played.right_half / played.settled if played.settled else None
+    ok = near >= case.min_near and played.lost_s <= case.max_lost_s and played.stopped == 0
+    ok &= right_half is None or right_half == 1.0
+    minutes = played.seconds / 60.0
+    table.row(
+        case.name,
+        f"{players} : {players}",
+        str(BOUNDS[case.field]),
+        percent(near),
+        f"{100 * case.min_near:g}",
+        played.lost_s,
+        f"{case.max_lost_s:g}",
+        percent(right_half),
+        f"{played.goals / minutes:.1f}",
+        f"{played.contacts / (2 * players * minutes):.1f}",
+        percent(played.knows_ball / max(played.in_play, 1)),
+        f"{100 * played.stands / max(played.could_move, 1):.0f}",
+        f"{played.seconds / played.spent_s:.2f}",
+        played.stopped,
+        verdict(ok),
+    )
+    return ok
 
 
 def main() -> None:
@@ -130,8 +196,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     names = [case.name for case in CASES]
     parser.add_argument("--only", metavar="NAME", choices=names, help=f"one row: {', '.join(names)}")
-    arguments = parse_arguments(str(__doc__), parser=parser)
-    cv2.setNumThreads(0)
+    arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     table = Table(
         (
@@ -156,38 +221,12 @@ def main() -> None:
         samples=round(matches * seconds * 4),
     )
     all_ok = True
-    for case in CASES:
-        if arguments.only not in (None, case.name):
-            continue
-        played = Played()
-        # the first match of a field compiles and loads: it is not timed
-        play(case, 0.1, arguments.seed, Played())
-        for index in range(matches):
-            play(case, seconds, arguments.seed + index, played)
-        players = MatchPlan(case.field).setup.players
-        near = played.near / played.periods
-        right_half = played.right_half / played.settled if played.settled else None
-        ok = near >= case.min_near and played.lost_s <= case.max_lost_s and played.stopped == 0
-        ok &= right_half is None or right_half == 1.0
-        all_ok &= ok
-        minutes = played.seconds / 60.0
-        table.row(
-            case.name,
-            f"{players} : {players}",
-            str(BOUNDS[case.field]),
-            percent(near),
-            f"{100 * case.min_near:g}",
-            played.lost_s,
-            f"{case.max_lost_s:g}",
-            percent(right_half),
-            f"{played.goals / minutes:.1f}",
-            f"{played.contacts / (2 * players * minutes):.1f}",
-            percent(played.knows_ball / max(played.in_play, 1)),
-            f"{100 * played.stands / max(played.could_move, 1):.0f}",
-            f"{played.seconds / played.spent_s:.2f}",
-            played.stopped,
-            verdict(ok),
-        )
+    with open_pool(arguments) as pool:
+        for case in CASES:
+            if arguments.only not in (None, case.name):
+                continue
+            pieces = [Piece(case, seconds, arguments.seed + index) for index in range(matches)]
+            all_ok &= print_row(table, case, Played.together(list(pool.map(play_piece, pieces))))
     finish(arguments.check, all_ok)
 
 
