@@ -19,6 +19,7 @@ from robocup_vision.localization.lines.nearby import locate_nearby
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 from robocup_vision.localization.lines.walls import wall_points, wall_pose_estimator
 from robocup_vision.localization.localizer import (
+    FrameByFrame,
     FrameEvidence,
     Localization,
     pose_of,
@@ -55,7 +56,7 @@ class NarrowViewSettings:
     min_edge_contrast: float = 5.0
 
 
-class GoalLocalizer:
+class GoalLocalizer(FrameByFrame):
     """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown.
 
     Where it is, and goals are white, the lines come first: a white goal among clutter is looked for far longer, and
@@ -104,7 +105,7 @@ def _seen_by(found: FollowedCamera, camera: PinholeCamera, near: Pose2 | None) -
     return Localization(estimate.seen_from(oriented.camera_in_robot.inverse()), oriented)
 
 
-class LineLocalizer:
+class LineLocalizer(FrameByFrame):
     """Satisfies `Localizer`; method "field" of a pinhole camera whose tilt is known: by the field's lines."""
 
     def __init__(
@@ -158,7 +159,7 @@ class LineLocalizer:
         return estimate
 
 
-class WallLocalizer:
+class WallLocalizer(FrameByFrame):
     """Satisfies `Localizer`; method "floor" of a pinhole camera whose tilt is known: by the feet of walls or boards."""
 
     def __init__(

@@ -94,6 +94,17 @@ class Localizer(Protocol):
         """
         ...
 
+    def forget(self) -> None:
+        """Forget the frames before: the next one stands alone."""
+        ...
+
+
+class FrameByFrame:
+    """A localiser to which each frame stands alone: there is nothing to forget."""
+
+    def forget(self) -> None:
+        """See `Localizer.forget`."""
+
 
 def pose_of(prior: PoseEstimate | Pose2 | None) -> Pose2 | None:
     """Return a prior's pose alone."""

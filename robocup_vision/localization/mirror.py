@@ -65,8 +65,12 @@ class MirrorLocalizer:
         self._support = None if lines is None else LineSupport(lines.line_map, self._line_points, view)
         self._walls = field.walls if field.is_bounded else None
         self._half = GoalSide(field, camera, mask)
-        self._searched_s: float | None = None  # when the whole field was last searched by lines
         self._points: LinePoints | None = None  # of the frame that is looked at
+        self.forget()
+
+    def forget(self) -> None:
+        """See `Localizer.forget`."""
+        self._searched_s: float | None = None  # when the whole field was last searched by lines
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`."""

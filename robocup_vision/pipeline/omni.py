@@ -84,6 +84,7 @@ class OmniPipeline(FramePipeline):
     def forget(self) -> None:
         """See `FramePipeline.forget`."""
         super().forget()
+        self._localizer.forget()
         self._ball_finder.forget()
 
     def look(

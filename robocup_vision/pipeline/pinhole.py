@@ -158,6 +158,7 @@ class PinholePipeline(FramePipeline):
     def forget(self) -> None:
         """See `FramePipeline.forget`."""
         super().forget()
+        self._localizer.forget()
         if self._floor is not None:
             self._floor.finder.forget()
 

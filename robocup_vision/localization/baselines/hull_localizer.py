@@ -9,11 +9,11 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.baselines.floor_hull import HullFitter
 from robocup_vision.localization.field_half import GoalSide
-from robocup_vision.localization.localizer import FrameEvidence, Localization, pose_of
+from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization, pose_of
 from robocup_vision.perception.polar_view import PolarView
 
 
-class HullLocalizer:
+class HullLocalizer(FrameByFrame):
     """Satisfies `Localizer`; method "hull" of a mirror camera.
 
     Parameters

@@ -315,7 +315,8 @@ class EdgeFollower:
         std_m, std_rad = math.sqrt(xx + yy), math.sqrt(tt)
         if away_m > s.max_speed_mps * dt_s + 3 * std_m or turned_rad > s.max_turn_radps * dt_s + 3 * std_rad:
             return 0.0
-        return self._log_odds * math.exp(-dt_s / s.odds_memory_s)
+        log_odds = self._log_odds * math.exp(-dt_s / s.odds_memory_s)
+        return log_odds if log_odds >= s.min_supporting_log_odds else 0.0
 
     def _pass_time(self, dt_s: float) -> None:
         s = self.settings

@@ -48,6 +48,11 @@ class EdgeLocalizer:
         self._has_copies = WideFinder.serves(*self._whose)
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
+        self.forget()
+
+    def forget(self) -> None:
+        """See `Localizer.forget`."""
+        self.follower.forget()
         self._last_s: float | None = None
         self._was_located = False  # in the last look
         self._located_s: float | None = None  # when it was last

@@ -179,8 +179,9 @@ def test_a_hidden_view_is_followed_on_but_not_from_elsewhere(fl_shot):
     assert followed or not alone
     assert follower._prior_log_odds(near(fl_shot.pose), 1 / 30) > 0
     assert follower._prior_log_odds(near(fl_shot.pose, (0.6, 0.0, 0.0)), 1 / 30) == 0
-    # and the longer ago, the less
-    assert follower._prior_log_odds(near(fl_shot.pose), 3.0) < 0.1
+    # and the longer ago, the less, until it is none at all
+    assert follower._prior_log_odds(near(fl_shot.pose), 0.5) < follower._prior_log_odds(near(fl_shot.pose), 1 / 30)
+    assert follower._prior_log_odds(near(fl_shot.pose), 3.0) == 0
     follower.forget()
     assert follower._prior_log_odds(near(fl_shot.pose), 1 / 30) == 0
 

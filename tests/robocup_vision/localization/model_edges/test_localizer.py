@@ -116,6 +116,22 @@ def test_a_frame_that_does_not_confirm_a_prior_may_confirm_the_place(fl_shot, mo
     assert view.pose.pose.error_to(fl_shot.pose)[0] < 0.03
 
 
+def test_what_vision_forgets_and_what_is_long_ago_vouch_for_no_prior(fl_shot):
+    vision = Vision(fl_shot.field, fl_shot.camera)
+    near = PoseEstimate(fl_shot.pose, np.diag([0.02, 0.02, 0.02]) ** 2, 1.0, 0.0)
+    # robots that stand close before the camera leave little of the picture, which fits many a pose
+    hidden = fl_shot.frame.copy()
+    hidden[100:] = hidden[34:, 40:] = (30, 30, 34)
+    assert not vision.look(hidden, 0.0, prior=near).pose
+    vision.forget()
+    assert vision.look(fl_shot.frame, 0.0, prior=near).pose
+    assert vision.look(hidden, 0.03, prior=near).pose
+    vision.forget()
+    assert not vision.look(hidden, 0.06, prior=near).pose
+    assert vision.look(fl_shot.frame, 1.0, prior=near).pose
+    assert not vision.look(hidden, 60.0, prior=near).pose
+
+
 @pytest.mark.parametrize(
     ("pose", "robot", "turn_rad"),
     [
