@@ -1,9 +1,11 @@
-"""Processes of this machine that share one piece of work, and end at once when it is interrupted."""
+"""Processes of this machine that share one piece of work, and end at once when it is interrupted or killed."""
 
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -22,7 +24,8 @@ def worker_processes(
     """Yield an executor over processes of this machine.
 
     They do not hear an interrupt (Ctrl-C), which is for the process that hands out the work. Where the block fails or
-    is interrupted they are ended in the middle of what they do; else what was submitted is finished.
+    is interrupted they are ended in the middle of what they do; else what was submitted is finished. They end as well
+    when this process is killed, which leaves nobody to tell them.
 
     Parameters
     ----------
@@ -31,13 +34,26 @@ def worker_processes(
     initializer, initargs
         What each calls first.
     """
-    executor = _Processes(jobs, multiprocessing.get_context("spawn"), initializer, initargs)
+    executor = _Processes(jobs, multiprocessing.get_context("spawn"), _begin, (initializer, initargs))
     try:
         yield executor
     except BaseException:
         executor.end()
         raise
     executor.shutdown()
+
+
+def _begin(initializer: Callable[..., object] | None, initargs: tuple[Any, ...]) -> None:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if initializer is not None:
+        initializer(*initargs)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 class _Processes(ProcessPoolExecutor):
