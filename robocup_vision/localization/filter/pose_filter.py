@@ -210,13 +210,20 @@ class PoseFilter:
         return PoseEstimate(best.pose, best.covariance, modes[0].inlier_ratio, modes[0].residual_px, candidates)
 
     def prior(self, t_s: float) -> Pose2 | None:
-        """Return the pose at a time, a prior for its frame; None if unknown, or contradicted by the last frame."""
+        """Return the pose at a time, a prior for its frame; None if unknown, or if a frame has just contradicted it.
+
+        The next frame then decides without a prior who is right. Where it does not, and a spell of errors would be over
+        (`FrameErrors.spell_s`), the most probable pose is as good a prior as any.
+        """
         prior = self.prior_estimate(t_s)
         return None if prior is None else prior.pose
 
     def prior_estimate(self, t_s: float) -> PoseEstimate | None:
         """Return `prior` with its covariance."""
-        return None if self._mixture.is_contradicted else self.belief_at(t_s)
+        mixture = self._mixture
+        if mixture.is_contradicted and t_s - mixture.frame_s < self.frame_errors.spell_s:
+            return None
+        return self.belief_at(t_s)
 
     def belief_at(self, t_s: float) -> PoseEstimate | None:
         """Return the most probable pose at a time, by what was until then; None if unknown, or before the history.

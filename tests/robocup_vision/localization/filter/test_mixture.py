@@ -31,6 +31,20 @@ def test_one_wrong_frame_changes_nothing(start, seed):
     assert filter_.prior(t_s) is not None
 
 
+def test_frames_without_a_pose_after_a_contradiction_leave_the_most_probable_pose_a_prior():
+    filter_, truth, wrong_s = run(Pose2(0.4, -0.3, 1.0), 20, np.random.default_rng(2))
+    filter_.update(told(Pose2(truth.x_m + 0.07, truth.y_m, truth.theta_rad + 0.1)), wrong_s)
+    for step in range(1, 60):
+        t_s = wrong_s + step * DT
+        filter_.predict(STILL, t_s)
+        prior = filter_.prior(t_s)
+        if step * DT < FrameErrors().spell_s - 1e-6:
+            assert prior is None
+        elif step * DT > FrameErrors().spell_s + 1e-6:
+            assert prior == filter_.belief.pose
+            assert prior.error_to(truth)[0] < 0.03
+
+
 @pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(poses(1.2), poses(1.2), seeds, st.booleans())
