@@ -15,6 +15,8 @@ from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Findings, FloatArray, FollowSettings, Int64Array, Room
 
 BINS = 64  # of the histogram of residuals
+# so unlikely, samples that agree are not stray
+_FEW_STRAY = 0.01
 
 
 class Gates(NamedTuple):
@@ -188,29 +190,76 @@ def _median_size(residual: FloatArray, weight: FloatArray, gate_px: float) -> fl
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _agreeing(feature: Int64Array, count: int, weight: FloatArray) -> FloatArray:
-    """Sum up the weights of the samples of each thing: a line, or a post, has two edges of neighbouring features."""
+def _things(feature: Int64Array, count: int) -> int:
+    """Return one more than the greatest number of a line or post; its two edges are neighbouring features."""
     last = variable(0)
     for n in range(count):
         last = max(last, feature[n])
-    agree = np.zeros((last >> 1) + 1)
-    for n in range(count):
-        agree[feature[n] >> 1] += weight[n]
-    return agree
+    return int(last >> 1) + 1
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, noise: Noise) -> None:
+def _off_the_rest(
+    room: Room,
+    count: int,
+    weight: FloatArray,
+    residual: FloatArray,
+    noise: Noise,
+    root: FloatArray,
+    off2: FloatArray,
+) -> None:
+    """Fill in how far the samples of each thing lie off where all others and the prior put it, squared pixels.
+
+    A fit follows a thing that nothing else tells of, be it stray or not: its residual is next to none. What it would be
+    without the thing is its residual over the part that the fit leaves of it. `root` is the factor of the fit's system;
+    things whose samples are too many to be stray keep their 0.
+    """
+    rows, feature = room.rows, room.samples.feature
+    mean, total, off = np.zeros((off2.shape[0], UNKNOWNS)), np.zeros(off2.shape[0]), np.zeros(off2.shape[0])
+    for n in range(count):
+        if weight[n] == 0.0:
+            continue
+        thing, same = feature[n] >> 1, 0.0
+        for j in range(UNKNOWNS):
+            same += rows[n, j] * mean[thing, j]
+        # the two edges of a line may look in opposite directions
+        w = -weight[n] if same < 0.0 else weight[n]
+        for j in range(UNKNOWNS):
+            mean[thing, j] += w * rows[n, j]
+        off[thing] += w * residual[n]
+        total[thing] += weight[n]
+    part = np.empty(UNKNOWNS)
+    for thing in range(off2.shape[0]):
+        stray = noise.stray_ratio ** total[thing]
+        if total[thing] == 0.0 or stray < _FEW_STRAY:
+            continue
+        for j in range(UNKNOWNS):
+            part[j] = mean[thing, j]
+        substitute(root, UNKNOWNS, part)
+        told = 0.0
+        for j in range(UNKNOWNS):
+            told += part[j] * mean[thing, j]
+        told /= total[thing] ** 2
+        variance = noise.sample_px**2 / total[thing] + noise.shared_px**2 + stray * noise.stray_px**2
+        left = max(1.0 - told / variance, 0.01)
+        off2[thing] = (off[thing] / total[thing] / left) ** 2
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, noise: Noise, off2: FloatArray) -> None:
     """Sum up information (7, 7) and gradient (7,) of the weighted residuals.
 
     Samples of one edge share what lens, paint and tape got wrong. Their covariance is that of their own noise and of an
     offset common to them; its inverse is the former's less a matrix of rank one. A sample may be of another thing than
     its edge, as one beside a crossing is of the other line: nothing tells where it is the only one of its line or post,
-    while several agree by chance the less the more they are.
+    while several agree by chance the less the more they are. If it is, the edge may be within the gate of where they
+    are, or so far off them as all others put it, see `_off_the_rest`.
     """
     rows, samples, information, gradient = room.rows, room.samples, room.information, room.gradient
     alone, stray2 = 1.0 / noise.sample_px**2, noise.stray_px**2
-    agree = _agreeing(samples.feature, count, weight)
+    agree = np.zeros(off2.shape[0])
+    for n in range(count):
+        agree[samples.feature[n] >> 1] += weight[n]
     common, common_weight, common_residual = np.zeros(UNKNOWNS), 0.0, 0.0
     feature = -1
     for i in range(UNKNOWNS):
@@ -223,7 +272,7 @@ def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, no
         if n == count or samples.feature[n] != feature:
             shared2 = noise.shared_px**2
             if feature >= 0:
-                shared2 += stray2 * noise.stray_ratio ** agree[feature >> 1]
+                shared2 += (stray2 + off2[feature >> 1]) * noise.stray_ratio ** agree[feature >> 1]
             factor_ = shared2 / (1.0 + shared2 * common_weight)
             for i in range(UNKNOWNS):
                 a = factor_ * common[i]
@@ -287,6 +336,7 @@ def robust_fit(
     narrowest = gates.width_px[given - 1]
     gate = narrowest
     stray_px = settings.gate_px / math.sqrt(3.0)
+    off2 = np.zeros(_things(room.samples.feature, count))
     for turn in range(given + gates.sharp_steps + 1):
         if turn < given:
             gate = gates.width_px[turn]
@@ -308,7 +358,7 @@ def robust_fit(
         rms = math.sqrt(total / inliers) if inliers else 0.0
         scale = max(1.0, 1.48 * _median_size(residual, weight, gate) / settings.sigma_px)
         noise = Noise(settings.sigma_px * scale, settings.shared_px * scale, stray_px, settings.stray_ratio)
-        _gather(room, count, weight, residual, noise)
+        _gather(room, count, weight, residual, noise, off2)
         if turn == given + gates.sharp_steps:
             break
         if turn >= given - 1 and gates.sharp_steps > 0:
@@ -320,6 +370,8 @@ def robust_fit(
             system[i, i] += 1.0
         if not factor(system, UNKNOWNS):
             return inliers, rms, False
+        if turn == given and settings.stray_ratio > 0.0:
+            _off_the_rest(room, count, weight, residual, noise, system, off2)
         substitute(system, UNKNOWNS, step)
         for i in range(UNKNOWNS):
             z[i] += step[i]

@@ -113,6 +113,25 @@ def test_one_sample_of_another_line_hardly_moves_the_fit():
     assert 1.0 / np.sqrt(room.information[0, 0]) > 0.2
 
 
+def test_the_farther_one_sample_lies_off_the_rest_the_less_it_tells():
+    told = []
+    for far in (0.5, 8.0):
+        room = planted(11, np.zeros(UNKNOWNS), outliers=0.0, noise=0.05)
+        room.found.candidates[:] = 1
+        room.samples.feature[:] = [0, *[2] * (COUNT - 1)]
+        room.rows[1:, 0], room.rows[0] = 0.0, 0.0
+        room.rows[0, 0], room.found.offset_px[0, 0] = 4.0, far
+        # the mode that was chosen lies where the sample does
+        fit = np.zeros(UNKNOWNS)
+        fit[0] = far / 4.0
+        robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
+        told.append(room.information[0, 0])
+    assert told[0] > 0.3**-2
+    # it is stray in three of ten cases, and off by as much then; so the prior, which has it at 0, pulls as hard
+    assert told[1] < (0.8 * np.sqrt(NUMBERS.stray_ratio) * 8.0 / 4.0) ** -2
+    assert abs(fit[0]) < 1.4
+
+
 def test_residuals_worse_than_the_noise_know_less():
     z = np.zeros(UNKNOWNS)
     known = []
