@@ -199,6 +199,12 @@ def _things(feature: Int64Array, count: int) -> int:
 
 
 @compiled(fastmath=True, error_model="numpy")
+def _shared2(noise: Noise, agree: float, off2: float) -> float:
+    """Variance of the offset that samples of an edge share; of one that is stray its thing lies so far off as well."""
+    return float(noise.shared_px**2 + (noise.stray_px**2 + off2) * noise.stray_ratio**agree)
+
+
+@compiled(fastmath=True, error_model="numpy")
 def _off_the_rest(
     room: Room,
     count: int,
@@ -206,32 +212,31 @@ def _off_the_rest(
     residual: FloatArray,
     noise: Noise,
     root: FloatArray,
+    agree: FloatArray,
     off2: FloatArray,
 ) -> None:
     """Fill in how far the samples of each thing lie off where all others and the prior put it, squared pixels.
 
     A fit follows a thing that nothing else tells of, be it stray or not: its residual is next to none. What it would be
-    without the thing is its residual over the part that the fit leaves of it. `root` is the factor of the fit's system;
-    things whose samples are too many to be stray keep their 0.
+    without the thing is its residual over the part that the fit leaves of it. `root` is the factor of the fit's system,
+    `agree` as of `_gather`; things whose samples are too many to be stray keep their 0.
     """
     rows, feature = room.rows, room.samples.feature
-    mean, total, off = np.zeros((off2.shape[0], UNKNOWNS)), np.zeros(off2.shape[0]), np.zeros(off2.shape[0])
+    mean, off = np.zeros((off2.shape[0], UNKNOWNS)), np.zeros(off2.shape[0])
     for n in range(count):
-        if weight[n] == 0.0:
-            continue
         thing, same = feature[n] >> 1, 0.0
+        if weight[n] == 0.0 or noise.stray_ratio ** agree[thing] < _FEW_STRAY:
+            continue
         for j in range(UNKNOWNS):
             same += rows[n, j] * mean[thing, j]
         # the two edges of a line may look in opposite directions
-        w = -weight[n] if same < 0.0 else weight[n]
+        w = (-weight[n] if same < 0.0 else weight[n]) / agree[thing]
         for j in range(UNKNOWNS):
             mean[thing, j] += w * rows[n, j]
         off[thing] += w * residual[n]
-        total[thing] += weight[n]
     part = np.empty(UNKNOWNS)
     for thing in range(off2.shape[0]):
-        stray = noise.stray_ratio ** total[thing]
-        if total[thing] == 0.0 or stray < _FEW_STRAY:
+        if agree[thing] == 0.0 or noise.stray_ratio ** agree[thing] < _FEW_STRAY:
             continue
         for j in range(UNKNOWNS):
             part[j] = mean[thing, j]
@@ -239,15 +244,21 @@ def _off_the_rest(
         told = 0.0
         for j in range(UNKNOWNS):
             told += part[j] * mean[thing, j]
-        told /= total[thing] ** 2
-        variance = noise.sample_px**2 / total[thing] + noise.shared_px**2 + stray * noise.stray_px**2
-        left = max(1.0 - told / variance, 0.01)
-        off2[thing] = (off[thing] / total[thing] / left) ** 2
+        variance = noise.sample_px**2 / agree[thing] + _shared2(noise, agree[thing], 0.0)
+        off2[thing] = (off[thing] / max(1.0 - told / variance, 0.01)) ** 2
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, noise: Noise, off2: FloatArray) -> None:
-    """Sum up information (7, 7) and gradient (7,) of the weighted residuals.
+def _gather(
+    room: Room,
+    count: int,
+    weight: FloatArray,
+    residual: FloatArray,
+    noise: Noise,
+    off2: FloatArray,
+    agree: FloatArray,
+) -> None:
+    """Sum up information (7, 7) and gradient (7,) of the weighted residuals, and in `agree` the weights of each thing.
 
     Samples of one edge share what lens, paint and tape got wrong. Their covariance is that of their own noise and of an
     offset common to them; its inverse is the former's less a matrix of rank one. A sample may be of another thing than
@@ -256,8 +267,8 @@ def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, no
     are, or so far off them as all others put it, see `_off_the_rest`.
     """
     rows, samples, information, gradient = room.rows, room.samples, room.information, room.gradient
-    alone, stray2 = 1.0 / noise.sample_px**2, noise.stray_px**2
-    agree = np.zeros(off2.shape[0])
+    alone = 1.0 / noise.sample_px**2
+    agree[:] = 0.0
     for n in range(count):
         agree[samples.feature[n] >> 1] += weight[n]
     common, common_weight, common_residual = np.zeros(UNKNOWNS), 0.0, 0.0
@@ -270,9 +281,7 @@ def _gather(room: Room, count: int, weight: FloatArray, residual: FloatArray, no
         if n < count and weight[n] == 0.0:
             continue
         if n == count or samples.feature[n] != feature:
-            shared2 = noise.shared_px**2
-            if feature >= 0:
-                shared2 += (stray2 + off2[feature >> 1]) * noise.stray_ratio ** agree[feature >> 1]
+            shared2 = 0.0 if feature < 0 else _shared2(noise, agree[feature >> 1], off2[feature >> 1])
             factor_ = shared2 / (1.0 + shared2 * common_weight)
             for i in range(UNKNOWNS):
                 a = factor_ * common[i]
@@ -337,6 +346,7 @@ def robust_fit(
     gate = narrowest
     stray_px = settings.gate_px / math.sqrt(3.0)
     off2 = np.zeros(_things(room.samples.feature, count))
+    agree = np.empty(off2.shape[0])
     for turn in range(given + gates.sharp_steps + 1):
         if turn < given:
             gate = gates.width_px[turn]
@@ -358,7 +368,7 @@ def robust_fit(
         rms = math.sqrt(total / inliers) if inliers else 0.0
         scale = max(1.0, 1.48 * _median_size(residual, weight, gate) / settings.sigma_px)
         noise = Noise(settings.sigma_px * scale, settings.shared_px * scale, stray_px, settings.stray_ratio)
-        _gather(room, count, weight, residual, noise, off2)
+        _gather(room, count, weight, residual, noise, off2, agree)
         if turn == given + gates.sharp_steps:
             break
         if turn >= given - 1 and gates.sharp_steps > 0:
@@ -371,7 +381,7 @@ def robust_fit(
         if not factor(system, UNKNOWNS):
             return inliers, rms, False
         if turn == given and settings.stray_ratio > 0.0:
-            _off_the_rest(room, count, weight, residual, noise, system, off2)
+            _off_the_rest(room, count, weight, residual, noise, system, agree, off2)
         substitute(system, UNKNOWNS, step)
         for i in range(UNKNOWNS):
             z[i] += step[i]
