@@ -24,8 +24,12 @@ _MIN_STD = 1e-6
 _FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, *[1.0] * 5])
 # a motion takes at least this fraction of the time that slip lasts: keeps a quotient finite
 _MIN_TIMES = 1e-4
+# bounds that keep numbers finite where frames have one time, or a robot drives for long without any
+_MOST_REPEATED, _LEAST_KEPT, _MOST_BIAS = 0.9, 1e-3, 1e2
 _POSE, _BIAS, _SLIP, _GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 _STATE = 11
+# what a frame measures: the pose, and the bias on top
+_SEEN = np.hstack([np.eye(3), np.eye(3), np.zeros((3, _STATE - 6))])
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,12 +116,16 @@ class FrameErrors:
         while the robot stands, and is another error once it has driven `bias_distance_m`. From 0 to under 1.
     bias_distance_m : float
         Metres.
+    bias_turn_rad : float
+        It is another error, too, once the robot has turned by so much: a camera that looks ahead then shows other
+        things. Infinite: as a camera that sees all around.
     outlier_rate : float
         Fraction of the frames with a wrong pose.
     half_error_rate : float
         Fraction of the frames with a single candidate whose half of the field is wrong; under a half.
     spell_s : float
-        A wrong place or half lasts that long in the mean, seconds: frames close together err together.
+        A wrong place or half lasts that long in the mean, seconds: frames close together err together. So does what a
+        frame has of the bias beyond a better one before it.
 
     Raises
     ------
@@ -127,6 +135,7 @@ class FrameErrors:
 
     bias_ratio: float = 0.2
     bias_distance_m: float = 0.5
+    bias_turn_rad: float = math.inf
     outlier_rate: float = 0.02
     half_error_rate: float = 0.05
     spell_s: float = 0.1
@@ -142,6 +151,18 @@ class FrameErrors:
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 raise ArgumentError(f"{name} of the frames must be positive, got {value!r}")
+        if not self.bias_turn_rad > 0:
+            raise ArgumentError(f"bias_turn_rad of the frames must be positive, got {self.bias_turn_rad!r}")
+
+    def bias_kept(self, motion: Pose2) -> float:
+        """Return the correlation of the frames' common error before a motion and after it."""
+        way_m, turn_rad = math.hypot(motion.x_m, motion.y_m), abs(motion.theta_rad)
+        return math.exp(-way_m / self.bias_distance_m - turn_rad / self.bias_turn_rad)
+
+
+# measured in matches on three fields: of the variance that frames of a robot have which stands, 0.4 to 0.5 is an error
+# that lasts; it fell to a third after a turn of half a radian
+FORWARD_FRAME_ERRORS = FrameErrors(bias_ratio=0.5, bias_turn_rad=0.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,10 +173,8 @@ class PoseMeasurement:
     ----------
     pose : Pose2
         The robot in the field frame.
-    bias : (3, 3) float64
-        M: the frame measures pose + M b + white noise, b being the bias error in units of its standard deviation.
-    white : (3, 3) float64
-        Covariance of the white noise.
+    bias, white : (3, 3) float64
+        The frame measures pose + bias + white noise: covariances of both.
     half_known : bool
         The frame does not allow its half turn.
     """
@@ -174,10 +193,8 @@ class PoseMeasurement:
         if values[0] < -1e-9 * abs(values[2]):
             return None
         values = np.maximum(values, _MIN_STD**2)
-        # the symmetric root turns with the field, so that no axis of it is special
-        root = (vectors * np.sqrt(values)) @ vectors.T
         whole = (vectors * values) @ vectors.T
-        return cls(pose, math.sqrt(bias_ratio) * root, (1 - bias_ratio) * whole, half_known)
+        return cls(pose, bias_ratio * whole, (1 - bias_ratio) * whole, half_known)
 
     def half_turn(self) -> PoseMeasurement:
         """Return the same measurement of a robot in the other half."""
@@ -198,10 +215,14 @@ class PoseMode:
     pose : Pose2
         In the more probable half.
     hidden : (8,) float64
-        The bias error of the frames, field frame, and the slip, robot frame: x, y, theta of each; then the odometry's
-        lasting errors of way and turn. In standard deviations.
+        The bias error of the frames, field frame, m, m and rad; the slip, robot frame: x, y, theta; the odometry's
+        lasting errors of way and turn. The latter two in standard deviations.
     covariance : (11, 11) float64
         Of pose and hidden.
+    bias : (3, 3) float64
+        Covariance of the bias, of the best of the last frames that agreed, before anything was known of it.
+    bias_kept : float
+        How much of it the motion since the last of these frames has left.
     log_weight : float
         Logarithm of the probability.
     half_log_odds : float
@@ -221,6 +242,8 @@ class PoseMode:
     pose: Pose2
     hidden: FloatArray
     covariance: FloatArray
+    bias: FloatArray
+    bias_kept: float
     log_weight: float
     half_log_odds: float
     agrees: bool
@@ -249,14 +272,16 @@ class PoseMode:
         slip_std : float
             Standard deviation of the slip now, in its usual standard deviations.
         """
-        covariance = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, *[slip_std**2] * 3, 1.0, 1.0])
-        covariance[_POSE, _POSE] = measurement.bias @ measurement.bias.T + measurement.white
-        covariance[_POSE, _BIAS] = -measurement.bias
-        covariance[_BIAS, _POSE] = -measurement.bias.T
+        covariance = np.diag([*[0.0] * 6, *[slip_std**2] * 3, 1.0, 1.0])
+        covariance[_POSE, _POSE] = measurement.bias + measurement.white
+        covariance[_BIAS, _BIAS] = measurement.bias
+        covariance[_POSE, _BIAS] = covariance[_BIAS, _POSE] = -measurement.bias
         return cls(
             measurement.pose,
             np.zeros(_STATE - 3),
             covariance,
+            measurement.bias,
+            1.0,
             log_weight,
             half_log_odds=0.0,
             agrees=True,
@@ -274,7 +299,7 @@ class PoseMode:
         covariance[_GAIN, _GAIN] = other.covariance[_GAIN, _GAIN]
         return replace(self, hidden=hidden, covariance=covariance)
 
-    def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, bias_distance_m: float) -> PoseMode:
+    def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, errors: FrameErrors) -> PoseMode:
         """Move the mode by odometry.
 
         Parameters
@@ -285,10 +310,12 @@ class PoseMode:
             How long it took.
         odometry : OdometryNoise
             How it errs.
-        bias_distance_m : float
-            As in `FrameErrors`.
+        errors : FrameErrors
+            How long the error lasts that frames have in common.
         """
-        bias_decay = math.exp(-math.hypot(motion.x_m, motion.y_m) / bias_distance_m)
+        # elsewhere another error comes on top, until a frame there says how large it can be
+        bias_kept = max(errors.bias_kept(motion), _LEAST_KEPT)
+        more_bias = (1 / bias_kept - 1) * self.bias if self.bias.trace() < _MOST_BIAS else np.zeros((3, 3))
         # the exact Gauss-Markov process: mean of the slip over the motion, and its end, given its beginning
         times = max(seconds / odometry.slip_s, _MIN_TIMES)
         slip_decay = math.exp(-times)
@@ -299,12 +326,13 @@ class PoseMode:
         c, s = math.cos(self.pose.theta_rad), math.sin(self.pose.theta_rad)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         slip = turn @ slip
-        kept = np.array([*[bias_decay] * 3, *[slip_decay] * 3, *[math.exp(-seconds / odometry.gain_s)] * 2])
+        kept = np.array([*[1.0] * 3, *[slip_decay] * 3, *[math.exp(-seconds / odometry.gain_s)] * 2])
         by_state = np.diag([1.0, 1.0, 1.0, *kept])
         by_state[0, 2], by_state[1, 2] = -s * x - c * y, c * x - s * y
         by_state[_POSE, _SLIP] = mean * slip
         by_state[_POSE, _GAIN] = turn @ gain
-        noise = np.diag([0.0, 0.0, 0.0, *(1 - kept**2)])
+        noise = np.diag([*[0.0] * 6, *(1 - kept[3:] ** 2)])
+        noise[_BIAS, _BIAS] = more_bias
         noise[_POSE, _POSE] = mean_variance * slip @ slip.T + turn @ odometry.push(seconds) @ turn.T
         noise[_POSE, _SLIP] = mean * (1 - slip_decay) * slip
         noise[_SLIP, _POSE] = noise[_POSE, _SLIP].T
@@ -313,6 +341,8 @@ class PoseMode:
             pose=self.pose.compose(Pose2(x, y, theta)),
             hidden=self.hidden * kept,
             covariance=by_state @ self.covariance @ by_state.T + noise,
+            bias=self.bias + more_bias,
+            bias_kept=self.bias_kept * bias_kept,
         )
 
     def widen(self, std_m: float, std_rad: float) -> PoseMode:
@@ -321,26 +351,64 @@ class PoseMode:
         covariance[_POSE, _POSE] += np.diag([std_m, std_m, std_rad]) ** 2
         return replace(self, covariance=covariance)
 
+    def facing(self, measurement: PoseMeasurement, times: float = 1.0) -> tuple[PoseMode, FloatArray]:
+        """Return the mode before a frame whose bias has another covariance, and the frame's noise.
+
+        What frames have in common is the error of the best one, direction by direction; what a worse one has on top is
+        its own. So frames that differ never tell how large the common error is.
+
+        Parameters
+        ----------
+        measurement : PoseMeasurement
+            Of the frame.
+        times : float
+            How often the error on top repeats itself in frames to come: its variance counts as often.
+        """
+        new = measurement.bias
+        if not self.bias.any():
+            return self, measurement.white + times * new
+        root = np.linalg.cholesky(self.bias)
+        inverse = np.linalg.inv(root)
+        ratios, turn = np.linalg.eigh(inverse @ new @ inverse.T)
+        basis, kept = root @ turn, np.clip(ratios, 0.0, 1.0)
+        change = np.eye(_STATE)
+        change[_BIAS, _BIAS] = (basis * kept) @ turn.T @ inverse
+        hidden = self.hidden.copy()
+        hidden[:3] = change[_BIAS, _BIAS] @ hidden[:3]
+        covariance = change @ self.covariance @ change.T
+        covariance[_BIAS, _BIAS] += (basis * (kept - kept**2)) @ basis.T
+        mode = replace(self, hidden=hidden, covariance=covariance, bias=(basis * kept) @ basis.T)
+        return mode, measurement.white + times * (basis * np.maximum(ratios - 1.0, 0.0)) @ basis.T
+
     def distance(self, measurement: PoseMeasurement, more: FloatArray | None = None) -> float:
         """Squared Mahalanobis distance of a measurement, 3 degrees of freedom; `more` (3, 3) adds to its covariance."""
-        offset, _, spread = self._innovation(measurement)
+        mode, white = self.facing(measurement)
+        offset, spread = mode._innovation(measurement.pose, white)
         return float(offset @ np.linalg.solve(spread if more is None else spread + more, offset))
 
-    def update(self, measurement: PoseMeasurement) -> PoseMode:
-        """Update the mode with a measurement, as a Kalman filter does."""
-        offset, seen, spread = self._innovation(measurement)
-        gain = np.linalg.solve(spread, seen @ self.covariance).T
+    def update(self, measurement: PoseMeasurement, t_s: float, errors: FrameErrors) -> PoseMode:
+        """Update the mode with the measurement of a frame of this time, as a Kalman filter does."""
+        # a mean of values of which each keeps so much of the one before: a first-order Gauss-Markov process
+        repeated = min(self.bias_kept * math.exp(-max(t_s - self.agreed_s, 0.0) / errors.spell_s), _MOST_REPEATED)
+        before, white = self.facing(measurement, (1 + repeated) / (1 - repeated))
+        offset, spread = before._innovation(measurement.pose, white)
+        gain = np.linalg.solve(spread, _SEEN @ before.covariance).T
         change = gain @ offset
         x, y, theta = (self.pose.array + change[:3]).tolist()
-        rest = np.eye(_STATE) - gain @ seen
+        rest = np.eye(_STATE) - gain @ _SEEN
         # Joseph's form, which stays symmetric and positive
-        covariance = rest @ self.covariance @ rest.T + gain @ measurement.white @ gain.T
-        return replace(self, pose=Pose2(x, y, theta), hidden=self.hidden + change[3:], covariance=covariance)
+        covariance = rest @ before.covariance @ rest.T + gain @ white @ gain.T
+        return replace(
+            before,
+            pose=Pose2(x, y, theta),
+            hidden=before.hidden + change[3:],
+            covariance=covariance,
+            bias_kept=1.0,
+        )
 
-    def _innovation(self, measurement: PoseMeasurement) -> tuple[FloatArray, FloatArray, FloatArray]:
-        seen = np.hstack([np.eye(3), measurement.bias, np.zeros((3, _STATE - 6))])
-        offset = pose_offset(measurement.pose, self.pose) - measurement.bias @ self.hidden[:3]
-        return offset, seen, seen @ self.covariance @ seen.T + measurement.white
+    def _innovation(self, measured: Pose2, white: FloatArray) -> tuple[FloatArray, FloatArray]:
+        offset = pose_offset(measured, self.pose) - self.hidden[:3]
+        return offset, _SEEN @ self.covariance @ _SEEN.T + white
 
     def half_turn(self) -> PoseMode:
         """Return the same in the other half."""
@@ -349,6 +417,7 @@ class PoseMode:
             pose=self.pose.half_turn(),
             hidden=_FLIP[3:, 3:] @ self.hidden,
             covariance=_FLIP @ self.covariance @ _FLIP,
+            bias=half_turn_covariance(self.bias),
             half_log_odds=-self.half_log_odds,
             reported_half=-self.reported_half,
         )

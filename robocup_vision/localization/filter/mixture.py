@@ -65,7 +65,7 @@ class Mixture:
         """Move all modes by odometry; delete those that become too uncertain."""
         if not self.modes:
             return self
-        moved = [mode.move(motion, seconds, odometry, errors.bias_distance_m) for mode in self.modes]
+        moved = [mode.move(motion, seconds, odometry, errors) for mode in self.modes]
         sure = [mode for mode in moved if mode.std_m <= self.settings.lost_std_m]
         return Mixture(_normalised(sure, self.settings), moved[0].pose, self.frame_s, self.settings)
 
@@ -161,7 +161,7 @@ class Mixture:
         if match.excess > 1:
             measurement = replace(measurement, white=match.excess * measurement.white)
         return replace(
-            self._update_half(mode.update(measurement), match.half, t_s, errors),
+            self._update_half(mode.update(measurement, t_s, errors), match.half, t_s, errors),
             agreed_s=t_s,
             inlier_ratio=estimate.inlier_ratio,
             residual_px=estimate.residual_px,
