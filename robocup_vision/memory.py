@@ -20,7 +20,7 @@ from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import FORWARD_FRAME_ERRORS, FrameErrors, OdometryNoise
+from robocup_vision.localization.filter.errors import FORWARD_FRAME_ERRORS, FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.localization.filter.settings import PoseFilterSettings
 from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings

@@ -373,33 +373,6 @@ def test_an_odometry_that_is_calibrated_learns_no_gains():
     assert not filter_._mixture.modes[0].hidden[6:].any()
 
 
-@pytest.mark.parametrize(
-    "name", ["slip_ratio", "slip_s", "gain_std", "gain_s", "push_m", "push_rad", "shove_per_s", "kidnap_per_s"]
-)
-@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
-def test_odometry_noise_of_no_sense_is_refused(name, value):
-    with pytest.raises(ArgumentError, match=f"{name} of the odometry must"):
-        OdometryNoise(**{name: value})
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("bias_ratio", 1.0),
-        ("bias_ratio", -0.1),
-        ("bias_distance_m", 0.0),
-        ("bias_turn_rad", 0.0),
-        ("bias_turn_rad", math.nan),
-        ("outlier_rate", 0.0),
-        ("half_error_rate", 0.5),
-        ("spell_s", math.nan),
-    ],
-)
-def test_frame_errors_of_no_sense_are_refused(name, value):
-    with pytest.raises(ArgumentError, match=f"{name} of the frames must"):
-        FrameErrors(**{name: value})
-
-
 @settings(max_examples=12)
 @given(seeds, st.sampled_from([(3.0, 0.0, 0.0), (0.0, -40.0, 0.0), (0.0, 0.0, 3.1)]))
 def test_odometry_that_no_robot_can_do_widens_and_moves_nothing(seed, glitch):
