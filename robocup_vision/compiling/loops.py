@@ -10,10 +10,16 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast, overload
 
 import numpy as np
+from llvmlite.binding import set_option
 from numba import njit
+from numba.core.compiler_lock import global_compiler_lock
 
 Loop = TypeVar("Loop", bound=Callable[..., Any])
 Values = TypeVar("Values", bound=tuple[Any, ...])
+
+# LLVM's option, how many comparisons of addresses a vectorised loop may begin with, and its default
+_COMPARISONS, _LLVMS_COMPARISONS = "-vectorize-memory-check-threshold", 128
+_compiling = 0
 
 
 @overload
@@ -41,8 +47,42 @@ def compiled(
         ``always`` puts the function's body in the place of each call.
     """
     options = {"error_model": error_model, "fastmath": fastmath, "inline": inline}
-    decorator = cast(Any, njit)(cache=True, nogil=True, no_cfunc_wrapper=True, **options)
+    make_loop = cast(Any, njit)(cache=True, nogil=True, no_cfunc_wrapper=True, **options)
+
+    def decorator(function: Any) -> Any:
+        loop = make_loop(function)
+        if fastmath:
+            # of the other loops, every path rounds alike
+            loop.compile = _on_one_path(loop.compile)
+        return loop
+
     return decorator if function is None else decorator(function)
+
+
+def _on_one_path(compile_loop: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return what compiles a loop so that it rounds alike wherever in memory its arrays lie.
+
+    LLVM's vectorised loops compare addresses at run time, and take another path where two small arrays lie close
+    together. Where arithmetic may be reordered, that path rounds otherwise: the same frame would then give another
+    estimate, in its last bits, from one call to the next. Loops that need no such comparison are vectorised as ever.
+    The option is of the whole process, so it is set only while a loop of ours is compiled.
+    """
+
+    def compile_alike(types: Any) -> Any:
+        global _compiling
+        with global_compiler_lock:
+            # a loop is compiled while another one that calls it is
+            _compiling += 1
+            if _compiling == 1:
+                set_option("", f"{_COMPARISONS}=0")
+            try:
+                return compile_loop(types)
+            finally:
+                _compiling -= 1
+                if _compiling == 0:
+                    set_option("", f"{_COMPARISONS}={_LLVMS_COMPARISONS}")
+
+    return compile_alike
 
 
 def plain(values: Values) -> Values:

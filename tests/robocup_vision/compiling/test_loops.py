@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from numba import njit
 
+from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.loops import compiled, flag, plain, variable
 
 ROOT = Path(__file__).parents[3]
@@ -84,3 +86,32 @@ def test_plain_tuples_hold_the_same_values_in_no_class():
     assert found[0][0] is array
     assert (found[0][1], found[1]) == (2, (0.5, 1.5))
     assert Outer(*found).pair == (0.5, 1.5)
+
+
+def addresses_compared(loop: Any) -> int:
+    """Call a loop and count in its code what takes one path or another by where its arrays lie."""
+    loop(np.ones(9), np.ones(9), np.empty(9))
+    return sum(code.count("memcheck") for code in loop.inspect_llvm().values())
+
+
+def test_a_loop_that_may_round_otherwise_on_another_path_has_one_wherever_its_arrays_lie() -> None:
+    def weighted(values: FloatArray, weights: FloatArray, products: FloatArray) -> None:
+        for i in range(values.shape[0]):
+            products[i] = values[i] * weights[i] + values[i]
+
+    @compiled
+    def inner(values: FloatArray, weights: FloatArray, products: FloatArray) -> None:
+        for i in range(values.shape[0]):
+            products[i] = values[i] * weights[i] + values[i]
+
+    @compiled(fastmath=True)
+    def outer(values: FloatArray, weights: FloatArray, products: FloatArray) -> None:
+        inner(values, weights, products)
+        for i in range(values.shape[0]):
+            products[i] += values[i] * weights[i]
+
+    # LLVM compares addresses, and goes on doing so in loops of others
+    assert addresses_compared(njit(fastmath=True)(weighted)) > 0
+    assert addresses_compared(outer) == 0
+    assert addresses_compared(compiled(fastmath=True)(weighted)) == 0
+    assert addresses_compared(njit(fastmath=True)(weighted)) > 0
