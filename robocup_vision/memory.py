@@ -16,10 +16,11 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arguments import as_field, require_kind
 from robocup_vision.belief import Belief, MapPicture, Track
+from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import OdometryNoise
+from robocup_vision.localization.filter.errors import FORWARD_FRAME_ERRORS, FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.localization.filter.settings import PoseFilterSettings
 from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings
@@ -46,6 +47,8 @@ class MemorySettings:
         Of the pose filter.
     odometry : OdometryNoise
         Errors of the odometry.
+    frames : FrameErrors or None
+        Errors of single frames; None: those of the kind of camera that `Vision` has.
     objects : MovingObjectsSettings
         Of the tracking of other robots.
     free_map : FreeSpaceMapSettings
@@ -69,6 +72,7 @@ class MemorySettings:
 
     poses: PoseFilterSettings = PoseFilterSettings()
     odometry: OdometryNoise = OdometryNoise()
+    frames: FrameErrors | None = None
     objects: MovingObjectsSettings = MovingObjectsSettings()
     free_map: FreeSpaceMapSettings = FreeSpaceMapSettings()
     range_std: tuple[float, float] = (0.01, 0.05)
@@ -145,7 +149,10 @@ class Memory:
             raise ArgumentError(f"the map needs a sensor {_FLOOR!r}, it has {', '.join(free_map.sensors)}")
         self.settings = settings
         self.field = field
-        self.poses = poses or PoseFilter(odometry=settings.odometry, settings=settings.poses, field=field)
+        self._chooses_frame_errors = poses is None and settings.frames is None
+        self.poses = poses or PoseFilter(
+            odometry=settings.odometry, frames=settings.frames, settings=settings.poses, field=field
+        )
         self.objects, self.free_map = objects, free_map
         self.ego_motion = ego_motion
         # odometry handed over since the last view; None: none was
@@ -173,6 +180,11 @@ class Memory:
             limits=limits,
             settings=settings,
         )
+
+    def serve(self, camera: OmniCamera | PinholeCamera) -> None:
+        """Choose how frames err by their camera, unless settings or a pose filter say it; `Vision` calls this."""
+        if self._chooses_frame_errors:
+            self.poses.frame_errors = FORWARD_FRAME_ERRORS if isinstance(camera, PinholeCamera) else FrameErrors()
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
         """Move the estimate by odometry: `PoseFilter.predict`."""

@@ -130,6 +130,8 @@ class Vision:
             raise ArgumentError("online must be made for this very camera")
         if memory is not None and memory.ego_motion is not None and isinstance(camera, PinholeCamera):
             raise ArgumentError("the memory's ego_motion needs a mirror camera, which sees all around")
+        if memory is not None:
+            memory.serve(camera)
         self._memory = memory
         chosen = choose_method(camera, method)
         options = FrameOptions(chosen, colors, mask, directions, rings, channels)

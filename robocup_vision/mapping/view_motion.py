@@ -11,7 +11,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import OdometryNoise
+from robocup_vision.localization.filter.errors import OdometryNoise
 from robocup_vision.mapping.ego_motion import EgoMotion, Motion
 from robocup_vision.view import View
 

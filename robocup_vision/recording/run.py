@@ -16,7 +16,7 @@ from robocup_vision.avoidance.steering_settings import SteeringSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import FrameErrors, OdometryNoise
+from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.localization.filter.settings import PoseFilterSettings
 from robocup_vision.mapping.ego_motion import EgoMotion, EgoMotionSettings

@@ -106,9 +106,14 @@ class Disturbances:
 NONE = Disturbances()
 MIRRORS_ON_LEGS = Disturbances(LEGS_SWAY, messages=ChannelSettings())
 MIRRORS_ON_WHEELS = replace(MIRRORS_ON_LEGS, sway=WHEELS_SWAY)
-WHEELS = replace(MIRRORS_ON_WHEELS, latency=LatencySettings(), drift=LightDriftSettings(), shutter=ShutterSettings())
-# on wheels wrong camera files are an option: on a large field robots are lost for seconds until they are calibrated
-LEGS = replace(WHEELS, sway=LEGS_SWAY, slip=Slip(), camera=CameraErrorSettings())
+WHEELS = replace(
+    MIRRORS_ON_WHEELS,
+    latency=LatencySettings(),
+    drift=LightDriftSettings(),
+    shutter=ShutterSettings(),
+    camera=CameraErrorSettings(),
+)
+LEGS = replace(WHEELS, sway=LEGS_SWAY, slip=Slip())
 
 
 def disturbances_for(robot: RobotKind, camera: Camera) -> Disturbances:

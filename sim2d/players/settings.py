@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from robocup_vision.avoidance.recent_free_space import RecentFreeSpaceSettings
-from robocup_vision.localization.filter.hypothesis import OdometryNoise
+from robocup_vision.localization.filter.errors import OdometryNoise
 from robocup_vision.memory import MemorySettings
 from sim2d.players.ball.memory import BallMemorySettings
 from sim2d.players.driving.motion import MotionSettings

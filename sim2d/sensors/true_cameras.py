@@ -106,6 +106,21 @@ def draw_camera(
     )
 
 
+def with_doubt(camera: PinholeCamera, error: CameraErrorSettings) -> PinholeCamera:
+    """Return a camera as a file that may be off so much states it: held no surer than it is.
+
+    A centre that is off looks like a tilt, to a frame. A focal length that is off is left to what calibrates.
+    """
+    stated, roll_std_rad = (camera.height_std_m, camera.roll_std_rad), camera.roll_std_rad
+    if roll_std_rad is not None:
+        off_rad = math.hypot(error.tilt_rad, error.center_px / min(camera.focal_px))
+        roll_std_rad = max(roll_std_rad, off_rad)
+    height_std_m = max(camera.height_std_m, error.height_m)
+    if (height_std_m, roll_std_rad) == stated:
+        return camera
+    return replace(camera, height_std_m=height_std_m, roll_std_rad=roll_std_rad)
+
+
 class TrueCamera:
     """One robot's true camera during a match.
 

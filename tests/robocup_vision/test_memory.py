@@ -11,11 +11,12 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera.files import load_camera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.errors import FORWARD_FRAME_ERRORS, FrameErrors
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 from robocup_vision.mapping import ViewMotion
 from robocup_vision.mapping.occupancy import FREE, NO_GO, FreeSpaceMap
 from robocup_vision.mapping.sensor_model import default_sensors
-from robocup_vision.memory import Memory
+from robocup_vision.memory import Memory, MemorySettings
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.vision import Vision
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
@@ -250,3 +251,17 @@ def test_the_limits_of_the_robot_say_what_a_glitch_is(ssl_field):
     assert Memory.of_everything(ssl_field, limits=limits).poses.settings == memory.poses.settings
     with pytest.raises(ArgumentError, match="leave out poses or limits"):
         Memory(ssl_field, poses=PoseFilter(), limits=limits)
+
+
+def test_how_frames_err_is_chosen_by_the_camera_unless_it_is_said():
+    own = FrameErrors(bias_ratio=0.1)
+    for name, by_kind in (("ssl_mirror", FrameErrors()), ("ssl_forward", FORWARD_FRAME_ERRORS)):
+        camera = load_camera(ROOT / "field_models" / "cameras" / f"{name}.toml")
+        memories = (
+            Memory("ssl_division_b"),
+            Memory("ssl_division_b", settings=MemorySettings(frames=own)),
+            Memory("ssl_division_b", poses=PoseFilter(frames=own)),
+        )
+        for memory, wanted in zip(memories, (by_kind, own, own), strict=True):
+            Vision("ssl_division_b", camera, memory=memory)
+            assert memory.poses.frame_errors == wanted

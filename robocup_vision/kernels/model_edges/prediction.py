@@ -235,10 +235,21 @@ def _segments(
 
 @compiled(fastmath=True, error_model="numpy")
 def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray, count: int) -> int:
-    """Add the edges that cylinders and bars show a viewpoint to rows (K, 14), like `FieldEdges.segments`.
+    """Add the edges that cylinders, corners and bars show a viewpoint to rows (K, 14), like `FieldEdges.segments`.
 
     Takes how many rows there are, and returns how many there are then.
     """
+    corners = field.corners
+    for n in range(corners.shape[0]):
+        is_farther_out = corners[n, 6] * (frame[10] - corners[n, 1]) > 0.0
+        if is_farther_out != (corners[n, 7] > 0.0):
+            continue
+        row = rows[count]
+        for k in range(2):
+            row[3 * k], row[3 * k + 1], row[3 * k + 2] = corners[n, 0], corners[n, 1], corners[n, 2 + k]
+        row[6], row[7], row[8] = 0.0, -corners[n, 6], 0.0
+        row[9], row[10], row[11], row[12], row[13] = corners[n, 8], corners[n, 4], corners[n, 5], UPRIGHT, 0.0
+        count += 1
     for n in range(field.cylinders.shape[0] + field.bars.shape[0]):
         level = n >= field.cylinders.shape[0]
         known = field.bars[n - field.cylinders.shape[0]] if level else field.cylinders[n]
@@ -384,7 +395,8 @@ def predict(field: FieldEdges, lens: FloatArray, p: FloatArray, spacing_px: floa
     frame = np.empty(16)
     pose_frame(p, lens, frame)
     straight = field.segments.shape[0]
-    rows = np.empty((straight + 2 * (field.cylinders.shape[0] + field.bars.shape[0]) + 1, 14))
+    upright = 2 * (field.cylinders.shape[0] + field.bars.shape[0]) + field.corners.shape[0]
+    rows = np.empty((straight + upright + 1, 14))
     for n in range(straight):
         for k in range(14):
             rows[n, k] = field.segments[n, k]

@@ -49,6 +49,10 @@ class FieldEdges(NamedTuple):
         Curved lines: centre x and y, radius, start, sweep (rad), width, channel, feature.
     cylinders : (C, 7) float64
         Upright: x, y, radius, foot, top, channel, first feature.
+    corners : (W, 9) float64
+        Upright ends of white or coloured walls before something else, each from where it is a silhouette: x, y, foot,
+        top, channel, feature, towards the outside along y (1 or -1), 1 where it is one for viewpoints farther out than
+        itself and 0 where for others, how much room the wall has.
     bars : (B, 7) float64
         Level, along y: x, y0, y1, height of the axis, radius, channel, first feature.
     rings : (R, 7) float64
@@ -65,6 +69,7 @@ class FieldEdges(NamedTuple):
     segments: FloatArray
     arcs: FloatArray
     cylinders: FloatArray
+    corners: FloatArray
     bars: FloatArray
     rings: FloatArray
     channels: FloatArray

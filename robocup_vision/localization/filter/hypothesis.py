@@ -1,8 +1,6 @@
-"""Error models of odometry and frames, and one mode of the pose: a Gaussian that odometry moves and frames update.
+"""One mode of the pose: a Gaussian that odometry moves and frames update.
 
-Errors of successive frames are correlated: a place, a wrong calibration or a shadow has the same effect on the next
-one. So the Gaussian is over the pose and over the present common error of the frames. What odometry gets wrong lasts,
-too: for a moment where wheels slip, for good where they or the carpet are not as they were calibrated.
+It is over the pose, over the present common error of the frames, and over what odometry gets wrong that lasts.
 """
 
 from __future__ import annotations
@@ -12,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
+from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
 
 # no frame is better than a micrometre, nor a microradian
 _MIN_STD = 1e-6
@@ -24,124 +22,12 @@ _MIN_STD = 1e-6
 _FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, *[1.0] * 5])
 # a motion takes at least this fraction of the time that slip lasts: keeps a quotient finite
 _MIN_TIMES = 1e-4
+# bounds that keep numbers finite where frames have one time, or a robot drives for long without any
+_MOST_REPEATED, _LEAST_KEPT, _MOST_BIAS = 0.9, 1e-3, 1e2
 _POSE, _BIAS, _SLIP, _GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 _STATE = 11
-
-
-@dataclass(frozen=True, slots=True)
-class OdometryNoise:
-    """Errors of odometry: slip in proportion to the motion, gains that are off, and pushes that no wheel measures.
-
-    Slip is a first-order Gauss-Markov process in time and part of the state, so that frames correct it for the next
-    moment. Its default is a little more than that of good wheels: odometry with a lasting error of a fifth (worn
-    wheels, another carpet) is then still followed with a correct covariance. Gains last: frames that correct them
-    correct all the way that comes, as well where no frame shows the pose. They are for odometry of legs, or where
-    nobody has calibrated it.
-
-    Parameters
-    ----------
-    slip_ratio : float
-        Standard deviation of the slip, as a fraction of the velocity and of the turning rate; and, radians a metre, of
-        the turn that driving adds.
-    slip_s : float
-        How long slip lasts, seconds.
-    gain_std : float
-        Standard deviation of the lasting error of the way and of the turn, as a fraction of each; 0: calibrated.
-    gain_s : float
-        How long it lasts, seconds: carpet and wear change during a half.
-    push_m, push_rad : float
-        Standard deviation of position and heading per root of a second; also while the robot stands.
-    shove_per_s : float
-        How often wheels spin or the robot is shoved, so that odometry is wrong altogether for a moment. Few enough that
-        an outlier near by must last longer than `spell_s` of the frames to be taken for one.
-    kidnap_per_s : float
-        How often it is carried elsewhere.
-
-    Raises
-    ------
-    ArgumentError
-        If one is negative, zero where it must not be, or not finite.
-    """
-
-    slip_ratio: float = 0.07
-    slip_s: float = 0.2
-    gain_std: float = 0.0
-    gain_s: float = 300.0
-    push_m: float = 0.002
-    push_rad: float = 0.005
-    shove_per_s: float = 0.05
-    kidnap_per_s: float = 0.005
-
-    def __post_init__(self) -> None:
-        for name in ("slip_ratio", "slip_s", "gain_s", "shove_per_s", "kidnap_per_s"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ArgumentError(f"{name} of the odometry must be positive, got {value!r}")
-        for name in ("gain_std", "push_m", "push_rad"):
-            value = getattr(self, name)
-            if not 0 <= value < math.inf:
-                raise ArgumentError(f"{name} of the odometry must not be negative, got {value!r}")
-
-    def slip(self, motion: Pose2) -> FloatArray:
-        """(3, 3) float64: standard deviations of slip that stays the same over a motion, in the robot's frame."""
-        way, turn = math.hypot(motion.x_m, motion.y_m), motion.theta_rad
-        return self.slip_ratio * np.diag([way, way, math.hypot(way, turn)])
-
-    def gain(self, motion: Pose2) -> FloatArray:
-        """(3, 2) float64: standard deviations of what lasting errors of way and turn make of a motion."""
-        return self.gain_std * np.array([[motion.x_m, 0.0], [motion.y_m, 0.0], [0.0, motion.theta_rad]])
-
-    def push(self, seconds: float) -> FloatArray:
-        """(3, 3) float64: covariance of pushes that no wheel measures, m, m and rad."""
-        return seconds * np.diag([self.push_m**2, self.push_m**2, self.push_rad**2])
-
-
-@dataclass(frozen=True, slots=True)
-class FrameErrors:
-    """Errors of single frames.
-
-    The bias ratio was measured in the simulation as the correlation of the errors of frames a second apart, in their
-    standard deviations: 0.02 to 0.1 (mirror camera, noise sigma 18), 0.1 to 0.7 (pinhole camera, goals), 0.2 to 0.9
-    (mirror camera, lines, large field). Frames of the latter two state thrice the variance they have, which makes up
-    for a ratio that is set too low.
-
-    Parameters
-    ----------
-    bias_ratio : float
-        Fraction of a frame's stated variance that is an error which the next frames have too. It does not average out
-        while the robot stands, and is another error once it has driven `bias_distance_m`. From 0 to under 1.
-    bias_distance_m : float
-        Metres.
-    outlier_rate : float
-        Fraction of the frames with a wrong pose.
-    half_error_rate : float
-        Fraction of the frames with a single candidate whose half of the field is wrong; under a half.
-    spell_s : float
-        A wrong place or half lasts that long in the mean, seconds: frames close together err together.
-
-    Raises
-    ------
-    ArgumentError
-        If one is not within its bounds.
-    """
-
-    bias_ratio: float = 0.2
-    bias_distance_m: float = 0.5
-    outlier_rate: float = 0.02
-    half_error_rate: float = 0.05
-    spell_s: float = 0.1
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.bias_ratio < 1:
-            raise ArgumentError(f"bias_ratio of the frames must be from 0 to under 1, got {self.bias_ratio!r}")
-        for name in ("outlier_rate", "half_error_rate"):
-            value = getattr(self, name)
-            if not 0 < value < 0.5:
-                raise ArgumentError(f"{name} of the frames must be above 0 and under a half, got {value!r}")
-        for name in ("bias_distance_m", "spell_s"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ArgumentError(f"{name} of the frames must be positive, got {value!r}")
+# what a frame measures: the pose, and the bias on top
+_SEEN = np.hstack([np.eye(3), np.eye(3), np.zeros((3, _STATE - 6))])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,10 +38,8 @@ class PoseMeasurement:
     ----------
     pose : Pose2
         The robot in the field frame.
-    bias : (3, 3) float64
-        M: the frame measures pose + M b + white noise, b being the bias error in units of its standard deviation.
-    white : (3, 3) float64
-        Covariance of the white noise.
+    bias, white : (3, 3) float64
+        The frame measures pose + bias + white noise: covariances of both.
     half_known : bool
         The frame does not allow its half turn.
     """
@@ -174,10 +58,8 @@ class PoseMeasurement:
         if values[0] < -1e-9 * abs(values[2]):
             return None
         values = np.maximum(values, _MIN_STD**2)
-        # the symmetric root turns with the field, so that no axis of it is special
-        root = (vectors * np.sqrt(values)) @ vectors.T
         whole = (vectors * values) @ vectors.T
-        return cls(pose, math.sqrt(bias_ratio) * root, (1 - bias_ratio) * whole, half_known)
+        return cls(pose, bias_ratio * whole, (1 - bias_ratio) * whole, half_known)
 
     def half_turn(self) -> PoseMeasurement:
         """Return the same measurement of a robot in the other half."""
@@ -198,10 +80,14 @@ class PoseMode:
     pose : Pose2
         In the more probable half.
     hidden : (8,) float64
-        The bias error of the frames, field frame, and the slip, robot frame: x, y, theta of each; then the odometry's
-        lasting errors of way and turn. In standard deviations.
+        The bias error of the frames, field frame, m, m and rad; the slip, robot frame: x, y, theta; the odometry's
+        lasting errors of way and turn. The latter two in standard deviations.
     covariance : (11, 11) float64
         Of pose and hidden.
+    bias : (3, 3) float64
+        Covariance of the bias, of the best of the last frames that agreed, before anything was known of it.
+    bias_kept : float
+        How much of it the motion since the last of these frames has left.
     log_weight : float
         Logarithm of the probability.
     half_log_odds : float
@@ -221,6 +107,8 @@ class PoseMode:
     pose: Pose2
     hidden: FloatArray
     covariance: FloatArray
+    bias: FloatArray
+    bias_kept: float
     log_weight: float
     half_log_odds: float
     agrees: bool
@@ -249,14 +137,16 @@ class PoseMode:
         slip_std : float
             Standard deviation of the slip now, in its usual standard deviations.
         """
-        covariance = np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, *[slip_std**2] * 3, 1.0, 1.0])
-        covariance[_POSE, _POSE] = measurement.bias @ measurement.bias.T + measurement.white
-        covariance[_POSE, _BIAS] = -measurement.bias
-        covariance[_BIAS, _POSE] = -measurement.bias.T
+        covariance = np.diag([*[0.0] * 6, *[slip_std**2] * 3, 1.0, 1.0])
+        covariance[_POSE, _POSE] = measurement.bias + measurement.white
+        covariance[_BIAS, _BIAS] = measurement.bias
+        covariance[_POSE, _BIAS] = covariance[_BIAS, _POSE] = -measurement.bias
         return cls(
             measurement.pose,
             np.zeros(_STATE - 3),
             covariance,
+            measurement.bias,
+            1.0,
             log_weight,
             half_log_odds=0.0,
             agrees=True,
@@ -274,7 +164,7 @@ class PoseMode:
         covariance[_GAIN, _GAIN] = other.covariance[_GAIN, _GAIN]
         return replace(self, hidden=hidden, covariance=covariance)
 
-    def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, bias_distance_m: float) -> PoseMode:
+    def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, errors: FrameErrors) -> PoseMode:
         """Move the mode by odometry.
 
         Parameters
@@ -285,10 +175,12 @@ class PoseMode:
             How long it took.
         odometry : OdometryNoise
             How it errs.
-        bias_distance_m : float
-            As in `FrameErrors`.
+        errors : FrameErrors
+            How long the error lasts that frames have in common.
         """
-        bias_decay = math.exp(-math.hypot(motion.x_m, motion.y_m) / bias_distance_m)
+        # elsewhere another error comes on top, until a frame there says how large it can be
+        bias_kept = max(errors.bias_kept(motion), _LEAST_KEPT)
+        more_bias = (1 / bias_kept - 1) * self.bias if self.bias.trace() < _MOST_BIAS else np.zeros((3, 3))
         # the exact Gauss-Markov process: mean of the slip over the motion, and its end, given its beginning
         times = max(seconds / odometry.slip_s, _MIN_TIMES)
         slip_decay = math.exp(-times)
@@ -299,12 +191,13 @@ class PoseMode:
         c, s = math.cos(self.pose.theta_rad), math.sin(self.pose.theta_rad)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         slip = turn @ slip
-        kept = np.array([*[bias_decay] * 3, *[slip_decay] * 3, *[math.exp(-seconds / odometry.gain_s)] * 2])
+        kept = np.array([*[1.0] * 3, *[slip_decay] * 3, *[math.exp(-seconds / odometry.gain_s)] * 2])
         by_state = np.diag([1.0, 1.0, 1.0, *kept])
         by_state[0, 2], by_state[1, 2] = -s * x - c * y, c * x - s * y
         by_state[_POSE, _SLIP] = mean * slip
         by_state[_POSE, _GAIN] = turn @ gain
-        noise = np.diag([0.0, 0.0, 0.0, *(1 - kept**2)])
+        noise = np.diag([*[0.0] * 6, *(1 - kept[3:] ** 2)])
+        noise[_BIAS, _BIAS] = more_bias
         noise[_POSE, _POSE] = mean_variance * slip @ slip.T + turn @ odometry.push(seconds) @ turn.T
         noise[_POSE, _SLIP] = mean * (1 - slip_decay) * slip
         noise[_SLIP, _POSE] = noise[_POSE, _SLIP].T
@@ -313,6 +206,8 @@ class PoseMode:
             pose=self.pose.compose(Pose2(x, y, theta)),
             hidden=self.hidden * kept,
             covariance=by_state @ self.covariance @ by_state.T + noise,
+            bias=self.bias + more_bias,
+            bias_kept=self.bias_kept * bias_kept,
         )
 
     def widen(self, std_m: float, std_rad: float) -> PoseMode:
@@ -321,26 +216,26 @@ class PoseMode:
         covariance[_POSE, _POSE] += np.diag([std_m, std_m, std_rad]) ** 2
         return replace(self, covariance=covariance)
 
-    def distance(self, measurement: PoseMeasurement, more: FloatArray | None = None) -> float:
-        """Squared Mahalanobis distance of a measurement, 3 degrees of freedom; `more` (3, 3) adds to its covariance."""
-        offset, _, spread = self._innovation(measurement)
-        return float(offset @ np.linalg.solve(spread if more is None else spread + more, offset))
+    def facing(self, measurement: PoseMeasurement) -> FacedFrame:
+        """Return the mode before a frame whose bias has another covariance, and what the frame has on top.
 
-    def update(self, measurement: PoseMeasurement) -> PoseMode:
-        """Update the mode with a measurement, as a Kalman filter does."""
-        offset, seen, spread = self._innovation(measurement)
-        gain = np.linalg.solve(spread, seen @ self.covariance).T
-        change = gain @ offset
-        x, y, theta = (self.pose.array + change[:3]).tolist()
-        rest = np.eye(_STATE) - gain @ seen
-        # Joseph's form, which stays symmetric and positive
-        covariance = rest @ self.covariance @ rest.T + gain @ measurement.white @ gain.T
-        return replace(self, pose=Pose2(x, y, theta), hidden=self.hidden + change[3:], covariance=covariance)
-
-    def _innovation(self, measurement: PoseMeasurement) -> tuple[FloatArray, FloatArray, FloatArray]:
-        seen = np.hstack([np.eye(3), measurement.bias, np.zeros((3, _STATE - 6))])
-        offset = pose_offset(measurement.pose, self.pose) - measurement.bias @ self.hidden[:3]
-        return offset, seen, seen @ self.covariance @ seen.T + measurement.white
+        What frames have in common is the error of the best one, direction by direction; what a worse one has on top is
+        its own. So frames that differ never tell how large the common error is.
+        """
+        if not self.bias.any():
+            return FacedFrame(self, measurement, measurement.bias)
+        root = np.linalg.cholesky(self.bias)
+        inverse = np.linalg.inv(root)
+        ratios, turn = np.linalg.eigh(inverse @ measurement.bias @ inverse.T)
+        basis, kept = root @ turn, np.clip(ratios, 0.0, 1.0)
+        change = np.eye(_STATE)
+        change[_BIAS, _BIAS] = (basis * kept) @ turn.T @ inverse
+        hidden = self.hidden.copy()
+        hidden[:3] = change[_BIAS, _BIAS] @ hidden[:3]
+        covariance = change @ self.covariance @ change.T
+        covariance[_BIAS, _BIAS] += (basis * (kept - kept**2)) @ basis.T
+        mode = replace(self, hidden=hidden, covariance=covariance, bias=(basis * kept) @ basis.T)
+        return FacedFrame(mode, measurement, (basis * np.maximum(ratios - 1.0, 0.0)) @ basis.T)
 
     def half_turn(self) -> PoseMode:
         """Return the same in the other half."""
@@ -349,6 +244,7 @@ class PoseMode:
             pose=self.pose.half_turn(),
             hidden=_FLIP[3:, 3:] @ self.hidden,
             covariance=_FLIP @ self.covariance @ _FLIP,
+            bias=half_turn_covariance(self.bias),
             half_log_odds=-self.half_log_odds,
             reported_half=-self.reported_half,
         )
@@ -388,6 +284,61 @@ class PoseMode:
     def std_m(self) -> float:
         """The greater standard deviation of x and y."""
         return math.sqrt(max(self.covariance[0, 0], self.covariance[1, 1]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FacedFrame:
+    """A mode before a frame, and the frame: how far they are apart, and the mode after it.
+
+    Parameters
+    ----------
+    mode : PoseMode
+        With the bias that it has in common with the frame.
+    measurement : PoseMeasurement
+        Of the frame.
+    on_top : (3, 3) float64
+        Covariance of the bias that the frame has beyond that.
+    """
+
+    mode: PoseMode
+    measurement: PoseMeasurement
+    on_top: FloatArray
+
+    def distance(self, more: FloatArray | None = None) -> float:
+        """Squared Mahalanobis distance, 3 degrees of freedom; `more` (3, 3) adds to the covariance."""
+        offset, spread = self._innovation(self.measurement.white + self.on_top)
+        return float(offset @ np.linalg.solve(spread if more is None else spread + more, offset))
+
+    def update(self, t_s: float, errors: FrameErrors, scale: float = 1.0) -> PoseMode:
+        """Update the mode as a Kalman filter does.
+
+        Parameters
+        ----------
+        t_s : float
+            When the frame was taken.
+        errors : FrameErrors
+            How frames err.
+        scale : float
+            Of the frame's noise.
+        """
+        mode = self.mode
+        # of a mean of values each of which keeps so much of the one before: a first-order Gauss-Markov process
+        repeated = min(mode.bias_kept * math.exp(-max(t_s - mode.agreed_s, 0.0) / errors.spell_s), _MOST_REPEATED)
+        white = scale * (self.measurement.white + (1 + repeated) / (1 - repeated) * self.on_top)
+        offset, spread = self._innovation(white)
+        gain = np.linalg.solve(spread, _SEEN @ mode.covariance).T
+        change = gain @ offset
+        x, y, theta = (mode.pose.array + change[:3]).tolist()
+        rest = np.eye(_STATE) - gain @ _SEEN
+        # Joseph's form, which stays symmetric and positive
+        covariance = rest @ mode.covariance @ rest.T + gain @ white @ gain.T
+        return replace(
+            mode, pose=Pose2(x, y, theta), hidden=mode.hidden + change[3:], covariance=covariance, bias_kept=1.0
+        )
+
+    def _innovation(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
+        offset = pose_offset(self.measurement.pose, self.mode.pose) - self.mode.hidden[:3]
+        return offset, _SEEN @ self.mode.covariance @ _SEEN.T + white
 
 
 def pose_offset(pose: Pose2, reference: Pose2) -> FloatArray:

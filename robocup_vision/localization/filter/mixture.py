@@ -17,13 +17,8 @@ import numpy as np
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import (
-    FrameErrors,
-    OdometryNoise,
-    PoseMeasurement,
-    PoseMode,
-    pose_offset,
-)
+from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
+from robocup_vision.localization.filter.hypothesis import FacedFrame, PoseMeasurement, PoseMode, pose_offset
 from robocup_vision.localization.filter.settings import PoseFilterSettings
 
 
@@ -65,7 +60,7 @@ class Mixture:
         """Move all modes by odometry; delete those that become too uncertain."""
         if not self.modes:
             return self
-        moved = [mode.move(motion, seconds, odometry, errors.bias_distance_m) for mode in self.modes]
+        moved = [mode.move(motion, seconds, odometry, errors) for mode in self.modes]
         sure = [mode for mode in moved if mode.std_m <= self.settings.lost_std_m]
         return Mixture(_normalised(sure, self.settings), moved[0].pose, self.frame_s, self.settings)
 
@@ -143,7 +138,7 @@ class Mixture:
             rate, since_s = odometry.kidnap_per_s, max(t_s - self.frame_s, settings.min_frame_s)
             shove = np.array([settings.shove_mps, settings.shove_mps, settings.shove_rps])
             reach = max(t_s - likeliest.agreed_s, settings.min_frame_s) * shove
-            if likeliest.distance(measurement, np.diag(reach**2)) <= settings.gate:
+            if likeliest.facing(measurement).distance(np.diag(reach**2)) <= settings.gate:
                 rate, odds = rate + odometry.shove_per_s, likeliest.half_log_odds
             log_weight = math.log(-math.expm1(-rate * since_s) / measurements)
             # wheels may spin: all of the odometry may be slip
@@ -157,11 +152,9 @@ class Mixture:
         self, mode: PoseMode, match: _Match, estimate: PoseEstimate, t_s: float, errors: FrameErrors
     ) -> PoseMode:
         """Update a mode with the measurement that agrees with it."""
-        measurement = match.measurement
-        if match.excess > 1:
-            measurement = replace(measurement, white=match.excess * measurement.white)
+        seen = replace(match.frame, mode=replace(match.frame.mode, log_weight=mode.log_weight, agrees=mode.agrees))
         return replace(
-            self._update_half(mode.update(measurement), match.half, t_s, errors),
+            self._update_half(seen.update(t_s, errors, max(match.excess, 1.0)), match.half, t_s, errors),
             agreed_s=t_s,
             inlier_ratio=estimate.inlier_ratio,
             residual_px=estimate.residual_px,
@@ -214,7 +207,7 @@ def _measurements(estimate: PoseEstimate, bias_ratio: float) -> list[PoseMeasure
 class _Match:
     """A measurement turned into a mode's half, the half measured (1, -1; 0: none), its squared distance in gates."""
 
-    measurement: PoseMeasurement
+    frame: FacedFrame
     half: int
     excess: float
 
@@ -225,9 +218,10 @@ def _match(mode: PoseMode, measurements: Sequence[PoseMeasurement], settings: Po
     for measurement in measurements:
         is_turned = _apart(measurement.pose.half_turn(), mode.pose) < _apart(measurement.pose, mode.pose)
         turned = measurement.half_turn() if is_turned else measurement
-        excess = mode.distance(turned) / settings.gate
+        frame = mode.facing(turned)
+        excess = frame.distance() / settings.gate
         if excess <= (settings.near_miss if best is None else best.excess):
-            best = _Match(turned, (-1 if is_turned else 1) if measurement.half_known else 0, excess)
+            best = _Match(frame, (-1 if is_turned else 1) if measurement.half_known else 0, excess)
     return best
 
 

@@ -15,8 +15,8 @@ from robocup_vision.arguments import as_pose
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.floor_bound import FloorBound
-from robocup_vision.localization.filter.hypothesis import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.mixture import Mixture
 from robocup_vision.localization.filter.settings import PoseFilterSettings
 

@@ -70,6 +70,7 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
         across = ((y0 - y1) / length, (x1 - x0) / length, 0.0)
         segments.append([x0, y0, 0.0, x1, y1, 0.0, *across, field.line_width_m, line, next(features), ON_FLOOR, 1.0])
     cylinders: list[list[float]] = []
+    corners: list[list[float]] = []
     bars: list[list[float]] = []
     rings: list[list[float]] = []
 
@@ -78,8 +79,8 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
 
     if field.is_bounded:
         wall = between(color(field.wall_color), carpet)
-        corners = field.floor_polygon
-        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        floor = field.floor_polygon
+        for start, end in zip(floor, np.roll(floor, -1, axis=0), strict=True):
             goal = next((g for g in field.goals if g.kind == "recess" and _in_recess(g.line_x_m, start, end)), None)
             paint = wall if goal is None else between(color(goal.color), carpet)
             foot(start.tolist(), end.tolist(), field.wall_height_m if goal is None else goal.height_m, paint)
@@ -88,6 +89,15 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
         if goal.kind == "panels":
             for panel in goal.panels.tolist():
                 foot(panel[:2], panel[2:], goal.height_m, between(color(goal.color), carpet))
+            paint, top_m = before_anything(goal.color), goal.height_m
+            if field.is_bounded and field.wall_color != goal.color:
+                # what is above the boards is not known
+                paint = between(color(goal.color), color(field.wall_color))
+                top_m = min(top_m, field.wall_height_m)
+            for outward in (-1.0, 1.0):
+                y = outward * goal.width_m / 2
+                for x, is_back, room_m in ((goal.line_x_m, 0.0, goal.width_m), (goal.back_x_m, 1.0, goal.depth_m)):
+                    corners.append([x, y, 0.0, top_m, paint, next(features), outward, is_back, room_m])
         elif goal.kind == "posts":
             half = goal.width_m / 2
             for y in (-half, half):
@@ -107,6 +117,7 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
         _table(segments, 14),
         _table(arcs, 8),
         _table(cylinders, 7),
+        _table(corners, 9),
         _table(bars, 7),
         _table(rings, 7),
         _table(channels, 8),

@@ -41,7 +41,7 @@ def test_legs_have_all_of_them_and_a_mirror_camera_those_of_bodies_and_messages(
     assert isinstance(camera_for(FIELD), PinholeCamera)
     assert set(NAMES) - set(LEGS.names) == {"knock"}
     assert MIRRORS_ON_WHEELS.names == ("sway", "messages")
-    assert "camera" not in WHEELS.names
+    assert set(LEGS.names) - set(WHEELS.names) == {"slip"}
 
 
 def test_the_same_seed_disturbs_alike_bit_for_bit():

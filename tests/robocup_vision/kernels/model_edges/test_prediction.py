@@ -107,3 +107,27 @@ def test_near_lines_have_two_edges_with_their_paint_inside_and_room_is_never_ove
     assert np.isfinite(inside).all()
     small = empty_samples(10)
     assert predict(edges, lens, p, 9.0, small) <= 10
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.floats(2.5, 4.2), st.floats(-2.0, 2.0), st.sampled_from([1, -1]))
+def test_a_goal_of_panels_shows_the_uprights_that_bound_it_from_wherever_it_is_seen(x, y, side):
+    field = load_field("ssl_division_b")
+    goal = next(one for one in field.goals if one.side == side)
+    heading = math.atan2(-side * y, goal.line_x_m - side * x)
+    at = Pose2(side * x, side * y, heading)
+    wide = PinholeCamera((640, 240), (160.0, 160.0), (319.5, 119.5), 0.12)
+    edges, p = field_edges(field), np.array([at.x_m, at.y_m, heading, -0.1, 0.0, 0.12, 0.0])
+    out = empty_samples(3000)
+    count = predict(edges, lens_table(wide), p, 3.0, out)
+    bearings = np.arctan2(*(at.inverse().transform(goal.panels.reshape(-1, 2))[:, ::-1].T))
+    of_corners = np.isin(out.feature[:count], edges.corners[:, 5].astype(int))
+    shown = np.arctan2(*(at.inverse().transform(out.point_m[:count][of_corners, :2])[:, ::-1].T))
+    rightwards = out.normal[:count][of_corners][:, 0]
+    is_right, is_left = np.isclose(shown, bearings.min()), np.isclose(shown, bearings.max())
+    assert is_right.any()
+    assert is_left.any()
+    assert np.all(is_right | is_left)
+    # their inside is that of the goal
+    assert np.all(rightwards[is_left] > 0.9)
+    assert np.all(rightwards[is_right] < -0.9)

@@ -201,7 +201,9 @@ def test_every_field_has_its_edges(name):
     )
     assert len(edges.bars) == sum(goal.kind == "posts" for goal in field.goals)
     assert len(edges.cylinders) == 2 * len(edges.bars) + sum(len(b.colors) for b in field.beacons)
-    features = np.concatenate([edges.segments[:, 11], edges.cylinders[:, 6], edges.bars[:, 6], edges.rings[:, 6]])
+    assert len(edges.corners) == 4 * sum(goal.kind == "panels" for goal in field.goals)
+    parts = (edges.segments[:, 11], edges.cylinders[:, 6], edges.corners[:, 5], edges.bars[:, 6], edges.rings[:, 6])
+    features = np.concatenate(parts)
     assert len(np.unique(features)) == len(features)
     assert edges.channels[0, 3] > 100
     assert np.all(edges.channels[:, 3] > 0)

@@ -85,7 +85,7 @@ def test_vision_takes_it_where_nothing_else_is_known_of_the_pose(blurred):
 
 
 @pytest.mark.parametrize(
-    ("pose", "blur_px"), [(Pose2(0.9, -1.5, -2.0), (9.0, 3.0)), (Pose2(0.8, 1.8, 0.0), (4.0, 4.0))]
+    ("pose", "blur_px"), [(Pose2(0.9, -1.5, -2.0), (9.0, 3.0)), (Pose2(0.8, 2.2, 0.2), (4.0, 4.0))]
 )
 def test_what_leaves_the_position_open_is_looked_at_in_smaller_copies_beside_boards(pose, blur_px):
     frame = frame_at(pose, blur_px)
