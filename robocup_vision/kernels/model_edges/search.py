@@ -216,7 +216,8 @@ def search(
             margin = inner // 2 + gap + flank + 2
             noise_ratio = 1.0 / inner + 1.0 / flank
         else:
-            inner = min(max(int(wide), 1), 3)
+            # blur of lens and pixels at the band's other end, two standard deviations, would draw the edge off
+            inner = min(max(int(wide - 1.5), 1), 3)
             fill = min(1.0, 0.8 * wide / inner)
             flank, gap = inner, 0
             margin = inner + 2

@@ -59,6 +59,18 @@ def test_an_edge_is_found_with_its_paint_inside_only(angle_deg):
     assert found.offset_px[0, 0] == pytest.approx(-5.0, abs=0.3)
 
 
+@pytest.mark.parametrize("width_px", [2.2, 2.6, 3.1, 3.5, 4.2])
+def test_the_foot_of_a_band_of_few_pixels_is_not_found_too_far_outside(width_px):
+    offsets_px = np.arange(8) / 8.0
+    errors_px = []
+    for offset_px in offsets_px:
+        frame, normal = stripe(math.pi / 2, offset_px, width_px)
+        found = look_at(frame, normal, EDGE, width_px)
+        errors_px.append(found.offset_px[0, 0] - (offset_px - width_px / 2))
+    # the blur at the band's other end drew it off by up to 0.3
+    assert abs(np.mean(errors_px)) < 0.12
+
+
 def test_a_stripe_that_has_no_carpet_on_one_side_is_no_line():
     frame, normal = stripe(0.0, 0.0, 2.0)
     assert look_at(frame, normal, RIDGE, 2.0).candidates[0] >= 1
