@@ -27,6 +27,8 @@ from robocup_vision.kernels.model_edges.tables import (
 )
 
 FLANK_PX = 2
+# of lens and pixels, two standard deviations: a window that reached so near a band's other end would draw the edge off
+END_BLUR_PX = 1.5
 # of a line's full step, that a band shows; what blur may add to its width, and the widest that is read
 MIN_BAND_RATIO, BAND_BLUR_PX, MAX_BAND_PX = 0.25, 4.0, 120.0
 # along a profile: of the search, and all of it
@@ -216,8 +218,7 @@ def search(
             margin = inner // 2 + gap + flank + 2
             noise_ratio = 1.0 / inner + 1.0 / flank
         else:
-            # blur of lens and pixels at the band's other end, two standard deviations, would draw the edge off
-            inner = min(max(int(wide - 1.5), 1), 3)
+            inner = min(max(int(wide - END_BLUR_PX), 1), 3)
             fill = min(1.0, 0.8 * wide / inner)
             flank, gap = inner, 0
             margin = inner + 2
