@@ -12,11 +12,17 @@ import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
+from robocup_vision.kernels.model_edges.strays import (
+    Noise,
+    find_crossed,
+    nearest,
+    off_alone,
+    off_the_rest,
+    shared_variance,
+)
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Findings, FloatArray, FollowSettings, Int64Array, Room
 
 BINS = 64  # of the histogram of residuals
-# so unlikely, samples that agree are not stray
-_FEW_STRAY = 0.01
 
 
 class Gates(NamedTuple):
@@ -24,29 +30,6 @@ class Gates(NamedTuple):
 
     width_px: FloatArray
     sharp_steps: int
-
-
-class Noise(NamedTuple):
-    """Standard deviation of a sample alone, of the offset that all samples of an edge share, and of a stray sample.
-
-    `stray_ratio`: of the samples, those that are stray.
-    """
-
-    sample_px: float
-    shared_px: float
-    stray_px: float
-    stray_ratio: float
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _nearest(found: Findings, n: int, expected: float) -> float:
-    """Residual of the candidate of sample n that lies nearest to where a hypothesis puts it; 1e9 without any."""
-    best, least = 1e9, 1e9
-    for k in range(found.candidates[n]):
-        r = found.offset_px[n, k] - expected
-        if abs(r) < least:
-            least, best = abs(r), r
-    return best
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -72,7 +55,7 @@ def msac(
         expected = 0.0
         for j in range(UNKNOWNS):
             expected += rows[n, j] * z[j]
-        r = _nearest(found, n, expected) / gate_px
+        r = nearest(found, n, expected) / gate_px
         cost += min(r * r, 1.0)
     far = 0.0
     for j in range(UNKNOWNS):
@@ -199,56 +182,6 @@ def _things(feature: Int64Array, count: int) -> int:
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _shared2(noise: Noise, agree: float, off2: float) -> float:
-    """Variance of the offset that samples of an edge share; of one that is stray its thing lies so far off as well."""
-    return float(noise.shared_px**2 + (noise.stray_px**2 + off2) * noise.stray_ratio**agree)
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _off_the_rest(
-    room: Room,
-    count: int,
-    weight: FloatArray,
-    residual: FloatArray,
-    noise: Noise,
-    root: FloatArray,
-    agree: FloatArray,
-    off2: FloatArray,
-) -> None:
-    """Fill in how far the samples of each thing lie off where all others and the prior put it, squared pixels.
-
-    A fit follows a thing that nothing else tells of, be it stray or not: its residual is next to none. What it would be
-    without the thing is its residual over the part that the fit leaves of it. `root` is the factor of the fit's system,
-    `agree` as of `_gather`; things whose samples are too many to be stray keep their 0.
-    """
-    rows, feature = room.rows, room.samples.feature
-    mean, off = np.zeros((off2.shape[0], UNKNOWNS)), np.zeros(off2.shape[0])
-    for n in range(count):
-        thing, same = feature[n] >> 1, 0.0
-        if weight[n] == 0.0 or noise.stray_ratio ** agree[thing] < _FEW_STRAY:
-            continue
-        for j in range(UNKNOWNS):
-            same += rows[n, j] * mean[thing, j]
-        # the two edges of a line may look in opposite directions
-        w = (-weight[n] if same < 0.0 else weight[n]) / agree[thing]
-        for j in range(UNKNOWNS):
-            mean[thing, j] += w * rows[n, j]
-        off[thing] += w * residual[n]
-    part = np.empty(UNKNOWNS)
-    for thing in range(off2.shape[0]):
-        if agree[thing] == 0.0 or noise.stray_ratio ** agree[thing] < _FEW_STRAY:
-            continue
-        for j in range(UNKNOWNS):
-            part[j] = mean[thing, j]
-        substitute(root, UNKNOWNS, part)
-        told = 0.0
-        for j in range(UNKNOWNS):
-            told += part[j] * mean[thing, j]
-        variance = noise.sample_px**2 / agree[thing] + _shared2(noise, agree[thing], 0.0)
-        off2[thing] = (off[thing] / max(1.0 - told / variance, 0.01)) ** 2
-
-
-@compiled(fastmath=True, error_model="numpy")
 def _gather(
     room: Room,
     count: int,
@@ -256,6 +189,7 @@ def _gather(
     residual: FloatArray,
     noise: Noise,
     off2: FloatArray,
+    own2: FloatArray,
     agree: FloatArray,
 ) -> None:
     """Sum up information (7, 7) and gradient (7,) of the weighted residuals, and in `agree` the weights of each thing.
@@ -264,10 +198,9 @@ def _gather(
     offset common to them; its inverse is the former's less a matrix of rank one. A sample may be of another thing than
     its edge, as one beside a crossing is of the other line: nothing tells where it is the only one of its line or post,
     while several agree by chance the less the more they are. If it is, the edge may be within the gate of where they
-    are, or so far off them as all others put it, see `_off_the_rest`.
+    are, or so far off them as all others put it, see `off_the_rest`; and `off_alone` of single samples.
     """
     rows, samples, information, gradient = room.rows, room.samples, room.information, room.gradient
-    alone = 1.0 / noise.sample_px**2
     agree[:] = 0.0
     for n in range(count):
         agree[samples.feature[n] >> 1] += weight[n]
@@ -281,7 +214,7 @@ def _gather(
         if n < count and weight[n] == 0.0:
             continue
         if n == count or samples.feature[n] != feature:
-            shared2 = 0.0 if feature < 0 else _shared2(noise, agree[feature >> 1], off2[feature >> 1])
+            shared2 = 0.0 if feature < 0 else shared_variance(noise, agree[feature >> 1], off2[feature >> 1])
             factor_ = shared2 / (1.0 + shared2 * common_weight)
             for i in range(UNKNOWNS):
                 a = factor_ * common[i]
@@ -294,7 +227,7 @@ def _gather(
             if n == count:
                 break
             feature = samples.feature[n]
-        w = weight[n] * alone
+        w = weight[n] / (noise.sample_px**2 + weight[n] * own2[n])
         common_weight += w
         common_residual += w * residual[n]
         for i in range(UNKNOWNS):
@@ -345,8 +278,9 @@ def robust_fit(
     narrowest = gates.width_px[given - 1]
     gate = narrowest
     stray_px = settings.gate_px / math.sqrt(3.0)
+    is_doubting = settings.stray_ratio > 0.0 and gates.sharp_steps > 0
     off2 = np.zeros(_things(room.samples.feature, count))
-    agree = np.empty(off2.shape[0])
+    agree, own2, crossed = np.empty(off2.shape[0]), np.zeros(count), np.zeros(count, np.bool_)
     for turn in range(given + gates.sharp_steps + 1):
         if turn < given:
             gate = gates.width_px[turn]
@@ -358,17 +292,25 @@ def robust_fit(
             expected = 0.0
             for j in range(UNKNOWNS):
                 expected += rows[n, j] * z[j]
-            r = _nearest(found, n, expected)
+            r = nearest(found, n, expected)
             if abs(r) < narrowest:
                 inliers += 1
                 total += r * r
-            if abs(r) < gate:
-                t = 1.0 - (r / gate) ** 2
+            # what may be off by more is not left out for being off
+            wide = min(gate * math.sqrt(1.0 + own2[n] / settings.sigma_px**2), narrowest) if own2[n] > 0.0 else gate
+            if abs(r) < wide:
+                t = 1.0 - (r / wide) ** 2
                 weight[n], residual[n] = t * t, r
         rms = math.sqrt(total / inliers) if inliers else 0.0
+        if turn == given - 1 and is_doubting:
+            find_crossed(room, count, settings, z, settings.sigma_px * scale, weight, crossed)
+        if turn >= given - 1:
+            for n in range(count):
+                if crossed[n]:
+                    weight[n] = 0.0
         scale = max(1.0, 1.48 * _median_size(residual, weight, gate) / settings.sigma_px)
         noise = Noise(settings.sigma_px * scale, settings.shared_px * scale, stray_px, settings.stray_ratio)
-        _gather(room, count, weight, residual, noise, off2, agree)
+        _gather(room, count, weight, residual, noise, off2, own2, agree)
         if turn == given + gates.sharp_steps:
             break
         if turn >= given - 1 and gates.sharp_steps > 0:
@@ -380,8 +322,9 @@ def robust_fit(
             system[i, i] += 1.0
         if not factor(system, UNKNOWNS):
             return inliers, rms, False
-        if turn == given and settings.stray_ratio > 0.0:
-            _off_the_rest(room, count, weight, residual, noise, system, agree, off2)
+        if turn == given - 1 and is_doubting:
+            off_the_rest(room, count, weight, residual, noise, system, agree, off2)
+            off_alone(room, count, weight, residual, noise, system, agree, off2, own2)
         substitute(system, UNKNOWNS, step)
         for i in range(UNKNOWNS):
             z[i] += step[i]

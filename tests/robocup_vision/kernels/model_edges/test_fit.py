@@ -21,6 +21,8 @@ def planted(seed, z, outliers=0.3, noise=0.2):
     room.found.offset_px[:, 1] = rng.uniform(-40.0, 40.0, COUNT)
     wrong = rng.random(COUNT) < outliers
     room.found.offset_px[wrong, 0] = rng.uniform(-40.0, 40.0, np.count_nonzero(wrong))
+    # no line crosses another
+    room.samples.normal[:] = (0.0, 1.0)
     # samples of one edge follow each other
     room.samples.feature[:] = np.sort(rng.integers(0, 8, COUNT))
     return room
@@ -126,10 +128,48 @@ def test_the_farther_one_sample_lies_off_the_rest_the_less_it_tells():
         fit[0] = far / 4.0
         robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
         told.append(room.information[0, 0])
-    assert told[0] > 0.3**-2
+    # where the prior would put it anywhere within the gate, nearly every second one is stray
+    assert told[0] > 0.4**-2
     # it is stray in three of ten cases, and off by as much then; so the prior, which has it at 0, pulls as hard
     assert told[1] < (0.8 * np.sqrt(NUMBERS.stray_ratio) * 8.0 / 4.0) ** -2
     assert abs(fit[0]) < 1.4
+
+
+@pytest.mark.parametrize("witnesses", [3, 12])
+def test_others_of_its_line_are_no_witnesses_of_what_they_do_not_see(witnesses):
+    room = planted(12, np.zeros(UNKNOWNS), outliers=0.0, noise=0.05)
+    room.found.candidates[:] = 1
+    # one line's first sample alone tells the first unknown: two pixels off
+    room.samples.feature[:] = [*[0] * (1 + witnesses), *[2] * (COUNT - 1 - witnesses)]
+    room.rows[1:, 0], room.rows[0] = 0.0, 0.0
+    room.rows[0, 0], room.found.offset_px[0, 0] = 4.0, 2.0
+    fit = np.zeros(UNKNOWNS)
+    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
+    assert 1.0 / np.sqrt(room.information[0, 0]) > 0.2
+    # where as many see it, it is followed
+    room.rows[: 1 + witnesses] = room.rows[0]
+    room.found.offset_px[: 1 + witnesses, 0] = 2.0
+    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
+    assert 1.0 / np.sqrt(room.information[0, 0]) < 0.15
+    assert fit[0] == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_what_lies_on_a_line_that_crosses_is_that_lines(is_there):
+    room = planted(13, np.zeros(UNKNOWNS), outliers=0.0, noise=0.05)
+    room.found.candidates[:] = 1
+    # a level line of all but four samples, which are of another line and tell the first unknown alone
+    room.samples.uv[:, 0], room.samples.uv[:, 1] = 4.0 * np.arange(COUNT), 50.0
+    room.samples.feature[:] = [*[0] * 4, *[2] * (COUNT - 4)]
+    room.samples.normal[:4] = (0.6, 0.8)
+    room.rows[:, 0] = 0.0
+    room.rows[:4] = 4.0 * np.eye(UNKNOWNS)[0]
+    room.found.offset_px[:4, 0] = 0.0
+    room.samples.uv[:4] = (100.0, 50.0 if is_there else 70.0)
+    fit = np.zeros(UNKNOWNS)
+    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
+    told = room.information[0, 0]
+    assert (told < 1e-6) if is_there else (told > 100.0)
 
 
 def test_residuals_worse_than_the_noise_know_less():

@@ -1,0 +1,222 @@
+"""Which of the samples that a fit takes may be of another thing than their edge, and how far they may be off then.
+
+A stray sample that is the only one to tell a direction is followed, and its residual is next to none: nothing but what
+others, the prior and other lines say of it gives it away.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robocup_vision.arrays import BoolArray
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.cholesky import substitute
+from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UNKNOWNS, Findings, FloatArray, FollowSettings, Room
+
+# so unlikely, samples that agree are not stray
+_FEW_STRAY = 0.01
+# cosine of the angle from which on two lines cross: within a few pixels they are apart
+_SAME_WAY = 0.97
+
+
+class Noise(NamedTuple):
+    """Standard deviation of a sample alone, of the offset that all samples of an edge share, and of a stray sample.
+
+    `stray_ratio`: of the samples, those that are stray.
+    """
+
+    sample_px: float
+    shared_px: float
+    stray_px: float
+    stray_ratio: float
+
+
+@compiled(fastmath=True, error_model="numpy")
+def nearest(found: Findings, n: int, expected: float) -> float:
+    """Residual of the candidate of sample n that lies nearest to where a hypothesis puts it; 1e9 without any."""
+    best, least = 1e9, 1e9
+    for k in range(found.candidates[n]):
+        r = found.offset_px[n, k] - expected
+        if abs(r) < least:
+            least, best = abs(r), r
+    return best
+
+
+@compiled(fastmath=True, error_model="numpy")
+def find_crossed(
+    room: Room,
+    count: int,
+    settings: FollowSettings,
+    z: FloatArray,
+    noise_px: float,
+    weight: FloatArray,
+    crossed: BoolArray,
+) -> None:
+    """Fill in whether the candidate of a sample on a line lies on another line, found as well, that crosses it there.
+
+    It is that line's, whether or not its own is there as well. `noise_px` is that of one sample.
+    """
+    rows, found, samples = room.rows, room.found, room.samples
+    gate_px, near_px = settings.sharp_gates * noise_px, settings.coarse_spacing_px
+    which, number = np.empty(count, np.int64), 0
+    # where each candidate lies, and of each line its normal and its distance from the picture's corner along that
+    place, line = np.empty((count, 2)), np.empty((count, 3))
+    for n in range(count):
+        crossed[n] = False
+        if weight[n] == 0.0 or samples.place[n] != ON_FLOOR:
+            continue
+        expected = 0.0
+        for j in range(UNKNOWNS):
+            expected += rows[n, j] * z[j]
+        offset = expected + nearest(found, n, expected)
+        u, v, nu, nv = samples.uv[n, 0], samples.uv[n, 1], samples.normal[n, 0], samples.normal[n, 1]
+        place[number, 0], place[number, 1] = u + offset * nu, v + offset * nv
+        line[number, 0], line[number, 1], line[number, 2] = nu, nv, nu * u + nv * v + expected
+        which[number] = n
+        number += 1
+    for i in range(number):
+        thing, u, v = samples.feature[which[i]] >> 1, place[i, 0], place[i, 1]
+        for k in range(number):
+            if abs(line[k, 0] * u + line[k, 1] * v - line[k, 2]) > gate_px:
+                continue
+            if abs(place[k, 0] - u) > near_px or abs(place[k, 1] - v) > near_px:
+                continue
+            same_way = abs(line[i, 0] * line[k, 0] + line[i, 1] * line[k, 1])
+            if same_way < _SAME_WAY and samples.feature[which[k]] >> 1 != thing:
+                crossed[which[i]] = True
+                break
+
+
+@compiled(fastmath=True, error_model="numpy")
+def shared_variance(noise: Noise, agree: float, off2: float) -> float:
+    """Variance of the offset that samples of an edge share; of one that is stray its thing lies so far off as well."""
+    return float(noise.shared_px**2 + (noise.stray_px**2 + off2) * noise.stray_ratio**agree)
+
+
+@compiled(fastmath=True, error_model="numpy")
+def off_the_rest(
+    room: Room,
+    count: int,
+    weight: FloatArray,
+    residual: FloatArray,
+    noise: Noise,
+    root: FloatArray,
+    agree: FloatArray,
+    off2: FloatArray,
+) -> None:
+    """Fill in how far the samples of each thing lie off where all others and the prior put it, squared pixels.
+
+    A fit follows a thing that nothing else tells of, be it stray or not: its residual is next to none. What it would be
+    without the thing is its residual over the part that the fit leaves of it. `root` is the factor of the fit's system,
+    `agree` as of `_gather`; things whose samples are too many to be stray keep their 0.
+    """
+    rows, feature = room.rows, room.samples.feature
+    mean, off = np.zeros((off2.shape[0], UNKNOWNS)), np.zeros(off2.shape[0])
+    for n in range(count):
+        thing, same = feature[n] >> 1, 0.0
+        if weight[n] == 0.0 or noise.stray_ratio ** agree[thing] < _FEW_STRAY:
+            continue
+        for j in range(UNKNOWNS):
+            same += rows[n, j] * mean[thing, j]
+        # the two edges of a line may look in opposite directions
+        w = (-weight[n] if same < 0.0 else weight[n]) / agree[thing]
+        for j in range(UNKNOWNS):
+            mean[thing, j] += w * rows[n, j]
+        off[thing] += w * residual[n]
+    part = np.empty(UNKNOWNS)
+    for thing in range(off2.shape[0]):
+        if agree[thing] == 0.0 or noise.stray_ratio ** agree[thing] < _FEW_STRAY:
+            continue
+        for j in range(UNKNOWNS):
+            part[j] = mean[thing, j]
+        substitute(root, UNKNOWNS, part)
+        told = 0.0
+        for j in range(UNKNOWNS):
+            told += part[j] * mean[thing, j]
+        variance = noise.sample_px**2 / agree[thing] + shared_variance(noise, agree[thing], 0.0)
+        off2[thing] = (off[thing] / max(1.0 - told / variance, 0.01)) ** 2
+
+
+@compiled(fastmath=True, error_model="numpy")
+def off_alone(
+    room: Room,
+    count: int,
+    weight: FloatArray,
+    residual: FloatArray,
+    noise: Noise,
+    root: FloatArray,
+    agree: FloatArray,
+    off2: FloatArray,
+    own2: FloatArray,
+) -> None:
+    """Fill in by how much each sample may be off that alone tells something, squared pixels.
+
+    Others of its edge are no witnesses where they do not see what it sees: of a circle's samples that lie on its far
+    side none tells its place along the line through its centre, and the one where it crosses that line may be the
+    line's. What all others and the prior leave open of a sample says what the odds are that it is stray: where they
+    would put it anywhere, those of any sample. The more it may be off, the less it tells. Arguments as of
+    `off_the_rest`, which comes first.
+    """
+    feature, begin = room.samples.feature, 0
+    for n in range(1, count + 1):
+        if n == count or feature[n] != feature[begin]:
+            thing = feature[begin] >> 1
+            shared2 = shared_variance(noise, agree[thing], 0.0)
+            doubt2 = shared_variance(noise, agree[thing], off2[thing]) - noise.shared_px**2
+            _doubt_each(room, begin, n, weight, residual, noise, root, shared2, doubt2, own2)
+            begin = n
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _doubt_each(
+    room: Room,
+    begin: int,
+    end: int,
+    weight: FloatArray,
+    residual: FloatArray,
+    noise: Noise,
+    root: FloatArray,
+    shared2: float,
+    doubt2: float,
+    own2: FloatArray,
+) -> None:
+    """See `off_alone`: of the samples from `begin` to `end`, which share an offset, and doubt it by so much already.
+
+    A sample is compared with what all others say of it: those of its edge by the offset that they share, and everything
+    by the fit without it, which follows from the fit with it.
+    """
+    rows, alone = room.rows, 1.0 / noise.sample_px**2
+    common, part, common_weight, common_residual = np.zeros(UNKNOWNS), np.empty(UNKNOWNS), 0.0, 0.0
+    for n in range(begin, end):
+        own2[n] = 0.0
+        w = weight[n] * alone
+        if w == 0.0:
+            continue
+        common_weight += w
+        common_residual += w * residual[n]
+        for i in range(UNKNOWNS):
+            common[i] += w * rows[n, i]
+    stray_density = noise.stray_ratio / (math.sqrt(12.0) * noise.stray_px)
+    for n in range(begin, end):
+        w = weight[n] * alone
+        if w == 0.0:
+            continue
+        # of the offset, as the others tell it
+        told = shared2 / (1.0 + shared2 * (common_weight - w))
+        variance, by_fit2 = 1.0 / w + told, 0.0
+        for i in range(UNKNOWNS):
+            part[i] = rows[n, i] - told * (common[i] - w * rows[n, i])
+            for k in range(i):
+                part[i] -= root[i, k] * part[k]
+            part[i] /= root[i, i]
+            by_fit2 += part[i] * part[i]
+        left = max(1.0 - by_fit2 / variance, 0.01)
+        off = (residual[n] - told * (common_residual - w * residual[n])) / left
+        open2 = by_fit2 / left
+        spread2 = open2 + variance
+        rightly = (1.0 - noise.stray_ratio) * math.exp(-0.5 * off * off / spread2) / math.sqrt(math.tau * spread2)
+        odds = stray_density / max(rightly, 1e-9)
+        own2[n] = max(odds * (off * off + min(open2, noise.stray_px**2)) - doubt2, 0.0)
