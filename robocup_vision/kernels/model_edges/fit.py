@@ -293,11 +293,12 @@ def robust_fit(
             for j in range(UNKNOWNS):
                 expected += rows[n, j] * z[j]
             r = nearest(found, n, expected)
+            # what may be off by more is not left out for being off, nor does it say that the rest does not agree
+            doubt = 1.0 + own2[n] / settings.sigma_px**2
             if abs(r) < narrowest:
                 inliers += 1
-                total += r * r
-            # what may be off by more is not left out for being off
-            wide = min(gate * math.sqrt(1.0 + own2[n] / settings.sigma_px**2), narrowest) if own2[n] > 0.0 else gate
+                total += r * r / doubt
+            wide = min(gate * math.sqrt(doubt), narrowest) if doubt > 1.0 else gate
             if abs(r) < wide:
                 t = 1.0 - (r / wide) ** 2
                 weight[n], residual[n] = t * t, r
