@@ -1,6 +1,7 @@
 """The match loop: players get senses alone, fail alone, and the same seed plays the same match."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -217,18 +218,24 @@ def test_the_link_knows_nothing_of_the_world():
 
 
 @pytest.mark.slow
-def test_the_same_seed_is_the_same_match_in_another_process(tmp_path):
+@pytest.mark.parametrize("field", ["ssl_2001", "four_legged_2007"])
+def test_the_same_seed_is_the_same_match_in_another_process(field, tmp_path):
     code = (
         "import sys, json\n"
         "from field_models import load_field\n"
         "from sim2d.match.match import Match\n"
         "from sim2d.report.match_file import match_json\n"
-        "match = Match(load_field('ssl_2001'), 1, int(sys.argv[1]))\n"
+        "field, seed = sys.argv[1], int(sys.argv[2])\n"
+        "match = Match(load_field(field), 1, seed)\n"
         "for _ in match.play(3.0): pass\n"
-        "print(json.dumps(match_json('ssl_2001', 1, int(sys.argv[1]), match.figures)))\n"
+        "print(json.dumps(match_json(field, 1, seed, match.figures)))\n"
     )
+    # the first compiles every loop, the others load them
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     runs = [
-        subprocess.run([sys.executable, "-c", code, seed], capture_output=True, text=True, check=True).stdout
+        subprocess.run(
+            [sys.executable, "-c", code, field, seed], env=environment, capture_output=True, text=True, check=True
+        ).stdout
         for seed in ("5", "5", "6")
     ]
     assert runs[0] == runs[1]
