@@ -8,7 +8,7 @@ PARALLEL := -n logical --dist worksteal
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help .venv test slow coverage browser-test ros-test docs demo match examples figures bench-check clean
+.PHONY: help .venv wheel test slow coverage browser-test ros-test docs demo match examples figures bench-check clean
 
 help:
 	@echo "make demo      evaluate the sample datasets and write out/omni_ssl_2001/report.html, out/goal_four_legged/report.html"
@@ -17,6 +17,7 @@ help:
 	@echo "make coverage  the tests of make test again, at least 90 % of the lines"
 	@echo "make ros-test  the tests of the ROS 2 node with rclpy, in an environment of its own (.venv-ros), on loopback alone"
 	@echo "make browser-test  open the live page in a headless Chromium, which is installed first"
+	@echo "make wheel     dist/robocup_vision-...-cp*.whl with all loops compiled, for robots like this machine"
 	@echo "make docs      the documentation: out/docs/index.html"
 	@echo "make match     play a simulated match of 60 s, 2 against 2, and write out/match/report.html"
 	@echo "make examples  run every program in examples/"
@@ -76,6 +77,11 @@ browser-test: $(INSTALLED)
 	-cd .venv/browser && npm install --no-audit --no-fund --loglevel=error
 	-node .venv/browser/launch.mjs || { apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium; }
 	$(PYTHON) -m pytest tests/browser -rs
+
+wheel: $(INSTALLED)
+	rm -rf dist
+	$(PYTHON) -m pip wheel -qq --disable-pip-version-check --no-deps --wheel-dir dist .
+	.venv/bin/robocup-vision warm-up --wheel dist/*-py3-none-any.whl
 
 docs: .venv/installed-docs
 	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs

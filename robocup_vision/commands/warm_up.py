@@ -15,16 +15,22 @@ def add_parser(subparsers: Any) -> None:
         "names, if it is set), so that no later start waits for them: for boot scripts and container images.",
     )
     parser.add_argument("--jobs", metavar="N", type=int, default=2, help="number of processes (default: 2)")
+    parser.add_argument(
+        "--wheel",
+        metavar="FILE",
+        help="compile the loops of this wheel of the library, and write another one beside it that holds them: for "
+        "robots with the same version of Python and numba and the same kind of processor as this machine",
+    )
     parser.set_defaults(run=run_warm_up)
 
 
 def run_warm_up(options: argparse.Namespace) -> int:
-    """Compile all loops and print how many there are; return 0.
+    """Compile all loops and print how many there are, or which wheel holds them; return 0.
 
     Raises
     ------
     RobocupVisionError
-        If the number of processes is wrong, or a process dies.
+        If the number of processes is wrong, or a process dies; as `compile_wheel` does.
     """
     import time
     from concurrent.futures import as_completed
@@ -37,6 +43,11 @@ def run_warm_up(options: argparse.Namespace) -> int:
     from robocup_vision.workers import worker_processes
 
     require_count("--jobs", options.jobs)
+    if options.wheel is not None:
+        from robocup_vision.compiling.compiled_wheel import compile_wheel
+
+        print(compile_wheel(options.wheel, options.jobs))
+        return 0
     start_s = time.monotonic()
     listed = modules()
     try:

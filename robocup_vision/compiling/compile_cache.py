@@ -1,4 +1,4 @@
-"""Finds a folder for compiled code that can be written, and removes code from it that was made of other sources.
+"""Finds a folder for compiled code that can be written, and tells code that was made of other sources.
 
 numba keeps compiled loops in the folder that ``NUMBA_CACHE_DIR`` names, else beside the source files, else in the
 user's cache folder. Where none of them can be written it refuses to define a loop; here a temporary folder is used.
@@ -7,12 +7,14 @@ user's cache folder. Where none of them can be written it refuses to define a lo
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import re
+import shutil
 import stat
+import sys
 import tempfile
 import warnings
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,8 @@ from field_models.errors import RobocupVisionError
 
 VARIABLE = "NUMBA_CACHE_DIR"
 _IMPORT, _WORD = re.compile(rb"^from (\S+) import (\([^)]*\)|.*)", re.MULTILINE), re.compile(rb"\w+")
+# where loops are, and what tells how they are compiled
+_LOOPS = ("robocup_vision.kernels", "sim2d.kernels", "robocup_vision.compiling.loops")
 
 
 class CompileCacheWarning(RuntimeWarning):
@@ -50,11 +54,14 @@ def ensure_compile_cache(kernels: Path) -> None:
     given = config.CACHE_DIR
     if given and _is_writable(Path(given)):
         return
-    if not given and all(_numba_finds_place(source) for source in sorted(kernels.rglob("__init__.py"))):
+    sources = sorted(kernels.rglob("__init__.py"))
+    if not given and all(_numba_finds_place(source) for source in sources):
+        _take_along(sources)
         return
     folder = _temporary_folder()
     # the variable is for the processes that this one starts: numba has read it already
     config.CACHE_DIR = os.environ[VARIABLE] = str(folder)
+    _take_along(sources)
     tried = (
         f"{VARIABLE}={given} cannot be written"
         if given
@@ -68,59 +75,45 @@ def ensure_compile_cache(kernels: Path) -> None:
     )
 
 
-def remove_stale_loops(kernels: Path) -> None:
-    """Remove a package's compiled loops whose sources have changed since; call it before the first is defined.
+@cache
+def source_digest(module: str) -> str | None:
+    """Return a digest of a module's source text and of all of ours that it imports; None if it is no file's.
 
-    numba compiles a loop anew when its own file has changed. A loop also holds the code of loops that it calls and the
-    constants that it reads, of other files.
+    A loop holds the code of loops that it calls, and the constants that it reads, of other files: by this digest it is
+    compiled anew where any of them has changed, and kept where files have only been copied.
 
     Parameters
     ----------
-    kernels : Path
-        The package's folder.
+    module : str
+        Its name; all that it imports has been imported.
     """
-    texts: dict[str, bytes] = {}
-    for path in sorted(kernels.rglob("*.py")):
-        inner = path.relative_to(kernels).with_suffix("").parts
-        texts[".".join((kernels.parent.name, kernels.name, *inner))] = path.read_bytes()
-    digests = _digests(texts)
-    for package in sorted(kernels.rglob("__init__.py")):
-        name = ".".join((kernels.parent.name, kernels.name, *package.parent.relative_to(kernels).parts))
-        made_of = {source.stem: digests[f"{name}.{source.stem}"] for source in sorted(package.parent.glob("*.py"))}
-        folder = Path(_probe(package).stats.cache_path)
-        kept = folder / "loops.json"
-        try:
-            before = json.loads(kept.read_text(encoding="ascii")) if kept.exists() else {}
-            if made_of == before:
-                continue
-            for index in folder.glob("*.nbi"):
-                source = index.name.partition(".")[0]
-                if source not in made_of or made_of[source] != before.get(source):
-                    index.unlink(missing_ok=True)
-            folder.mkdir(parents=True, exist_ok=True)
-            kept.write_text(json.dumps(made_of), encoding="ascii")
-        except (OSError, ValueError):  # what cannot be removed was not written by this user
+    path = getattr(sys.modules.get(module), "__file__", None)
+    if path is None or not Path(path).is_file():
+        return None
+    text = Path(path).read_bytes()
+    imported = set()
+    for package, names in _IMPORT.findall(text):
+        imported |= {package.decode(), *(f"{package.decode()}.{name.decode()}" for name in _WORD.findall(names))}
+    digest = hashlib.sha256(text)
+    for name in sorted(imported & sys.modules.keys()):
+        if name.startswith(_LOOPS):
+            digest.update((source_digest(name) or "").encode())
+    return digest.hexdigest()
+
+
+def _take_along(sources: list[Path]) -> None:
+    """Copy loops that came with an installation that cannot be written to where numba keeps others of source files."""
+    for source in sources:
+        own, folder = source.parent / "__pycache__", Path(_probe(source).stats.cache_path)
+        if folder == own:
             continue
-
-
-def _digests(texts: dict[str, bytes]) -> dict[str, str]:
-    """Return for each module a digest of its source text and of all that it imports, of these modules."""
-    imports = {}
-    for name, text in texts.items():
-        found = set()
-        for module, names in _IMPORT.findall(text):
-            found |= {module.decode(), *(f"{module.decode()}.{one.decode()}" for one in _WORD.findall(names))}
-        imports[name] = found & texts.keys()
-    own = {name: hashlib.sha256(text).hexdigest() for name, text in texts.items()}
-    digests = {}
-    for name in texts:
-        reached, waiting = {name}, [name]
-        while waiting:
-            new = imports[waiting.pop()] - reached
-            reached |= new
-            waiting += new
-        digests[name] = hashlib.sha256("".join(own[one] for one in sorted(reached)).encode()).hexdigest()
-    return digests
+        for shipped in own.glob("*.nb[ci]"):
+            kept = folder / shipped.name
+            if not kept.exists() or kept.stat().st_mtime < shipped.stat().st_mtime:
+                folder.mkdir(parents=True, exist_ok=True)
+                beside = folder / f"{shipped.name}.{os.getpid()}"
+                shutil.copyfile(shipped, beside)
+                beside.replace(kept)
 
 
 def _numba_finds_place(source: Path) -> bool:

@@ -14,6 +14,8 @@ from llvmlite.binding import set_option
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
 
+from robocup_vision.compiling.compile_cache import source_digest
+
 Loop = TypeVar("Loop", bound=Callable[..., Any])
 Values = TypeVar("Values", bound=tuple[Any, ...])
 
@@ -51,12 +53,21 @@ def compiled(
 
     def decorator(function: Any) -> Any:
         loop = make_loop(function)
+        _keep_by_digest(loop)
         if fastmath:
             # of the other loops, every path rounds alike
             loop.compile = _on_one_path(loop.compile)
         return loop
 
     return decorator if function is None else decorator(function)
+
+
+def _keep_by_digest(loop: Any) -> None:
+    """Let numba tell by `source_digest` whether a kept loop is of today's sources: it asks for its own file's time."""
+    kept: Any = getattr(loop._cache, "_cache_file", None)
+    digest = source_digest(loop.py_func.__module__)
+    if digest is not None and hasattr(kept, "_source_stamp"):
+        kept._source_stamp = digest
 
 
 def _on_one_path(compile_loop: Callable[[Any], Any]) -> Callable[[Any], Any]:

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from robocup_vision.compiling.compile_cache import ensure_compile_cache, remove_stale_loops
+from robocup_vision.compiling.compile_cache import ensure_compile_cache
 
 ensure_compile_cache(Path(__file__).parent)
-remove_stale_loops(Path(__file__).parent)

@@ -1,11 +1,13 @@
 """Loops are compiled and kept wherever the library is installed, read-only and without a home folder, too."""
 
+import importlib
 import os
 import shutil
 import subprocess
 import sys
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 import pytest
@@ -13,7 +15,8 @@ import pytest
 import field_models
 import robocup_vision
 from field_models.errors import RobocupVisionError
-from robocup_vision.compiling.compile_cache import CompileCacheWarning, ensure_compile_cache, remove_stale_loops
+from robocup_vision.compiling import compile_cache
+from robocup_vision.compiling.compile_cache import CompileCacheWarning, ensure_compile_cache, source_digest
 
 LOOP = """
 import numpy as np
@@ -111,48 +114,101 @@ def test_no_place_at_all_is_one_line(kernels, homeless, monkeypatch):
         ensure_compile_cache(kernels)
 
 
-def indexes(kernels):
-    return sorted(path.name for path in (kernels / "__pycache__").glob("*.nbi"))
+@pytest.fixture
+def make_package(tmp_path, monkeypatch):
+    """Return a function that writes modules of a package of loops, and imports one of them anew."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(compile_cache, "_LOOPS", ("probe_kernels",))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    folder = tmp_path / "probe_kernels"
+    (folder / "room").mkdir(parents=True)
+    (folder / "__init__.py").touch()
+    (folder / "room" / "__init__.py").touch()
+
+    def import_anew(name, **texts):
+        for module, text in texts.items():
+            (folder / f"{module.replace('__', '/')}.py").write_text(text, encoding="ascii")
+        for known in [known for known in sys.modules if known.startswith("probe_kernels")]:
+            del sys.modules[known]
+        source_digest.cache_clear()
+        importlib.invalidate_caches()
+        return importlib.import_module(f"probe_kernels.{name}")
+
+    yield import_anew
+    for known in [known for known in sys.modules if known.startswith("probe_kernels")]:
+        del sys.modules[known]
+    source_digest.cache_clear()
 
 
-def test_loops_of_other_sources_are_removed(kernels, homeless, tmp_path):
+LOOPS = {
+    "alone": "SIZE = 1\n",
+    "room__constants": "SIZE = 1\n",
+    "middle": "from probe_kernels.room import constants\nMORE = constants.SIZE\n",
+    "loop": "from probe_kernels.middle import (\n    MORE,\n)\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("changed", "stale"),
+    [
+        ("alone", {"alone"}),
+        ("room__constants", {"room__constants", "middle", "loop"}),
+        ("middle", {"middle", "loop"}),
+        ("loop", {"loop"}),
+    ],
+)
+def test_what_imports_a_changed_source_is_told_from_what_does_not(make_package, changed, stale):
+    names = {module: f"probe_kernels.{module.replace('__', '.')}" for module in LOOPS}
+    make_package("loop", **LOOPS)
+    importlib.import_module("probe_kernels.alone")
+    before = {module: source_digest(name) for module, name in names.items()}
+    make_package("loop", **{changed: LOOPS[changed] + "OTHER = 2\n"})
+    importlib.import_module("probe_kernels.alone")
+    after = {module: source_digest(name) for module, name in names.items()}
+    assert None not in before.values()
+    assert {module for module in LOOPS if before[module] != after[module]} == stale
+
+
+def test_code_of_no_file_has_no_digest():
+    assert source_digest("no_such_module") is None
+    assert source_digest("sys") is None
+
+
+def test_a_loop_is_compiled_anew_for_a_changed_constant_of_another_file_and_kept_for_copied_files(make_package):
+    loop = "from probe_kernels.room.constants import SIZE\n{}\n\n@compiled\ndef size():\n    return SIZE\n"
+    loop = loop.format("from robocup_vision.compiling.loops import compiled")
+    first = make_package("loop", room__constants="SIZE = 1\n", loop=loop)
+    assert first.size() == 1
+    changed = make_package("loop", room__constants="SIZE = 2\n")
+    assert changed.size() == 2
+    os.utime(changed.__file__, (1e9, 1e9))
+    again = make_package("loop")
+    assert again.size() == 2
+    assert sum(again.size.stats.cache_hits.values()) == 1
+
+
+def test_loops_that_came_with_an_installation_that_cannot_be_written_are_taken_along(kernels, tmp_path, monkeypatch):
     (kernels / "__pycache__").unlink()
-    (kernels / "__pycache__").mkdir()
-    (kernels / "room").mkdir()
-    constants, package = kernels / "room" / "constants.py", f"{tmp_path.name}.kernels"
-    (kernels / "alone.py").write_text("SIZE = 1\n", encoding="ascii")
-    (kernels / "loop.py").write_text(f"from {package}.middle import (\n    MORE,\n)\n", encoding="ascii")
-    (kernels / "middle.py").write_text(f"from {package}.room import constants\n", encoding="ascii")
-    constants.write_text("SIZE = 1\n", encoding="ascii")
-    every = ["alone.f-1.nbi", "loop.f-1.nbi", "middle.f-1.nbi"]
-    for changed, left in (
-        (kernels / "alone.py", every[1:]),
-        (kernels / "middle.py", every[:1]),
-        (constants, every[:1]),
-        (kernels / "loop.py", [every[0], every[2]]),
-    ):
-        remove_stale_loops(kernels)
-        for name in every:
-            (kernels / "__pycache__" / name).touch()
-        remove_stale_loops(kernels)
-        assert indexes(kernels) == every
-        changed.write_text(changed.read_text(encoding="ascii") + "OTHER = 2\n", encoding="ascii")
-        remove_stale_loops(kernels)
-        assert indexes(kernels) == left
-
-
-def test_loops_that_cannot_be_removed_are_left(kernels, homeless, monkeypatch):
-    (kernels / "__pycache__").unlink()
-    (kernels / "__pycache__").mkdir()
-    (kernels / "__pycache__" / "loop.nbi").touch()
-
-    def refuse(*_, **__):
-        raise PermissionError("read-only")
-
-    monkeypatch.setattr(Path, "unlink", refuse)
-    remove_stale_loops(kernels)
-    assert indexes(kernels) == ["loop.nbi"]
-    assert not (kernels / "__pycache__" / "loops.json").exists()
+    own, users = kernels / "__pycache__", tmp_path / "users"
+    own.mkdir()
+    probe = SimpleNamespace(stats=SimpleNamespace(cache_path=str(users)))
+    monkeypatch.setattr(compile_cache, "_probe", lambda source: probe)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    ensure_compile_cache(kernels)
+    assert not users.exists()
+    for name, text in (("loop.nbi", "index"), ("loop.1.nbc", "code"), ("loop.pyc", "other")):
+        (own / name).write_text(text, encoding="ascii")
+    ensure_compile_cache(kernels)
+    assert sorted(path.name for path in users.iterdir()) == ["loop.1.nbc", "loop.nbi"]
+    # what was compiled here since stays, until another installation comes
+    (users / "loop.nbi").write_text("more", encoding="ascii")
+    ensure_compile_cache(kernels)
+    assert (users / "loop.nbi").read_text(encoding="ascii") == "more"
+    later = (users / "loop.nbi").stat().st_mtime + 10
+    os.utime(own / "loop.nbi", (later, later))
+    ensure_compile_cache(kernels)
+    assert (users / "loop.nbi").read_text(encoding="ascii") == "index"
 
 
 @pytest.mark.slow

@@ -1,0 +1,84 @@
+"""Puts compiled loops into a wheel, so that a robot that installs it compiles nothing.
+
+numba finds them where it would have kept them itself, beside the source files. They are for this version of Python and
+numba and for this kind of processor; a machine that is another one compiles as if they were not there.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+from field_models.errors import FileError, RobocupVisionError
+from robocup_vision.compiling.compile_cache import VARIABLE
+
+_WARM_UP = "import sys; from robocup_vision import cli; sys.exit(cli.main(['warm-up', '--jobs', sys.argv[1]]))"
+_PLAIN = "py3-none-any"
+
+
+def compile_wheel(wheel: str | Path, jobs: int) -> Path:
+    """Compile all loops of this library's wheel, and write another one that holds them.
+
+    Parameters
+    ----------
+    wheel : str or Path
+        As ``pip wheel`` writes it, for any machine.
+    jobs : int
+        Number of processes.
+
+    Returns
+    -------
+    Path
+        The new wheel, beside the other: named by the version of Python and the kind of machine.
+
+    Raises
+    ------
+    FileError
+        If the wheel cannot be read, is none of this library's for any machine, or the new one cannot be written.
+    RobocupVisionError
+        If its loops cannot be compiled, or the package ``wheel`` is not installed.
+    """
+    wheel = Path(wheel)
+    try:
+        wheelfile: Any = import_module("wheel.wheelfile")
+    except ImportError:
+        raise RobocupVisionError("wheels are read and written by the package `wheel`: pip install wheel") from None
+    if not re.fullmatch(rf"robocup_vision-[^-]+-{_PLAIN}\.whl", wheel.name):
+        raise FileError(wheel, f"must be a wheel of this library for any machine, robocup_vision-...-{_PLAIN}.whl")
+    python = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    tag = f"{python}-{python}-{re.sub(r'[-.]', '_', sysconfig.get_platform())}"
+    compiled = wheel.with_name(wheel.name.replace(_PLAIN, tag))
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            with wheelfile.WheelFile(wheel) as unpacked:
+                unpacked.extractall(folder)
+        except (OSError, ValueError, BadZipFile, wheelfile.WheelError) as error:
+            raise FileError(wheel, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
+        _compile(Path(folder), jobs)
+        (told,) = Path(folder).glob("*.dist-info/WHEEL")
+        text = told.read_text(encoding="utf-8")
+        text = text.replace(f"Tag: {_PLAIN}", f"Tag: {tag}").replace("Is-Purelib: true", "Is-Purelib: false")
+        told.write_text(text, encoding="utf-8")
+        try:
+            with wheelfile.WheelFile(compiled, "w") as packed:
+                packed.write_files(folder)
+        except OSError as error:
+            raise FileError(compiled, f"cannot be written ({error.strerror or error})") from None
+    return compiled
+
+
+def _compile(site: Path, jobs: int) -> None:
+    """Compile all loops of the library that stands in a folder, each beside its source."""
+    environment = {**os.environ, "PYTHONPATH": str(site), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.pop(VARIABLE, None)
+    command = [sys.executable, "-c", _WARM_UP, str(jobs)]
+    if subprocess.run(command, cwd=site, env=environment, stdout=subprocess.DEVNULL, check=False).returncode:
+        raise RobocupVisionError("the wheel's loops could not be compiled: see above")
