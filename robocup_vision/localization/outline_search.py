@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
+from robocup_vision.arrays import FloatArray, Int16Array, Int64Array
+from robocup_vision.compiling.loops import plain
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls import fit as kernels
 from robocup_vision.kernels.walls import search as wall_search
-from robocup_vision.kernels.walls.fit import Vector
 from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 
 Arbiter = Callable[[list[Pose2]], int | None]
@@ -76,22 +76,16 @@ class OutlineSearch:
 
         None where several places explain the outline (K,) equally well; see `OutlineFitter.locate` for the arbiter.
         """
-        settings, model = self.settings, self.model
-        starts = np.vstack([self._starts(radius_px), self._slides(fit.pose)])
-        half_px = radius_px[::2].copy()
-        poses, costs = self._fit_each(
-            starts, model.half_scene, half_px, np.array(settings.rough_scales) * model.unit_px
-        )
-        likely = _apart(poses[np.argsort(costs)], settings.fit_apart, settings.likely)
-        poses, costs = self._fit_each(likely, model.half_scene, half_px, model.scales(settings.coarse_scales))
-        hopeful = poses[np.argsort(costs)][: np.count_nonzero(costs < costs.min() + settings.hopeless_cost)]
-        last, scales = _apart(hopeful, settings.fit_apart, settings.refined), model.scales(settings.fine_scales)
-        poses, costs = self._fit_each(last, model.scene, radius_px, scales)
-        chosen = self._choose(np.vstack([fit.pose, poses]), np.append(fit.cost, costs), arbiter)
+        refined = self.settings.refined
+        begun, poses, costs = np.empty((refined, 3)), np.empty((refined, 3)), np.empty(refined)
+        count = wall_search.search_outline(fit.pose, radius_px, self._rules, begun, poses, costs)
+        every = np.vstack([fit.pose, poses[:count]]), np.append(fit.cost, costs[:count])
+        chosen = self._choose(*every, arbiter)
         if not chosen:
             return fit if chosen == 0 else None
-        x, y, theta = last[chosen - 1].tolist()
-        return model.fit((x, y, theta), radius_px, scales)[0]
+        x, y, theta = begun[chosen - 1].tolist()
+        model, scales = self.model, self.settings.fine_scales
+        return model.fit((x, y, theta), radius_px, model.scales(scales))[0]
 
     def _choose(self, poses: FloatArray, costs: FloatArray, arbiter: Arbiter | None) -> int | None:
         """Return the index of the right one of some fits (N, 3); None where several explain the outline as well."""
@@ -106,21 +100,40 @@ class OutlineSearch:
             return rivals[chosen]
         return None if costs[rivals[1]] < costs[rivals[0]] + settings.equal_cost else rivals[0]
 
-    def _fit_each(
-        self, starts: FloatArray, scene: kernels.WallScene, radius_px: FloatArray, scales: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Fit each of the starts (N, 3) to an outline at a scene's bearings; return poses (N, 3) and costs (N,)."""
-        poses, costs = np.empty_like(starts), np.empty(len(starts))
-        wall_search.fit_each(starts, scene, self.model.outline(radius_px, scales), poses, costs)
-        return poses, costs
+    @cached_property
+    def _rules(self) -> wall_search.SearchRules:
+        """As the compiled search takes them."""
+        model, settings = self.model, self.settings
+        scales = settings.rough_scales, settings.coarse_scales, settings.fine_scales
+        # all start far off, where every second bearing does; only the last go on to the edges' own accuracy
+        rough, coarse, fine = np.array(scales[0]) * model.unit_px, model.scales(scales[1]), model.scales(scales[2])
+        return plain(
+            wall_search.SearchRules(
+                model.scene,
+                model.half_scene,
+                *model.radius_of_q,
+                model.unit_px,
+                *self._bank,
+                self._bank_rows,
+                self._px_per_level,
+                *self._ways,
+                rough,
+                coarse,
+                fine,
+                10 * settings.bank_starts,
+                settings.bank_starts,
+                settings.likely,
+                settings.refined,
+                settings.start_apart,
+                settings.fit_apart,
+                settings.hopeless_cost,
+            )
+        )
 
-    def _slides(self, pose: Vector) -> FloatArray:
-        """Return poses (N, 3) along and across the field from a pose x, y, theta, of its heading."""
-        along, across = self._ways
-        poses = np.empty((len(along) + len(across), 3))
-        poses[:] = pose
-        poses[: len(along), 0], poses[len(along) :, 1] = along, across
-        return poses
+    @property
+    def _px_per_level(self) -> float:
+        """What a level of the bank's outlines is."""
+        return self.settings.bank_width * self.model.unit_px / int(wall_search.WIDEST)
 
     @cached_property
     def _ways(self) -> tuple[FloatArray, FloatArray]:
@@ -136,8 +149,8 @@ class OutlineSearch:
         return np.asarray(np.rint(np.arange(count) * (rows / count)).astype(np.int64) % rows)
 
     @cached_property
-    def _bank(self) -> tuple[FloatArray, Float32Array]:
-        """Places (P, 2) over half the field, and the outlines (P, 2 B) to be seen there."""
+    def _bank(self) -> tuple[FloatArray, Int16Array]:
+        """Places (P, 2) over half the field, and the outlines (P, 2 B) to be seen there, in levels."""
         model = self.model
         floor = model.field.floor_polygon
         spacing = float(np.ptp(floor, axis=0).min()) / 15
@@ -151,39 +164,16 @@ class OutlineSearch:
         out = kernels.WallPrediction(q, wall, np.empty((len(model.scene.walls), 4)))
         scene = model.scene._replace(cos_b=np.cos(bearings), sin_b=np.sin(bearings))
         q_step, radius = model.radius_of_q
-        profiles = np.empty((len(places), len(bearings)), dtype=np.float32)
+        profiles = np.empty((len(places), len(bearings)), dtype=np.int16)
         for place, profile in zip(places, profiles, strict=True):
             kernels.predict_walls(np.array([*place, 0.0]), scene, out)
-            profile[:] = np.interp(q, np.arange(len(radius)) * q_step, radius)
+            profile[:] = np.rint(np.interp(q, np.arange(len(radius)) * q_step, radius) / self._px_per_level)
         # clockwise, as `score_bank` takes them
         profiles = np.roll(profiles[:, ::-1], 1, axis=1)
         return places, np.hstack([profiles, profiles])
-
-    def _starts(self, radius_px: FloatArray) -> FloatArray:
-        """Poses (N, 3) whose expected outline is most like the measured one, over the whole field and all headings."""
-        (places, profiles), settings = self._bank, self.settings
-        count = settings.bank_bearings
-        radius = radius_px[self._bank_rows]
-        known = np.isfinite(radius)
-        weight = (known / max(np.count_nonzero(known), 1)).astype(np.float32)
-        cost = np.empty((len(places), count), dtype=np.float32)
-        width_px = np.float32(settings.bank_width * self.model.unit_px)
-        wall_search.score_bank(profiles, np.where(known, radius, 0.0).astype(np.float32), weight, width_px, cost)
-        most = min(10 * settings.bank_starts, cost.size)
-        best = np.argpartition(cost, most - 1, axis=None)[:most]
-        best = best[np.argsort(cost.ravel()[best])]
-        place, shift = np.divmod(best, count)
-        poses = np.empty((len(best), 3))
-        poses[:, :2], poses[:, 2] = places[place], -shift * math.tau / count
-        return _apart(poses, settings.start_apart, settings.bank_starts)
 
 
 def _spread(poses: FloatArray, apart: float, most: int) -> Int64Array:
     """Return the indices (N,) of some poses, the best first, that are not what a better one is."""
     picked = np.empty(most, dtype=np.int64)
     return picked[: wall_search.spread_poses(poses, apart, picked)]
-
-
-def _apart(poses: FloatArray, apart: float, most: int) -> FloatArray:
-    """Return those poses (N, 3) that `_spread` picks."""
-    return np.asarray(poses[_spread(poses, apart, most)])

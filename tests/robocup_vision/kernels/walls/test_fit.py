@@ -31,7 +31,6 @@ from robocup_vision.kernels.walls.fit import (
     turned_rate,
 )
 from robocup_vision.kernels.walls.hull import hull_moments, hull_radius, star_moments
-from robocup_vision.kernels.walls.search import fit_each, score_bank, spread_poses
 
 FIELD = load_field("ssl_2001")
 COUNT = 160
@@ -139,27 +138,6 @@ def test_rates_of_turns_are_those_of_the_planes_normal(bearing, fall, along, asi
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=20)
-@given(seeds)
-def test_bank_scores_agree_with_numpy(seed):
-    rng = np.random.default_rng(seed)
-    bank, radius = rng.uniform(20, 110, (4, 20)), rng.uniform(20, 110, 20)
-    radius[rng.random(20) < rng.random()] = np.nan
-    known = radius > 0
-    weight = known / max(int(known.sum()), 1)
-    out = np.empty((4, 20), dtype=np.float32)
-    clockwise = np.roll(bank[:, ::-1], 1, axis=1)
-    doubled, measured, weight = (
-        array.astype(np.float32) for array in (np.hstack([clockwise, clockwise]), np.nan_to_num(radius), weight)
-    )
-    score_bank(doubled, measured, weight, np.float32(12.0), out)
-    for shift in range(20):
-        off = np.abs(radius - np.roll(bank, shift, axis=1))
-        cost = np.where(np.isnan(off), np.nan, np.minimum(off, 12.0) / 12.0)
-        expected = np.nanmean(cost, axis=1) if known.any() else np.zeros(4)
-        np.testing.assert_allclose(out[:, shift], expected, rtol=1e-5, atol=1e-6)
-
-
 @given(numbers(0.0, 9.9))
 def test_a_tabulated_radius_is_interpolated(q):
     radius, slope = tabulated(FloorOutline(np.empty(0), Q_STEP, RADIUS_OF_Q, np.ones(1), 1.0), q)
@@ -253,44 +231,6 @@ def test_far_from_its_end_a_fit_takes_every_second_bearing_where_these_go_evenly
     near = thinned(fine._replace(outline=outline_px._replace(scales=np.array([2.0, 1.0]))))
     odd = thinned(fine._replace(scene=scene._replace(cos_b=COS[:-1].copy(), sin_b=SIN[:-1].copy())))
     assert (len(near.scene.cos_b), len(odd.scene.cos_b)) == (COUNT, COUNT - 1)
-
-
-def test_each_start_is_fitted_by_itself():
-    rng = np.random.default_rng(3)
-    radius, scales = outline(Pose2(-0.4, 0.2, 2.0), rng), FAR
-    starts = rng.normal(0, 0.3, (5, 3))
-    poses, costs = np.empty((5, 3)), np.empty(5)
-    fit_each(starts, geometry(CAMERA), FloorOutline(radius, Q_STEP, RADIUS_OF_Q, scales, 1.0), poses, costs)
-    for start, pose, cost in zip(starts, poses, costs, strict=True):
-        alone = fit(start, radius, scales)
-        assert cost == alone[0]
-        np.testing.assert_array_equal(pose, alone[1])
-
-
-def differ(pose, others, apart):
-    for other in others:
-        turn = abs(math.remainder(pose[2] - other[2], math.tau))
-        here, there = math.dist(pose[:2], other[:2]) + turn, math.dist(pose[:2], -other[:2]) + math.pi - turn
-        if min(here, there) <= apart:
-            return False
-    return True
-
-
-@settings(deadline=None, max_examples=40)
-@given(places, seeds, st.floats(0.05, 2.0))
-def test_spread_poses_are_the_best_that_are_apart(pose, seed, apart):
-    rng = np.random.default_rng(seed)
-    poses = pose.array + rng.normal(0, (0.3, 0.3, 0.3), (40, 3))
-    # their half turns, too, and whole turns
-    poses[::3, :2] *= -1
-    poses[:, 2] += rng.integers(-4, 5, 40) * math.pi
-    out = np.full(8, -1)
-    count = spread_poses(poses, apart, out)
-    expected: list[int] = []
-    for n, found in enumerate(poses):
-        if len(expected) < 8 and differ(found, poses[expected], apart):
-            expected.append(n)
-    assert out[:count].tolist() == expected
 
 
 def test_a_fit_from_nowhere_still_says_how_bad_it_is():
