@@ -19,6 +19,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision.arrays import Float32Array, FloatArray, read_only
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.kernels.lines.floor_tone import ToneRules, learn_tone
 from robocup_vision.kernels.lines.lines import floor_mask_by_tone, line_ridge_points, line_widths
 
 # Image steps of the four axes a line may be crossed along, u right, v down.
@@ -281,36 +282,17 @@ class LineFinder:
 
     def _tone(self, smooth: npt.NDArray[np.uint8]) -> Float32Array | None:
         """Learn the floor's colour from the nearest pixels: (7,), see `floor_mask_by_tone`; None if they have none."""
-        settings = self.settings
-        near = smooth.reshape(-1, 3)[self._near]
-        least, most = (step(near[:, 0], step(near[:, 1], near[:, 2])) for step in (np.minimum, np.maximum))
-        blue, greens, red = near[(most < 250) & (least >= 3)].astype(np.float64).T
-        if len(greens) < settings.min_samples:
-            return None
-        log_ratio = np.log(np.stack([red, blue]) / greens)  # R/G, B/G
-        bin_size, span = 0.08, 2.0
-        edges = np.arange(-span, span + bin_size / 2, bin_size)
-        histogram = np.histogram2d(log_ratio[0], log_ratio[1], [edges, edges])[0]
-        smoothed = cv2.blur(histogram, (3, 3), borderType=cv2.BORDER_CONSTANT)
-        # a robot at the carpet's edge sees the hall's floor as near as the carpet: of tones that both cover much of
-        # the ring the carpet is the greener one, under any light
-        tones = edges[np.argwhere(smoothed >= settings.common_tone_ratio * smoothed.max())] + bin_size / 2
-        mode = tones[np.argmin(tones.max(axis=1))]
-        spread = np.full(2, bin_size)
-        for _ in range(3):
-            off = np.abs(log_ratio - mode[:, None])
-            members = (off[0] < settings.tone_stds * spread[0]) & (off[1] < settings.tone_stds * spread[1])
-            if np.count_nonzero(members) < settings.min_samples:
-                return None
-            chosen = log_ratio[:, members]
-            mode = np.array([np.median(row) for row in chosen])
-            off = np.abs(chosen - mode[:, None])
-            spread = np.maximum([1.48 * np.median(row) for row in off], settings.min_tone_spread)
-        green = float(np.median(greens[members]))
-        reach = settings.tone_stds * spread
-        low, high = np.exp(mode - reach), np.exp(mode + reach)
-        bounds = (low[0], high[0], low[1], high[1], settings.dark_ratio * green, settings.bright_ratio * green)
-        return np.array([*bounds, settings.slack], dtype=np.float32)
+        settings, tone = self.settings, np.empty(7, dtype=np.float32)
+        rules = ToneRules(
+            settings.min_samples,
+            settings.common_tone_ratio,
+            settings.tone_stds,
+            settings.min_tone_spread,
+            settings.dark_ratio,
+            settings.bright_ratio,
+            settings.slack,
+        )
+        return tone if learn_tone(smooth, self._near, rules, tone) else None
 
     def _noise_threshold(self, whiteness: npt.NDArray[np.uint8], floor: npt.NDArray[np.uint8]) -> int:
         values = whiteness.ravel()

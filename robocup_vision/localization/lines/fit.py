@@ -7,7 +7,6 @@ beside the robot and half a metre at the horizon.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +14,20 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.lines.pose_fit import (
+    PointFitRules,
+    PointRows,
+    SeenPoints,
+    fit_points,
+    loss_of,
+    measure_points,
+    spread_px,
+)
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LinePoints
+
+_NO_RAYS, _NO_MOUNT = np.empty((0, 5, 3)), np.zeros(6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,28 +61,6 @@ class LineFitSettings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LineRows:
-    """Line points measured against the field's lines in the image.
-
-    Parameters
-    ----------
-    residual : (N,) float64
-        Distances from the nearest lines, px, never negative.
-    jacobian : (N, P) float64
-        Their derivatives by x, y (px/m), theta (px/rad) and whatever else is unknown.
-    normal_px : (N, 2) float64
-        Unit normals in the image, from the line towards the point.
-    index : (N,) int64
-        Which line or arc.
-    """
-
-    residual: FloatArray
-    jacobian: FloatArray
-    normal_px: FloatArray
-    index: npt.NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class LineRowsFit:
     """Unknowns (P,) float64, pose first, fitted to line points, with the rows there.
 
@@ -80,20 +68,20 @@ class LineRowsFit:
     ----------
     unknowns : (P,) float64
         x, y (m), theta (rad) and what else was unknown.
-    rows : LineRows
+    rows : PointRows
         At the end.
     scale_px : float
         Residuals well beyond this were ignored.
     information : (P, P) float64
         Of the prior.
     shared_px : (N,) float64
-        See `fit_line_rows`.
+        See `fit_line_points`.
     settings : LineFitSettings
         Of the fit.
     """
 
     unknowns: FloatArray
-    rows: LineRows
+    rows: PointRows
     scale_px: float
     information: FloatArray
     shared_px: FloatArray
@@ -110,7 +98,7 @@ class LineRowsFit:
             Residuals beyond this count hardly more than this.
         """
         weight = weights / (scale_px**2 / 9 + self.shared_px**2)
-        return _loss(self.rows.residual, weight, scale_px)
+        return float(loss_of(self.rows.residual, weight, scale_px))
 
     def estimate(self, floor_m: FloatArray, weights: FloatArray) -> PoseEstimate | NotLocated:
         """Pose and its covariance, the other unknowns' uncertainty included.
@@ -127,11 +115,11 @@ class LineRowsFit:
         good = residual <= settings.inlier_px
         if np.count_nonzero(good) < settings.min_points:
             return NotLocated("too few line points lie on lines")
-        sigma2 = max(_spread_px(residual, self.scale_px), settings.min_noise_px) ** 2
+        sigma2 = max(spread_px(residual, self.scale_px, np.empty((2, len(residual) + 1))), settings.min_noise_px) ** 2
         weight = weights / (1 + (residual / self.scale_px) ** 2) ** 2 / (sigma2 + self.shared_px**2)
         fisher = (jacobian.T * weight) @ jacobian
         # one group per line and stretch of floor: what errs there errs together (a cluster-robust "sandwich")
-        member = stretches(self.rows.index, floor_m, settings)
+        member = stretches(self.rows.nearest, floor_m, settings)
         count = np.bincount(member)
         scores = np.zeros((len(count), size))
         np.add.at(scores, member, jacobian * (weight * residual)[:, None])
@@ -158,8 +146,25 @@ class LineRowsFit:
         )
 
 
-def fit_line_rows(
-    rows_of: Callable[[FloatArray], LineRows],
+def seen_points(points: LinePoints, line_map: LineMap) -> SeenPoints:
+    """Return line points (N) of an upright body as the compiled fit takes them."""
+    # copies: what is read only would be compiled for once more
+    return SeenPoints(
+        np.array(points.floor_m), np.array(points.floor_per_px), _NO_RAYS, _NO_MOUNT, line_map.lines, line_map.arcs
+    )
+
+
+def measure(unknowns: FloatArray, seen: SeenPoints, count: int) -> PointRows:
+    """Measure so many line points against the field's lines in the image, from unknowns (P,), the pose first."""
+    rows = PointRows(
+        np.empty(count), np.empty((count, len(unknowns))), np.empty((count, 2)), np.empty(count, dtype=np.int64)
+    )
+    measure_points(unknowns, seen, rows)
+    return rows
+
+
+def fit_line_points(
+    seen: SeenPoints,
     start: FloatArray,
     weights: FloatArray,
     information: FloatArray,
@@ -173,10 +178,10 @@ def fit_line_rows(
 
     Parameters
     ----------
-    rows_of : callable
-        From unknowns (P,) float64, pose first, to the points' rows.
+    seen : SeenPoints
+        The points.
     start : (P,) float64
-        Where to start.
+        Where to start: x, y (m), theta (rad) and, where the body sways, tilt and roll.
     weights : (N,) float64
         Of the points.
     information : (P, P) float64
@@ -191,48 +196,16 @@ def fit_line_rows(
     settings : LineFitSettings, optional
         Of the fit.
     """
-    shared = np.zeros(len(weights)) if shared_px is None else shared_px
-    expected = start if expected is None else expected
-    unknowns, rows = start.copy(), rows_of(start)
-    scale = start_px
-    for _ in range(settings.max_steps):
-        sigma2 = max(_spread_px(rows.residual, scale), settings.min_noise_px) ** 2
-        weight = weights / (sigma2 + shared**2)
-        robust = weight / (1 + (rows.residual / scale) ** 2) ** 2
-        offset = _offset(unknowns, expected)
-        hessian = (rows.jacobian.T * robust) @ rows.jacobian + information
-        gradient = rows.jacobian.T @ (robust * rows.residual) + information @ offset
-        try:
-            step = -np.linalg.solve(hessian + 1e-9 * np.trace(hessian) * np.eye(len(start)), gradient)
-        except np.linalg.LinAlgError:
-            return NotLocated("the lines in view do not fix the pose")
-        step *= min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-12))
-        loss = _loss(rows.residual, weight, scale) + float(offset @ information @ offset)
-        for _ in range(settings.max_halvings):
-            tried = rows_of(unknowns + step)
-            offset = _offset(unknowns + step, expected)
-            # a valley of poses that tilt makes nearly alike bends: a whole step along it may climb its side
-            if _loss(tried.residual, weight, scale) + float(offset @ information @ offset) <= loss:
-                unknowns, rows = unknowns + step, tried
-                break
-            step = step / 2
-        narrow = max(3 * math.sqrt(sigma2), 1.0)
-        if scale <= narrow and float(np.abs(step).max()) < 1e-5:
-            break
-        scale = max(0.6 * scale, narrow) if scale > narrow else narrow
+    count, weights = len(weights), np.array(weights)
+    shared = np.zeros(count) if shared_px is None else shared_px
+    unknowns, rows = start.copy(), measure(start, seen, count)
+    rules = PointFitRules(settings.min_noise_px, settings.max_steps, settings.max_halvings)
+    scale = fit_points(
+        unknowns, seen, weights, start if expected is None else expected, information, shared, start_px, rules, rows
+    )
+    if not math.isfinite(scale):
+        return NotLocated("the lines in view do not fix the pose")
     return LineRowsFit(unknowns, rows, scale, information, shared, settings)
-
-
-def _offset(unknowns: FloatArray, start: FloatArray) -> FloatArray:
-    offset = unknowns - start
-    offset[2] = wrap_angle(offset[2])
-    return offset
-
-
-def _loss(residual: FloatArray, weight: FloatArray, scale_px: float) -> float:
-    """Sum what a fit with these weights makes least."""
-    square = residual**2
-    return float(np.sum(weight * square / (1 + square / scale_px**2)))
 
 
 def stretches(
@@ -275,48 +248,14 @@ def refine_by_lines(
     if len(points) < settings.min_points:
         return NotLocated(f"only {len(points)} line points")
     information = np.zeros((3, 3)) if prior_covariance is None else np.asarray(np.linalg.inv(prior_covariance))
-    fit = fit_line_rows(
-        lambda unknowns: pixel_residuals(unknowns, points.floor_m, points.floor_per_px, line_map),
-        pose.array,
-        points.weight,
-        information,
-        start_px,
-        settings=settings,
+    fit = fit_line_points(
+        seen_points(points, line_map), pose.array, points.weight, information, start_px, settings=settings
     )
     if isinstance(fit, NotLocated):
         return fit
     return fit.estimate(points.floor_m, points.weight)
 
 
-def pixel_residuals(unknowns: FloatArray, floor_m: FloatArray, floor_per_px: FloatArray, line_map: LineMap) -> LineRows:
-    """Measure line points against the field's lines in the image.
-
-    Parameters
-    ----------
-    unknowns : (P,) float64
-        The pose first; only it counts.
-    floor_m, floor_per_px : (N, 2), (N, 2, 2) float64
-        As in `LinePoints`.
-    line_map : LineMap
-        Of the field.
-
-    Returns
-    -------
-    LineRows
-        With derivatives (N, 3) by the pose.
-    """
-    c, s = math.cos(unknowns[2]), math.sin(unknowns[2])
-    turned = floor_m @ np.array([[c, s], [-s, c]])
-    near = line_map.nearest(turned + unknowns[:2])
-    normal_in_robot = near.normal @ np.array([[c, -s], [s, c]])
-    slope = np.einsum("ni,nij->nj", normal_in_robot, floor_per_px)
-    metres_per_px = np.maximum(np.hypot(slope[:, 0], slope[:, 1]), 1e-9)
-    by_theta = near.normal[:, 1] * turned[:, 0] - near.normal[:, 0] * turned[:, 1]
-    jacobian = np.column_stack([near.normal, by_theta]) / metres_per_px[:, None]
-    return LineRows(near.distance_m / metres_per_px, jacobian, slope / metres_per_px[:, None], near.index)
-
-
-def _spread_px(residual: FloatArray, within: float) -> float:
-    """Robust standard deviation of unsigned residuals, from those within a bound."""
-    good = residual <= 2 * within
-    return 1.48 * float(np.median(residual[good])) if good.any() else within
+def residuals_px(pose: Pose2, points: LinePoints, line_map: LineMap) -> FloatArray:
+    """Return how far line points lie off the lines by a pose, (N,) float64, px, never negative."""
+    return measure(pose.array, seen_points(points, line_map), len(points)).residual

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.lines.lines import DistanceTable, nearest_lines
 from robocup_vision.kernels.lines.rough_distances import count_marks_near_lines, mean_rough_distance
@@ -54,8 +54,8 @@ class LineMap:
         self.field = field
         self.cell_m = cell_m
         self.truncate_m = truncate_m
-        self.lines = np.ascontiguousarray(field.lines)
-        self.arcs = np.ascontiguousarray(field.arcs)
+        self.lines = read_only(np.ascontiguousarray(field.lines))
+        self.arcs = read_only(np.ascontiguousarray(field.arcs))
 
     @cached_property
     def extent_m(self) -> FloatArray:

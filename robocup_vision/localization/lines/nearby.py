@@ -14,28 +14,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.kernels.lines.pose_fit import AROUND_PX, PointRows, SeenPoints
 from robocup_vision.localization.lines.chance import nats_beyond_chance
-from robocup_vision.localization.lines.fit import (
-    LineFitSettings,
-    LineRows,
-    LineRowsFit,
-    fit_line_rows,
-    pixel_residuals,
-    stretches,
-)
+from robocup_vision.localization.lines.fit import LineFitSettings, LineRowsFit, fit_line_points, measure, stretches
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LinePoints
 
-_STEP_PX, _STEP_RAD = 0.5, 1e-5
-# a point that a tilt puts above the horizon is so far off any line
-_NOWHERE_PX = 1e6
+# the pixel itself, and those beside it
+_AROUND_PX = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * AROUND_PX
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +118,7 @@ def locate_nearby(
     covariance[:3, :3], covariance[3, 3], covariance[4, 4] = prior.covariance, sway**2, sway**2
     information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     expected = np.append(prior.pose.array, [0.0, 0.0])
-    rows = _SwayingView(camera, points, line_map).rows(expected)
+    rows = measure(expected, _as_swaying(camera, points, line_map), len(points))
     reach_px = settings.gate_stds * np.sqrt(np.einsum("ni,ij,nj->n", rows.jacobian, covariance, rows.jacobian))
     is_near = rows.residual <= np.hypot(reach_px, settings.gate_noise_px)
     near, reach_px = points.take(is_near), reach_px[is_near]
@@ -136,13 +127,13 @@ def locate_nearby(
     # they are in the picture's order, so that every so many of them cover all stretches of line alike
     some = np.arange(0, len(near), -(-len(near) // settings.max_points))
     near, reach_px = near.take(some), reach_px[some]
-    view = _SwayingView(camera, near, line_map)
-    shared_px = _shared_px(view.rows(expected), near, settings)
+    seen = _as_swaying(camera, near, line_map)
+    shared_px = _shared_px(measure(expected, seen, len(near)), near, settings)
     found: list[tuple[float, LineRowsFit]] = []
     for turn, nod in itertools.product(settings.starts_stds, settings.starts_stds):
         start = expected + np.array([0.0, 0.0, turn * prior.std[2], nod * sway, 0.0])
-        fit = fit_line_rows(
-            view.rows,
+        fit = fit_line_points(
+            seen,
             start,
             near.weight,
             information,
@@ -198,52 +189,19 @@ def _spread(rivals: list[tuple[float, FloatArray, FloatArray]]) -> FloatArray:
     return total
 
 
-def _shared_px(rows: LineRows, points: LinePoints, settings: NearbySettings) -> FloatArray:
-    """Return the error (N,) of whole stretches of line for `fit_line_rows`: by the lens, and by the paint."""
-    member = stretches(rows.index, points.floor_m, settings.fit)
+def _shared_px(rows: PointRows, points: LinePoints, settings: NearbySettings) -> FloatArray:
+    """Return the error (N,) of whole stretches of line for `fit_line_points`: by the lens, and by the paint."""
+    member = stretches(rows.nearest, points.floor_m, settings.fit)
     px_per_m = np.hypot(rows.jacobian[:, 0], rows.jacobian[:, 1])
     return np.asarray(
         np.hypot(settings.lens_px, settings.paint_error_m * px_per_m) * np.sqrt(np.bincount(member)[member])
     )
 
 
-class _SwayingView:
-    """Line points of a camera whose tilt and roll differ a little from its file's."""
-
-    def __init__(self, camera: PinholeCamera, points: LinePoints, line_map: LineMap) -> None:
-        self._camera = camera
-        self._line_map = line_map
-        around = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * _STEP_PX
-        self._rays = camera.pixel_to_camera_ray(points.pixels[:, None] + around)
-
-    def rows(self, unknowns: FloatArray) -> LineRows:
-        """Measure the points from a pose with tilt and roll off by so much: unknowns (5,), derivatives (N, 5)."""
-        tilt, roll = float(unknowns[3]), float(unknowns[4])
-        around = self._floor_m(self._rays, tilt, roll)
-        floor = around[:, 0]
-        per_px = np.stack([around[:, 1] - around[:, 2], around[:, 3] - around[:, 4]], axis=-1) / (2 * _STEP_PX)
-        by_tilt = (self._floor_m(self._rays[:, 0], tilt + _STEP_RAD, roll) - floor) / _STEP_RAD
-        by_roll = (self._floor_m(self._rays[:, 0], tilt, roll + _STEP_RAD) - floor) / _STEP_RAD
-        finite = np.isfinite(around).all(axis=(1, 2)) & np.isfinite(by_tilt + by_roll).all(axis=1)
-        shown: npt.NDArray[np.bool_] = np.asarray(finite)
-        of_pose = pixel_residuals(
-            unknowns, np.where(shown[:, None], floor, 0.0), np.where(shown[:, None, None], per_px, 1.0), self._line_map
-        )
-        c, s = math.cos(unknowns[2]), math.sin(unknowns[2])
-        across = of_pose.jacobian[:, :2] @ np.array([[c, -s], [s, c]])
-        by_sway = np.stack([(across * by_tilt).sum(axis=1), (across * by_roll).sum(axis=1)], axis=1)
-        jacobian = np.where(shown[:, None], np.hstack([of_pose.jacobian, by_sway]), 0.0)
-        return LineRows(np.where(shown, of_pose.residual, _NOWHERE_PX), jacobian, of_pose.normal_px, of_pose.index)
-
-    def _floor_m(self, rays: FloatArray, tilt_off_rad: float, roll_off_rad: float) -> FloatArray:
-        """Floor points (..., 2), robot frame, of camera rays (..., 3); NaN from the horizon on."""
-        camera = self._camera
-        turned = (
-            rays
-            @ camera_rotation(
-                camera.pan_rad or 0.0, (camera.tilt_rad or 0.0) + tilt_off_rad, (camera.roll_rad or 0.0) + roll_off_rad
-            ).T
-        )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reach = np.where(turned[..., 2] < -1e-3, -camera.height_m / turned[..., 2], np.nan)
-        return np.asarray(camera.offset_m + turned[..., :2] * reach[..., None])
+def _as_swaying(camera: PinholeCamera, points: LinePoints, line_map: LineMap) -> SeenPoints:
+    """Return line points of a camera whose tilt and roll differ a little from its file's, as the fit takes them."""
+    mount = (camera.pan_rad or 0.0, camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m, *camera.offset_m)
+    rays = np.ascontiguousarray(camera.pixel_to_camera_ray(points.pixels[:, None] + _AROUND_PX))
+    return SeenPoints(
+        np.empty((0, 2)), np.empty((0, 2, 2)), rays, np.array(mount, dtype=np.float64), line_map.lines, line_map.arcs
+    )

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.localization.lines.fit import LineFitSettings, pixel_residuals, refine_by_lines
+from robocup_vision.localization.lines.fit import LineFitSettings, refine_by_lines, residuals_px
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import (
     LineCandidate,
@@ -256,7 +256,7 @@ class LinePoseEstimator:
 
     def _carpet_ratio(self, pose: Pose2, points: LinePoints) -> float:
         """Of the line points on the field's carpet or on its lines by a pose, the fraction on its lines."""
-        residual = pixel_residuals(pose.array, points.floor_m, points.floor_per_px, self.line_map).residual
+        residual = residuals_px(pose, points, self.line_map)
         is_on_line = residual <= self.settings.fit.inlier_px
         counts = self.line_map.counts(pose.transform(points.floor_m), is_on_line)
         return float(points.weight[is_on_line].sum() / max(points.weight[counts].sum(), 1e-9))
@@ -284,7 +284,7 @@ class LinePoseEstimator:
         return int(agreed.sum()) / spoken if spoken else 1.0
 
     def _pixel_loss(self, pose: Pose2, points: LinePoints) -> float:
-        residual = pixel_residuals(pose.array, points.floor_m, points.floor_per_px, self.line_map).residual
+        residual = residuals_px(pose, points, self.line_map)
         return float(np.average(np.log1p((residual / self.settings.search.noise_px) ** 2), weights=points.weight))
 
     def _with_candidates(self, estimate: PoseEstimate, prior: PoseEstimate | None) -> PoseEstimate:
