@@ -61,6 +61,7 @@ def made_s(statement: str, cache: str, path: str = str(ROOT)) -> tuple[float, fl
     """Seconds on the wall and of the processor for one making, by a cache folder and where modules are looked for."""
     done = subprocess.run(
         [sys.executable, "-c", MAKE.replace("{making}", statement)],
+        cwd=tempfile.gettempdir(),  # modules of the present folder would come first
         env={**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": path},
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
