@@ -14,6 +14,7 @@ import stat
 import sys
 import tempfile
 import warnings
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -105,15 +106,15 @@ def _take_along(sources: list[Path]) -> None:
     """Copy loops that came with an installation that cannot be written to where numba keeps others of source files."""
     for source in sources:
         own, folder = source.parent / "__pycache__", Path(_probe(source).stats.cache_path)
-        if folder == own:
-            continue
-        for shipped in own.glob("*.nb[ci]"):
-            kept = folder / shipped.name
-            if not kept.exists() or kept.stat().st_mtime < shipped.stat().st_mtime:
-                folder.mkdir(parents=True, exist_ok=True)
-                beside = folder / f"{shipped.name}.{os.getpid()}"
-                shutil.copyfile(shipped, beside)
-                beside.replace(kept)
+        # what cannot be copied is compiled
+        with suppress(OSError):
+            for shipped in own.glob("*.nb[ci]") if folder != own else ():
+                kept = folder / shipped.name
+                if not kept.exists() or kept.stat().st_mtime < shipped.stat().st_mtime:
+                    folder.mkdir(parents=True, exist_ok=True)
+                    beside = folder / f"{shipped.name}.{os.getpid()}"
+                    shutil.copyfile(shipped, beside)
+                    beside.replace(kept)
 
 
 def _numba_finds_place(source: Path) -> bool:

@@ -64,7 +64,7 @@ def compiled(
 
 def _keep_by_digest(loop: Any) -> None:
     """Let numba tell by `source_digest` whether a kept loop is of today's sources: it asks for its own file's time."""
-    kept: Any = getattr(loop._cache, "_cache_file", None)
+    kept: Any = getattr(getattr(loop, "_cache", None), "_cache_file", None)
     digest = source_digest(loop.py_func.__module__)
     if digest is not None and hasattr(kept, "_source_stamp"):
         kept._source_stamp = digest

@@ -156,11 +156,14 @@ def seen_points(points: LinePoints, line_map: LineMap) -> SeenPoints:
 
 def measure(unknowns: FloatArray, seen: SeenPoints, count: int) -> PointRows:
     """Measure so many line points against the field's lines in the image, from unknowns (P,), the pose first."""
-    rows = PointRows(
-        np.empty(count), np.empty((count, len(unknowns))), np.empty((count, 2)), np.empty(count, dtype=np.int64)
-    )
+    rows = _room(count, len(unknowns))
     measure_points(unknowns, seen, rows)
     return rows
+
+
+def _room(count: int, size: int) -> PointRows:
+    """Return arrays for so many line points, measured by so many unknowns."""
+    return PointRows(np.empty(count), np.empty((count, size)), np.empty((count, 2)), np.empty(count, dtype=np.int64))
 
 
 def fit_line_points(
@@ -198,7 +201,7 @@ def fit_line_points(
     """
     count, weights = len(weights), np.array(weights)
     shared = np.zeros(count) if shared_px is None else shared_px
-    unknowns, rows = start.copy(), measure(start, seen, count)
+    unknowns, rows = start.copy(), _room(count, len(start))
     rules = PointFitRules(settings.min_noise_px, settings.max_steps, settings.max_halvings)
     scale = fit_points(
         unknowns, seen, weights, start if expected is None else expected, information, shared, start_px, rules, rows

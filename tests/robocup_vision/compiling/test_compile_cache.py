@@ -210,6 +210,14 @@ def test_loops_that_came_with_an_installation_that_cannot_be_written_are_taken_a
     ensure_compile_cache(kernels)
     assert (users / "loop.nbi").read_text(encoding="ascii") == "index"
 
+    def refuse(*_, **__):
+        raise OSError("no space left")
+
+    monkeypatch.setattr("shutil.copyfile", refuse)
+    os.utime(own / "loop.nbi", (later + 10, later + 10))
+    ensure_compile_cache(kernels)
+    assert (users / "loop.nbi").read_text(encoding="ascii") == "index"
+
 
 @pytest.mark.slow
 def test_loops_compile_in_a_read_only_installation(tmp_path, homeless):
