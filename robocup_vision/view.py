@@ -55,7 +55,7 @@ class WhenAsked(Generic[Value]):
         vars(owner)[self._name] = value
 
 
-@dataclass(frozen=True, init=False)
+@dataclass(frozen=True)
 class View:
     """What one frame shows.
 
@@ -110,29 +110,8 @@ class View:
     edge_points: WhenAsked[EdgePoints] = WhenAsked()
     warnings: tuple[str, ...] = ()
 
-    def __init__(
-        self,
-        pose: PoseEstimate | NotLocated,
-        free_space: FreeSpace,
-        balls: tuple[Ball, ...],
-        timings_s: Mapping[str, float],
-        boundary_radius_px: FloatArray,
-        marks: UInt8Array,
-        wall_radius_px: FloatArray,
-        polar: PolarView | FloorView | None,
-        camera: OmniCamera | PinholeCamera,
-        grid: FreeSpaceGrid | None,
-        t_s: float | None = None,
-        belief: Belief | None = None,
-        measurement: PoseEstimate | Callable[[], PoseEstimate | None] | None = None,
-        edge_points: EdgePoints | Callable[[], EdgePoints | None] | None = None,
-        warnings: tuple[str, ...] = (),
-    ) -> None:
-        # what a frozen dataclass does by itself, field by field, takes three times as long: one is made in each frame
-        fields = locals()
-        del fields["self"]
-        vars(self).update(fields)
-        for array in (boundary_radius_px, marks, wall_radius_px, free_space.range_m):
+    def __post_init__(self) -> None:
+        for array in (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m):
             array.setflags(write=False)
 
     @property
