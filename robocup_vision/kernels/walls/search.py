@@ -9,7 +9,7 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int16Array, Int64Array
 from robocup_vision.compiling.loops import compiled
-from robocup_vision.kernels.algebra.copies import copy_vector
+from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
 from robocup_vision.kernels.walls.fit import (
     Comparison,
     FloorOutline,
@@ -114,7 +114,7 @@ def search_outline(
     last = _refit(likely, half_scene, coarse, known.fit_apart, known.refined, known.hopeless)
     count = len(last)
     fine = FloorOutline(radius, known.q_step, known.radius_of_q, known.fine, known.unit_px)
-    begun[:count] = last
+    copy_matrix(last, begun)
     fit_each(last, scene, fine, poses[:count], costs[:count])
     return count
 
