@@ -15,7 +15,9 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 
-SWAPPED_BY_GOALS = "the goals look as with red and blue swapped: are the frames RGB? Vision(..., channels='rgb')"
+SWAPPED_BY_GOALS = (
+    "the goals look as with red and blue swapped: Vision takes RGB frames with channels='rgb', BGR ones with 'bgr'"
+)
 
 # one grey level in each of nine pixels: no logarithm of zero
 _DARKEST = 9

@@ -20,7 +20,9 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.swapped_channels import SWAPPED_BY_GOALS
 from robocup_vision.perception.balls.ball import Ball
 
-SWAPPED_BY_BALL = "the ball looks as with red and blue swapped: are the frames RGB? Vision(..., channels='rgb')"
+SWAPPED_BY_BALL = (
+    "the ball looks as with red and blue swapped: Vision takes RGB frames with channels='rgb', BGR ones with 'bgr'"
+)
 
 # places along a coloured thing at which the way to it is looked at
 _PLACES = np.linspace(0.0, 1.0, 9)
