@@ -77,7 +77,7 @@ def free_floor(method: str | None, *, with_prior: bool) -> PhotographRow | None:
                 past += int(np.count_nonzero(ratio > 1 + TOLERANCE))
                 short += int(np.count_nonzero(ratio < 1 - TOLERANCE))
                 bearings, looks, located = bearings + len(ratio), looks + 1, located + bool(view.pose)
-    words = f"method {method or 'edges'}, prior" if with_prior else "no prior"
+    words = f"method {method or 'edges'}, {'prior' if with_prior else 'no prior'}"
     return PhotographRow(
         f"free floor, {words}",
         f"{past / bearings:.0%} past, {short / bearings:.0%} short; {located}/{looks} located; beyond the reference's "
@@ -88,6 +88,7 @@ def free_floor(method: str | None, *, with_prior: bool) -> PhotographRow | None:
 
 
 ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
+    lambda: free_floor(None, with_prior=False),
     lambda: free_floor("field", with_prior=False),
     lambda: free_floor(None, with_prior=True),
     lambda: free_floor("field", with_prior=True),
