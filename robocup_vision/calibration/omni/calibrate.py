@@ -92,7 +92,8 @@ def calibrate_omni(
         BGR, all of one size. They are read one at a time, several times each, so they may lie on a disk. One that
         raises a `FrameError` is left out.
     start : OmniCamera, optional
-        Start of the fit. Without it the centre starts in the image's middle, with curves of every kind.
+        Start of the fit. Without it the centre starts in the image's middle, with curves of every kind. Where there are
+        no walls, and nothing like the start is an answer, curves of every kind are tried about its centre.
     mask : (H, W) uint8, optional
         Pixels where it is not zero are not used.
     names : sequence of str, optional
@@ -119,11 +120,19 @@ def calibrate_omni(
         raise ArgumentError(f"field '{field.name}' has neither walls nor lines to calibrate by")
     chosen = sorted({int(i) for i in np.linspace(0, len(frames) - 1, min(max_frames, len(frames))).round()})
     labels = names or [f"frame {index}" for index in range(len(frames))]
-    return _Calibration(field, frames, labels, chosen, start, mask, settings, trials or StartTrials()).run()
+    trials = trials or StartTrials()
+    answer = _Calibration(field, frames, labels, chosen, start, mask, settings, trials).run()
+    if isinstance(answer, OmniCalibration) or start is None or field.is_bounded:
+        return answer
+    # few lines are explained by several cameras, and what is like a start that is off need not be the best of them
+    other = _Calibration(field, frames, labels, chosen, None, mask, settings, trials, mount=start).run()
+    if not isinstance(other, OmniCalibration):
+        return answer
+    return dataclasses.replace(other, notes=(f"found without the start's curve: by it, {answer.reason}", *other.notes))
 
 
 class _Calibration:
-    """One calibration, step by step."""
+    """One calibration, step by step; `mount` says of a camera without a start what no picture shows."""
 
     def __init__(
         self,
@@ -135,17 +144,17 @@ class _Calibration:
         mask: UInt8Array | None,
         settings: OmniCalibrationSettings,
         trials: StartTrials,
+        mount: OmniCamera | None = None,
     ) -> None:
         self.field, self.frames, self.names, self.chosen = field, frames, names, chosen
         self.start, self.mask, self.settings = start, mask, settings
         self.shape, self.line_map = FieldShape(field, settings.fit), LineMap(field)
         self.notes: dict[int, str] = {}
-        self._trials = trials
+        self._trials, self._mount = trials, mount
 
     def run(self) -> OmniCalibration | NotCalibrated:
         attempts, settings = [], self.settings
-        guesses = [self.start] if self.start is not None else guessed_cameras(self.field, self._size_px(), settings)
-        for first in guesses:
+        for first in [self.start] if self.start is not None else self._guesses():
             observer = Observer(self.field, first, self.mask, locate=False, settings=settings.points)
             seen = self._look(observer, "points")
             if not seen:
@@ -189,6 +198,22 @@ class _Calibration:
     @property
     def _wanted(self) -> str:
         return "the floor's edge or of white lines" if self.field.is_bounded else "white lines"
+
+    def _guesses(self) -> list[OmniCamera]:
+        guesses, mount = guessed_cameras(self.field, self._size_px(), self.settings), self._mount
+        if mount is None:
+            return guesses
+        return [
+            dataclasses.replace(
+                guess,
+                center_px=mount.center_px,
+                usable_radius_px=mount.usable_radius_px,
+                mirrored=mount.mirrored,
+                heading_rad=mount.heading_rad,
+                offset_m=mount.offset_m,
+            )
+            for guess in guesses
+        ]
 
     def _size_px(self) -> tuple[int, int]:
         problem = None

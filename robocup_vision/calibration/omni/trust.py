@@ -84,7 +84,7 @@ class Trust:
             limit = f"{center_px:.0f} px from the start's"
             return f"the centre reached its limit, {limit}: are camera file and field those of the images?"
         if self.started and off[SCALE : HORIZON + 1].min() < 1e-6:
-            return "the curve reached the limit that the start sets; try without a start"
+            return "the curve reached the limit that the start sets" + "; try without a start" * self.field.is_bounded
         return ""
 
     def range_note(self, fit: Fit, covariance: FloatArray) -> str:
@@ -106,8 +106,7 @@ class Trust:
         features = self._features(fit, points, agrees)
         single, unknown = len(fit.poses) == 1, not self.started
         if single and features < (settings.min_single_features if unknown else settings.min_started_features):
-            more = MORE if unknown else f"{MORE}, or try without a start"
-            return f"one image of so few lines does not determine a camera: lines lie where they were painted; {more}"
+            return f"one image of so few lines does not determine a camera: lines lie where they were painted; {MORE}"
         few = single and features <= settings.min_started_features
         height_m, highest_m = fit.camera.height_m or 0.0, settings.max_height_radii * self.field.robot_radius_m
         if few and unknown and height_m > highest_m:

@@ -11,10 +11,12 @@ from robocup_vision.arrays import BoolArray, Float32Array, FloatArray, Int64Arra
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.order import quantiles
 
-# ratios R/G and B/G are counted in bins of their logarithms
+# ratios R/G and B/G are counted in bins of their logarithms; one that is smaller counts as the smallest
 _BIN, _SPAN, _BINS = 0.08, 2.0, 50
 # burnt out, and dark, channels tell no ratio
 _BRIGHTEST, _DARKEST = 250, 3
+# but that it is smaller than any that is counted, beside a green so bright: the floor is a vivid green
+_VIVID = _DARKEST * math.exp(_SPAN)
 
 
 class ToneRules(NamedTuple):
@@ -51,21 +53,21 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
     """
     known = ToneRules(*rules)
     flat, count = frame.reshape(-1), 0
-    # logarithms of R/G and B/G, and G
-    seen = np.empty((3, near.shape[0]))
+    # logarithms of R/G and B/G, G, R and B
+    seen = np.empty((5, near.shape[0]))
     for n in range(near.shape[0]):
         at = 3 * near[n]
         blue, green, red = flat[at], flat[at + 1], flat[at + 2]
-        if max(blue, green, red) < _BRIGHTEST and min(blue, green, red) >= _DARKEST:
-            seen[0, count], seen[1, count] = math.log(red / green), math.log(blue / green)
-            seen[2, count] = green
+        if max(blue, green, red) < _BRIGHTEST and (min(blue, green, red) >= _DARKEST or green >= _VIVID):
+            seen[0, count], seen[1, count] = _log_ratio(red, green), _log_ratio(blue, green)
+            seen[2, count], seen[3, count], seen[4, count] = green, red, blue
             count += 1
     if count < known.min_samples:
         return False
     mode = np.empty(2)
     mode[0], mode[1] = _common_tone(seen[0, :count], seen[1, :count], known.common_tone_ratio)
     spread = np.full(2, _BIN)
-    members, scratch, middle = np.empty(count), np.empty(count + 1), np.empty(1)
+    members, scratch, middle, usual = np.empty(count), np.empty(count + 1), np.empty(1), np.empty(1)
     half, chosen, is_member = np.full(1, 0.5), 0, np.empty(count, np.bool_)
     for _ in range(3):
         chosen = 0
@@ -75,6 +77,8 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
             chosen += is_member[n]
         if chosen < known.min_samples:
             return False
+        _pick(seen[2, :count], is_member, members)
+        quantiles(members[:chosen], half, scratch, usual)
         for i in range(2):
             _pick(seen[i, :count], is_member, members)
             quantiles(members[:chosen], half, scratch, middle)
@@ -83,13 +87,27 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
                 members[n] = abs(members[n] - mode[i])
             quantiles(members[:chosen], half, scratch, middle)
             spread[i] = max(1.48 * middle[0], known.min_tone_spread)
-    _pick(seen[2, :count], is_member, members)
-    quantiles(members[:chosen], half, scratch, middle)
+            if mode[i] - known.tone_stds * spread[i] > -_SPAN:
+                continue
+            # a channel so dark that its ratio is cut off varies by counts
+            ratio = math.exp(mode[i])
+            _pick_off(seen[3 + i, :count], seen[2, :count], ratio, is_member, members)
+            quantiles(members[:chosen], half, scratch, middle)
+            for n in range(chosen):
+                members[n] = abs(members[n] - middle[0])
+            quantiles(members[:chosen], half, scratch, middle)
+            spread[i] = max(spread[i], 1.48 * middle[0] / (ratio * usual[0]))
     for i in range(2):
-        reach = known.tone_stds * spread[i]
-        tone[2 * i], tone[2 * i + 1] = math.exp(mode[i] - reach), math.exp(mode[i] + reach)
-    tone[4], tone[5], tone[6] = known.dark_ratio * middle[0], known.bright_ratio * middle[0], known.slack
+        least, most = mode[i] - known.tone_stds * spread[i], mode[i] + known.tone_stds * spread[i]
+        tone[2 * i], tone[2 * i + 1] = math.exp(least) if least > -_SPAN else 0.0, math.exp(most)
+    tone[4], tone[5], tone[6] = known.dark_ratio * usual[0], known.bright_ratio * usual[0], known.slack
     return True
+
+
+@compiled(inline="always")
+def _log_ratio(channel: int, green: int) -> float:
+    """Return the logarithm of a channel's ratio to green, no less than the least that is counted."""
+    return max(math.log(max(channel, 1) / green), -_SPAN)
 
 
 @compiled
@@ -99,6 +117,16 @@ def _pick(values: FloatArray, chosen: BoolArray, out: FloatArray) -> None:
     for n in range(values.shape[0]):
         if chosen[n]:
             out[count] = values[n]
+            count += 1
+
+
+@compiled
+def _pick_off(channel: FloatArray, green: FloatArray, ratio: float, chosen: BoolArray, out: FloatArray) -> None:
+    """Write how far the chosen values of a channel are off a ratio of green, side by side."""
+    count = 0
+    for n in range(channel.shape[0]):
+        if chosen[n]:
+            out[count] = channel[n] - ratio * green[n]
             count += 1
 
 

@@ -1,6 +1,7 @@
 """Line points found in painted pictures lie on the lines; what is no line yields none."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,6 +33,29 @@ def test_points_lie_on_the_lines(finder, mirror_camera, paint_field, gain, noise
     error = errors_m(points, POSE)
     assert np.median(error) < 0.006
     assert np.mean(error < 0.05) > 0.97
+
+
+@pytest.mark.parametrize("inner_px", [None, 4.0])
+def test_points_lie_on_the_lines_of_a_carpet_so_green_that_its_red_and_blue_are_next_to_black(
+    mirror_camera, paint_field, inner_px
+):
+    camera = mirror_camera
+    if inner_px is not None:
+        # a camera nobody has calibrated: the black of the robot's body is looked at, too
+        camera = replace(camera, usable_radius_px=(inner_px, camera.usable_radius_px[1]))
+    frame = paint_field(mirror_camera, FIELD, POSE).astype(np.float64)
+    is_carpet = frame.min(axis=2) < 100
+    frame[is_carpet] *= (0.08, 1.0, 0.12)
+    height, width = is_carpet.shape
+    v, u = np.mgrid[:height, :width]
+    frame[np.hypot(u - camera.center_px[0], v - camera.center_px[1]) < mirror_camera.usable_radius_px[0]] = 8
+    frame += np.random.default_rng(2).normal(0.0, 4.0, frame.shape)
+    points = LineFinder(camera, FIELD.line_width_m).find(np.clip(np.round(frame), 0, 255).astype(np.uint8))
+    assert len(points) > 300
+    error = errors_m(points, POSE)
+    assert np.median(error) < 0.006
+    assert np.mean(error < 0.05) > 0.97
+    assert np.mean(points.weight == 1) > 0.7
 
 
 def test_every_line_in_view_is_found(finder, mirror_camera, paint_field):

@@ -14,11 +14,11 @@ seeds = st.integers(0, 2**32 - 1)
 
 def tone_twin(frame, near, rules):
     pixels = frame.reshape(-1, 3)[near]
-    good = (pixels.max(axis=1) < 250) & (pixels.min(axis=1) >= 3)
+    good = (pixels.max(axis=1) < 250) & ((pixels.min(axis=1) >= 3) | (pixels[:, 1] >= 3 * np.exp(2.0)))
     blue, greens, red = pixels[good].astype(np.float64).T
     if len(greens) < rules.min_samples:
         return None
-    log_ratio = np.log(np.stack([red, blue]) / greens)
+    log_ratio = np.maximum(np.log(np.maximum(np.stack([red, blue]), 1) / greens), -2.0)
     edges = np.linspace(-2.0, 2.0, 51)
     histogram = np.histogram2d(log_ratio[0], log_ratio[1], [edges, edges])[0]
     around = cv2.boxFilter(histogram, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
@@ -30,16 +30,21 @@ def tone_twin(frame, near, rules):
             return None
         chosen = log_ratio[:, members]
         mode = np.median(chosen, axis=1)
+        green = float(np.median(greens[members]))
         spread = np.maximum(1.48 * np.median(np.abs(chosen - mode[:, None]), axis=1), rules.min_tone_spread)
-    green, reach = float(np.median(greens[members])), rules.tone_stds * spread
-    low, high = np.exp(mode - reach), np.exp(mode + reach)
+        off = np.stack([red, blue])[:, members] - np.exp(mode)[:, None] * greens[members]
+        off = np.abs(off - np.median(off, axis=1)[:, None])
+        by_counts = np.maximum(spread, 1.48 * np.median(off, axis=1) / (np.exp(mode) * green))
+        spread = np.where(mode - rules.tone_stds * spread > -2.0, spread, by_counts)
+    reach = rules.tone_stds * spread
+    low, high = np.where(mode - reach > -2.0, np.exp(mode - reach), 0.0), np.exp(mode + reach)
     return [low[0], high[0], low[1], high[1], rules.dark_ratio * green, rules.bright_ratio * green, rules.slack]
 
 
 def drawn(rng):
     """Return a picture of carpet, of a greyer floor and of noise, and the places that are looked at."""
     shares = rng.dirichlet((2.0, 1.0, 0.3))
-    carpet, hall = rng.uniform(20, 200, 3) * (0.5, 1.0, 0.5), np.full(3, rng.uniform(40, 200))
+    carpet, hall = rng.uniform(20, 200, 3) * (rng.uniform(0, 0.5), 1.0, 0.5), np.full(3, rng.uniform(40, 200))
     kind = rng.choice(3, (40, 50), p=shares)
     light = rng.uniform(0.6, 1.2, (40, 50, 1))
     colors = np.where(kind[..., None] == 0, carpet, hall) * light + rng.normal(0, 3, (40, 50, 3))
@@ -67,7 +72,18 @@ def test_of_two_common_tones_the_greener_is_the_carpet():
     assert tone[4] == pytest.approx(0.35 * 110)
 
 
-@pytest.mark.parametrize("color", [(255, 255, 255), (0, 0, 0)])
+def test_a_vivid_green_is_a_tone_though_red_and_blue_are_black():
+    frame = np.full((40, 50, 3), 40, dtype=np.uint8)
+    frame[:, :20] = (2, 110, 0)
+    frame[:, 18:20] = (9, 110, 12)
+    tone = np.empty(7, dtype=np.float32)
+    assert learn_tone(frame, np.arange(2000), RULES, tone)
+    assert tone[0] == tone[2] == 0.0
+    assert max(tone[1], tone[3]) < 0.3
+    assert tone[4] == pytest.approx(0.35 * 110)
+
+
+@pytest.mark.parametrize("color", [(255, 255, 255), (0, 0, 0), (2, 20, 0)])
 def test_burnt_out_and_black_pictures_tell_no_tone(color):
     frame = np.full((40, 50, 3), color, dtype=np.uint8)
     assert not learn_tone(frame, np.arange(2000), RULES, np.empty(7, dtype=np.float32))
