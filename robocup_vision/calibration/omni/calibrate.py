@@ -365,7 +365,8 @@ class _Calibration:
                     residual[is_line],
                 )
             )
-        notes = undetermined(fit, covariance, choices[0].tilted, self.start is None, settings)
+        is_assumed = self.start is None and self._mount is None
+        notes = undetermined(fit, covariance, choices[0].tilted, is_assumed, settings)
         if not self.field.is_bounded:
             notes.append(f"the floor's range: {trust.range_note(fit, covariance)}")
         return OmniCalibration(

@@ -225,6 +225,7 @@ def test_where_a_start_leads_to_no_answer_one_is_found_without_its_curve(carpet_
     assert "found without the start's curve: by it, one image of so few lines" in result.notes[0]
     camera = result.camera
     assert (camera.mirrored, camera.heading_rad, camera.offset_m) == (True, 0.4, (0.02, -0.01))
+    assert any("mirroring of the camera are taken from the start" in note for note in result.notes)
 
 
 @pytest.mark.slow
