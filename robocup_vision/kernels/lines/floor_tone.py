@@ -15,7 +15,7 @@ from robocup_vision.kernels.algebra.order import quantiles
 _BIN, _SPAN, _BINS = 0.08, 2.0, 50
 # burnt out, and dark, channels tell no ratio
 _BRIGHTEST, _DARKEST = 250, 3
-# but that it is smaller than any that is counted, beside a green so bright: the floor is a vivid green
+# but that it is smaller than any that is counted, in a vivid green: one so bright, and twice as bright as the others
 _VIVID = _DARKEST * math.exp(_SPAN)
 
 
@@ -58,7 +58,8 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
     for n in range(near.shape[0]):
         at = 3 * near[n]
         blue, green, red = flat[at], flat[at + 1], flat[at + 2]
-        if max(blue, green, red) < _BRIGHTEST and (min(blue, green, red) >= _DARKEST or green >= _VIVID):
+        is_vivid = green >= _VIVID and 2 * max(np.int64(blue), np.int64(red)) < green
+        if max(blue, green, red) < _BRIGHTEST and (min(blue, green, red) >= _DARKEST or is_vivid):
             seen[0, count], seen[1, count] = _log_ratio(red, green), _log_ratio(blue, green)
             seen[2, count], seen[3, count], seen[4, count] = green, red, blue
             count += 1

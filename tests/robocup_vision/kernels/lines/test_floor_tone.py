@@ -14,7 +14,8 @@ seeds = st.integers(0, 2**32 - 1)
 
 def tone_twin(frame, near, rules):
     pixels = frame.reshape(-1, 3)[near]
-    good = (pixels.max(axis=1) < 250) & ((pixels.min(axis=1) >= 3) | (pixels[:, 1] >= 3 * np.exp(2.0)))
+    vivid = (pixels[:, 1] >= 3 * np.exp(2.0)) & (2 * pixels[:, ::2].max(axis=1).astype(int) < pixels[:, 1])
+    good = (pixels.max(axis=1) < 250) & ((pixels.min(axis=1) >= 3) | vivid)
     blue, greens, red = pixels[good].astype(np.float64).T
     if len(greens) < rules.min_samples:
         return None
@@ -44,7 +45,8 @@ def tone_twin(frame, near, rules):
 def drawn(rng):
     """Return a picture of carpet, of a greyer floor and of noise, and the places that are looked at."""
     shares = rng.dirichlet((2.0, 1.0, 0.3))
-    carpet, hall = rng.uniform(20, 200, 3) * (rng.uniform(0, 0.5), 1.0, 0.5), np.full(3, rng.uniform(40, 200))
+    dark = rng.uniform(0, 0.5, 2)
+    carpet, hall = rng.uniform(20, 200, 3) * (dark[0], 1.0, dark[1]), np.full(3, rng.uniform(40, 200))
     kind = rng.choice(3, (40, 50), p=shares)
     light = rng.uniform(0.6, 1.2, (40, 50, 1))
     colors = np.where(kind[..., None] == 0, carpet, hall) * light + rng.normal(0, 3, (40, 50, 3))
@@ -83,8 +85,8 @@ def test_a_vivid_green_is_a_tone_though_red_and_blue_are_black():
     assert tone[4] == pytest.approx(0.35 * 110)
 
 
-@pytest.mark.parametrize("color", [(255, 255, 255), (0, 0, 0), (2, 20, 0)])
-def test_burnt_out_and_black_pictures_tell_no_tone(color):
+@pytest.mark.parametrize("color", [(255, 255, 255), (0, 0, 0), (2, 20, 0), (1, 60, 45)])
+def test_pictures_burnt_out_or_with_a_black_channel_tell_no_tone_but_of_a_vivid_green(color):
     frame = np.full((40, 50, 3), color, dtype=np.uint8)
     assert not learn_tone(frame, np.arange(2000), RULES, np.empty(7, dtype=np.float32))
 
