@@ -68,7 +68,7 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
     mode = np.empty(2)
     mode[0], mode[1] = _common_tone(seen[0, :count], seen[1, :count], known.common_tone_ratio)
     spread = np.full(2, _BIN)
-    members, scratch, middle, usual = np.empty(count), np.empty(count + 1), np.empty(1), np.empty(1)
+    members, scratch, usual = np.empty(count), np.empty(count + 1), np.empty(1)
     half, chosen, is_member = np.full(1, 0.5), 0, np.empty(count, np.bool_)
     for _ in range(3):
         chosen = 0
@@ -82,22 +82,15 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
         quantiles(members[:chosen], half, scratch, usual)
         for i in range(2):
             _pick(seen[i, :count], is_member, members)
-            quantiles(members[:chosen], half, scratch, middle)
-            mode[i] = middle[0]
-            for n in range(chosen):
-                members[n] = abs(members[n] - mode[i])
-            quantiles(members[:chosen], half, scratch, middle)
-            spread[i] = max(1.48 * middle[0], known.min_tone_spread)
+            mode[i], around = _middle_and_spread(members[:chosen], scratch)
+            spread[i] = max(around, known.min_tone_spread)
             if mode[i] - known.tone_stds * spread[i] > -_SPAN:
                 continue
             # a channel so dark that its ratio is cut off varies by counts
             ratio = math.exp(mode[i])
             _pick_off(seen[3 + i, :count], seen[2, :count], ratio, is_member, members)
-            quantiles(members[:chosen], half, scratch, middle)
-            for n in range(chosen):
-                members[n] = abs(members[n] - middle[0])
-            quantiles(members[:chosen], half, scratch, middle)
-            spread[i] = max(spread[i], 1.48 * middle[0] / (ratio * usual[0]))
+            _, around = _middle_and_spread(members[:chosen], scratch)
+            spread[i] = max(spread[i], around / (ratio * usual[0]))
     for i in range(2):
         least, most = mode[i] - known.tone_stds * spread[i], mode[i] + known.tone_stds * spread[i]
         tone[2 * i], tone[2 * i + 1] = math.exp(least) if least > -_SPAN else 0.0, math.exp(most)
@@ -109,6 +102,18 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
 def _log_ratio(channel: int, green: int) -> float:
     """Return the logarithm of a channel's ratio to green, no less than the least that is counted."""
     return max(math.log(max(channel, 1) / green), -_SPAN)
+
+
+@compiled
+def _middle_and_spread(values: FloatArray, scratch: FloatArray) -> tuple[float, float]:
+    """Return the median of some values and their robust standard deviation; they are overwritten."""
+    half, median = np.full(1, 0.5), np.empty(1)
+    quantiles(values, half, scratch, median)
+    middle = median[0]
+    for n in range(values.shape[0]):
+        values[n] = abs(values[n] - middle)
+    quantiles(values, half, scratch, median)
+    return middle, 1.48 * median[0]
 
 
 @compiled
