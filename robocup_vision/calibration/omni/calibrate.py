@@ -334,7 +334,8 @@ class _Calibration:
         reach = (settings.max_center_ratio * side, *self._max_log_curve)
         chooser = Chooser(self.shape, points, fit, reach, search.unit_px, settings)
         choices = chooser.choose()
-        fit = chooser.final(choices[0], max(1.0, 2 * spread_px(fit.residual_px, settings.fit)))
+        width_px = max(1.0, 2 * spread_px(fit.residual_px, settings.fit))
+        fit = chooser.final(choices[0], width_px)
         covariance = JointFit(self.shape, points, settings.fit, painted=True).covariance(fit)
         trust = Trust(self.field, self.line_map, self.start is not None, search.unit_px, settings)
         problem = trust.problem(fit, covariance, points, search.model)
@@ -368,7 +369,8 @@ class _Calibration:
         is_assumed = self.start is None and self._mount is None
         notes = undetermined(fit, covariance, choices[0].tilted, is_assumed, settings)
         if not self.field.is_bounded:
-            notes.append(f"the floor's range: {trust.range_note(fit, covariance)}")
+            as_good = [chooser.final(choice, width_px).camera for choice in chooser.as_good(choices[0])]
+            notes.append(f"the floor's range: {trust.range_note(fit, covariance, as_good)}")
         return OmniCalibration(
             fit.model.written(fit.vector),
             tuple(frames),

@@ -80,6 +80,7 @@ class Chooser:
         sector = np.floor(np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) * sectors).astype(int)
         # other sectors in every other frame, so that no direction is held out everywhere
         self._half = halves(sector + points.frame, points.frame)
+        self._tried: tuple[_Trial, ...] = ()
         # points of one sector of one frame err together
         self._group = np.unique(points.frame * 2 * sectors + sector, return_inverse=True)[1].ravel()
 
@@ -93,6 +94,7 @@ class Chooser:
         assert usual != "magnified"
         curves = dict.fromkeys((usual, *CURVES))
         tried = {curve: self._try(curve, True) for curve in curves}
+        self._tried = tuple(tried.values())
         best = tried[usual]
         for curve in curves:
             if self._is_better(tried[curve], best):
@@ -104,6 +106,13 @@ class Chooser:
             best = level
         others = [trial.choice for trial in (*tried.values(), level) if trial is not best]
         return (best.choice, *others)
+
+    def as_good(self, chosen: Choice) -> tuple[Choice, ...]:
+        """Return the other curves that were tried and, tilted alike, explain the held-out points as well."""
+        best = next((trial for trial in self._tried if trial.choice is chosen), None)
+        if best is None:
+            return ()
+        return tuple(one.choice for one in self._tried if one is not best and not self._is_better(best, one))
 
     def _is_tilted(self, choice: Choice) -> bool:
         """Whether the tilt found is significant."""

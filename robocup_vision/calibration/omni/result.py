@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,11 +77,13 @@ def standard_deviations(fit: Fit, covariance: FloatArray) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, std, strict=False)}
 
 
-def range_std(fit: Fit, covariance: FloatArray, radius_px: FloatArray) -> FloatArray:
+def range_std(
+    fit: Fit, covariance: FloatArray, radius_px: FloatArray, as_good: Sequence[OmniCamera] = ()
+) -> FloatArray:
     """Return the largest relative standard deviation (R,), all around, of the floor's range at some image radii (R,).
 
     The range is that from the foot of the mirror's axis, where the calibration puts the robot: a centre and a tilt that
-    compensate for each other leave it as it is.
+    compensate for each other leave it as it is. Cameras that explain the images as well count as likely as the fit's.
     """
     bearing = np.arange(12) * math.tau / 12
     pixels = fit.camera.polar_to_pixel(bearing[:, None], radius_px[None]).reshape(-1, 2)
@@ -91,7 +94,10 @@ def range_std(fit: Fit, covariance: FloatArray, radius_px: FloatArray) -> FloatA
         ahead = fit.vector.copy()
         ahead[g] += 1e-4
         by_vector[:, g] = (np.hypot(*fit.model.camera(ahead).pixel_to_floor(pixels).T) - range_m) / 1e-4
-    variance = np.einsum("ng,gh,nh->n", by_vector, covariance, by_vector) / range_m**2
+    variance = np.einsum("ng,gh,nh->n", by_vector, covariance, by_vector)
+    for camera in as_good:
+        variance += (np.hypot(*camera.pixel_to_floor(pixels).T) - range_m) ** 2 / (len(as_good) + 1)
+    variance /= range_m**2
     std: FloatArray = np.sqrt(np.fmax.reduce(variance.reshape(len(bearing), -1), axis=0))
     return std
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from robocup_vision.calibration.omni.fit import Fit, Points
 from robocup_vision.calibration.omni.model import CENTER, HORIZON, SCALE, CameraModel
 from robocup_vision.calibration.omni.result import range_std
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
+from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 
@@ -87,18 +89,24 @@ class Trust:
             return "the curve reached the limit that the start sets" + "; try without a start" * self.field.is_bounded
         return ""
 
-    def range_note(self, fit: Fit, covariance: FloatArray) -> str:
-        """Return how well the floor's range is known, near and far."""
-        std = self._range_std(fit, covariance)
-        known = [f"{100 * one:.1f} % at {at:.2g} m" for one, at in zip(std, self._range_m, strict=True) if one >= 0]
-        return f"its standard deviation is {', '.join(known)}"
+    def range_note(self, fit: Fit, covariance: FloatArray, as_good: Sequence[OmniCamera] = ()) -> str:
+        """Return how well the floor's range is known, near and far; by cameras that explain the images as well, too."""
+        known = self._known(self._range_std(fit, covariance))
+        if not as_good:
+            return f"its standard deviation is {known}"
+        together = self._known(self._range_std(fit, covariance, as_good))
+        return f"its standard deviation is {known} by this curve; {together} with others that explain as much"
+
+    def _known(self, std: FloatArray) -> str:
+        near_to_far = zip(std, self._range_m, strict=True)
+        return ", ".join(f"{100 * one:.1f} % at {at:.2g} m" for one, at in near_to_far if one >= 0)
 
     @property
     def _range_m(self) -> FloatArray:
         return np.array(self.settings.range_radii) * self.field.robot_radius_m
 
-    def _range_std(self, fit: Fit, covariance: FloatArray) -> FloatArray:
-        return range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / self._range_m))
+    def _range_std(self, fit: Fit, covariance: FloatArray, as_good: Sequence[OmniCamera] = ()) -> FloatArray:
+        return range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / self._range_m), as_good)
 
     def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
         """Return why lines alone do not determine a camera; empty if they do."""

@@ -298,3 +298,10 @@ def test_the_floors_range_is_as_unsure_as_the_scale(carpet, carpet_camera):
     np.testing.assert_array_equal(range_std(level, np.zeros((7, 7)), radius_px), 0.0)
     beyond = range_std(level, only_scale, np.array([80.0, np.nan]))
     assert np.isnan(beyond).tolist() == [False, True]
+    # of two cameras that explain the images as well, one sees the floor 6 % farther away: their mean is 3 % off
+    vector = level.vector.copy()
+    vector[4] -= np.log(1.06)
+    farther = level.model.camera(vector)
+    both = range_std(level, only_scale, radius_px, [farther])
+    np.testing.assert_allclose(both, np.hypot(0.02, 0.06 / np.sqrt(2)), rtol=1e-3)
+    np.testing.assert_allclose(range_std(level, only_scale, radius_px, [level.camera]), 0.02, rtol=1e-3)

@@ -96,5 +96,11 @@ def test_how_well_the_range_is_known_is_said_near_and_far(seen):
     fit, _ = seen
     covariance = np.zeros((len(fit.vector), len(fit.vector)))
     covariance[4, 4] = 0.01**2
-    note = Trust(FIELD, LineMap(FIELD), False, 1.0).range_note(fit, covariance)
+    trust = Trust(FIELD, LineMap(FIELD), False, 1.0)
+    note = trust.range_note(fit, covariance)
     assert note == "its standard deviation is 1.0 % at 0.75 m, 1.0 % at 1.5 m, 1.0 % at 2.5 m"
+    vector = fit.vector.copy()
+    vector[4] -= np.log(1.05)
+    with_other = trust.range_note(fit, covariance, [fit.model.camera(vector)])
+    assert with_other.startswith(note + " by this curve; 3.7 % at 0.75 m")
+    assert with_other.endswith("with others that explain as much")
