@@ -28,6 +28,20 @@ def blobs(rng, count=3):
     return kinds, level
 
 
+@given(st.integers(1, 200), st.integers(1, 4), st.sampled_from([kernel.CARPET, kernel.NEUTRAL]), st.integers(0, 99))
+def test_a_frame_of_any_width_has_a_bit_for_each_pixel(width, height, kind, seed):
+    kinds = np.random.default_rng(seed).integers(0, 3, (height, width)).astype(np.uint8)
+    words = (width + 63) // 64
+    outside = kernel.EVERY_BIT if kind == kernel.NEUTRAL else kernel.NO_BITS
+    bits = kernel._bits(kinds, kind, outside, words, 1)
+    beyond = bool(outside)
+    each = np.unpackbits(bits.view(np.uint8), axis=1, bitorder="little").astype(bool)
+    np.testing.assert_array_equal(each[:height, 64 : 64 + width], kinds == kind)
+    around = each.copy()
+    around[:height, 64 : 64 + width] = beyond
+    assert (around == beyond).all()
+
+
 def is_in(x, y):
     return 0 <= x < WIDTH and 0 <= y < HEIGHT
 
