@@ -11,6 +11,8 @@ NO_BITS, ONE, EVERY_BIT = np.uint64(0), np.uint64(1), ~np.uint64(0)
 TWO, THREE, FOUR, FIVE, SIX, SEVEN = (
     np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6), np.uint64(7)
 )  # fmt: skip
+# a one in each byte, and what brings the lowest bits of eight bytes, in a product, into the highest byte
+_ONES, _GATHER, _HIGHEST = np.uint64(0x0101010101010101), np.uint64(0x0102040810204080), np.uint64(56)
 # the upper six bits of the product of a power of two and this number are different for each (de Bruijn)
 _DE_BRUIJN = np.uint64(0x03F79D71B4CB0A89)
 _PLACES = np.empty(64, np.int64)
@@ -51,3 +53,11 @@ def eight_bytes(values: UInt8Array, at: np.uint64) -> np.uint64:
         | np.uint64(values[at + SIX]) << np.uint64(48)
         | np.uint64(values[at + SEVEN]) << np.uint64(56)
     )
+
+
+@compiled(inline="always")
+def eight_equal(values: UInt8Array, at: np.uint64, value: int) -> np.uint64:
+    """Return a bit for each of eight bytes in a row, whether it is a value; all of them are below 4."""
+    # so that the two lowest bits tell whether one differs
+    other = eight_bytes(values, at) ^ (np.uint64(value) * _ONES)
+    return np.uint64(((~(other | (other >> ONE)) & _ONES) * _GATHER) >> _HIGHEST)

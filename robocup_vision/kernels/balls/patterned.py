@@ -13,15 +13,13 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, UInt64Array
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, eight_bytes, lowest
+from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, eight_equal, lowest
 
 CARPET, NEUTRAL, COLORED = 0, 1, 2
 DIRECTIONS = 24
 # directions of a first look: three of them must part ball from carpet, which is half of the rim, and one may err
 _ROUGH = 8
 _LAST = np.uint64(63)
-# a one in each byte, and what brings the lowest bits of eight bytes, in a product, into the highest byte
-_ONES, _GATHER, _HIGHEST = np.uint64(0x0101010101010101), np.uint64(0x0102040810204080), np.uint64(56)
 # columns of a found disc
 U, V, RADIUS, AGREE, INSIDE, WHITE, DARK, CARPET_LEVEL, AROUND, SHOWN, COLUMNS = range(11)
 # radii, in those of the disc, at which it is looked for carpet all around
@@ -201,7 +199,7 @@ def _bits(kinds: UInt8Array, kind: int, outside: np.uint64, words: int, beyond: 
     The row after the last is outside, too.
     """
     height, width = kinds.shape
-    flat, this = kinds.reshape(-1), np.uint64(kind) * _ONES
+    flat = kinds.reshape(-1)
     bits = np.empty((height + 1, words + 2 * beyond), dtype=np.uint64)
     for at in range(words + 2 * beyond):
         bits[height, at] = outside
@@ -215,10 +213,7 @@ def _bits(kinds: UInt8Array, kind: int, outside: np.uint64, words: int, beyond: 
             here = (here >> np.uint64(count % 64)) << np.uint64(count % 64)
             eights = count // 8
             for k in range(eights):
-                # kinds are below 4, so that the two lowest bits tell whether one differs
-                other = eight_bytes(flat, np.uint64(v * width + first + 8 * k)) ^ this
-                is_kind = ~(other | (other >> ONE)) & _ONES
-                here |= ((is_kind * _GATHER) >> _HIGHEST) << np.uint64(8 * k)
+                here |= eight_equal(flat, np.uint64(v * width + first + 8 * k), kind) << np.uint64(8 * k)
             for k in range(8 * eights, count):
                 here |= np.uint64(kinds[v, first + k] == kind) << np.uint64(k)
             bits[v, beyond + word] = here
