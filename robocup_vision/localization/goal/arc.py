@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.kernels.goal.fit import FitLoss
+from robocup_vision.kernels.goal.fit import FitLoss, FitSamples
 from robocup_vision.kernels.goal.lines.arc import ArcCameras, ArcLimits, trace_arc
 from robocup_vision.kernels.goal.lines.settle import ArcFit
 from robocup_vision.localization.goal.edges import EdgeSamples
-from robocup_vision.localization.goal.fit import GoalFit, GoalModel, covariance_of, fit
+from robocup_vision.localization.goal.fit import GoalFit, GoalModel, covariance_of, fit_samples
 from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
 
 # scale of the robust loss in each iteration, pixels: samples on an arc are good already
@@ -161,13 +161,13 @@ class ConstrainedArc:
     ----------
     model : GoalModel
         Camera, goal and priors.
-    samples : EdgeSamples
+    samples : FitSamples
         Of the goal, and any marks on lines.
     start : (8,) float64
         What they give.
     """
 
-    def __init__(self, model: GoalModel, samples: EdgeSamples, start: FloatArray) -> None:
+    def __init__(self, model: GoalModel, samples: FitSamples, start: FloatArray) -> None:
         self._constrained = at_one_heading(model)
         self._samples, self._start = samples, start
         self._fits: dict[float, tuple[FloatArray, float, FloatArray] | None] = {}
@@ -182,7 +182,7 @@ class ConstrainedArc:
         """The arc as `kernels.goal.lines.settle` takes it."""
         return ArcFit(
             self._constrained.scene,
-            self._samples.for_fit,
+            self._samples,
             self._constrained.priors,
             FitLoss(_CONSTRAINED_SCALES, _CONSTRAINED_SCALES, False),
             self._start,
@@ -210,6 +210,6 @@ class ConstrainedArc:
     def _fit(self, turn: float) -> tuple[FloatArray, float, FloatArray] | None:
         if turn not in self._fits:
             start = turned(self._constrained, self._start, turn)
-            p, cost, information = fit(self._constrained, self._samples, start, _CONSTRAINED_SCALES)
+            p, cost, information = fit_samples(self._constrained, self._samples, start, _CONSTRAINED_SCALES)
             self._fits[turn] = (p, cost, information) if math.isfinite(cost) else None
         return self._fits[turn]

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.fit import FitLoss
+from robocup_vision.kernels.goal.fit import FitLoss, FitSamples
+from robocup_vision.kernels.goal.lines.doubt import Doubt, fit_doubting, goal_misfit
 from robocup_vision.kernels.goal.lines.marked_cameras import (
     MarkReach,
     MarkWorth,
@@ -27,18 +29,18 @@ from robocup_vision.kernels.goal.lines.marked_cameras import (
 )
 from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, open_arc
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
-from robocup_vision.localization.goal.edges import EdgeSamples, no_samples
+from robocup_vision.localization.goal.edges import no_samples
 from robocup_vision.localization.goal.fit import (
     GoalFit,
     GoalModel,
     are_mostly_within,
     covariance_of,
-    doubting_edges,
-    fit,
+    fit_samples,
     residuals,
+    sample_residuals,
 )
 from robocup_vision.localization.goal.geometry import HEADING
-from robocup_vision.localization.goal.line_marks import LineFit, LineMarks, MarkSettings, with_marks
+from robocup_vision.localization.goal.line_marks import LineFit, LineMarks, MarkSettings
 from robocup_vision.localization.lines.line_map import LineMap
 
 _MARKS = MarkSettings(
@@ -96,7 +98,7 @@ class ColoredLineSettings:
     doubting_rounds : int
         Rounds in which edges that contradict the rest lose weight: the border of a lamp's streak along a bar, say.
     typical_edge_px : float
-        See `doubting_edges`: half a pixel is what a blurred edge moves by before it is another.
+        See `doubt_edges`: half a pixel is what a blurred edge moves by before it is another.
     prior_weight : float
         So many places of the expected noise are added to those whose scatter is measured.
     """
@@ -128,18 +130,19 @@ class ColoredLineSettings:
     prior_weight: float = 4.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Marked:
+class _Marked(NamedTuple):
     """A goal's samples with marks on lines, which of the places looked at they are, line widths and reaches there."""
 
-    samples: EdgeSamples
-    seen: npt.NDArray[np.bool_]
+    samples: FitSamples
+    is_seen: npt.NDArray[np.bool_]
     width: FloatArray
     reach: FloatArray
 
 
+_MISFIT_SCALE_PX = 0.3  # of the loss by which a goal's own edges speak against a camera
+
 # how likely it is, as a logarithm; the fit; what it was fitted to
-_Fitted = tuple[float, LineFit, EdgeSamples]
+_Fitted = tuple[float, LineFit, FitSamples]
 
 
 class ColoredGoalLines:
@@ -227,10 +230,10 @@ class ColoredGoalLines:
         """
         reach = self._settings.reaches_px[-1]
         due, is_seen = self._look(frame, model, p, np.zeros((len(p), len(p))), MarkReach(0.0, reach, reach))
-        marked = self._gathered(no_samples(), due, is_seen)
+        marked = self._gathered(no_samples().for_fit, due, is_seen)
         all_seen = np.ones(len(is_seen), np.bool_)
         most = mark_evidence(np.zeros(len(is_seen)), due.widths, due.reach, all_seen, self._worth)
-        return self._evidence(model, marked, p), float(most)
+        return self._evidence(marked, sample_residuals(model, marked.samples, p)), float(most)
 
     def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
         """Settle each fit along its arc by all lines drawn."""
@@ -259,11 +262,11 @@ class ColoredGoalLines:
             return []
         turns = np.abs(np.diff(arc.unknowns[:, HEADING]))
         reach = 2 * float(turns[max(best - 1, 0) : best + 1].max())
-        drawn = drawing.settle(model, found.samples, arc.unknowns[best], reach, loose=2)
+        drawn = drawing.settle(model, found.samples.for_fit, arc.unknowns[best], reach, loose=2)
         if drawn is None or drawn.likelihood < self._settings.min_drawn_evidence:
             return []
         line_fit = LineFit(drawn.unknowns, drawn.covariance, 0.0, np.empty(0))
-        return [(drawn.likelihood, line_fit, found.samples)]
+        return [(drawn.likelihood, line_fit, found.samples.for_fit)]
 
     def _starts(
         self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
@@ -294,10 +297,10 @@ class ColoredGoalLines:
                 chosen.append((cameras[k], arc.covariance[k]))
         return chosen
 
-    def _evidence(self, model: GoalModel, marked: _Marked, p: FloatArray) -> float:
+    def _evidence(self, marked: _Marked, residual: FloatArray) -> float:
         """Logarithm of how much likelier the ridges are if these lines are there than if they are clutter."""
-        residual = residuals(model, marked.samples, p)[len(marked.samples.sigma) - int(marked.seen.sum()) :]
-        return float(mark_evidence(residual, marked.width, marked.reach, marked.seen, self._worth))
+        of_marks = residual[len(residual) - len(marked.samples.mark_m) :]
+        return float(mark_evidence(of_marks, marked.width, marked.reach, marked.is_seen, self._worth))
 
     def _from(
         self,
@@ -308,44 +311,40 @@ class ColoredGoalLines:
         covariance: FloatArray,
     ) -> _Fitted | None:
         """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
+        settings, of_goal = self._settings, found.samples.for_fit
         p = start
         is_near = False  # whether the last round already searched no farther than the next one
         marked = None
-        for reach, scale in zip(self._settings.reaches_px, self._settings.scales_px, strict=True):
-            if is_near and reach > self._settings.reaches_px[-1]:
+        for reach, scale in zip(settings.reaches_px, settings.scales_px, strict=True):
+            if is_near and reach > settings.reaches_px[-1]:
                 continue
-            marked = self._marked(frame, model, found.samples, p, covariance, reach)
+            marked = self._marked(frame, model, of_goal, p, covariance, reach)
             if marked is None:
                 return None
-            is_near = float(marked.reach.max()) <= self._settings.reaches_px[1]
-            p, cost, information = fit(model, marked.samples, p, np.full(self._settings.iterations, scale))
+            is_near = float(marked.reach.max()) <= settings.reaches_px[1]
+            p, cost, information = fit_samples(model, marked.samples, p, np.full(settings.iterations, scale))
             if not math.isfinite(cost):
                 return None
             covariance = covariance_of(model, information)
         assert marked is not None
-        samples = marked.samples
-        for _ in range(self._settings.doubting_rounds):
-            residual = residuals(model, marked.samples, p)
-            samples = doubting_edges(marked.samples, residual, self._settings.typical_edge_px)
-            samples = self._as_scattered(model, samples, p)
-            p, cost, information = fit(
-                model, samples, p, np.full(self._settings.iterations, self._settings.scales_px[-1])
-            )
-            if not math.isfinite(cost):
-                return None
-        covariance = covariance_of(model, information)
-        off = residuals(model, found.samples, p)
-        deviation = np.where(np.isinf(model.weight), 0.0, model.weight) * (p - model.prior) ** 2
-        of_goal = float(np.log1p((off / 0.3) ** 2) @ (0.3 / found.samples.sigma) ** 2 + deviation.sum())
-        residual = residuals(model, marked.samples, p)[len(off) :]
-        ratio = float(marked.seen.mean())
-        return self._evidence(model, marked, p) - of_goal / 2, LineFit(p, covariance, ratio, residual), samples
+        scales, sigma = np.full(settings.iterations, settings.scales_px[-1]), np.empty(len(marked.samples.sigma))
+        doubt = Doubt(settings.doubting_rounds, settings.typical_edge_px, settings.prior_weight)
+        loss = FitLoss(scales, scales, False)
+        cost = fit_doubting(model.scene, marked.samples, model.priors, loss, doubt, p, information, sigma)
+        if not math.isfinite(cost):
+            return None
+        residual = sample_residuals(model, marked.samples, p)
+        misfit = float(goal_misfit(of_goal, residual, model.priors, _MISFIT_SCALE_PX, p))
+        line_fit = LineFit(
+            p, covariance_of(model, information), float(marked.is_seen.mean()), residual[len(of_goal.sigma) :]
+        )
+        return self._evidence(marked, residual) - misfit / 2, line_fit, marked.samples._replace(sigma=sigma)
 
     def _marked(
         self,
         frame: npt.NDArray[np.uint8],
         model: GoalModel,
-        samples: EdgeSamples,
+        samples: FitSamples,
         p: FloatArray,
         covariance: FloatArray,
         max_px: float,
@@ -370,21 +369,15 @@ class ColoredGoalLines:
         choose_marks(due.contrast, due.widths, self._worth.contrast_width_px, self._worth.min_contrast, is_seen)
         return due, is_seen
 
-    def _gathered(self, samples: EdgeSamples, due: SeenMarks, is_seen: npt.NDArray[np.bool_]) -> _Marked:
+    def _gathered(self, samples: FitSamples, due: SeenMarks, is_seen: npt.NDArray[np.bool_]) -> _Marked:
         """Add the lines that are seen to a goal's samples."""
-        count = int(np.count_nonzero(is_seen))
-        marks, uv, direction, sigma = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2)), np.empty(count)
-        gather_marks(due, 0, is_seen, self._worth, marks, uv, direction, sigma)
-        return _Marked(with_marks(samples, marks, uv, direction, sigma), is_seen, due.widths, due.reach)
-
-    def _as_scattered(self, model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSamples:
-        """Let the noise of marks be what they scatter; what lines are off as a whole comes and goes with it."""
-        first = len(samples.sigma) - len(samples.mark_m)
-        square = np.minimum((residuals(model, samples, p)[first:] / samples.sigma[first:]) ** 2, 9.0)
-        scatter = (float(square.sum()) + self._settings.prior_weight) / (len(square) + self._settings.prior_weight)
-        sigma = samples.sigma.copy()
-        sigma[first:] *= math.sqrt(scatter)
-        return replace(samples, sigma=sigma)
+        count, of_goal = int(np.count_nonzero(is_seen)), len(samples.sigma)
+        marks, uv, direction = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
+        sigma = np.empty(of_goal + count)
+        sigma[:of_goal] = samples.sigma
+        gather_marks(due, 0, is_seen, self._worth, marks, uv, direction, sigma[of_goal:])
+        joined = samples._replace(mark_m=marks, mark_uv=uv, mark_direction=direction, sigma=sigma)
+        return _Marked(joined, is_seen, due.widths, due.reach)
 
 
 def keeps_elements(model: GoalModel, found: GoalFit, unknowns: FloatArray) -> bool:
@@ -402,6 +395,6 @@ def keeps_elements(model: GoalModel, found: GoalFit, unknowns: FloatArray) -> bo
     shape, samples = model.shape, found.samples
     away_m = math.hypot(shape.line_x_m - unknowns[0], unknowns[1])
     width_px = 2 * shape.radius_m * model.view.focal_px[0] / max(away_m, shape.width_m)
-    off = np.abs(residuals(model, samples, unknowns)[: len(samples.edge)])
+    off = residuals(model, samples, unknowns)[: len(samples.edge)]
     elements = [off[samples.edge // 2 == element] for element in range(3)]
-    return all(float(np.median(one)) <= width_px for one in elements if len(one))
+    return all(are_mostly_within(one, width_px) for one in elements if len(one))

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.lines.settle import DrawnPicture, drawn_likelihood, settle_drawing
 from robocup_vision.kernels.lines.drawing import MARGIN, LinePen, move_drawings, stroke_table
 from robocup_vision.kernels.lines.drawn_light import AROUND, LitCarpet, compare_each_line, light_carpet
 from robocup_vision.localization.goal.arc import ConstrainedArc
-from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.perception.goal_region import carpet_mask
 
@@ -143,7 +143,7 @@ class LineDrawing:
         return float(weight @ (bright - 1.0) ** 2), float(weight[bright >= 0.5].sum())
 
     def settle(
-        self, model: GoalModel, samples: EdgeSamples, start: FloatArray, reach_rad: float, loose: int = 0
+        self, model: GoalModel, samples: FitSamples, start: FloatArray, reach_rad: float, loose: int = 0
     ) -> Drawn | None:
         """Find the heading at which the lines drawn agree best, all else as the samples have it there.
 
@@ -151,7 +151,7 @@ class LineDrawing:
         ----------
         model : GoalModel
             Camera, goal and priors.
-        samples : EdgeSamples
+        samples : FitSamples
             Of the goal, and any marks on lines.
         start : (8,) float64
             What they give.

@@ -16,7 +16,16 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.edge_samples import weigh_samples
-from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, NormalSystem, fit_goal, goal_residuals, normal_equations
+from robocup_vision.kernels.goal.fit import (
+    FitLoss,
+    FitPriors,
+    FitSamples,
+    NormalSystem,
+    fit_goal,
+    goal_residuals,
+    normal_equations,
+)
+from robocup_vision.kernels.goal.lines.arc import invert_information
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.edges import (
     FOOT_OFFSETS,
@@ -266,9 +275,15 @@ def fit(
     model: GoalModel, samples: EdgeSamples, start: FloatArray, scales: FloatArray
 ) -> tuple[FloatArray, float, FloatArray]:
     """Fit the unknowns to samples; returns them, the robust cost (infinite: failed) and the information matrix."""
+    return fit_samples(model, samples.for_fit, start, scales)
+
+
+def fit_samples(
+    model: GoalModel, samples: FitSamples, start: FloatArray, scales: FloatArray
+) -> tuple[FloatArray, float, FloatArray]:
+    """Fit the unknowns as `fit` does to samples as the kernels take them."""
     p, information = start.copy(), np.zeros((UNKNOWNS, UNKNOWNS))
-    loss = FitLoss(scales, scales, False)
-    cost = fit_goal(model.scene, samples.for_fit, model.priors, loss, p, information)
+    cost = fit_goal(model.scene, samples, model.priors, FitLoss(scales, scales, False), p, information)
     return p, float(cost), information
 
 
@@ -283,11 +298,16 @@ def system_at(model: GoalModel, samples: EdgeSamples, p: FloatArray, loss: FitLo
 
 
 def covariance_of(model: GoalModel, information: FloatArray) -> FloatArray:
-    """Invert an information matrix (8, 8); fixed unknowns have no variance."""
-    covariance = np.asarray(np.linalg.inv(information), np.float64)
-    fixed = np.isinf(model.weight)
-    covariance[fixed] = 0.0
-    covariance[:, fixed] = 0.0
+    """Invert an information matrix (8, 8); fixed unknowns have no variance.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is not positive definite.
+    """
+    covariance = np.empty((UNKNOWNS, UNKNOWNS))
+    if not invert_information(information, model.weight, covariance):
+        raise np.linalg.LinAlgError("the information about the camera is no positive definite matrix")
     return covariance
 
 
@@ -296,30 +316,6 @@ def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -
     errors = (settings.sample_error_px, settings.edge_error_px, settings.foot_error_px)
     sigma = np.empty(len(samples.sigma))
     weigh_samples(samples.edge, samples.foot_post, samples.sigma, errors, sigma)
-    return replace(samples, sigma=sigma)
-
-
-def doubting_edges(samples: EdgeSamples, residual: FloatArray, typical_px: float) -> EdgeSamples:
-    """Let each edge as a whole be as uncertain as it is off: one that all others contradict is somebody else's.
-
-    Where some edges are off in a picture, the others may be as well, though a fit has followed them: each is as
-    uncertain as edges are off on average besides, up to `typical_px` each.
-
-    Parameters
-    ----------
-    samples : EdgeSamples
-        Weighed, see `weigh`.
-    residual : (N + M + L,) float64
-        Of a fit to them, pixels.
-    typical_px : float
-        Edges farther off are no edges of the goal, and tell nothing of the others.
-    """
-    count = len(samples.edge)
-    per_edge = np.bincount(samples.edge, minlength=EDGES)
-    off = np.bincount(samples.edge, residual[:count], minlength=EDGES) / np.maximum(per_edge, 1)
-    typical = np.mean(np.minimum(off[per_edge > 0] ** 2, typical_px**2)) if count else 0.0
-    sigma = samples.sigma.copy()
-    sigma[:count] = np.sqrt(sigma[:count] ** 2 + ((off**2 + typical) * per_edge)[samples.edge])
     return replace(samples, sigma=sigma)
 
 
@@ -424,6 +420,11 @@ def _confirmed_edges(
 
 def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> FloatArray:
     """Signed residuals (N + M + L,), pixels."""
+    return sample_residuals(model, samples.for_fit, unknowns)
+
+
+def sample_residuals(model: GoalModel, samples: FitSamples, unknowns: FloatArray) -> FloatArray:
+    """Signed residuals (N + M + L,), pixels, of samples as the kernels take them."""
     residual = np.empty(len(samples.sigma))
-    goal_residuals(model.scene, samples.for_fit, unknowns, residual)
+    goal_residuals(model.scene, samples, unknowns, residual)
     return residual

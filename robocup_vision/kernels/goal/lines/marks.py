@@ -11,11 +11,15 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.algebra.pinhole import camera_axes, in_camera
-from robocup_vision.kernels.goal.edges import sample
 from robocup_vision.kernels.goal.picture import FLOOR_UNKNOWNS, floor_derivatives
 
 # grey levels that a line's middle must be brighter than its sides in one sample; samples along it are so far apart
 _MIN_RIDGE, _ALONG_STEP_PX = 6.0, 1.5
+_MAX_STEPS = 401  # across a line, of half a pixel
+_CARPET_GREENNESS = 0.08  # least ratio (2 G - R - B) / (R + G + B) beside a line
+_GREEN, _RED, _NEXT = np.uint64(1), np.uint64(2), np.uint64(3)  # from a pixel's blue in the picture as one row
+
+_Weights = tuple[float, float, float, float]
 
 
 class MarkLimits(NamedTuple):
@@ -185,6 +189,38 @@ def mark_stds(
         std[n] = math.sqrt(max(variance, 0.0))
 
 
+@compiled(inline="always")
+def _is_inside(
+    start: FloatArray, normal: FloatArray, first: float, last: float, aside: float, columns: int, rows: int
+) -> bool:
+    """Whether a rectangle lies in the picture: from `first` to `last` along a normal, and `aside` to both sides of it."""
+    along_u, along_v = abs(aside * normal[1]), abs(aside * normal[0])
+    u0, u1 = start[0] + first * normal[0], start[0] + last * normal[0]
+    v0, v1 = start[1] + first * normal[1], start[1] + last * normal[1]
+    return bool(
+        min(u0, u1) - along_u >= 0.0
+        and max(u0, u1) + along_u < columns - 1
+        and min(v0, v1) - along_v >= 0.0
+        and max(v0, v1) + along_v < rows - 1
+    )
+
+
+@compiled(inline="always")
+def _pixels_at(u: float, v: float, columns: int) -> tuple[np.uint64, _Weights]:
+    """Place of the pixel left above a point in the picture as one row, and the weights of it and its neighbours."""
+    u0, v0 = int(u), int(v)
+    fu, fv = u - u0, v - v0
+    return np.uint64(3 * (v0 * columns + u0)), ((1.0 - fu) * (1.0 - fv), fu * (1.0 - fv), (1.0 - fu) * fv, fu * fv)
+
+
+@compiled(inline="always")
+def _mean_of(flat: UInt8Array, at: np.uint64, row: np.uint64, weights: _Weights) -> float:
+    """Interpolated value of one channel."""
+    here, right, below, across = weights
+    upper = here * flat[at] + right * flat[at + _NEXT]
+    return float(upper + below * flat[at + row] + across * flat[at + row + _NEXT])
+
+
 @compiled
 def measure_ridges(
     image: UInt8Array,
@@ -214,38 +250,32 @@ def measure_ridges(
     """
     rows, columns = image.shape[0], image.shape[1]
     step = 0.5
-    bright, green = np.empty(401), np.empty(401)
+    bright, blue, red = np.empty(_MAX_STEPS), np.empty(_MAX_STEPS), np.empty(_MAX_STEPS)
     repeats = 1 + int(along_px / _ALONG_STEP_PX)
     least = _MIN_RIDGE / math.sqrt(repeats)
+    aside, share, flat = 0.5 * (repeats - 1) * _ALONG_STEP_PX, 1.0 / repeats, image.reshape(-1)
+    row = np.uint64(3 * columns)
     for n in range(starts.shape[0]):
         offset[n] = np.nan
         contrast[n] = 0.0
         side = 0.5 * width[n] + 1.5
         margin = side + 1.0
         count = int(round(2.0 * (reach[n] + margin) / step)) + 1
-        if count > 401:
+        if count > _MAX_STEPS:
             continue
         first = -reach[n] - margin
-        ok = True
+        if not _is_inside(starts[n], normals[n], first, first + (count - 1) * step, aside, columns, rows):
+            continue
         for i in range(count):
             t = first + i * step
-            b, g, r = 0.0, 0.0, 0.0
+            middle_u, middle_v = starts[n, 0] + t * normals[n, 0], starts[n, 1] + t * normals[n, 1]
+            b, r = 0.0, 0.0
             for k in range(repeats):
-                s = (k - 0.5 * (repeats - 1)) * _ALONG_STEP_PX
-                u = starts[n, 0] + t * normals[n, 0] - s * normals[n, 1]
-                v = starts[n, 1] + t * normals[n, 1] + s * normals[n, 0]
-                if not (0.0 <= u < columns - 1 and 0.0 <= v < rows - 1):
-                    ok = False
-                    break
-                b += sample(image, u, v, 0) / repeats
-                g += sample(image, u, v, 1) / repeats
-                r += sample(image, u, v, 2) / repeats
-            if not ok:
-                break
-            bright[i] = min(b, r)
-            green[i] = (2.0 * g - r - b) / (r + g + b + 30.0)
-        if not ok:
-            continue
+                s = k * _ALONG_STEP_PX - aside
+                at_blue, weights = _pixels_at(middle_u - s * normals[n, 1], middle_v + s * normals[n, 0], columns)
+                b += _mean_of(flat, at_blue, row, weights)
+                r += _mean_of(flat, at_blue + _RED, row, weights)
+            blue[i], red[i], bright[i] = b, r, min(b, r) * share
         half = max(0, int(0.3 * width[n] / step))
         far = int(round(side / step))
         best, at = least, -1
@@ -255,10 +285,21 @@ def measure_ridges(
                 middle += bright[k] / (2 * half + 1)
             left = (bright[i - far] + bright[i - far - 1] + bright[i - far - 2]) / 3.0
             right = (bright[i + far] + bright[i + far + 1] + bright[i + far + 2]) / 3.0
-            if green[i - far - 1] < 0.08 or green[i + far + 1] < 0.08:
-                continue
             value = (middle - max(left, right)) * (1.0 - 0.5 * abs(first + i * step) / (reach[n] + 1.0))
-            if value > best:
+            if value <= best:
+                continue
+            is_on_carpet = True
+            for j in (i - far - 1, i + far + 1):
+                t = first + j * step
+                middle_u, middle_v = starts[n, 0] + t * normals[n, 0], starts[n, 1] + t * normals[n, 1]
+                g = 0.0
+                for k in range(repeats):
+                    s = k * _ALONG_STEP_PX - aside
+                    at_blue, weights = _pixels_at(middle_u - s * normals[n, 1], middle_v + s * normals[n, 0], columns)
+                    g += _mean_of(flat, at_blue + _GREEN, row, weights)
+                greenness = (2.0 * g - red[j] - blue[j]) / (red[j] + g + blue[j] + 30.0 * repeats)
+                is_on_carpet = is_on_carpet and greenness >= _CARPET_GREENNESS
+            if is_on_carpet:
                 best, at = value, i
         if at < 0:
             continue

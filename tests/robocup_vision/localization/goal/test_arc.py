@@ -81,7 +81,7 @@ def test_turning_keeps_the_goal_where_it_is_seen():
 
 
 def test_a_place_off_the_arc_costs_its_square():
-    arc = ConstrainedArc(MODEL, samples(np.random.default_rng(1)), TRUTH)
+    arc = ConstrainedArc(MODEL, samples(np.random.default_rng(1)).for_fit, TRUTH)
     at, cost = arc.camera(np.zeros(3))
     assert at[HEADING] == TRUTH[HEADING]
     off, more = arc.camera(np.array([0.0, 2.0, 1.0]))

@@ -42,7 +42,7 @@ def test_a_drawing_settles_where_the_camera_stands(far):
     candidate = search.candidates(search.picture(frame))[0][0]
     drawing = LineDrawing(frame, PEN)
     start = turned(candidate.model, truth, 0.03)
-    drawn = drawing.settle(candidate.model, candidate.fit.samples, start, 0.06, loose=2)
+    drawn = drawing.settle(candidate.model, candidate.fit.samples.for_fit, start, 0.06, loose=2)
     assert drawn is not None
     off = (drawn.unknowns - truth)[:3]
     assert np.hypot(off[0], off[1]) < 0.1
@@ -58,7 +58,7 @@ def test_no_drawing_settles_where_lines_of_it_are_missing(far):
     ahead = truth[0] + 0.3 * (SIDE_X_M - truth[0])
     unpainted = np.column_stack([np.full(51, ahead), np.linspace(-1.0, 1.0, 51)])
     drawing = LineDrawing(frame, line_pen(np.concatenate([POINTS, unpainted]), FIELD.line_width_m))
-    assert drawing.settle(candidate.model, candidate.fit.samples, truth, 0.06) is None
+    assert drawing.settle(candidate.model, candidate.fit.samples.for_fit, truth, 0.06) is None
 
 
 def test_without_carpet_nothing_is_estimated(far):
@@ -67,6 +67,6 @@ def test_without_carpet_nothing_is_estimated(far):
     drawing = LineDrawing(black, PEN)
     assert drawing.likelihood(search.colored_model, truth) == 0.0
     assert (
-        drawing.settle(search.colored_model, search.candidates(search.picture(far[0]))[0][0].fit.samples, truth, 0.05)
+        drawing.settle(search.colored_model, search.candidates(search.picture(far[0]))[0][0].fit.samples.for_fit, truth, 0.05)
         is None
     )

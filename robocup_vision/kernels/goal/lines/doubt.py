@@ -1,0 +1,178 @@
+"""The last rounds of a fit of goal and lines: edges that the rest contradicts lose weight, marks count as they scatter.
+
+A lamp's streak along a bar has a border that passes for the bar's edge. Weights that follow the residuals of whole
+edges let all the others overrule it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.copies import copy_vector
+from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal, goal_residuals
+from robocup_vision.kernels.goal.picture import GoalScene
+
+_EDGES = 6
+_FAR2 = 9.0  # squared residual in variances: a mark farther off counts as one so far off
+
+
+class Doubt(NamedTuple):
+    """How weights follow residuals.
+
+    Parameters
+    ----------
+    rounds : int
+        Fits, each with the weights that follow from the one before.
+    typical_px : float
+        Edges farther off are no edges of the goal, and tell nothing of the others.
+    prior_weight : float
+        So many marks of the expected noise are added to those whose scatter is measured.
+    """
+
+    rounds: int
+    typical_px: float
+    prior_weight: float
+
+
+@compiled
+def doubt_edges(
+    edge: Int64Array, residual: FloatArray, sigma: FloatArray, typical_px: float, doubted: FloatArray
+) -> None:
+    """Let each edge as a whole be as uncertain as it is off: one that all others contradict is somebody else's.
+
+    Where some edges are off in a picture, the others may be as well, though a fit has followed them: each is as
+    uncertain as edges are off on average besides, up to `typical_px` each.
+
+    Parameters
+    ----------
+    edge : (N,) int64
+        Silhouette edge of each edge sample.
+    residual, sigma : (N + M,) float64
+        Of a fit to these and other samples, and their noise, pixels.
+    typical_px : float
+        See `Doubt`.
+    doubted : (N + M,) float64
+        Result: noise; that of other samples is unchanged.
+    """
+    count, square = np.zeros(_EDGES), np.zeros(_EDGES)
+    for n in range(edge.shape[0]):
+        count[edge[n]] += 1.0
+        square[edge[n]] += residual[n]
+    typical, seen = 0.0, 0
+    for e in range(_EDGES):
+        square[e] = (square[e] / max(count[e], 1.0)) ** 2
+        if count[e] > 0.0:
+            typical += min(square[e], typical_px**2)
+            seen += 1
+    typical /= max(seen, 1)
+    copy_vector(sigma, doubted)
+    for n in range(edge.shape[0]):
+        doubted[n] = math.sqrt(sigma[n] ** 2 + (square[edge[n]] + typical) * count[edge[n]])
+
+
+@compiled
+def scatter_marks(residual: FloatArray, prior_weight: float, sigma: FloatArray) -> None:
+    """Let the noise of marks be what they scatter; what lines are off as a whole comes and goes with it.
+
+    Parameters
+    ----------
+    residual : (L,) float64
+        Of the marks, pixels.
+    prior_weight : float
+        See `Doubt`.
+    sigma : (L,) float64
+        Their noise, pixels; overwritten.
+    """
+    square = prior_weight
+    for n in range(residual.shape[0]):
+        square += min((residual[n] / sigma[n]) ** 2, _FAR2)
+    scatter = math.sqrt(square / (residual.shape[0] + prior_weight))
+    for n in range(residual.shape[0]):
+        sigma[n] *= scatter
+
+
+@compiled
+def fit_doubting(
+    scene: GoalScene,
+    samples: FitSamples,
+    priors: FitPriors,
+    loss: FitLoss,
+    doubt: Doubt,
+    p: FloatArray,
+    information: FloatArray,
+    sigma: FloatArray,
+) -> float:
+    """Fit goal and marks round by round, weighed by the residuals of the round before.
+
+    Parameters
+    ----------
+    scene, samples, priors, loss
+        See `fit_goal`.
+    doubt : Doubt
+        How weights follow residuals.
+    p : (8,) float64
+        Start, overwritten with the result.
+    information : (8, 8) float64
+        Result, see `fit_goal`.
+    sigma : (N + M + L,) float64
+        Result: noise of the last round, pixels.
+
+    Returns
+    -------
+    float
+        The last round's cost, or infinity where a fit broke down.
+    """
+    goal = samples.edge.shape[0] + samples.foot_post.shape[0]
+    residual = np.empty(samples.sigma.shape[0])
+    weighed = FitSamples(
+        samples.edge,
+        samples.uv,
+        samples.foot_post,
+        samples.foot_at,
+        samples.foot_uv,
+        samples.foot_direction,
+        samples.mark_m,
+        samples.mark_uv,
+        samples.mark_direction,
+        sigma,
+    )
+    cost = np.inf
+    for _ in range(doubt.rounds):
+        goal_residuals(scene, samples, p, residual)
+        doubt_edges(samples.edge, residual, samples.sigma, doubt.typical_px, sigma)
+        scatter_marks(residual[goal:], doubt.prior_weight, sigma[goal:])
+        cost = fit_goal(scene, weighed, priors, loss, p, information)
+        if math.isinf(cost):
+            break
+    return cost
+
+
+@compiled
+def goal_misfit(samples: FitSamples, residual: FloatArray, priors: FitPriors, scale_px: float, p: FloatArray) -> float:
+    """Cost of a goal's own samples and of the priors at a camera, chi-square; unknowns that are held cost nothing.
+
+    Parameters
+    ----------
+    samples : FitSamples
+        The goal's, without marks or before them.
+    residual : (N + M + ...,) float64
+        Of the samples there, pixels.
+    priors : FitPriors
+        On the camera.
+    scale_px : float
+        Of Cauchy's loss.
+    p : (8,) float64
+        The camera.
+    """
+    cost = 0.0
+    for n in range(samples.edge.shape[0] + samples.foot_post.shape[0]):
+        cost += math.log1p((residual[n] / scale_px) ** 2) * (scale_px / samples.sigma[n]) ** 2
+    for i in range(p.shape[0]):
+        if not math.isinf(priors.weight[i]):
+            cost += priors.weight[i] * (p[i] - priors.expected[i]) ** 2
+    return cost
