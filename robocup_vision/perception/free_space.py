@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Array, read_only
+from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array, read_only
 from robocup_vision.kernels.floor import free_floor, free_ranges
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
 # what every frame needs, wherever the camera's neck turns it
-_OF_EVERY_FRAME = ("ring_bounds_m", "cell", "_needed", "_seen", "_first_seen", "_near_m")
+_OF_EVERY_FRAME = ("cell", "_cells")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,42 +136,28 @@ class FreeSpaceGrid:
         return cell
 
     @cached_property
-    def _near_m(self) -> Float32Array:
-        """(K, M) float32: range of each sample's near rim, metres."""
-        floor = self.view.floor_m
-        middle = np.hypot(floor[..., 0], floor[..., 1])
-        return np.asarray(middle - 0.5 * np.diff(middle, axis=1, prepend=middle[:, :1]), dtype=np.float32)
-
-    @cached_property
-    def _first_seen(self) -> npt.NDArray[np.int64]:
-        """(J,) int64: the nearest ring of each direction that any sample sees."""
-        return np.asarray((self._needed > 0).argmax(axis=0))
-
-    @cached_property
-    def _count(self) -> int:
-        return (len(self.ring_bounds_m) - 1) * self.directions
-
-    @cached_property
-    def _needed(self) -> Int32Array:
-        """(I, J) int32: samples that make a cell free; none where no sample sees it, so that it hides nothing."""
-        total = np.bincount(self.cell[self.cell >= 0], minlength=self._count)
-        needed: Int32Array = np.ceil(total * self.threshold - 1e-6).astype(np.int32)
-        return needed.reshape(-1, self.directions)
-
-    @cached_property
-    def _seen(self) -> npt.NDArray[np.int64]:
-        """(J,) int64: rings of each direction up to the last one that any sample sees."""
-        rings = np.arange(1, len(self.ring_bounds_m))[:, None]
-        return np.asarray((rings * (self._needed > 0)).max(axis=0))
+    def _cells(self) -> free_ranges.FreeCells:
+        """The samples' cells, and the blocked samples that a free one may have; one that no sample sees hides none."""
+        rings, shape = len(self.ring_bounds_m) - 1, (len(self.ring_bounds_m) - 1, self.directions)
+        total = np.bincount(self.cell[self.cell >= 0], minlength=rings * self.directions).reshape(shape)
+        needed = np.ceil(total * self.threshold - 1e-6)
+        seen = (np.arange(1, rings + 1)[:, None] * (needed > 0)).max(axis=0)
+        middle = np.hypot(self.view.floor_m[..., 0], self.view.floor_m[..., 1])
+        near_m = middle - 0.5 * np.diff(middle, axis=1, prepend=middle[:, :1])
+        return free_ranges.FreeCells(
+            self.cell,
+            (total - needed).astype(np.int32),
+            seen,
+            self.ring_bounds_m,
+            near_m.astype(np.float32),
+            (needed > 0).argmax(axis=0),
+            self.view.is_ring,
+        )
 
     def measure(self, passable: UInt8Array) -> FreeSpace:
         """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""
-        rings, range_m = np.empty(self.directions, dtype=np.int32), np.empty(self.directions)
-        free_ranges.free_rings(passable, self.cell, self._needed, self._seen, self.ring_bounds_m, rings, range_m)
-        if not self.view.is_ring:
-            free_ranges.to_first_blocked(passable, self.cell, self._near_m, rings, range_m)
-            # what stands in the nearest floor in view may stand anywhere nearer
-            range_m = np.where(rings <= self._first_seen, 0.0, range_m)
+        range_m = np.empty(self.directions)
+        free_ranges.measure_ranges(passable, self._cells, range_m)
         return FreeSpace(self.bearing_rad, range_m)
 
 

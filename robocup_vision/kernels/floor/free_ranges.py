@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from robocup_vision.arrays import (
@@ -13,88 +15,94 @@ from robocup_vision.arrays import (
     UInt8Array,
 )
 from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.bits import NO_BITS, ONE, eight_equal, lowest
 from robocup_vision.kernels.floor.free_floor import BLOCKED
 
 # in each byte of a word of eight marks its lowest and its highest bit
 EACH_BYTE, HIGH_BITS = np.uint64(0x0101010101010101), np.uint64(0x8080808080808080)
 
 
-@compiled
-def free_rings(
-    passable_mask: UInt8Array,
-    cell: Int32Array,
-    needed: Int32Array,
-    seen: Int64Array,
-    bounds_m: FloatArray,
-    free: Int32Array,
-    range_m: FloatArray,
-) -> None:
-    """Count the passable samples of each cell, and the rings of each direction before its first blocked cell.
+class FreeCells(NamedTuple):
+    """The samples' cells, I rings by J directions, and when a cell is free.
 
     Parameters
     ----------
-    passable_mask : (K, M) uint8
     cell : (K, M) int32
         Index of each sample's cell, ring * J + direction; -1: none.
-    needed : (I, J) int32
-        Passable samples that make a cell free.
+    allowed : (I, J) int32
+        Blocked samples that a cell may have and still be free.
     seen : (J,) int64
         Rings of each direction up to the last one that any sample sees.
     bounds_m : (I + 1,) float64
         Ranges between which the rings lie.
-    free, range_m : (J,) int32, (J,) float64
-        Filled with the number of free rings, and the range at which they end.
+    near_m : (K, M) float32
+        Range of each sample's near rim, metres.
+    first_seen : (J,) int64
+        Nearest ring of each direction that any sample sees.
+    is_ring : bool
+        Whether the samples lie all around the robot, and from its body on. Then neither of the last two is used.
     """
-    rows, columns = cell.shape
-    rings, directions = needed.shape
-    count = np.zeros(rings * directions, np.int32)
-    for k in range(rows):
-        for m in range(columns):
-            if cell[k, m] >= 0 and passable_mask[k, m] != 0:
-                count[cell[k, m]] += 1
-    for j in range(directions):
-        ring = 0
-        while ring < seen[j] and count[ring * directions + j] >= needed[ring, j]:
-            ring += 1
-        free[j], range_m[j] = ring, bounds_m[ring]
+
+    cell: Int32Array
+    allowed: Int32Array
+    seen: Int64Array
+    bounds_m: FloatArray
+    near_m: Float32Array
+    first_seen: Int64Array
+    is_ring: bool
 
 
 @compiled
-def to_first_blocked(
-    passable_mask: UInt8Array, cell: Int32Array, near_m: Float32Array, rings: Int32Array, range_m: FloatArray
-) -> None:
-    """Lengthen ranges that end before a blocked cell to the nearest of its samples that is blocked.
+def measure_ranges(passable_mask: UInt8Array, cells: FreeCells, range_m: FloatArray) -> None:
+    """Measure how far the floor is free in each direction: up to its first cell that is not.
+
+    In a view that is no ring samples lie far apart along a direction: within that cell the floor is free up to the
+    nearest blocked sample. What stands in the nearest floor in view may stand anywhere nearer: the range is 0.
 
     Parameters
     ----------
     passable_mask : (K, M) uint8
-    cell : (K, M) int32
-        Index of each sample's cell, ring * J + direction; -1: none.
-    near_m : (K, M) float32
-        Range of each sample's near rim, metres.
-    rings : (J,) int32
-        Free rings of each direction.
+    cells : FreeCells
+        Of the samples.
     range_m : (J,) float64
-        Range of their far bound, metres; lengthened.
+        Filled, metres.
     """
-    rows, columns = cell.shape
-    directions = len(rings)
-    nearest = np.full(directions, np.inf, np.float32)
-    # looked up, as dividing by the number of directions takes longer than all else
-    ended = np.full((max(rings) + 1) * directions, -1, np.int16)
+    rings, directions = cells.allowed.shape
+    count, nearest = np.zeros(rings * directions, np.int32), np.full(rings * directions, np.inf, np.float32)
+    flat, cell, near_m = passable_mask.reshape(-1), cells.cell.reshape(-1), cells.near_m.reshape(-1)
+    eights = len(flat) // 8
+    # most samples are floor: only the others are counted
+    for k in range(eights):
+        blocked = eight_equal(flat, np.uint64(8 * k), BLOCKED)
+        while blocked != NO_BITS:
+            _count(np.uint64(8 * k + lowest(blocked)), cells.is_ring, cell, near_m, count, nearest)
+            blocked &= blocked - ONE
+    for n in range(8 * eights, len(flat)):
+        if flat[n] == BLOCKED:
+            _count(np.uint64(n), cells.is_ring, cell, near_m, count, nearest)
     for j in range(directions):
-        ended[rings[j] * directions + j] = j
-    count = np.uint32(len(ended))
-    for k in range(rows):
-        for m in range(columns):
-            # no cell, -1, is beyond all of them as an unsigned number
-            if passable_mask[k, m] == BLOCKED and np.uint32(cell[k, m]) < count:
-                j = ended[np.uint32(cell[k, m])]
-                if j >= 0:
-                    nearest[j] = min(nearest[j], near_m[k, m])
-    for j in range(directions):
-        if nearest[j] < np.inf:
-            range_m[j] = max(range_m[j], nearest[j])
+        ring = 0
+        while ring < cells.seen[j] and count[ring * directions + j] <= cells.allowed[ring, j]:
+            ring += 1
+        range_m[j] = cells.bounds_m[ring]
+        if cells.is_ring:
+            continue
+        if ring < rings and nearest[ring * directions + j] < np.inf:
+            range_m[j] = max(range_m[j], nearest[ring * directions + j])
+        if ring <= cells.first_seen[j]:
+            range_m[j] = 0.0
+
+
+@compiled(inline="always")
+def _count(
+    at: np.uint64, is_ring: bool, cell: Int32Array, near_m: Float32Array, count: Int32Array, nearest: Float32Array
+) -> None:
+    """Count a blocked sample in its cell, and keep the nearest rim of those in it."""
+    if cell[at] >= 0:
+        index = np.uint32(cell[at])
+        count[index] += 1
+        if not is_ring:
+            nearest[index] = min(nearest[index], near_m[at])
 
 
 @compiled

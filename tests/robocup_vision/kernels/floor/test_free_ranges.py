@@ -4,49 +4,39 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.floor.free_ranges import first_blocked, free_rings, sum_near, to_first_blocked
+from robocup_vision.kernels.floor.free_ranges import FreeCells, first_blocked, measure_ranges, sum_near
 
 seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(deadline=None, max_examples=40)
-@given(seeds)
-def test_free_rings_are_counted_as_numpy_counts_them(seed):
+@settings(deadline=None, max_examples=80)
+@given(seeds, st.booleans(), st.integers(1, 31))
+def test_ranges_are_those_of_numpy(seed, is_ring, columns):
     rng = np.random.default_rng(seed)
-    mask = rng.integers(0, 4, (30, 20), dtype=np.uint8)
-    cell = rng.integers(-1, 12, (30, 20), dtype=np.int32)
-    needed = rng.integers(0, 50, (4, 3), dtype=np.int32)
-    seen = rng.integers(0, 5, 3)
-    bounds_m, free, range_m = np.cumsum(rng.random(5)), np.full(3, 99, dtype=np.int32), np.empty(3)
-    free_rings(mask, cell, needed, seen, bounds_m, free, range_m)
-    count = np.bincount(cell[(mask > 0) & (cell >= 0)], minlength=12).reshape(4, 3)
+    mask = rng.integers(0, 4, (30, columns), dtype=np.uint8)
+    cell = rng.integers(-1, 12, (30, columns), dtype=np.int32)
+    allowed = rng.integers(0, 50, (4, 3), dtype=np.int32)
+    seen, first_seen = rng.integers(0, 5, 3), rng.integers(0, 2, 3)
+    bounds_m, near_m = np.cumsum(rng.random(5)), rng.random((30, columns)).astype(np.float32)
+    range_m = np.empty(3)
+    measure_ranges(mask, FreeCells(cell, allowed, seen, bounds_m, near_m, first_seen, is_ring), range_m)
+    is_blocked = (mask == 0) & (cell >= 0)
+    count = np.bincount(cell[is_blocked], minlength=12).reshape(4, 3)
     ring = np.arange(4)[:, None]
-    expected = np.cumprod((count >= needed) & (ring < seen), axis=0).sum(axis=0)
-    np.testing.assert_array_equal(free, expected)
-    np.testing.assert_array_equal(range_m, bounds_m[expected])
+    free = np.cumprod((count <= allowed) & (ring < seen), axis=0).sum(axis=0)
+    expected = bounds_m[free]
+    for j, rings in enumerate(free):
+        nearest = near_m[is_blocked & (cell == rings * 3 + j)]
+        if rings < 4 and len(nearest) and not is_ring:
+            expected[j] = max(expected[j], nearest.min())
+        if rings <= first_seen[j] and not is_ring:
+            expected[j] = 0.0
+    np.testing.assert_array_equal(range_m, expected)
 
 
 def test_the_nearest_columns_are_summed():
     llr = np.random.default_rng(0).integers(-128, 128, (30, 20)).astype(np.int8)
     assert sum_near(llr, 7) == llr[:, :7].sum(dtype=int)
-
-
-@settings(deadline=None, max_examples=40)
-@given(seeds)
-def test_ranges_reach_to_the_nearest_blocked_sample_of_the_first_blocked_cell(seed):
-    rng = np.random.default_rng(seed)
-    mask = rng.integers(0, 3, (30, 20), dtype=np.uint8)
-    cell = rng.integers(-1, 12, (30, 20), dtype=np.int32)
-    near_m = rng.random((30, 20)).astype(np.float32)
-    rings = rng.integers(0, 5, 3).astype(np.int32)
-    range_m = rng.random(3)
-    expected = range_m.copy()
-    for j, ring in enumerate(rings):
-        blocked = near_m[(mask == 0) & (cell == ring * 3 + j)]
-        if ring < 4 and len(blocked):
-            expected[j] = max(range_m[j], blocked.min())
-    to_first_blocked(mask, cell, near_m, rings, range_m)
-    np.testing.assert_array_equal(range_m, expected)
 
 
 @settings(deadline=None, max_examples=60)
