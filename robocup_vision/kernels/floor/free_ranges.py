@@ -70,16 +70,22 @@ def measure_ranges(passable_mask: UInt8Array, cells: FreeCells, range_m: FloatAr
     rings, directions = cells.allowed.shape
     count, nearest = np.zeros(rings * directions, np.int32), np.full(rings * directions, np.inf, np.float32)
     flat, cell, near_m = passable_mask.reshape(-1), cells.cell.reshape(-1), cells.near_m.reshape(-1)
-    eights = len(flat) // 8
     # most samples are floor: only the others are counted
-    for k in range(eights):
-        blocked = eight_equal(flat, np.uint64(8 * k), BLOCKED)
+    for first in range(0, len(flat), 8):
+        if first + 8 <= len(flat):
+            blocked = eight_equal(flat, np.uint64(first), BLOCKED)
+        else:
+            blocked = NO_BITS
+            for n in range(first, len(flat)):
+                blocked |= np.uint64(flat[n] == BLOCKED) << np.uint64(n - first)
         while blocked != NO_BITS:
-            _count(np.uint64(8 * k + lowest(blocked)), cells.is_ring, cell, near_m, count, nearest)
+            at = np.uint64(first + lowest(blocked))
             blocked &= blocked - ONE
-    for n in range(8 * eights, len(flat)):
-        if flat[n] == BLOCKED:
-            _count(np.uint64(n), cells.is_ring, cell, near_m, count, nearest)
+            if cell[at] >= 0:
+                index = np.uint32(cell[at])
+                count[index] += 1
+                if not cells.is_ring:
+                    nearest[index] = min(nearest[index], near_m[at])
     for j in range(directions):
         ring = 0
         while ring < cells.seen[j] and count[ring * directions + j] <= cells.allowed[ring, j]:
@@ -91,18 +97,6 @@ def measure_ranges(passable_mask: UInt8Array, cells: FreeCells, range_m: FloatAr
             range_m[j] = max(range_m[j], nearest[ring * directions + j])
         if ring <= cells.first_seen[j]:
             range_m[j] = 0.0
-
-
-@compiled(inline="always")
-def _count(
-    at: np.uint64, is_ring: bool, cell: Int32Array, near_m: Float32Array, count: Int32Array, nearest: Float32Array
-) -> None:
-    """Count a blocked sample in its cell, and keep the nearest rim of those in it."""
-    if cell[at] >= 0:
-        index = np.uint32(cell[at])
-        count[index] += 1
-        if not is_ring:
-            nearest[index] = min(nearest[index], near_m[at])
 
 
 @compiled

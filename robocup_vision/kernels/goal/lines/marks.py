@@ -189,7 +189,7 @@ def mark_stds(
         std[n] = math.sqrt(max(variance, 0.0))
 
 
-@compiled(inline="always")
+@compiled
 def _is_inside(
     start: FloatArray, normal: FloatArray, first: float, last: float, aside: float, columns: int, rows: int
 ) -> bool:
@@ -205,7 +205,7 @@ def _is_inside(
     )
 
 
-@compiled(inline="always")
+@compiled
 def _pixels_at(u: float, v: float, columns: int) -> tuple[np.uint64, _Weights]:
     """Place of the pixel left above a point in the picture as one row, and the weights of it and its neighbours."""
     u0, v0 = int(u), int(v)
@@ -213,7 +213,7 @@ def _pixels_at(u: float, v: float, columns: int) -> tuple[np.uint64, _Weights]:
     return np.uint64(3 * (v0 * columns + u0)), ((1.0 - fu) * (1.0 - fv), fu * (1.0 - fv), (1.0 - fu) * fv, fu * fv)
 
 
-@compiled(inline="always")
+@compiled
 def _mean_of(flat: UInt8Array, at: np.uint64, row: np.uint64, weights: _Weights) -> float:
     """Interpolated value of one channel."""
     here, right, below, across = weights
