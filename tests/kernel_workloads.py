@@ -263,8 +263,9 @@ WORKLOADS: dict[str, Callable[[], Workload]] = {
 def overloads() -> dict[str, set[Any]]:
     """Return the types of arguments that each loop of the library has been compiled or loaded for so far."""
     found: dict[str, set[Any]] = {}
-    for path in sorted((ROOT / "robocup_vision" / "kernels").glob("*/*.py")):
-        module = f"{path.parent.name}.{path.stem}"
+    kernels = ROOT / "robocup_vision" / "kernels"
+    for path in sorted(kernels.glob("*/**/*.py")):
+        module = ".".join(path.relative_to(kernels).with_suffix("").parts)
         for name, value in vars(import_module(f"{KERNELS}.{module}")).items():
             # a loop that another module imports is listed where it stands
             if hasattr(value, "overloads") and value.py_func.__module__ == f"{KERNELS}.{module}":
