@@ -12,9 +12,20 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array, plain_frame
 from robocup_vision.kernels.goal.paint.runs import find_mask_runs, link_runs
 from robocup_vision.kernels.goal.paint.strips import Runs, StripLimits, fit_strip, straight_line, summarize_chains
+from robocup_vision.kernels.goal.paint.white import (
+    GRADIENT_SIZES,
+    GRADIENTS_PER_LEVEL,
+    RUNS_PER_RISE,
+    WhiteRuns,
+    band_gradients,
+    find_white_runs,
+    greenness,
+    least_channel,
+    median_size,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,73 +105,53 @@ def carpet_mask(image: UInt8Array, excluded: UInt8Array | None = None) -> UInt8A
     excluded : (H, W) uint8, optional
         Pixels that are certainly something else (cyan paint is greenish too).
     """
-    blue, green, red = cv2.split(image)
-    greenness = cv2.addWeighted(green, 1.0, cv2.addWeighted(red, 0.5, blue, 0.5, 0.0), -1.0, 0.0)
+    image = plain_frame(image)
+    green = np.empty(image.shape[:2], np.uint8)
+    greenness(image, green)
     if excluded is not None:
-        greenness[excluded > 0] = 0
-    greenness = cv2.blur(greenness, (3, 3))
-    return np.asarray(cv2.threshold(greenness, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1])
+        green[excluded > 0] = 0
+    smooth = cv2.blur(green, (3, 3))
+    return np.asarray(cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1])
+
+
+def whiteness(image: UInt8Array) -> UInt8Array:
+    """Least channel (H, W) of a picture (H, W, 3): white paint is bright in all channels, and green carpet is not."""
+    image = plain_frame(image)
+    least = np.empty(image.shape[:2], np.uint8)
+    least_channel(image, least)
+    return least
 
 
 def white_runs(
-    image: UInt8Array, row_step: int, settings: StripSettings = StripSettings()
+    white: UInt8Array, row_step: int, settings: StripSettings = StripSettings()
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """White stretches between a rising and a falling edge, in bands of rows.
 
-    White paint is bright in all channels, and green carpet is not.
+    Parameters
+    ----------
+    white : (H, W) uint8
+        See `whiteness`.
+    row_step : int
+        Rows of a band.
+    settings : StripSettings, optional
+        Bounds of a strip.
 
     Returns
     -------
     row, left, right, contrast : (N,) float64
         Sorted by row; edges at sub-pixel columns; contrast is the weaker edge's gradient in noise units.
     """
-    image = np.asarray(cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2]), np.uint8)
-    bands = image.shape[0] // row_step
-    profile = cv2.resize(
-        np.ascontiguousarray(image[: bands * row_step]), (image.shape[1], bands), interpolation=cv2.INTER_AREA
-    ).astype(np.float32)
-    kernel = np.array([-1, -2, 0, 2, 1], np.float32) / 8
-    gradient = np.asarray(cv2.sepFilter2D(profile, cv2.CV_32F, kernel, np.ones(1, np.float32)), np.float32)
-    noise = 1.4826 * float(np.median(np.abs(gradient))) + 0.25
-    inner = gradient[:, 1:-1]
-    before, after = gradient[:, :-2], gradient[:, 2:]
-    rising = (inner > 4 * noise) & (inner >= before) & (inner > after)
-    falling = (inner < -4 * noise) & (inner <= before) & (inner < after)
-    widest = image.shape[1] // 8
-    rows, starts = np.nonzero(rising)
-    fall_rows, ends = np.nonzero(falling)
-    stride = image.shape[1] + widest + 1  # flat index in which a run never reaches the next row
-    flat_ends = fall_rows * stride + ends
-    first = np.searchsorted(flat_ends, rows * stride + starts)
-    found: list[FloatArray] = []
-    for skip in (0, 1, 2):  # a speck on the paint must not end the run: the second falling edge is a run as well
-        pick = first + skip
-        good = pick < len(flat_ends)
-        pick = np.minimum(pick, max(len(flat_ends) - 1, 0))
-        width = (
-            np.where(good, flat_ends[pick] - (rows * stride + starts), -1) if len(flat_ends) else -np.ones(len(rows))
-        )
-        good = (width >= settings.min_width_px) & (width <= widest)
-        r, s, e = rows[good], starts[good], ends[pick[good]] if len(flat_ends) else rows[good]
-        found.append(
-            np.stack(
-                [
-                    (r + 0.5) * row_step - 0.5,
-                    s + 1 + _vertex(gradient, r, s + 1),
-                    e + 1 + _vertex(gradient, r, e + 1),
-                    np.minimum(gradient[r, s + 1], -gradient[r, e + 1]) / noise,
-                ]
-            )
-        )
-    runs = np.hstack(found)
-    runs = runs[:, np.argsort(runs[0], kind="stable")]
-    return runs[0], runs[1], runs[2], runs[3]
-
-
-def _vertex(gradient: npt.NDArray[np.float32], row: npt.NDArray[np.int64], column: npt.NDArray[np.int64]) -> FloatArray:
-    low, mid, high = (np.abs(gradient[row, column + d]).astype(np.float64) for d in (-1, 0, 1))
-    bend = np.maximum(2 * mid - low - high, 1e-6)
-    return np.asarray(np.clip((high - low) / (2 * bend), -0.5, 0.5), np.float64)
+    width = white.shape[1]
+    gradient = np.empty((white.shape[0] // row_step, width), np.int16)
+    sizes = np.empty(GRADIENT_SIZES, np.int64)
+    band_gradients(white, row_step, gradient, sizes)
+    noise = 1.4826 * median_size(sizes) / GRADIENTS_PER_LEVEL + 0.25
+    # edges of one direction are never beside each other
+    room = RUNS_PER_RISE * len(gradient) * (width // 2)
+    runs = np.empty((4, room))
+    count = find_white_runs(gradient, row_step, noise, (settings.min_width_px, float(width // 8)), WhiteRuns(*runs))
+    row, left, right, contrast = runs[:, :count]
+    return row, left, right, contrast
 
 
 def mask_runs(mask: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -13,7 +13,7 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.kernels.goal.silhouettes import Evidence
 from robocup_vision.localization.goal.silhouettes import Edges, SilhouetteSearch
 from robocup_vision.perception.goal_color import GoalColorSettings, hue_masks
-from robocup_vision.perception.goal_region import carpet_mask
+from robocup_vision.perception.goal_region import carpet_mask, whiteness
 
 # of white light, colours differ by so much where a lamp or the white balance is tinted, and by the sensor's noise
 _WHITE_RATIO = np.float32(1.1)
@@ -73,6 +73,11 @@ class GoalPicture:
     def masks(self) -> PaintMasks:
         """Of the reduced frame."""
         return self._masks(self.small)
+
+    @cached_property
+    def whiteness(self) -> UInt8Array:
+        """How bright each pixel of the frame is in all channels."""
+        return whiteness(self.frame)
 
     @cached_property
     def straight(self) -> UInt8Array:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from field_models.field import COLOR_NAMES, Field
@@ -259,16 +258,13 @@ class GoalSearch:
             for color, mask in masks.paint.items():
                 yield self._of_hue(color, mask, masks.carpet, self._mask_strips(mask, masks.carpet), picture.factor)
         if self._has_white:
-            frame = picture.frame
-            carpet = carpet_mask(frame)
-            found = strips(
-                white_runs(frame, 4, self.settings.strips), 4, carpet, certain=False, settings=self.settings.strips
-            )
+            carpet = carpet_mask(picture.frame)
+            runs = white_runs(picture.whiteness, 4, self.settings.strips)
+            found = strips(runs, 4, carpet, certain=False, settings=self.settings.strips)
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
-            paint = np.asarray(cv2.min(cv2.min(frame[..., 0], frame[..., 1]), frame[..., 2]), np.uint8)
             appearance = EdgeAppearance(np.full(3, 3**-0.5), math.inf, 1.0)
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)], self.settings.white_pairs)
-            yield Proposal(sides, found, pairs, paint, carpet, 1, self.white_model, appearance)
+            yield Proposal(sides, found, pairs, picture.whiteness, carpet, 1, self.white_model, appearance)
 
     def by_silhouettes(self, picture: GoalPicture) -> list[Candidate]:
         """Goals that paint alone does not show: washed by lamps, or before something of a neighbouring hue."""

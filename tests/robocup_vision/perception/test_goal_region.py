@@ -19,6 +19,7 @@ from robocup_vision.perception.goal_region import (
     mask_runs,
     strips,
     white_runs,
+    whiteness,
 )
 
 FIELD = load_field("four_legged_2007")
@@ -47,7 +48,7 @@ def test_colored_post_is_one_strip_on_its_foot(left, width, color):
 def test_white_post_before_clutter_stands_on_the_carpet():
     frame = drawn("white")
     frame[10:60, 100:104] = 220  # hangs in the air
-    found = strips(white_runs(frame, 4), 4, carpet_mask(frame), certain=False)
+    found = strips(white_runs(whiteness(frame), 4), 4, carpet_mask(frame), certain=False)
     standing = [s for s in found if np.isfinite(s.foot)]
     assert len(standing) == 1
     assert standing[0].edges_at(60) == pytest.approx((59.5, 67.5), abs=0.6)
@@ -99,7 +100,7 @@ def test_enlarging_keeps_pixel_centres():
 
 def test_nothing_comes_of_nothing():
     frame = np.zeros((120, 160, 3), np.uint8)
-    assert strips(white_runs(frame, 4), 4, carpet_mask(frame), certain=False) == []
+    assert strips(white_runs(whiteness(frame), 4), 4, carpet_mask(frame), certain=False) == []
     assert all(not mask.any() for mask in hue_masks(frame, hue_families(FIELD)).values())
 
 
