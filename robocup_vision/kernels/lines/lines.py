@@ -25,22 +25,25 @@ def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, cell_bits: int, ton
     """
     height, width = smooth.shape[:2]
     out = np.zeros((height, width), dtype=np.uint8)
+    shown = np.zeros(width, dtype=np.uint8)
+    is_any = False
     for y in range(height):
+        row = y >> cell_bits
+        if y == row << cell_bits:
+            is_any = False
+            for x in range(width):
+                shown[x] = seen[row, x >> cell_bits] != 0
+                is_any |= shown[x] != 0
+        if not is_any:
+            continue
+        # without branches many pixels are compared at a time
+        pixels, marks = smooth[y].reshape(-1), out[y]
         for x in range(width):
-            if seen[y >> cell_bits, x >> cell_bits] == 0:
-                continue
-            b = np.float32(smooth[y, x, 0])
-            g = np.float32(smooth[y, x, 1])
-            r = np.float32(smooth[y, x, 2])
-            if (
-                g >= tone[4]
-                and g <= tone[5]
-                and r >= tone[0] * g - tone[6]
-                and r <= tone[1] * g + tone[6]
-                and b >= tone[2] * g - tone[6]
-                and b <= tone[3] * g + tone[6]
-            ):
-                out[y, x] = 1
+            b, g, r = np.float32(pixels[3 * x]), np.float32(pixels[3 * x + 1]), np.float32(pixels[3 * x + 2])
+            is_bright = (g >= tone[4]) & (g <= tone[5])
+            is_red = (r >= tone[0] * g - tone[6]) & (r <= tone[1] * g + tone[6])
+            is_blue = (b >= tone[2] * g - tone[6]) & (b <= tone[3] * g + tone[6])
+            marks[x] = shown[x] & (is_bright & is_red & is_blue)
     return out
 
 
@@ -103,6 +106,59 @@ def _half_crossing(whiteness: UInt8Array, x: int, y: int, dx: int, dy: int, reac
 
 
 @compiled
+def _stretches(reach_px: UInt8Array, found: Int64Array) -> int:
+    """Find the cells of a row (4, C) side by side of one reach, other than 0, along each axis.
+
+    found (4 * C, 4) is the result: axis, reach, first cell, and the one after the last. Returns how many there are.
+    """
+    count = variable(0)
+    for k in range(4):
+        last = variable(0)
+        while last < reach_px.shape[1]:
+            first, reach = last, reach_px[k, last]
+            last += 1
+            while last < reach_px.shape[1] and reach_px[k, last] == reach:
+                last += 1
+            if reach > 0:
+                found[count, 0], found[count, 1], found[count, 2], found[count, 3] = k, reach, first, last
+                count += 1
+    return count
+
+
+@compiled
+def _mark_ridges(
+    whiteness: UInt8Array,
+    floor: UInt8Array,
+    y: int,
+    stretches: Int64Array,
+    cell_bits: int,
+    level: UInt8Array,
+    may_be: UInt8Array,
+) -> None:
+    """Mark in may_be (W,) what is in a row no darker than level (W,) on neither side, with floor on one at least.
+
+    Of a stretch, see `_stretches`, many pixels are compared at a time.
+    """
+    height, width = whiteness.shape
+    for i in range(stretches.shape[0]):
+        k, reach = stretches[i, 0], stretches[i, 1]
+        dx = 1 if k < 2 else (0 if k == 2 else -1)
+        down = 0 if k == 0 else reach
+        aside = 0 if k == 2 else reach
+        first = max(stretches[i, 2] << cell_bits, aside)
+        size = min(stretches[i, 3] << cell_bits, width - aside) - first
+        if size <= 0 or y < down or y + down >= height:
+            continue
+        a, b = first + reach * dx, first - reach * dx
+        side_a, side_b = whiteness[y + down, a : a + size], whiteness[y - down, b : b + size]
+        floor_a, floor_b = floor[y + down, a : a + size], floor[y - down, b : b + size]
+        highest, marks = level[first : first + size], may_be[first : first + size]
+        for n in range(size):
+            is_ridge = (side_a[n] <= highest[n]) & (side_b[n] <= highest[n])
+            marks[n] |= is_ridge & (floor_a[n] | floor_b[n])
+
+
+@compiled
 def line_ridge_points(
     whiteness: UInt8Array,
     green: UInt8Array,
@@ -140,18 +196,23 @@ def line_ridge_points(
     height, width = whiteness.shape
     out = np.empty((limit, 4))
     count = 0
-    is_shown = False
+    level, may_be = np.empty(width, np.uint8), np.empty(width, np.uint8)
+    stretches = np.empty((4 * reach_px.shape[2], 4), np.int64)
+    shown = variable(0)
     for y in range(height):
         row = y >> cell_bits
         if y == row << cell_bits:
             # above the horizon nothing is looked at
-            is_shown = False
-            for k in range(4):
-                for x in range(reach_px.shape[2]):
-                    is_shown = is_shown or reach_px[k, row, x] > 0
-        if not is_shown:
+            shown = _stretches(reach_px[:, row], stretches)
+        if shown == 0:
             continue
         for x in range(width):
+            level[x] = max(np.int16(whiteness[y, x]) - np.int16(threshold), np.int16(0))
+            may_be[x] = 0
+        _mark_ridges(whiteness, floor, y, stretches[:shown], cell_bits, level, may_be)
+        for x in range(width):
+            if may_be[x] == 0:
+                continue
             value = np.int64(whiteness[y, x])
             if value < threshold:
                 continue
