@@ -165,11 +165,8 @@ class GoalPoseEstimator:
         if candidate.model is self._search.white_model:
             points = lines.points(frame, start)
             if len(points) >= self.settings.min_line_points:
-                tried = [
-                    lines.fit_points(model, p, samples, points) for p in (start, *lines.starts(model, start, points))
-                ]
-                rough = [t for t in tried if t is not None]
-                start = max(rough, key=lambda t: t.line_ratio).unknowns if rough else start
+                rough = lines.fit_points(model, [start, *lines.starts(model, start, points)], samples, points)
+                start = start if rough is None else rough.unknowns
         joined = lines.fit_predicted(frame, model, start, samples)
         if joined is None or np.any(np.abs(joined.unknowns[:2]) > self._search.extent_m):
             return None
@@ -212,7 +209,7 @@ class GoalPoseEstimator:
                 continue
             constrained = under_prior(model, prior, self.settings.prior)
             constrained.prior[TILT] = tilt
-            rough = lines.fit_points(constrained, p, None, points)
+            rough = lines.fit_points(constrained, [p], None, points)
             if rough is not None and (best is None or rough.line_ratio > best.line_ratio):
                 best = rough
         if best is None:

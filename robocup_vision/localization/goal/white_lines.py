@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -105,7 +106,7 @@ class WhiteLineSettings:
     min_goal_scale_px: float = 1.5
     height_std_m: float = 0.02
     log_focal_std: float = 0.02
-    cells_across: int = 320
+    cells_across: int = 160
 
 
 def loosened(model: GoalModel, settings: WhiteLineSettings = WhiteLineSettings()) -> GoalModel:
@@ -114,6 +115,16 @@ def loosened(model: GoalModel, settings: WhiteLineSettings = WhiteLineSettings()
     weight[HEIGHT] = min(weight[HEIGHT], settings.height_std_m**-2)
     weight[LOG_FOCAL] = min(weight[LOG_FOCAL], settings.log_focal_std**-2)
     return replace(model, weight=weight)
+
+
+class _Fitted(NamedTuple):
+    """A fit as in `LineFit`, what it was fitted to, and the last scale of its loss."""
+
+    unknowns: FloatArray
+    line_ratio: float
+    residual_px: FloatArray
+    samples: EdgeSamples
+    scale_px: float
 
 
 class WhiteGoalLines:
@@ -164,24 +175,30 @@ class WhiteGoalLines:
         return len(self._marks.predict(model, p))
 
     def fit_points(
-        self, model: GoalModel, start: FloatArray, samples: EdgeSamples | None, points: LinePoints
+        self, model: GoalModel, starts: list[FloatArray], samples: EdgeSamples | None, points: LinePoints
     ) -> LineFit | None:
-        """Fit goal and line points together; None where too few points show the floor in view.
+        """Fit goal and line points together, from where most points come to lie on lines.
+
+        None where too few points show the floor in view.
 
         Parameters
         ----------
         model : GoalModel
             With priors as `loosened` gives them.
-        start : (8,) float64
-            For the goal at +x.
+        starts : list of (8,) float64
+            For the goal at +x; alike in tilt, roll and height.
         samples : EdgeSamples or None
             The goal's edges; None: lines and priors alone.
         points : LinePoints
             Of the same frame.
         """
-        pixels = to_ideal(self._camera, points.pixels)
         scale, iterations = self._settings.rough_scale_px, self._settings.rough_iterations
-        return self._fit(model, start, samples, pixels, points.weight, scale, iterations)
+        seen = self._on_patches(model, starts[0], to_ideal(self._camera, points.pixels), points.weight)
+        if seen is None:
+            return None
+        tried = [self._fit(model, start, samples, seen, scale, iterations) for start in starts]
+        found = [fitted for fitted in tried if fitted is not None]
+        return self._with_covariance(model, max(found, key=lambda fitted: fitted.line_ratio)) if found else None
 
     def fit_predicted(
         self, frame: UInt8Array, model: GoalModel, start: FloatArray, samples: EdgeSamples | None
@@ -196,10 +213,11 @@ class WhiteGoalLines:
             See `fit_points`.
         """
         settings, p = self._settings, start
-        found: LineFit | None = None
+        found: _Fitted | None = None
         for reach in settings.reaches_px:
             uv, _ = self._seen(frame, model, p, reach)
-            found = self._fit(model, p, samples, uv, np.ones(len(uv)), reach / 2, settings.iterations)
+            seen = self._on_patches(model, p, uv, np.ones(len(uv)))
+            found = None if seen is None else self._fit(model, p, samples, seen, reach / 2, settings.iterations)
             if found is None:
                 return None
             p = found.unknowns
@@ -207,7 +225,7 @@ class WhiteGoalLines:
         # what is seen within reach of where the final camera puts it decides
         uv, predicted = self._seen(frame, model, p, settings.inlier_px)
         ratio = len(uv) / max(predicted, 1)
-        return replace(found, line_ratio=ratio) if ratio >= settings.min_ratio else None
+        return self._with_covariance(model, found._replace(line_ratio=ratio)) if ratio >= settings.min_ratio else None
 
     def _seen(self, frame: UInt8Array, model: GoalModel, p: FloatArray, reach_px: float) -> tuple[FloatArray, int]:
         """Ideal pixels (N, 2) of lines near where a camera predicts them, and how many places it predicts."""
@@ -215,33 +233,39 @@ class WhiteGoalLines:
         uv, _ = self._marks.measure(frame, predicted, np.full(len(predicted), reach_px))
         return uv, len(predicted)
 
+    def _on_patches(
+        self, model: GoalModel, p: FloatArray, pixels: FloatArray, weight: FloatArray
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Of ideal pixels (N, 2) and weights (N,), those of one point a patch of the floor; None: they are too few."""
+        from_camera = p.copy()
+        from_camera[[X, Y, HEADING, LOG_FOCAL]] = 0.0
+        floor = _on_floor(model, from_camera, pixels)
+        index = np.flatnonzero(np.isfinite(floor).all(axis=1))
+        index = index[self._thinned(floor[index])]
+        if len(index) < self._settings.min_points:
+            return None
+        return np.ascontiguousarray(pixels[index]), weight[index]
+
     def _fit(
         self,
         model: GoalModel,
         start: FloatArray,
         samples: EdgeSamples | None,
-        pixels: FloatArray,
-        weight: FloatArray,
+        seen: tuple[FloatArray, FloatArray],
         first_scale_px: float,
         iterations: int,
-    ) -> LineFit | None:
-        """Fit to ideal pixels (N, 2) on lines, each associated with its nearest line anew at every step."""
+    ) -> _Fitted | None:
+        """Fit to what `_on_patches` gives, each point associated with its nearest line anew at every step."""
         settings = self._settings
-        from_camera = start.copy()
-        from_camera[[X, Y, HEADING, LOG_FOCAL]] = 0.0
-        floor = _on_floor(model, from_camera, pixels)
-        index = np.flatnonzero(np.isfinite(floor).all(axis=1))
-        index = index[self._thinned(floor[index])]
-        if len(index) < settings.min_points:
-            return None
-        weight = weight[index]
+        pixels, weight = seen
         sigma = settings.line_error_px / np.sqrt(weight)
-        places = LinePlaces(np.ascontiguousarray(pixels[index]), sigma, self._line_map.lines, self._line_map.arcs)
+        places = LinePlaces(pixels, sigma, self._line_map.lines, self._line_map.arcs)
         goal = no_samples() if samples is None else self._as_built(model, samples, start)
         scales = np.maximum(first_scale_px * settings.narrowing ** np.arange(iterations), settings.min_scale_px)
-        loss = self._loss(scales)
         p, marks = start.copy(), _room(len(sigma))
-        if not math.isfinite(fit_to_points(model.scene, goal.for_fit, places, model.priors, loss, marks, p)):
+        if not math.isfinite(
+            fit_to_points(model.scene, goal.for_fit, places, model.priors, self._loss(scales), marks, p)
+        ):
             return None
         count = associate_points(places, model.scene.camera, p, marks)
         near = marks.point[:count]
@@ -249,11 +273,16 @@ class WhiteGoalLines:
             goal, marks.mark_m[:count], marks.mark_uv[:count], marks.mark_direction[:count], sigma[near]
         )
         residual = residuals(model, joined, p)[len(goal.sigma) :]
-        shared = np.concatenate([goal.sigma, joined.sigma[len(goal.sigma) :] / math.sqrt(settings.worth)])
-        information, _ = system_at(model, replace(joined, sigma=shared), p, self._loss(scales[-1:]))
         good = np.abs(residual) < settings.inlier_px
         ratio = float(weight[near[good]].sum() / weight.sum())
-        return LineFit(p, covariance_of(model, information), ratio, residual[good])
+        return _Fitted(p, ratio, residual[good], joined, float(scales[-1]))
+
+    def _with_covariance(self, model: GoalModel, fitted: _Fitted) -> LineFit:
+        sigma = fitted.samples.sigma.copy()
+        sigma[len(sigma) - len(fitted.samples.mark_m) :] /= math.sqrt(self._settings.worth)
+        shared = replace(fitted.samples, sigma=sigma)
+        information, _ = system_at(model, shared, fitted.unknowns, self._loss(np.array([fitted.scale_px])))
+        return LineFit(fitted.unknowns, covariance_of(model, information), fitted.line_ratio, fitted.residual_px)
 
     def _loss(self, scales_px: FloatArray) -> FitLoss:
         goal_px = np.maximum(self._settings.min_goal_scale_px, self._settings.goal_scale * scales_px)
