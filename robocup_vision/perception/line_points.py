@@ -17,10 +17,15 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError, FrameError
-from robocup_vision.arrays import Float32Array, FloatArray, read_only
+from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array, plain_frame, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.floor_tone import ToneRules, learn_tone
-from robocup_vision.kernels.lines.lines import floor_mask_by_tone, line_ridge_points, line_widths
+from robocup_vision.kernels.lines.lines import (
+    floor_mask_by_tone,
+    least_of_red_and_blue,
+    line_ridge_points,
+    line_widths,
+)
 
 # Image steps of the four axes a line may be crossed along, u right, v down.
 AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))
@@ -229,13 +234,15 @@ class LineFinder:
         row, column = np.divmod(near, seen.shape[1])
         self._near = (row * cell + cell // 2) * width + column * cell + cell // 2
 
-    def find(self, frame: npt.NDArray[np.uint8]) -> LinePoints:
+    def find(self, frame: npt.NDArray[np.uint8], *, marks_bare: bool = True) -> LinePoints:
         """Find line points.
 
         Parameters
         ----------
         frame : (H, W, 3) uint8
             BGR.
+        marks_bare : bool, optional
+            Whether to find the bare floor, too.
 
         Raises
         ------
@@ -246,18 +253,19 @@ class LineFinder:
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
             got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
             raise FrameError(f"frame must be uint8 ({height}, {width}, 3), got {got}")
+        frame = plain_frame(frame)
         smooth = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
         tone = self._tone(smooth)
         if tone is None:
             return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
         settings = self.settings
         floor = floor_mask_by_tone(smooth, self._seen, settings.cell_bits, tone)
-        blue, green, red = (np.asarray(channel, dtype=np.uint8) for channel in cv2.split(frame))
-        whiteness = np.asarray(cv2.min(blue, red), dtype=np.uint8)
+        whiteness = np.empty((height, width), np.uint8)
+        least_of_red_and_blue(frame, whiteness)
         limit = int(settings.max_point_ratio * 4**settings.cell_bits * np.count_nonzero(self._seen)) + 1
         found = line_ridge_points(
             whiteness,
-            green,
+            frame[..., 1],
             floor,
             self._width_units,
             self._reach_px,
@@ -272,13 +280,20 @@ class LineFinder:
         strong = contrast >= settings.min_contrast_ratio * np.percentile(
             contrast[two_sided] if two_sided.any() else contrast, 80
         )
-        resolved = self._resolved
-        if settings.cell_bits:
-            resolved = np.asarray(cv2.resize(resolved, (width, height), interpolation=cv2.INTER_NEAREST), np.uint8)
-        bare = cv2.erode(floor & resolved, np.ones((9, 9), dtype=np.uint8)).view(np.bool_)
         return LinePoints.from_pixels(
-            self.camera, found[strong, :2], np.where(two_sided[strong], 1.0, settings.one_sided_weight), bare
+            self.camera,
+            found[strong, :2],
+            np.where(two_sided[strong], 1.0, settings.one_sided_weight),
+            self._bare(floor) if marks_bare else None,
         )
+
+    def _bare(self, floor: UInt8Array) -> npt.NDArray[np.bool_]:
+        """Mark what shows floor, with all of its neighbours, where a line would be told from it."""
+        resolved = self._resolved
+        if self.settings.cell_bits:
+            size_px = self.camera.size_px
+            resolved = np.asarray(cv2.resize(resolved, size_px, interpolation=cv2.INTER_NEAREST), np.uint8)
+        return cv2.erode(floor & resolved, np.ones((9, 9), dtype=np.uint8)).view(np.bool_)
 
     def _tone(self, smooth: npt.NDArray[np.uint8]) -> Float32Array | None:
         """Learn the floor's colour from the nearest pixels: (7,), see `floor_mask_by_tone`; None if they have none."""

@@ -168,7 +168,7 @@ class WhiteGoalLines:
         turn, offset_m = camera.camera_to_robot, (0.0, 0.0)
         slopes_to_floor(self._slopes.reshape(-1, 2), turn, camera.height_m, offset_m, floor_m.reshape(-1, 2))
         finder = LineFinder(camera, self._marks.line_width_m, settings=self._finder_settings, floor_m=floor_m)
-        return finder.find(frame)
+        return finder.find(frame, marks_bare=False)
 
     def expected(self, model: GoalModel, p: FloatArray) -> int:
         """How many places along lines a camera should have in view."""

@@ -13,6 +13,7 @@ from robocup_vision.kernels.lines.lines import (
     DistanceTable,
     PoseGrid,
     floor_mask_by_tone,
+    least_of_red_and_blue,
     line_ridge_points,
     line_widths,
     nearest_line,
@@ -37,6 +38,15 @@ def test_floor_mask_agrees_with_numpy(seed):
     expected = (g >= 40) & (g <= 200) & (r >= tone[0] * g - 2) & (r <= tone[1] * g + 2)
     expected &= (b >= tone[2] * g - 2) & (b <= tone[3] * g + 2) & (seen > 0)
     np.testing.assert_array_equal(floor_mask_by_tone(smooth, seen, 0, tone), expected)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds)
+def test_least_of_red_and_blue_agrees_with_numpy(seed):
+    frame = np.random.default_rng(seed).integers(0, 256, (7, 11, 3), dtype=np.uint8)
+    least = np.empty((7, 11), np.uint8)
+    least_of_red_and_blue(frame, least)
+    np.testing.assert_array_equal(least, frame[..., ::2].min(axis=2))
 
 
 def crossing(profile, level):
