@@ -144,7 +144,7 @@ def _mark_ridges(
     level: UInt8Array,
     may_be: UInt8Array,
 ) -> None:
-    """Mark in may_be (W,) what is in a row no darker than level (W,) on neither side, with floor on one at least.
+    """Mark in may_be (W,), a bit an axis, what has neither side brighter than level (W,) in a row, and floor on one.
 
     Of a stretch, see `_stretches`, many pixels are compared at a time.
     """
@@ -162,9 +162,10 @@ def _mark_ridges(
         side_a, side_b = whiteness[y + down, a : a + size], whiteness[y - down, b : b + size]
         floor_a, floor_b = floor[y + down, a : a + size], floor[y - down, b : b + size]
         highest, marks = level[first : first + size], may_be[first : first + size]
+        bit = np.uint8(1 << k)
         for n in range(size):
-            is_ridge = (side_a[n] <= highest[n]) & (side_b[n] <= highest[n])
-            marks[n] |= is_ridge & (floor_a[n] | floor_b[n])
+            is_ridge = (side_a[n] <= highest[n]) & (side_b[n] <= highest[n]) & ((floor_a[n] | floor_b[n]) != 0)
+            marks[n] |= bit if is_ridge else np.uint8(0)
 
 
 @compiled
@@ -223,24 +224,21 @@ def line_ridge_points(
             if may_be[x] == 0:
                 continue
             value = np.int64(whiteness[y, x])
-            if value < threshold:
-                continue
             best, best_axis, best_reach, best_two = np.int64(0), -1, variable(0), np.int64(0)
             for k in range(4):
-                reach = int(reach_px[k, y >> cell_bits, x >> cell_bits])
-                if reach == 0:
+                if may_be[x] >> k & 1 == 0:
                     continue
+                reach = int(reach_px[k, row, x >> cell_bits])
                 dx = 1 if k < 2 else (0 if k == 2 else -1)
                 dy = 0 if k == 0 else 1
                 xa, ya, xb, yb = x + reach * dx, y + reach * dy, x - reach * dx, y - reach * dy
-                if xa < 0 or xa >= width or xb < 0 or xb >= width or ya >= height or yb < 0:
-                    continue
                 rise = value - max(np.int64(whiteness[ya, xa]), np.int64(whiteness[yb, xb]))
+                # a pixel that is darker than the threshold has been compared with 0
                 if rise < threshold:
                     continue
                 two = np.int64(floor[ya, xa]) + np.int64(floor[yb, xb])
                 # a ridge with floor on both sides goes before a higher one with floor on one
-                if two == 0 or two < best_two or (two == best_two and rise <= best):
+                if two < best_two or (two == best_two and rise <= best):
                     continue
                 best, best_axis, best_reach, best_two = rise, k, reach, two
             if best_axis < 0:
