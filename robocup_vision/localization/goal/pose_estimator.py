@@ -165,7 +165,7 @@ class GoalPoseEstimator:
         if candidate.model is self._search.white_model:
             points = lines.points(frame, start)
             if len(points) >= self.settings.min_line_points:
-                rough = lines.fit_points(model, [start, *lines.starts(model, start, points)], samples, points)
+                rough = lines.fit_points(model, start, samples, points, lines.starts(model, start, points))
                 start = start if rough is None else rough.unknowns
         joined = lines.fit_predicted(frame, model, start, samples)
         if joined is None or np.any(np.abs(joined.unknowns[:2]) > self._search.extent_m):
@@ -209,7 +209,7 @@ class GoalPoseEstimator:
                 continue
             constrained = under_prior(model, prior, self.settings.prior)
             constrained.prior[TILT] = tilt
-            rough = lines.fit_points(constrained, [p], None, points)
+            rough = lines.fit_points(constrained, p, None, points)
             if rough is not None and (best is None or rough.line_ratio > best.line_ratio):
                 best = rough
         if best is None:

@@ -7,7 +7,9 @@ length are unknowns under priors, and what is left is centimetres.
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -75,6 +77,8 @@ class WhiteLineSettings:
         Patches grow until no more points than this are left; fewer than the minimum fix no camera.
     rough_scale_px, rough_iterations : float, int
         Scale of the loss from which points found anywhere on the floor are fitted, and how many steps that takes.
+    clear_ratio : float
+        Of the points on lines from the first start: from here on hardly any are left for another start to win.
     iterations : int
         Steps of each round near the predicted places.
     narrowing, min_scale_px : float, float
@@ -99,6 +103,7 @@ class WhiteLineSettings:
     min_points: int = 20
     rough_scale_px: float = 12.0
     rough_iterations: int = 14
+    clear_ratio: float = 0.95
     iterations: int = 6
     narrowing: float = 0.7
     min_scale_px: float = 2.0
@@ -175,30 +180,41 @@ class WhiteGoalLines:
         return len(self._marks.predict(model, p))
 
     def fit_points(
-        self, model: GoalModel, starts: list[FloatArray], samples: EdgeSamples | None, points: LinePoints
+        self,
+        model: GoalModel,
+        start: FloatArray,
+        samples: EdgeSamples | None,
+        points: LinePoints,
+        others: Iterable[FloatArray] = (),
     ) -> LineFit | None:
-        """Fit goal and line points together, from where most points come to lie on lines.
-
-        None where too few points show the floor in view.
+        """Fit goal and line points together; None where too few points show the floor in view.
 
         Parameters
         ----------
         model : GoalModel
             With priors as `loosened` gives them.
-        starts : list of (8,) float64
-            For the goal at +x; alike in tilt, roll and height.
+        start : (8,) float64
+            For the goal at +x.
         samples : EdgeSamples or None
             The goal's edges; None: lines and priors alone.
         points : LinePoints
             Of the same frame.
+        others : iterable of (8,) float64, optional
+            Starts of the same tilt, roll and height, tried unless nearly all points come to lie on lines from the
+            first one. The fit with most points on lines is returned.
         """
-        scale, iterations = self._settings.rough_scale_px, self._settings.rough_iterations
-        seen = self._on_patches(model, starts[0], to_ideal(self._camera, points.pixels), points.weight)
+        settings = self._settings
+        seen = self._on_patches(model, start, to_ideal(self._camera, points.pixels), points.weight)
         if seen is None:
             return None
-        tried = [self._fit(model, start, samples, seen, scale, iterations) for start in starts]
-        found = [fitted for fitted in tried if fitted is not None]
-        return self._with_covariance(model, max(found, key=lambda fitted: fitted.line_ratio)) if found else None
+        best: _Fitted | None = None
+        for one in itertools.chain([start], others):
+            fitted = self._fit(model, one, samples, seen, settings.rough_scale_px, settings.rough_iterations)
+            if fitted is not None and (best is None or fitted.line_ratio > best.line_ratio):
+                best = fitted
+            if one is start and best is not None and best.line_ratio >= settings.clear_ratio:
+                break
+        return None if best is None else self._with_covariance(model, best)
 
     def fit_predicted(
         self, frame: UInt8Array, model: GoalModel, start: FloatArray, samples: EdgeSamples | None
@@ -310,8 +326,8 @@ class WhiteGoalLines:
         )
         return replace(samples, sigma=np.sqrt(samples.sigma**2 + shared**2 * count))
 
-    def starts(self, model: GoalModel, p: FloatArray, points: LinePoints, max_starts: int = 3) -> list[FloatArray]:
-        """Cameras that see the goal nearly alike and put the line points best on lines.
+    def starts(self, model: GoalModel, p: FloatArray, points: LinePoints, max_starts: int = 3) -> Iterator[FloatArray]:
+        """Yield cameras that see the goal nearly alike and put the line points best on lines.
 
         What a far goal leaves open is how obliquely it is seen: the camera may rotate about the goal's middle, and come
         nearer or go farther a little.
@@ -335,7 +351,7 @@ class WhiteGoalLines:
                 chosen.append(int(k))
             if len(chosen) == max_starts:
                 break
-        return [starts[k] for k in chosen]
+        yield from starts[chosen]
 
 
 def _room(count: int) -> AssociatedMarks:
