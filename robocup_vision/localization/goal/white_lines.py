@@ -111,7 +111,7 @@ class WhiteLineSettings:
     min_goal_scale_px: float = 1.5
     height_std_m: float = 0.02
     log_focal_std: float = 0.02
-    cells_across: int = 160
+    cells_across: int = 320
 
 
 def loosened(model: GoalModel, settings: WhiteLineSettings = WhiteLineSettings()) -> GoalModel:
