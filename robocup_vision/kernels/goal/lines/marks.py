@@ -193,7 +193,7 @@ def mark_stds(
 def _is_inside(
     start: FloatArray, normal: FloatArray, first: float, last: float, aside: float, columns: int, rows: int
 ) -> bool:
-    """Whether a rectangle lies in the picture: from `first` to `last` along a normal, and `aside` to both sides of it."""
+    """Whether a rectangle lies in the picture: from `first` to `last` along a normal, `aside` to both sides."""
     along_u, along_v = abs(aside * normal[1]), abs(aside * normal[0])
     u0, u1 = start[0] + first * normal[0], start[0] + last * normal[0]
     v0, v1 = start[1] + first * normal[1], start[1] + last * normal[1]

@@ -67,6 +67,8 @@ def test_without_carpet_nothing_is_estimated(far):
     drawing = LineDrawing(black, PEN)
     assert drawing.likelihood(search.colored_model, truth) == 0.0
     assert (
-        drawing.settle(search.colored_model, search.candidates(search.picture(far[0]))[0][0].fit.samples.for_fit, truth, 0.05)
+        drawing.settle(
+            search.colored_model, search.candidates(search.picture(far[0]))[0][0].fit.samples.for_fit, truth, 0.05
+        )
         is None
     )
