@@ -90,3 +90,68 @@ def test_a_line_too_faint_for_one_place_is_seen_over_a_stretch():
     assert len(off[6.0]) > 30
     assert len(off[6.0]) > len(off[0.0])
     assert off[6.0].std() < off[0.0].std()
+
+
+def interpolated(frame, u, v):
+    """Bilinear BGR at places (...,) of a picture."""
+    u0, v0 = u.astype(int), v.astype(int)
+    fu, fv = (u - u0)[..., None], (v - v0)[..., None]
+    upper = frame[v0, u0] * (1 - fu) + frame[v0, u0 + 1] * fu
+    return upper * (1 - fv) + (frame[v0 + 1, u0] * (1 - fu) + frame[v0 + 1, u0 + 1] * fu) * fv
+
+
+def plain_ridge(frame, start, normal, reach, width, along_px):
+    """Offset and contrast of one ridge; NaN and 0 where there is none."""
+    rows, columns = frame.shape[:2]
+    side, repeats = 0.5 * width + 1.5, 1 + int(along_px / 1.5)
+    far, half = round(side / 0.5), int(0.3 * width / 0.5)
+    t = -reach - side - 1 + 0.5 * np.arange(round(2 * (reach + side + 1) / 0.5) + 1)
+    s = 1.5 * (np.arange(repeats) - (repeats - 1) / 2)
+    u = start[0] + t[:, None] * normal[0] - s * normal[1]
+    v = start[1] + t[:, None] * normal[1] + s * normal[0]
+    if not ((u >= 0) & (u < columns - 1) & (v >= 0) & (v < rows - 1)).all():
+        return np.nan, 0.0
+    b, g, r = interpolated(frame.astype(float), u, v).mean(axis=1).T
+    bright, green = np.minimum(b, r), (2 * g - r - b) / (r + g + b + 30)
+    best, at = 6.0 / np.sqrt(repeats), -1
+    for i in range(far + 2, len(t) - far - 2):
+        beside = max(bright[i - far - 2 : i - far + 1].mean(), bright[i + far : i + far + 3].mean())
+        value = (bright[i - half : i + half + 1].mean() - beside) * (1 - 0.5 * abs(t[i]) / (reach + 1))
+        if value > best and min(green[i - far - 1], green[i + far + 1]) >= 0.08:
+            best, at = value, i
+    if at < 0:
+        return np.nan, 0.0
+    peak = max([at, *range(at - half - 1, at + half + 2)], key=lambda i: bright[i])
+    ends = []
+    for sign in (-1, 1):
+        level = (np.mean([bright[at + sign * (far + k)] for k in range(3)]) + bright[peak]) / 2
+        i = peak
+        while 0 < i + sign < len(t) - 1 and bright[i] > level:
+            i += sign
+        before = bright[i - sign]
+        part = (before - level) / (before - bright[i]) if before > bright[i] else 0.5
+        ends.append(t[0] + (i - sign + sign * part) * 0.5)
+    seen = ends[1] - ends[0]
+    return (np.mean(ends), best) if 0.35 * width - 0.5 < seen < 1.8 * width + 2 else (np.nan, 0.0)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 3.0]))
+def test_ridges_are_those_of_plain_numpy(seed, along_px):
+    rng = np.random.default_rng(seed)
+    picture = np.full((40, 60, 3), (50.0, 130.0, 45.0)) + rng.normal(0, 4, (40, 60, 3))
+    turn = rng.uniform(0, np.pi)
+    v, u = np.indices((40, 60))
+    away = (u - 30) * np.cos(turn) + (v - 20) * np.sin(turn)
+    # a line, and beside it something that is not carpet
+    picture[np.abs(away) < rng.uniform(0.3, 3)] = (200, 205, 210)
+    picture[away > rng.uniform(3, 12)] = (120, 120, 120)
+    frame = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    start = np.column_stack([rng.uniform(-2, 62, 30), rng.uniform(-2, 42, 30)])
+    normal = np.tile([np.cos(turn), np.sin(turn)], (30, 1))
+    reach, width = rng.uniform(1, 8, 30), rng.uniform(0.2, 5, 30)
+    offset, contrast = np.empty(30), np.empty(30)
+    measure_ridges(frame, start, normal, reach, width, along_px, offset, contrast)
+    for n in range(30):
+        expected = plain_ridge(frame, start[n], normal[n], reach[n], width[n], along_px)
+        np.testing.assert_allclose((offset[n], contrast[n]), expected, rtol=1e-6, atol=1e-6)
