@@ -4,12 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.kernels.model_edges.find import (
     BINS,
     FIRST_POINTS,
     Bank,
+    _least,
     best_poses,
     chroma,
     column_of,
@@ -117,6 +120,19 @@ def plain_wrong_bins(bank, seen, x, y, theta):
             matched += seen[k, end] - seen[k, begin]
             predicted += end - begin
     return max(seen[:, -1].sum() - matched, 0.0) + 0.4 * max(predicted - matched, 0.0)
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 400), st.booleans())
+def test_the_least_are_those_of_a_sort(seed, count, are_alike):
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=rng.integers(count, 5000))
+    if are_alike:
+        # the sampled ones are the greatest, and many are the same
+        values = np.round(2 * values)
+        values[::31] = 9.0
+    expected = np.flatnonzero(values <= np.sort(values)[count - 1])
+    np.testing.assert_array_equal(_least(values, count), expected)
 
 
 @pytest.mark.parametrize("number", [9, 30])
