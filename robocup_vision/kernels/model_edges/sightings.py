@@ -5,6 +5,7 @@ Their bearing and their size in pixels put a camera on a circle about them. Neit
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -194,4 +195,47 @@ def sightings(
                 out[count, 4] = half_view_rad * (1.0 - (first + last) / BINS)
                 out[count, 5], out[count, 6], out[count, 7] = size_m, size, uprights.weight[n]
                 count += 1
+    return count
+
+
+@compiled
+def poses_around(
+    sights: FloatArray, focal_px: float, half_m: tuple[float, float], step_m: float, poses: FloatArray
+) -> int:
+    """Write the poses from which each beacon or post lies at its bearing and looks as large as it does.
+
+    Parameters
+    ----------
+    sights : (S, 8) float64
+        As `sightings` returns them.
+    focal_px : float
+        Of the camera.
+    half_m : (float, float)
+        Greatest |x| and |y| of a pose, metres.
+    step_m : float
+        Between neighbouring poses about the same place.
+    poses : (N, 3) float64
+        Result: x, y, heading; as many as there is room for.
+
+    Returns
+    -------
+    int
+        How many.
+    """
+    count = 0
+    for n in range(sights.shape[0]):
+        bearing, size_m, size_px = sights[n, 4], sights[n, 5], sights[n, 6]
+        away_m = size_m * focal_px / (size_px * math.cos(bearing))
+        around = max(8, int(math.ceil(2.0 * math.pi * away_m / step_m)))
+        is_one = sights[n, 0] == sights[n, 2] and sights[n, 1] == sights[n, 3]
+        for place in range(1 if is_one else 2):
+            for k in range(around):
+                turn = 2.0 * math.pi * k / around
+                x = sights[n, 2 * place] + away_m * math.cos(turn)
+                y = sights[n, 2 * place + 1] + away_m * math.sin(turn)
+                if abs(x) < half_m[0] and abs(y) < half_m[1]:
+                    if count == poses.shape[0]:
+                        return count
+                    poses[count, 0], poses[count, 1], poses[count, 2] = x, y, turn + math.pi - bearing
+                    count += 1
     return count

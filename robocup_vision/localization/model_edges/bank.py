@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from functools import lru_cache
 
 import cv2
 import numpy as np
 
 from field_models import COLOR_NAMES, Field
-from robocup_vision.arrays import Float32Array, FloatArray, read_only
+from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.model_edges.find import Bank
 from robocup_vision.kernels.model_edges.sightings import Uprights
@@ -143,37 +142,3 @@ def prepare_uprights(field: Field, bank: Bank) -> Uprights:
         np.ascontiguousarray(size[:, 1]),
         np.ascontiguousarray(size[:, 2]),
     )
-
-
-@lru_cache(maxsize=256)
-def _circle(count: int) -> FloatArray:
-    """(N, 3) float64: cosine, sine and angle of so many directions, even ones all around."""
-    angle = np.linspace(0.0, math.tau, count, endpoint=False)
-    return read_only(np.stack([np.cos(angle), np.sin(angle), angle], axis=1))
-
-
-def around(sights: FloatArray, focal_px: float, field: Field, step_m: float) -> FloatArray:
-    """Poses (N, 3) from which each of some beacons and posts lies at its bearing and looks as large as it does.
-
-    Parameters
-    ----------
-    sights : (S, 8) float64
-        As `kernels.model_edges.sightings.sightings` returns them.
-    focal_px : float
-        Of the camera.
-    field : Field
-        The poses are on it.
-    step_m : float
-        Between neighbouring poses about the same place.
-    """
-    half_x, half_y = field.length_m / 2 + 0.2, field.width_m / 2 + 0.2
-    found = [np.empty((0, 3))]
-    for row in sights:
-        bearing, size_m, size_px = row[4:7]
-        away_m = size_m * focal_px / (size_px * math.cos(bearing))
-        circle = _circle(max(8, math.ceil(math.tau * away_m / step_m)))
-        for x, y in dict.fromkeys([(row[0], row[1]), (row[2], row[3])]):
-            there = circle * (away_m, away_m, 1.0) + (x, y, math.pi)
-            there[:, 2] -= bearing
-            found.append(there[(np.abs(there[:, 0]) < half_x) & (np.abs(there[:, 1]) < half_y)])
-    return np.concatenate(found)

@@ -16,10 +16,10 @@ from robocup_vision.kernels.model_edges.align import LEFT_BEHIND, Alignment, ali
 from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
 from robocup_vision.kernels.model_edges.follow import brightness
-from robocup_vision.kernels.model_edges.sightings import MAX_SIGHTINGS, NOD_RAD, SIGHT, Horizon, sightings
+from robocup_vision.kernels.model_edges.sightings import MAX_SIGHTINGS, NOD_RAD, SIGHT, Horizon, poses_around, sightings
 from robocup_vision.kernels.model_edges.tables import HEIGHT, ROLL, TILT, UNKNOWNS
 from robocup_vision.kernels.model_edges.verdict import LineLook, line_points
-from robocup_vision.localization.model_edges.bank import around, prepare_bank, prepare_uprights
+from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights
 from robocup_vision.localization.model_edges.candidates import CandidateSettings, accepted, log_weight, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
@@ -120,6 +120,8 @@ class EdgeFinder:
         self._points = np.zeros((600, 3))
         self._starts = np.zeros((s.aligned, 4))
         most = s.aligned + s.around
+        self._tried = np.zeros((most, 3))
+        self._half_m = (field.length_m / 2 + 0.2, field.width_m / 2 + 0.2)
         self._aligned, self._costs = np.zeros((most, 5)), np.zeros(most)
         self._uprights = prepare_uprights(field, self._bank)
         self._sights = np.zeros((MAX_SIGHTINGS, SIGHT))
@@ -178,8 +180,10 @@ class EdgeFinder:
         slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
         pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px, sights)
-        starts = np.concatenate([self._starts[:kept, :3], around(sights, camera.focal_px[0], follower.field, s.step_m)])
-        starts = starts[: len(self._aligned)]
+        tried = self._tried
+        tried[:kept] = self._starts[:kept, :3]
+        kept += poses_around(sights, camera.focal_px[0], self._half_m, s.step_m, tried[kept:])
+        starts = tried[:kept]
         poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
         align_likeliest(self._bank, how, seen, s.upright_weight, starts, s.likely, poses, costs)
         sway = follower.sway_std_rad

@@ -10,11 +10,21 @@ from field_models import COLOR_NAMES, load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.find import BINS, upright_bins
-from robocup_vision.kernels.model_edges.sightings import BLUR_PX, CUT, MIN_RUN_PX, NOD_RAD, SIGHT, Horizon, sightings
-from robocup_vision.localization.model_edges.bank import around, prepare_bank, prepare_uprights
+from robocup_vision.kernels.model_edges.sightings import (
+    BLUR_PX,
+    CUT,
+    MIN_RUN_PX,
+    NOD_RAD,
+    SIGHT,
+    Horizon,
+    poses_around,
+    sightings,
+)
+from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights
 from robocup_vision.localization.model_edges.field_edges import lens_table
 
 FIELD = load_field("four_legged_2007")
+HALF_M = (FIELD.length_m / 2 + 0.2, FIELD.width_m / 2 + 0.2)
 CAMERA = PinholeCamera(
     (208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, pan_rad=0.0, tilt_rad=-0.17, roll_rad=0.0, roll_std_rad=0.02
 )
@@ -152,17 +162,35 @@ def test_a_beacon_is_seen_where_and_as_large_as_it_is(nod_px):
     assert row[6] == pytest.approx(192.0 * 2 / 3 * beacon.height_m / ahead, abs=1.5)
 
 
+def around(sights, room=1000):
+    poses = np.empty((room, 3))
+    return poses[: poses_around(sights, 192.0, HALF_M, 0.2, poses)]
+
+
+def plain_around(sights):
+    proposed = [np.empty((0, 3))]
+    for row in sights:
+        away_m = row[5] * 192.0 / (row[6] * math.cos(row[4]))
+        angle = np.linspace(0.0, math.tau, max(8, math.ceil(math.tau * away_m / 0.2)), endpoint=False)
+        for x, y in dict.fromkeys([(row[0], row[1]), (row[2], row[3])]):
+            there = np.column_stack([x + away_m * np.cos(angle), y + away_m * np.sin(angle), angle + math.pi - row[4]])
+            proposed.append(there[(np.abs(there[:, :2]) < HALF_M).all(axis=1)])
+    return np.concatenate(proposed)
+
+
 @pytest.mark.parametrize("pose", POSES)
 def test_what_is_seen_proposes_a_pose_near_the_true_one(pose):
     image, seen = drawn(pose)
-    proposed = around(found(image, seen), 192.0, FIELD, 0.2)
+    proposed = around(found(image, seen))
+    np.testing.assert_allclose(proposed, plain_around(found(image, seen)), atol=1e-9)
+    np.testing.assert_array_equal(around(found(image, seen), 5), proposed[:5])
     away = np.hypot(proposed[:, 0] - pose.x_m, proposed[:, 1] - pose.y_m)
     turn = np.abs([math.remainder(theta - pose.theta_rad, math.tau) for theta in proposed[:, 2]])
     assert ((away < 0.25) & (turn < math.radians(8.0))).any()
-    assert (np.abs(proposed[:, :2]) <= (FIELD.length_m / 2 + 0.2, FIELD.width_m / 2 + 0.2)).all()
+    assert (np.abs(proposed[:, :2]) <= HALF_M).all()
 
 
 def test_nothing_is_proposed_where_nothing_is_seen():
-    assert around(np.zeros((0, SIGHT)), 192.0, FIELD, 0.2).shape == (0, 3)
+    assert len(around(np.zeros((0, SIGHT)))) == 0
     white = load_field("spl_2020")
     assert len(prepare_uprights(white, prepare_bank(white, CAMERA, 2.0, 1.0)).paint) == 0
