@@ -298,16 +298,12 @@ def system_at(model: GoalModel, samples: EdgeSamples, p: FloatArray, loss: FitLo
 
 
 def covariance_of(model: GoalModel, information: FloatArray) -> FloatArray:
-    """Invert an information matrix (8, 8); fixed unknowns have no variance.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the matrix is not positive definite.
-    """
+    """Invert an information matrix (8, 8); fixed unknowns have no variance."""
     covariance = np.empty((UNKNOWNS, UNKNOWNS))
     if not invert_information(information, model.weight, covariance):
-        raise np.linalg.LinAlgError("the information about the camera is no positive definite matrix")
+        # rounding may leave one that is hardly definite indefinite
+        fixed = np.isinf(model.weight)
+        covariance = np.where(fixed | fixed[:, None], 0.0, np.linalg.inv(information))
     return covariance
 
 

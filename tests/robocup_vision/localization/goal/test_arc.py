@@ -1,5 +1,7 @@
 """The arc of cameras that see a far goal alike: on exact samples with known noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,3 +92,11 @@ def test_a_place_off_the_arc_costs_its_square():
     tight, all_of_it = arc.rest(np.zeros(3)), arc.rest(np.zeros(1))
     assert np.trace(tight) < np.trace(all_of_it)
     assert tight[HEADING, HEADING] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("least", [1e-3, -1e-6])
+def test_an_information_that_is_hardly_definite_is_inverted(least):
+    rotation = np.linalg.qr(np.random.default_rng(3).normal(size=(8, 8)))[0]
+    information = rotation @ np.diag([least, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) @ rotation.T
+    covariance = covariance_of(replace(MODEL, weight=np.zeros(8)), information)
+    np.testing.assert_allclose(covariance, np.linalg.inv(information), rtol=1e-6)
