@@ -23,6 +23,8 @@ from robocup_vision.localization.lines.search import (
 )
 from robocup_vision.perception.line_points import FloorCamera, LineFinder, LinePoints
 
+_BY_CHANCE = "{} line points lie near lines of the best pose no better than by chance"
+
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
@@ -41,6 +43,9 @@ class LineSettings:
         So few line points come to lie near some lines by chance, evenly over the whole gate: the log-likelihood ratio a
         point against that, which they must have for a pose that is found without a prior. Rendered frames have 1.0 and
         more; photographs by a rough calibration less, but they have a thousand points.
+    chance_stds : float
+        Residuals of points evenly over the gate have a mean square of a third of the gate's: however many points there
+        are, theirs must be lower by so many standard deviations of that mean.
     rival_ratio, rival_excess : float
         The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
     clear_ratio : float
@@ -64,6 +69,7 @@ class LineSettings:
     min_carpet_ratio_at_prior: float = 0.75
     few_points: int = 300
     min_nats_of_few: float = 0.5
+    chance_stds: float = 2.0
     rival_ratio: float = 1.35
     rival_excess: float = 0.15
     clear_ratio: float = 2.0
@@ -186,7 +192,7 @@ class LinePoseEstimator:
         if not refined:
             return refined
         if len(points) < self.settings.few_points and self._nats(refined) < self.settings.min_nats_of_few:
-            return NotLocated(f"{len(points)} line points lie near lines of the best pose no better than by chance")
+            return NotLocated(_BY_CHANCE.format(len(points)))
         if max(refined.std[:2]) > self.settings.max_std_m or refined.std[2] > self.settings.max_std_rad:
             return NotLocated("the lines in view do not fix the pose")
         return refined
@@ -195,6 +201,8 @@ class LinePoseEstimator:
         """Return the estimate if the line points bear it out, and the lines it predicts in plain sight were seen."""
         if estimate.inlier_ratio < self.settings.min_inlier_ratio:
             return NotLocated(f"only {estimate.inlier_ratio:.0%} of the line points lie on lines of the best pose")
+        if self._is_by_chance(estimate, len(points)):
+            return NotLocated(_BY_CHANCE.format(len(points)))
         on_carpet = self._carpet_ratio(estimate.pose, points)
         if on_carpet < min_carpet_ratio:
             return NotLocated(f"only {on_carpet:.0%} of the line points on the carpet lie on lines of the best pose")
@@ -202,6 +210,13 @@ class LinePoseEstimator:
         if support < self.settings.min_support:
             return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
         return estimate
+
+    def _is_by_chance(self, estimate: PoseEstimate, points: int) -> bool:
+        """Whether the points of a pose lie no nearer to its lines than any that are even over the gate."""
+        # of which the mean square is a third, and the square's variance 4/45, in units of the gate
+        near = max(estimate.inlier_ratio * points, 1.0)
+        most = 1 / 3 - self.settings.chance_stds * math.sqrt(4 / 45 / near)
+        return (estimate.residual_px / self.settings.fit.inlier_px) ** 2 > most
 
     def choose(self, points: LinePoints, poses: list[Pose2]) -> int | None:
         """Return the index of the pose that the line points of a frame confirm; None if none of them.
