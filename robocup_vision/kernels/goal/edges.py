@@ -73,16 +73,6 @@ class _Profile(NamedTuple):
 
 
 @compiled
-def sample(image: UInt8Array, u: float, v: float, channel: int) -> float:
-    """Bilinear value of one channel; the caller keeps (u, v) inside the image."""
-    u0, v0 = int(u), int(v)
-    fu, fv = u - u0, v - v0
-    top = image[v0, u0, channel] * (1.0 - fu) + image[v0, u0 + 1, channel] * fu
-    bottom = image[v0 + 1, u0, channel] * (1.0 - fu) + image[v0 + 1, u0 + 1, channel] * fu
-    return float(top * (1.0 - fv) + bottom * fv)
-
-
-@compiled
 def _read_profile(image: UInt8Array, flat: UInt8Array, starts: EdgeStarts, n: int, count: int, work: _Profile) -> bool:
     """Read the picture along one normal, and its projection on the expected difference; False at the image's border."""
     height, width = image.shape[0], image.shape[1]

@@ -14,7 +14,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.copies import copy_vector
-from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal, goal_residuals
+from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal, goal_residuals, with_marks
 from robocup_vision.kernels.goal.picture import GoalScene
 
 _EDGES = 6
@@ -129,18 +129,7 @@ def fit_doubting(
     """
     goal = samples.edge.shape[0] + samples.foot_post.shape[0]
     residual = np.empty(samples.sigma.shape[0])
-    weighed = FitSamples(
-        samples.edge,
-        samples.uv,
-        samples.foot_post,
-        samples.foot_at,
-        samples.foot_uv,
-        samples.foot_direction,
-        samples.mark_m,
-        samples.mark_uv,
-        samples.mark_direction,
-        sigma,
-    )
+    weighed = with_marks(samples, samples.mark_m, samples.mark_uv, samples.mark_direction, sigma)
     cost = np.inf
     for _ in range(doubt.rounds):
         goal_residuals(scene, samples, p, residual)

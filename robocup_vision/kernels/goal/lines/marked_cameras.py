@@ -11,7 +11,7 @@ from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.algebra.order import sorted_median
-from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal, goal_residuals
+from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal, goal_residuals, with_marks
 from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, line_marks, mark_stds
 from robocup_vision.kernels.goal.picture import GoalScene
 
@@ -261,18 +261,7 @@ def fit_marked(
         sigma = np.empty(goal + count)
         copy_vector(samples.sigma, sigma[:goal])
         gather_marks(seen, begin, is_seen, worth, marks, uv, directions, sigma[goal:])
-        joined = FitSamples(
-            samples.edge,
-            samples.uv,
-            samples.foot_post,
-            samples.foot_at,
-            samples.foot_uv,
-            samples.foot_direction,
-            marks,
-            uv,
-            directions,
-            sigma,
-        )
+        joined = with_marks(samples, marks, uv, directions, sigma)
         cost = fit_goal(scene, joined, priors, loss, cameras[k], information)
         if math.isinf(cost):
             continue

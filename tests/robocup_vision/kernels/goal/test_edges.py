@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal.edges import EdgeOffsets, EdgeStarts, measure_edges, sample
+from robocup_vision.kernels.goal.edges import EdgeOffsets, EdgeStarts, measure_edges
 from robocup_vision.kernels.goal.lines.marks import measure_ridges
 
 CYAN, GREY = np.array([215.0, 185.0, 35.0]), np.array([90.0, 90.0, 90.0])
@@ -34,17 +34,6 @@ def edges(image, starts, normal, grey=0.0, glare=300.0, reach=4.0):
     )  # fmt: skip
     measure_edges(image, where, glare, found)
     return found
-
-
-@settings(deadline=None, max_examples=40)
-@given(st.integers(0, 2**32 - 1))
-def test_a_sample_is_the_weighted_mean_of_four_pixels(seed):
-    rng = np.random.default_rng(seed)
-    image = rng.integers(0, 256, (7, 9, 3), dtype=np.uint8)
-    u, v, channel = rng.uniform(0, 8), rng.uniform(0, 6), int(rng.integers(3))
-    rows, columns = np.arange(7), np.arange(9)
-    weight = np.outer(np.maximum(0, 1 - np.abs(rows - v)), np.maximum(0, 1 - np.abs(columns - u)))
-    assert sample(image, u, v, channel) == pytest.approx((weight * image[..., channel]).sum())
 
 
 @settings(deadline=None, max_examples=40)

@@ -1,10 +1,19 @@
 """Places on lines against the plain NumPy picture of floor points."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, line_marks, mark_stds, measure_ridges
+from robocup_vision.kernels.goal.lines.marks import (
+    MarkLimits,
+    MarkPlaces,
+    _mean_of,
+    _pixels_at,
+    line_marks,
+    mark_stds,
+    measure_ridges,
+)
 from robocup_vision.localization.goal.geometry import IdealView, project
 
 VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
@@ -90,6 +99,19 @@ def test_a_line_too_faint_for_one_place_is_seen_over_a_stretch():
     assert len(off[6.0]) > 30
     assert len(off[6.0]) > len(off[0.0])
     assert off[6.0].std() < off[0.0].std()
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1))
+def test_a_sample_is_the_weighted_mean_of_four_pixels(seed):
+    rng = np.random.default_rng(seed)
+    image = rng.integers(0, 256, (7, 9, 3), dtype=np.uint8)
+    u, v, channel = rng.uniform(0, 8), rng.uniform(0, 6), int(rng.integers(3))
+    rows, columns = np.arange(7), np.arange(9)
+    weight = np.outer(np.maximum(0, 1 - np.abs(rows - v)), np.maximum(0, 1 - np.abs(columns - u)))
+    at, weights = _pixels_at(u, v, 9)
+    mean = _mean_of(image.reshape(-1), np.uint64(at + channel), np.uint64(27), weights)
+    assert mean == pytest.approx((weight * image[..., channel]).sum())
 
 
 def interpolated(frame, u, v):
