@@ -20,7 +20,7 @@ from field_models.errors import ArgumentError, FrameError
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array, plain_frame, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.floor_tone import ToneRules, learn_tone
-from robocup_vision.kernels.lines.lines import (
+from robocup_vision.kernels.lines.ridges import (
     floor_mask_by_tone,
     least_of_red_and_blue,
     line_ridge_points,
