@@ -14,7 +14,8 @@ import os, time
 from robocup_vision.workers import worker_processes
 
 def work(seconds):
-    print(os.getpid(), flush=True)
+    # one write for each line: print may make two (PYTHONUNBUFFERED), between which the other worker's may come
+    os.write(1, b"%d\\n" % os.getpid())
     time.sleep(seconds)
 
 if __name__ == "__main__":
