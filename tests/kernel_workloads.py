@@ -24,7 +24,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from field_models import Field, load_field
+from field_models import COLOR_NAMES, Field, load_field
 from robocup_vision import Memory, MotionLimits, Pose2, PoseEstimate, Steering, Vision, Wayfinder, load_camera
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.compiling.listed_loop import KERNELS, prepare_kernel, quick_compiling, spelled_type
@@ -87,6 +87,8 @@ def mirror(method: str, seed: int = 1, count: int = 4) -> Workload:
     yield
     rng = np.random.default_rng(seed)
     frames = [(frame, Pose2(0.0, 0.0, 0.0)) for frame in [*images("omni_ssl_2001"), *empty_frames((256, 220), rng)]]
+    # balls that the picture cuts
+    frames += [(cv2.circle(frame.copy(), (128, 217), 4, COLOR_NAMES["orange"], -1), pose) for frame, pose in frames[:6]]
     frames += mirror_frames(seed, count)
     for vision in visions:
         look_at(vision, frames)
@@ -94,6 +96,24 @@ def mirror(method: str, seed: int = 1, count: int = 4) -> Workload:
     vision.forget()
     vision.look(frames[0][0])
     look_at(Vision(load_field("ssl_2001"), camera, vision.colors, method=method), frames[:30])
+
+
+def with_balls(frames: list[tuple[Any, Pose2]], camera: PinholeCamera, field: Field) -> list[tuple[Any, Pose2]]:
+    """Return frames in which balls are painted as well: whole ones, and some that the picture cuts."""
+    tilt_rad = -0.17 if camera.tilt_rad is None else camera.tilt_rad
+    held, radius_m = camera.with_orientation(0.0, tilt_rad, 0.0), field.ball_radius_m
+    blue, green, red = COLOR_NAMES[field.ball_color]
+    painted = []
+    for index, (frame, pose) in enumerate(frames):
+        one = frame.copy()
+        lowest = held.pixel_to_floor((held.center_px[0], held.size_px[1] - 1.0))[0]
+        for ahead_m, aside_m in ((lowest, 0.0), (2.0 * lowest, 0.3 * lowest * (-1) ** index)):
+            place = np.array((ahead_m, aside_m, radius_m))
+            u, v = np.rint(held.point_to_pixel(place)).astype(int).tolist()
+            half_px = held.focal_px[0] * radius_m / float(np.linalg.norm(place - held.viewpoint_m))
+            cv2.circle(one, (u, v), round(half_px), (blue, green, red), -1)
+        painted.append((one, pose))
+    return painted
 
 
 def walk_frames(seed: int, count: int, field: Field | None = None) -> tuple[PinholeCamera, list[tuple[Any, Pose2]]]:
@@ -153,6 +173,8 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
         spl = replace(load_field("spl_2020"), ball_patches="")
         white_vision = Vision(spl, condition.camera, method=method)
         white_frames = [(one.frame, one.pose) for one in sample_goal(spl, condition, seed, count)]
+    if field.ball_color not in ("white", "black"):
+        frames = frames + with_balls(frames[:4], camera, field)
     yield
     if method == "goal":
         look_at(white_vision, white_frames)

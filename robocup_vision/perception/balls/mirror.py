@@ -108,12 +108,6 @@ class MirrorBallFinder(BallSearch):
         usable = (radius >= inner) & (radius <= outer) & (q > 0) & (along > 0)
         return np.where(usable, along, 0.0), np.where(usable, across, 0.0)
 
-    @cached_property
-    def _half_sizes_px(self) -> list[tuple[float, float]]:
-        """`_sizes_px` by radius, in plain floats."""
-        along, across = self._sizes_px
-        return list(zip(along.tolist(), across.tolist(), strict=True))
-
     @property
     def _seed_rows(self) -> list[FloatArray]:
         along, across = self._sizes_px

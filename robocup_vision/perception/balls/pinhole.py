@@ -12,14 +12,11 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.balls.blobs import ACROSS, ALONG, U, V
+from robocup_vision.kernels.balls.upright import count_upright
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.search import BallSearch
-from robocup_vision.perception.color_table import ColorTable
 from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
-
-# above and below a blob, in half sizes and pixels from its middle: beyond its rim and blur; and so far aside
-_ABOVE_RATIO, _BESIDE_RATIO, _BEYOND_PX = 1.35, 1.35, 2.0
 
 
 class PinholeBallFinder(BallSearch):
@@ -135,83 +132,55 @@ class PinholeBallFinder(BallSearch):
 
     def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         """See `BallSearch._on_plane`."""
+        depth, (x0, y0) = self._held.height_m - self.radius_m, self._held.offset_m
         places = []
-        for pixel in pixels:
-            ray = self._held.pixel_to_ray(pixel)
-            scale = (self._held.height_m - self.radius_m) / max(-float(ray[2]), 1e-9)
-            x, y = self._held.offset_m + scale * ray[:2]
-            places.append((float(x), float(y)))
+        for x, y, z in self._held.pixel_to_ray(pixels).tolist():
+            scale = depth / max(-z, 1e-9)
+            places.append((x0 + scale * x, y0 + scale * y))
         return places
 
     def _place_covariance(self, x_m: float, y_m: float) -> FloatArray:
         """See `BallSearch._place_covariance`: what tilt, roll and height of the camera leave open."""
         camera = self._held
         depth, pan = camera.height_m - self.radius_m, camera.pan_rad or 0.0
-        axes = np.array([[math.cos(pan), -math.sin(pan)], [math.sin(pan), math.cos(pan)]])
-        ahead, aside = np.array([x_m - camera.offset_m[0], y_m - camera.offset_m[1]]) @ axes
+        c, s = math.cos(pan), math.sin(pan)
+        x, y = x_m - camera.offset_m[0], y_m - camera.offset_m[1]
+        ahead, aside = c * x + s * y, c * y - s * x
         level, down = math.cos(camera.tilt_rad or 0.0), math.sin(camera.tilt_rad or 0.0)
         # a ray (ahead, aside, -depth) that turns about the level axis across the lens, or about the lens's own axis
         # (level, 0, down), moves its foot so much a radian; the height stretches the floor
-        moves = np.array([
-            [depth + ahead**2 / depth, ahead * aside / depth],
-            [level * ahead * aside / depth - down * aside, level * (depth + aside**2 / depth) + down * ahead],
-            [ahead / depth, aside / depth],
-        ])  # fmt: skip
-        moves *= np.array([*self._sway_std_rad, camera.height_std_m])[:, None]
-        in_robot = moves @ axes.T
-        return np.asarray(in_robot.T @ in_robot)
+        moves = (
+            (depth + ahead * ahead / depth, ahead * aside / depth),
+            (level * ahead * aside / depth - down * aside, level * (depth + aside * aside / depth) + down * ahead),
+            (ahead / depth, aside / depth),
+        )
+        xx = xy = yy = 0.0
+        for std, (along, across) in zip((*self._sway_std_rad, camera.height_std_m), moves, strict=True):
+            x, y = std * (c * along - s * across), std * (s * along + c * across)
+            xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
+        return np.array(((xx, xy), (xy, yy)))
 
-    def _upright_evidence(self, frame: UInt8Array, blob: FloatArray, table: ColorTable) -> float:
+    def _upright_evidence(self, frame: UInt8Array, blob: list[float]) -> float:
         """See `BallSearch._upright_evidence`: a band of a beacon or post has the next band above, and below.
 
         Such a band is as wide as the blob, of one colour, and another than what lies to both sides. A ball has floor at
         its foot; a line that runs towards it is narrower, one across it goes on to both sides.
         """
-        settings = self.settings
-        up = -np.array(self._down)
-        aside = np.array([up[1], -up[0]])
+        settings, middle, (down_u, down_v) = self.settings, (blob[U], blob[V]), self._down
         # glare and shade leave a part of a ball its colour: what goes on must go on beyond the whole of it
-        place = round(float(np.hypot(*(blob[[U, V]] - self._axis_px))))
-        along, across = (
-            max(float(blob[k]), float(s[place])) for k, s in zip((ALONG, ACROSS), self._sizes_px, strict=True)
-        )
-        within = across * np.array([-0.5, 0.0, 0.5])
-        beside = (_BESIDE_RATIO * across + _BEYOND_PX) * np.array([-1.0, 1.0])
-        offsets = np.concatenate([within, beside])[:, None] * aside
-        nats = 0.0
-        for way in (1.0, -1.0):
-            middle = blob[[U, V]] + way * (_ABOVE_RATIO * along + _BEYOND_PX) * up
-            colors = _means_at(frame, middle + offsets)
-            if colors is None:
-                continue
-            inner, outer = colors[:3], colors[3:]
-            if (table.floor_llr[table.pack(np.rint(inner).astype(np.uint8))] > 0).any():
-                continue
-            mean = inner.mean(axis=0)
-            spread, apart = (np.abs(some - mean).max(axis=1) for some in (inner, outer))
-            if apart.min() > settings.min_upright_step + settings.upright_spreads * spread.max():
-                nats += settings.upright_nats
-        return nats
+        along, across = self._expected_px(*middle)
+        halves = max(blob[ALONG], along), max(blob[ACROSS], across)
+        step, spreads = settings.min_upright_step, settings.upright_spreads
+        count = count_upright(frame, middle, halves, (-down_u, -down_v), self._floor_table, step, spreads)
+        return int(count) * settings.upright_nats
 
     def clear(self, ball: Ball, view: FloorView, marks: UInt8Array) -> None:
         """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""
         bearing, radius = view.from_pixel((ball.u_px, ball.v_px))
-        place = np.array(self._axis_px) - (ball.u_px, ball.v_px)
-        along, across = (float(sizes[round(float(np.hypot(*place)))]) for sizes in self._sizes_px)
+        along, across = self._expected_px(ball.u_px, ball.v_px)
         row = (bearing - float(view.bearing_rad[0])) / view.row_step_rad
         column = int(np.argmin(np.abs(view.radius_px - radius)))
         row_px = view.row_step_rad * float(view.range_m[column] / view.across_m_per_px[column])
         half_px = 1.5 * along + view.step_px + 1.5
         half_rows = (1.5 * across + 1.5) / row_px + 1
         free_floor.clear_ball(row, radius, half_rows, half_px, view.is_ring, view.radius_px, marks)
-
-
-def _means_at(frame: UInt8Array, pixels: FloatArray) -> FloatArray | None:
-    """(N, 3) float64: mean colours of three by three pixels around some (N, 2); None where one lies outside."""
-    u, v = np.rint(pixels).astype(np.intp).T
-    height, width = frame.shape[:2]
-    if min(u.min(), v.min()) < 1 or u.max() > width - 2 or v.max() > height - 2:
-        return None
-    return np.array(
-        [frame[y - 1 : y + 2, x - 1 : x + 2].reshape(-1, 3).mean(axis=0) for x, y in zip(u, v, strict=True)]
-    )

@@ -16,14 +16,11 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import blobs as kernel
+from robocup_vision.kernels.balls.cut_ball import fit_cut_ball
 from robocup_vision.kernels.balls.evidence import find_and_weigh
 from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.colors import ball_colors, floor_evidence, green_evidence, with_swapped_ball
 from robocup_vision.perception.color_table import Colors, ColorTable
-
-# points all over a disc of radius 1, and how often a ball that the picture cuts is moved until its part in it fits
-_DISC = np.array([(x, y) for x in np.linspace(-1, 1, 33) for y in np.linspace(-1, 1, 33) if x * x + y * y <= 1])
-_CUT_STEPS = 12
 
 
 class BallSearch(ABC):
@@ -139,7 +136,7 @@ class BallSearch(ABC):
         if not self.has_color:
             return ()
         self._adopt(table)
-        found, self._last_px = self._search(frame, self._colors, table, near_floor_nats, self._last_px)
+        found, self._last_px = self._search(frame, self._colors, near_floor_nats, self._last_px)
         return found
 
     def find_swapped(self, frame: UInt8Array, table: ColorTable, near_floor_nats: float) -> tuple[Ball, ...]:
@@ -153,7 +150,7 @@ class BallSearch(ABC):
         if self._swapped_colors is None:
             swapped = with_swapped_ball(table.colors)
             self._swapped_colors = () if swapped is None else self._colors_of(swapped)
-        return self._search(frame, self._swapped_colors, table, near_floor_nats, [])[0]
+        return self._search(frame, self._swapped_colors, near_floor_nats, [])[0]
 
     def _adopt(self, table: ColorTable) -> None:
         if self._table is not table:
@@ -170,7 +167,6 @@ class BallSearch(ABC):
         self,
         frame: UInt8Array,
         colors: tuple[kernel.BallColor, ...],
-        table: ColorTable,
         near_floor_nats: float,
         before: list[tuple[float, float, float]],
     ) -> tuple[tuple[Ball, ...], list[tuple[float, float, float]]]:
@@ -178,7 +174,7 @@ class BallSearch(ABC):
 
         Parameters
         ----------
-        frame, table, near_floor_nats
+        frame, near_floor_nats
             As those of `find`.
         colors : tuple of BallColor
             The ball's colour, from several places on the way from white on.
@@ -210,14 +206,14 @@ class BallSearch(ABC):
             if any(math.hypot(u - last_u, v - last_v) <= again * last for last_u, last_v, last in before):
                 needed -= self.settings.again_nats
             if cut and ratios[n] >= needed:
-                ratios[n] += self._cut_evidence(self._blobs[n])
+                ratios[n] += self._cut_evidence(blobs[n])
             if ratios[n] >= needed:
-                ratios[n] += self._upright_evidence(frame, self._blobs[n], table)
+                ratios[n] += self._upright_evidence(frame, blobs[n])
             if ratios[n] >= needed:
                 places.append((u, v, half_px))
                 found.append(self._ball_at(u, v, ratios[n]))
         # glare leaves a part of a ball its colour: it moves by its own size
-        last = [(u, v, max(half_px, self._half_px(u, v))) for u, v, half_px in places]
+        last = [(u, v, max(half_px, *self._expected_px(u, v))) for u, v, half_px in places]
         return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio)), last
 
     def _weigh(self, frame: UInt8Array, seeds: npt.NDArray[np.int32], color: kernel.BallColor, first: int) -> int:
@@ -245,75 +241,49 @@ class BallSearch(ABC):
 
     def _ball_at(self, u: float, v: float, ratio: float) -> Ball:
         if self._is_cut(u, v):
-            center, visible_ratio, _ = self._whole(np.array((u, v)))
-            return self._place(float(center[0]), float(center[1]), visible_ratio, ratio)
+            u, v, visible_ratio, *_ = fit_cut_ball(u, v, *self._any_camera.size_px, self._size)
+            return self._place(u, v, visible_ratio, ratio)
         return self._place(u, v, 1.0, ratio)
 
-    def _half_px(self, u: float, v: float) -> float:
-        """Half of the larger extent of a ball with its centre there; in plain floats, as it is asked in each frame."""
-        (axis_u, axis_v), larger_px = self._axis_px, self._larger_px
-        return larger_px[min(round(math.hypot(u - axis_u, v - axis_v)), len(larger_px) - 1)]
-
     @cached_property
-    def _larger_px(self) -> list[float]:
-        return [max(along, across) for along, across in zip(*(px.tolist() for px in self._sizes_px), strict=True)]
+    def _half_sizes_px(self) -> list[tuple[float, float]]:
+        """`_sizes_px` by distance, in plain floats."""
+        along, across = self._sizes_px
+        return list(zip(along.tolist(), across.tolist(), strict=True))
+
+    def _expected_px(self, u: float, v: float) -> tuple[float, float]:
+        """Half the size, along and across the ray, of a ball with its centre there; in plain floats, as frames ask."""
+        (axis_u, axis_v), sizes = self._axis_px, self._half_sizes_px
+        return sizes[min(round(math.hypot(u - axis_u, v - axis_v)), len(sizes) - 1)]
 
     def _is_cut(self, u: float, v: float) -> bool:
         """Whether a ball with its centre there may reach beyond the picture."""
-        reach = self._half_px(u, v) - 0.5
+        reach = max(self._expected_px(u, v)) - 0.5
         width, height = self._any_camera.size_px
         return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
 
-    def _cut_evidence(self, blob: FloatArray) -> float:
+    def _cut_evidence(self, blob: list[float]) -> float:
         """Weigh how well a blob at the picture's edge is the part of a ball that it would show: nats."""
-        center, visible_ratio, shown = self._whole(blob[:2])
-        if len(shown) < 2:
+        u, v, visible_ratio, count, *shown = fit_cut_ball(
+            blob[kernel.U], blob[kernel.V], *self._any_camera.size_px, self._size
+        )
+        if count < 2:
             return 0.0
-        axis = np.array(self._axis_px)
-        ray = (blob[:2] - axis) / max(float(np.hypot(*(blob[:2] - axis))), 1e-9)
-        index = min(round(float(np.hypot(*(center - axis)))), len(self._sizes_px[0]) - 1)
-        area = math.pi * float(self._sizes_px[0][index] * self._sizes_px[1][index]) * visible_ratio
-        along, across = (2.0 * float(np.std(shown @ way)) for way in (ray, np.array([-ray[1], ray[0]])))
+        along, across = self._expected_px(u, v)
+        area = math.pi * along * across * visible_ratio
         measured = (blob[kernel.ALONG], blob[kernel.ACROSS], math.sqrt(blob[kernel.TOTAL]))
         evidence = self.settings.evidence
         nats = 0.0
-        for one, expected in zip(measured, (along, across, math.sqrt(max(area, 1.0))), strict=True):
+        for one, expected in zip(measured, (*shown, math.sqrt(max(area, 1.0))), strict=True):
             std = math.hypot(self._shape_std, 1.0 / max(expected, 1.0))
             off = math.log(max(one, 0.5) / max(expected, 0.5)) / std
             density = math.exp(-0.5 * off * off) / (std * math.sqrt(math.tau))
             nats += math.log((1 - evidence.outlier_ratio) * density * evidence.shape_span + evidence.outlier_ratio)
         return nats
 
-    def _upright_evidence(self, frame: UInt8Array, blob: FloatArray, table: ColorTable) -> float:
+    def _upright_evidence(self, frame: UInt8Array, blob: list[float]) -> float:
         """Weigh whether a blob is a part of something upright that goes on above or below it: nats, 0 or less."""
         return 0.0
-
-    def _whole(self, blob_px: FloatArray) -> tuple[FloatArray, float, FloatArray]:
-        """Centre (2,) of the whole ball whose part in the picture has this centre, and its visible ratio.
-
-        With points (N, 2) all over that part.
-
-        Parameters
-        ----------
-        blob_px : (2,) float64
-            Centre of what is shown.
-        """
-        axis, last = np.array(self._axis_px), np.array(self._any_camera.size_px) - 0.5
-        along_px, across_px = self._sizes_px
-        center, visible_ratio, seen = blob_px.copy(), 1.0, np.empty((0, 2))
-        for _ in range(_CUT_STEPS):
-            ray = center - axis
-            radius = math.hypot(*ray)
-            index = min(round(radius), len(along_px) - 1)
-            along, across = float(along_px[index]), float(across_px[index])
-            ray /= max(radius, 1e-9)
-            points = center + _DISC @ np.array([along * ray, [-across * ray[1], across * ray[0]]])
-            shown = points[((points >= -0.5) & (points <= last)).all(axis=1)]
-            if not len(shown):
-                break
-            visible_ratio, seen = len(shown) / len(points), shown
-            center += blob_px - shown.mean(axis=0)
-        return center, visible_ratio, seen
 
     def _place(self, u: float, v: float, visible_ratio: float, ratio: float) -> Ball:
         (x, y), (x_right, y_right), (x_left, y_left), (x_down, y_down), (x_up, y_up) = self._on_plane(

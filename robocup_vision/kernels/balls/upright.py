@@ -1,0 +1,104 @@
+"""Compiled look above and below a blob: bands of beacons and posts go on there, balls do not."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.balls.blobs import Bgr, FloorTable
+
+# above and below a blob, in half sizes and pixels from its middle: beyond its rim and blur; and so far aside
+_ABOVE_RATIO, _BESIDE_RATIO, _BEYOND_PX = 1.35, 1.35, 2.0
+# places in a row: within the blob's width, and with those beside it
+_WITHIN, _PLACES = 3, 5
+
+
+@compiled
+def count_upright(
+    frame: UInt8Array,
+    middle: tuple[float, float],
+    halves: tuple[float, float],
+    up: tuple[float, float],
+    table: FloorTable,
+    min_step: float,
+    spreads: float,
+) -> int:
+    """Count the ways, up and down, in which something as wide as a blob goes on: of one colour, which is no floor's.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR.
+    middle : (float, float)
+        The blob's, u and v.
+    halves : (float, float)
+        Its half sizes upwards and aside, pixels.
+    up : (float, float)
+        Unit vector in the picture.
+    table : FloorTable
+        What floor looks like; may be plain.
+    min_step, spreads : float
+        To both sides colours differ by more than so many levels, and by more than so many times what differs in it.
+    """
+    table = FloorTable(*table)
+    colors, found = np.empty((_PLACES, 3)), 0
+    for way in (1.0, -1.0):
+        ahead = way * (_ABOVE_RATIO * halves[0] + _BEYOND_PX)
+        if _read_row(frame, (middle[0] + ahead * up[0], middle[1] + ahead * up[1]), halves[1], up, colors):
+            inner, outer = colors[:_WITHIN], colors[_WITHIN:]
+            found += not _is_floor(inner, table) and _differs(inner, outer, min_step, spreads)
+    return found
+
+
+@compiled
+def _read_row(
+    frame: UInt8Array, middle: tuple[float, float], half_px: float, up: tuple[float, float], out: FloatArray
+) -> bool:
+    """Write mean colours (5, 3) of three by three pixels at places in a row: three within, two to the sides.
+
+    Returns whether all lie in the picture.
+    """
+    height, width, _ = frame.shape
+    beside = _BESIDE_RATIO * half_px + _BEYOND_PX
+    aside = (-0.5 * half_px, 0.0, 0.5 * half_px, -beside, beside)
+    for n in range(_PLACES):
+        u, v = int(round(middle[0] + aside[n] * up[1])), int(round(middle[1] - aside[n] * up[0]))
+        if u < 1 or v < 1 or u > width - 2 or v > height - 2:
+            return False
+        for c in range(3):
+            total = 0
+            for y in range(v - 1, v + 2):
+                for x in range(u - 1, u + 2):
+                    total += frame[y, x, c]
+            out[n, c] = total / 9.0
+    return True
+
+
+@compiled
+def _is_floor(colors: FloatArray, table: FloorTable) -> bool:
+    for n in range(len(colors)):
+        packed = 0
+        for c in range(3):
+            packed += table.packing[c, int(colors[n, c] + 0.5)]
+        if table.floor_llr[packed] > 0:
+            return True
+    return False
+
+
+@compiled
+def _differs(inner: FloatArray, outer: FloatArray, min_step: float, spreads: float) -> bool:
+    """Whether all outer colours differ from the mean of the inner ones by more than these do."""
+    count = len(inner)
+    blue, green, red = inner[:, 0].sum() / count, inner[:, 1].sum() / count, inner[:, 2].sum() / count
+    spread, apart = 0.0, np.inf
+    for n in range(count):
+        spread = max(spread, _apart(inner[n], (blue, green, red)))
+    for n in range(len(outer)):
+        apart = min(apart, _apart(outer[n], (blue, green, red)))
+    return bool(apart > min_step + spreads * spread)
+
+
+@compiled
+def _apart(color: FloatArray, other: Bgr) -> float:
+    return float(max(abs(color[0] - other[0]), abs(color[1] - other[1]), abs(color[2] - other[2])))
