@@ -6,6 +6,7 @@ the camera's own frame still works. Only the mappings to and from the robot fram
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -142,6 +143,13 @@ class PinholeCamera:
         """How far right and down per unit ahead the lens shows what pixels (..., 2) show; NaN where nothing."""
         slopes = (np.asarray(pixels, dtype=np.float64) - self.center_px) / self.focal_px
         return self._undistort(slopes) if any(self.distortion) else slopes
+
+    def pixel_slopes(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+        """Return how far right and down per unit ahead the lens shows some pixels; in plain floats, as they are few."""
+        if any(self.distortion):
+            return [(right, down) for right, down in self._ideal_slopes(pixels).tolist()]
+        (center_u, center_v), (focal_u, focal_v) = self.center_px, self.focal_px
+        return [((u - center_u) / focal_u, (v - center_v) / focal_v) for u, v in pixels]
 
     def camera_ray_to_pixel(self, rays: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) of directions (..., 3) in the camera frame; NaN behind the camera or beyond its lens."""

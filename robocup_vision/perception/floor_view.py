@@ -238,7 +238,8 @@ class FloorView:
 
     def from_pixel(self, pixel: tuple[float, float]) -> tuple[float, float]:
         """Bearing and `radius_px` of a pixel that shows floor."""
-        x, y, z = (float(value) for value in self.camera.pixel_to_ray(pixel))
+        ((right, down),) = self.camera.pixel_slopes([pixel])
+        x, y, z = (ahead - left * right - up * down for ahead, left, up in self.camera.camera_to_robot.tolist())
         first = self._rows_rad[0]
         turn = math.remainder(math.atan2(y, x) - first - math.pi / 2, math.tau) + math.pi / 2
         return first + turn, float(np.interp(z / max(math.hypot(x, y), 1e-9), self._slopes, self.radius_px))

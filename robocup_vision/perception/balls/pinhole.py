@@ -133,10 +133,11 @@ class PinholeBallFinder(BallSearch):
     def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         """See `BallSearch._on_plane`."""
         depth, (x0, y0) = self._held.height_m - self.radius_m, self._held.offset_m
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self._held.camera_to_robot.tolist()
         places = []
-        for x, y, z in self._held.pixel_to_ray(pixels).tolist():
-            scale = depth / max(-z, 1e-9)
-            places.append((x0 + scale * x, y0 + scale * y))
+        for right, down in self._held.pixel_slopes(pixels):
+            scale = depth / max(zy * right + zz * down - zx, 1e-9)
+            places.append((x0 + scale * (xx - xy * right - xz * down), y0 + scale * (yx - yy * right - yz * down)))
         return places
 
     def _place_covariance(self, x_m: float, y_m: float) -> FloatArray:

@@ -61,6 +61,15 @@ def test_pixel_to_ray_to_pixel_is_identity_and_rays_are_unit(camera: PinholeCame
 
 @given(pinholes())
 @settings(deadline=None)
+def test_slopes_of_pixels_are_those_of_their_rays(camera: PinholeCamera):
+    pixels = pixels_of(camera).reshape(-1, 2)
+    rays = camera.pixel_to_camera_ray(pixels)
+    slopes = camera.pixel_slopes([(u, v) for u, v in pixels.tolist()])
+    np.testing.assert_allclose(slopes, -rays[:, 1:] / rays[:, :1], rtol=1e-9, atol=1e-12)
+
+
+@given(pinholes())
+@settings(deadline=None)
 def test_pixel_to_floor_to_pixel_is_identity(camera: PinholeCamera):
     pixels = pixels_of(camera)
     floor = camera.pixel_to_floor(pixels)
