@@ -126,7 +126,7 @@ class MirrorBallFinder(BallSearch):
         """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""
         u, v = ball.u_px - self.camera.center_px[0], ball.v_px - self.camera.center_px[1]
         radius = math.hypot(u, v)
-        along, across = self._half_sizes_px[round(radius)]
+        along, across = self._expected_px(ball.u_px, ball.v_px)
         bearing = math.atan2(v if self.camera.mirrored else -v, u) + self.camera.heading_rad
         row = bearing / math.tau * view.bearings
         # the shadow reaches about half a radius beyond the ball, the samples' blur a column

@@ -245,16 +245,11 @@ class BallSearch(ABC):
             return self._place(u, v, visible_ratio, ratio)
         return self._place(u, v, 1.0, ratio)
 
-    @cached_property
-    def _half_sizes_px(self) -> list[tuple[float, float]]:
-        """`_sizes_px` by distance, in plain floats."""
-        along, across = self._sizes_px
-        return list(zip(along.tolist(), across.tolist(), strict=True))
-
     def _expected_px(self, u: float, v: float) -> tuple[float, float]:
-        """Half the size, along and across the ray, of a ball with its centre there; in plain floats, as frames ask."""
-        (axis_u, axis_v), sizes = self._axis_px, self._half_sizes_px
-        return sizes[min(round(math.hypot(u - axis_u, v - axis_v)), len(sizes) - 1)]
+        """Half the size, along and across the ray, of a ball with its centre there."""
+        (axis_u, axis_v), (along, across) = self._axis_px, self._sizes_px
+        place = min(round(math.hypot(u - axis_u, v - axis_v)), len(along) - 1)
+        return float(along[place]), float(across[place])
 
     def _is_cut(self, u: float, v: float) -> bool:
         """Whether a ball with its centre there may reach beyond the picture."""
