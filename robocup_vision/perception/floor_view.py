@@ -30,6 +30,8 @@ _STEEPEST = 8.0
 FAR_BELOW_PX = 20_000
 # rows that see nothing after those in view: loops look at two neighbours on either side, and a ring's last is its first
 _EMPTY_ROWS = 3
+# bearings at which it is looked at one time for the end of what is in view
+_STEPS_AT_ONCE = 64
 # what a head's pan changes: where samples lie about the robot; and what a nod or roll of the body does: where in the
 # picture
 _OF_THE_PAN = ("_rows_rad", "bearing_rad", "span_rad", "floor_m")
@@ -91,8 +93,8 @@ class FloorView:
         Parameters
         ----------
         camera : PinholeCamera
-            As this one, at another orientation; at the same pan, unless its foot is the robot's centre: else the rings
-            about the robot change, too.
+            As this one, at another orientation; at about the same pan, unless its foot is the robot's centre: else what
+            is in view about the robot changes, too (see `panned`).
         """
         before, other = self.camera, object.__new__(FloorView)
         vars(other).update(self._prepared, camera=camera)
@@ -105,6 +107,12 @@ class FloorView:
         if (before.tilt_rad, before.roll_rad) != (camera.tilt_rad, camera.roll_rad):
             for name in _OF_THE_TURN:
                 vars(other).pop(name, None)
+        return other
+
+    def panned(self, camera: PinholeCamera) -> FloorView:
+        """Return the view of the same samples by the same camera at another pan, wherever its foot is."""
+        other = self.held(camera)
+        vars(other).pop("span_rad", None)
         return other
 
     @property
@@ -192,16 +200,24 @@ class FloorView:
         ranges = np.hypot(*ahead[self._is_shown(ahead)].T)
         if not len(ranges):
             return pan, self.row_step_rad
-        ranges = np.geomspace(min(2 * ranges.min(), ranges.max()), ranges.max(), 40)
+        # what a lens shows of the floor has next to no dents: few places on a ray tell whether all of it is shown
+        ranges = np.geomspace(min(2 * ranges.min(), ranges.max()), ranges.max(), 5)
         middle = math.atan2(ahead[-1, 1], ahead[-1, 0])
-        turn = np.arange(0.0, math.pi, self.row_step_rad / 2)
-        ends = []
-        for side in (-1.0, 1.0):
-            bearing = middle + side * turn[:, None]
-            shown = self._is_shown(ranges[None, :, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))
-            whole = np.append(shown.all(axis=1), False)
-            ends.append(middle + side * float(turn[max(int(np.argmin(whole)) - 1, 1)]))
-        return ends[0], ends[1] - ends[0]
+        left, right = (self._turns_shown(middle, side * self.row_step_rad / 2, ranges) for side in (-1.0, 1.0))
+        return middle - left, left + right
+
+    def _turns_shown(self, middle_rad: float, step_rad: float, range_m: FloatArray) -> float:
+        """Return how far one may turn from a bearing, in steps, and see the floor at all ranges (N,) from the robot."""
+        count = 0
+        while count * abs(step_rad) < math.pi:
+            # most views are narrow: not all steps at once
+            bearing = middle_rad + step_rad * np.arange(count, count + _STEPS_AT_ONCE)[:, None]
+            shown = self._is_shown(range_m[None, :, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))
+            whole = shown.all(axis=1)
+            if not whole.all():
+                return max(count + int(np.argmin(whole)) - 1, 1) * abs(step_rad)
+            count += _STEPS_AT_ONCE
+        return math.pi
 
     def _is_shown(self, floor_m: FloatArray) -> npt.NDArray[np.bool_]:
         pixels = self.camera.floor_to_pixel(floor_m)

@@ -33,39 +33,17 @@ from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.localization.wall_tilt import tilt_by_walls
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.balls.patterned import PatternedBallFinder
-from robocup_vision.perception.balls.pinhole import PinholeBallFinder
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
-from robocup_vision.perception.floor_view import BEARINGS, FloorView
-from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
+from robocup_vision.pipeline.held_floors import HeldFloor, HeldFloors
 from robocup_vision.view import View
 
 # logarithm of the strongest cast of light: white beyond it is some paint
 _MAX_LOG_CAST = math.log(2.0)
 # a camera of unknown tilt is tried out at this tilt before the first frame, so that its kernels are compiled
 _WARM_UP_TILT_RAD = -0.3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Floor:
-    """The parts that measure the floor, for one orientation of the camera.
-
-    `view` and `grid` are turned to the head's pan of the frame, `finder` holds its camera so when it looks.
-    `sway_std_rad`: of the camera's tilt and roll, where the frame told them.
-    """
-
-    camera: PinholeCamera
-    view: FloorView
-    grid: FreeSpaceGrid
-    marking: FloorMarking
-    finder: PinholeBallFinder
-    sway_std_rad: tuple[float, float] | None = None
-
-    def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> _Floor:
-        """Return the same for a frame in which neck and body hold the camera in the orientation of `camera`."""
-        held = self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad)
-        view = self.view.held(held)
-        return _Floor(held, view, self.grid.held(view), self.marking, self.finder, sway_std_rad)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,9 +70,9 @@ class PinholePipeline(FramePipeline):
         tells = len({goal.color for goal in panelled}) == 2
         self._goal_points = goal_points(field) if tells else (np.empty((0, 3)), np.empty(0))
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
-        # made once for the camera of the file, and as the camera was held in the last frame
-        self._made = self._floor = self._make_floor(camera) if camera.known_orientation else None
-        self._made_for = camera
+        self._floors = HeldFloors(field, camera, self._mask, options.directions, options.rings)
+        # as the camera was held in the last frame
+        self._floor = self._floors.about(camera) if camera.known_orientation else None
         self._patterned = PatternedBallFinder(field, camera, self._mask) if field.ball_patches else None
         prepare(f"pinhole_{method.name}")
         if self._patterned is not None:
@@ -109,6 +87,7 @@ class PinholePipeline(FramePipeline):
         """
         other = copy(self)
         other.camera = camera
+        other._floors = HeldFloors(self.field, camera, self._mask, self._options.directions, self._options.rings)
         other._localizer = calibrated_localizer(self._localizer, self._options.method, self.field, camera, self._mask)
         if self._patterned is not None:
             other._patterned = PatternedBallFinder(self.field, camera, self._mask)
@@ -124,34 +103,12 @@ class PinholePipeline(FramePipeline):
         """The cells of the free space, as `polar`."""
         return None if self._floor is None else self._floor.grid
 
-    def _floor_for(self, camera: PinholeCamera) -> _Floor | None:
-        """Return the parts that measure the floor in some orientation of the camera: those before, or made again."""
-        made = self._made
-        has_moved = made is not None and any(camera.offset_m) and made.camera.pan_rad != camera.pan_rad
-        if made is None or has_moved or self._made_for is not self.camera:
-            made = self._made = self._make_floor(camera)
-            self._made_for = self.camera
-        return made
-
-    def _make_floor(self, camera: PinholeCamera) -> _Floor | None:
-        """Prepare to look at the floor by a camera whose tilt is known; None if it sees none."""
-        view = FloorView(camera, max(BEARINGS, 2 * self._options.directions), self._mask)
-        if not view.sees_floor:
-            return None
-        return _Floor(
-            camera,
-            view,
-            FreeSpaceGrid(view, self._options.directions, self._options.rings),
-            FloorMarking(view, self.field.line_width_m, 2 * self.field.robot_radius_m),
-            PinholeBallFinder(self.field, camera, self._mask),
-        )
-
     def _warm_up(self, camera: PinholeCamera) -> None:
         """Compile, or load from the disk's cache, everything a frame needs, so that no frame pays for it."""
         width, height = camera.size_px
         frame = np.full((height, width, 3), (50, 130, 45), dtype=np.uint8)
         self.look(frame)
-        floor = self._floor or self._make_floor(camera)
+        floor = self._floor or self._floors.about(camera)
         if floor is not None:
             self._see_floor(frame, floor, self._sample(frame, floor.view), None, {})
 
@@ -159,8 +116,7 @@ class PinholePipeline(FramePipeline):
         """See `FramePipeline.forget`."""
         super().forget()
         self._localizer.forget()
-        if self._floor is not None:
-            self._floor.finder.forget()
+        self._floors.forget()
 
     def look(
         self,
@@ -179,7 +135,7 @@ class PinholePipeline(FramePipeline):
             camera = camera.with_orientation(pan_rad, camera.tilt_rad, camera.roll_rad)
         samples = made = None
         if camera.known_orientation:
-            made = self._floor_for(camera)
+            made = self._floors.about(camera)
             if made is not None and self._needs_samples:
                 self._floor = made.held(camera)
                 samples = self._sample(frame, self._floor.view, timings)
@@ -190,9 +146,9 @@ class PinholePipeline(FramePipeline):
         pose = answer.pose
         self._last_pose = pose.pose if pose else None
         timings["pose"] = perf_counter() - start
-        if not camera.known_orientation:
-            self._floor = self._make_floor(_as_held(answer.camera)) if pose else None
-        elif made is None:
+        if pose and not camera.known_orientation:
+            made = self._floors.about(_as_held(answer.camera))
+        if made is None:
             self._floor = None
         elif samples is None:
             # as the pose tells that the body holds it in this frame
@@ -245,7 +201,7 @@ class PinholePipeline(FramePipeline):
     def _judge_channels(
         self,
         frame: UInt8Array,
-        floor: _Floor,
+        floor: HeldFloor,
         samples: _FloorSamples,
         balls: tuple[Ball, ...],
         pose: PoseEstimate | NotLocated,
@@ -327,8 +283,8 @@ class PinholePipeline(FramePipeline):
         return _FloorSamples(colors, table, llr, columns, edge_px)
 
     def _sample_to_walls(
-        self, frame: UInt8Array, floor: _Floor, pose: PoseEstimate | NotLocated, timings: dict[str, float]
-    ) -> tuple[_Floor, _FloorSamples]:
+        self, frame: UInt8Array, floor: HeldFloor, pose: PoseEstimate | NotLocated, timings: dict[str, float]
+    ) -> tuple[HeldFloor, _FloorSamples]:
         """Sample the floor, once more where the feet of walls that the pose predicts say how the camera is tilted."""
         samples = self._sample(frame, floor.view, timings)
         # a tilt that the pose came with is better than what walls say of it
@@ -343,7 +299,12 @@ class PinholePipeline(FramePipeline):
         return floor, self._sample(frame, floor.view, timings)
 
     def _see_floor(
-        self, frame: UInt8Array, floor: _Floor, samples: _FloorSamples, robot: Pose2 | None, timings: dict[str, float]
+        self,
+        frame: UInt8Array,
+        floor: HeldFloor,
+        samples: _FloorSamples,
+        robot: Pose2 | None,
+        timings: dict[str, float],
     ) -> tuple[UInt8Array, tuple[Ball, ...], FreeSpace]:
         """Find what the samples (K, M) show, the balls and the free space, robot frame.
 
@@ -351,7 +312,7 @@ class PinholePipeline(FramePipeline):
         ----------
         frame : (H, W, 3) uint8
             BGR.
-        floor : _Floor
+        floor : HeldFloor
             Of the camera's present orientation.
         samples : _FloorSamples
             Of this frame.

@@ -49,6 +49,16 @@ def test_a_panned_view_shows_the_same_pixels_elsewhere():
     np.testing.assert_allclose(turned.floor_at(columns), turned.floor_m[np.arange(view.bearings), columns], atol=1e-12)
 
 
+@pytest.mark.parametrize("pan_rad", [-0.7, 0.4])
+def test_what_a_camera_beside_the_robots_centre_has_in_view_is_worked_out_again_for_another_pan(pan_rad):
+    camera = replace(CAMERA, pan_rad=0.0, offset_m=(0.08, -0.02))
+    panned = FloorView(camera).panned(camera.with_orientation(pan_rad, camera.tilt_rad, camera.roll_rad))
+    made = FloorView(panned.camera)
+    assert made.span_rad != pytest.approx(np.add(FloorView(camera).span_rad, (pan_rad, 0.0)), abs=1e-3)
+    for name in ("bearing_rad", "span_rad", "floor_m", "valid", "range_m"):
+        np.testing.assert_allclose(getattr(panned, name), getattr(made, name), atol=1e-9)
+
+
 def test_free_space_goes_by_the_tilt_that_the_frame_shows():
     field = load_field("four_legged_2007")
     camera = replace(CAMERA, pan_rad=0.0)

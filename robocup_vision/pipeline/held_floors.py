@@ -1,0 +1,144 @@
+"""The parts that measure the floor by a pinhole camera, and their tables for the ways in which it is held.
+
+The tables take as long as ten looks. They are made for steps of the orientation, and kept; within a step they are
+turned: samples of the same places on the floor lie elsewhere in the picture.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.perception.balls.pinhole import PinholeBallFinder
+from robocup_vision.perception.floor_view import BEARINGS, FloorView
+from robocup_vision.perception.free_space import FloorMarking, FreeSpaceGrid
+
+# where the file leaves the tilt open: steps of tilt and roll, of which half moves a picture's edge by no more than a
+# walking body does, and of the logarithms of height and focal length
+_STEP_RAD, _STEP_LOG = math.radians(2.0), 0.02
+# a camera beside the robot's centre moves about it where a head is panned: steps of its place, metres
+_STEP_M = 0.004
+# so many are kept: a head that looks all around takes some forty
+_MOST = 64
+
+_Steps = tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldFloor:
+    """The parts that measure the floor, for one orientation of the camera.
+
+    `view` and `grid` are turned to the head's pan of the frame, `finder` holds its camera so when it looks.
+    `sway_std_rad`: of the camera's tilt and roll, where the frame told them.
+    """
+
+    camera: PinholeCamera
+    view: FloorView
+    grid: FreeSpaceGrid
+    marking: FloorMarking
+    finder: PinholeBallFinder
+    sway_std_rad: tuple[float, float] | None = None
+
+    def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> HeldFloor:
+        """Return the same for a frame in which neck and body hold the camera in the orientation of `camera`."""
+        held = self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad)
+        view = self.view.held(held)
+        return HeldFloor(held, view, self.grid.held(view), self.marking, self.finder, sway_std_rad)
+
+    def panned(self, pan_rad: float) -> HeldFloor:
+        """Return the same for another pan, with what changes about the robot worked out again."""
+        camera = self.camera.with_orientation(pan_rad, self.camera.tilt_rad, self.camera.roll_rad)
+        view = self.view.panned(camera)
+        grid = FreeSpaceGrid(view, self.grid.directions, self.grid.rings, self.grid.threshold)
+        return HeldFloor(camera, view, grid, self.marking, self.finder)
+
+
+class HeldFloors:
+    """Makes the parts that measure the floor, and keeps them.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : PinholeCamera
+        As its file says.
+    mask : (H, W) uint8 or None
+        Non-zero pixels are never looked at.
+    directions, rings
+        Of the free space, as those of `FreeSpaceGrid`.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        camera: PinholeCamera,
+        mask: UInt8Array | None,
+        directions: int,
+        rings: int | tuple[float, ...],
+    ) -> None:
+        self._field = field
+        self._camera = camera
+        self._mask = mask
+        self._directions, self._rings = directions, rings
+        reach_m = math.hypot(*camera.offset_m)
+        self._pan_step_rad = _STEP_M / reach_m if reach_m else math.inf
+        self._made: dict[_Steps, HeldFloor | None] = {}
+
+    def about(self, camera: PinholeCamera) -> HeldFloor | None:
+        """Return the parts made for about this orientation of the camera, to be `held` in it; None: it sees no floor.
+
+        Parameters
+        ----------
+        camera : PinholeCamera
+            The file's in another orientation; where the file leaves the tilt open, of another height or focal length,
+            too.
+        """
+        steps = self._steps(camera)
+        if steps not in self._made:
+            if len(self._made) == _MOST:
+                del self._made[next(iter(self._made))]
+            self._made[steps] = self._make(steps)
+        return self._made[steps]
+
+    def forget(self) -> None:
+        """Forget where balls were in the last frame."""
+        for made in self._made.values():
+            if made is not None:
+                made.finder.forget()
+
+    def _steps(self, camera: PinholeCamera) -> _Steps:
+        pan = round((camera.pan_rad or 0.0) / self._pan_step_rad)
+        if self._camera.known_orientation:
+            return (pan,)
+        file = self._camera
+        height, focal = camera.height_m / file.height_m, camera.focal_px[0] / file.focal_px[0]
+        logs = (round(math.log(ratio) / _STEP_LOG) for ratio in (height, focal))
+        return (pan, *(round((angle or 0.0) / _STEP_RAD) for angle in (camera.tilt_rad, camera.roll_rad)), *logs)
+
+    def _make(self, steps: _Steps) -> HeldFloor | None:
+        # about the robot's centre any pan is as good as another
+        pan_rad = steps[0] * self._pan_step_rad if steps[0] else 0.0
+        for other, made in self._made.items():
+            if other[1:] == steps[1:]:
+                return None if made is None else made.panned(pan_rad)
+        file = self._camera
+        camera = file.with_orientation(pan_rad, file.tilt_rad, file.roll_rad)
+        if not file.known_orientation:
+            tilt, roll, height, focal = steps[1:]
+            scale = math.exp(_STEP_LOG * focal)
+            focal_px = file.focal_px[0] * scale, file.focal_px[1] * scale
+            height_m = file.height_m * math.exp(_STEP_LOG * height)
+            camera = camera.as_fitted(_STEP_RAD * tilt, _STEP_RAD * roll, height_m, focal_px)
+        view = FloorView(camera, max(BEARINGS, 2 * self._directions), self._mask)
+        if not view.sees_floor:
+            return None
+        return HeldFloor(
+            camera,
+            view,
+            FreeSpaceGrid(view, self._directions, self._rings),
+            FloorMarking(view, self._field.line_width_m, 2 * self._field.robot_radius_m),
+            PinholeBallFinder(self._field, camera, self._mask),
+        )

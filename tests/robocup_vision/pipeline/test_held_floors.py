@@ -1,0 +1,104 @@
+"""Tables of the floor for the ways in which a camera is held: made once, turned, and as good as ones of their own."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from field_models import load_field
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.free_space import FreeSpaceGrid
+from robocup_vision.pipeline import held_floors
+from robocup_vision.pipeline.held_floors import HeldFloors
+
+FIELD = load_field("four_legged_2007")
+CAMERA = PinholeCamera(
+    (208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, offset_m=(0.05, 0.01), pan_rad=0.0, tilt_rad=-0.17, roll_rad=0.0
+)
+# the tilt is left open
+OPEN = replace(CAMERA, offset_m=(0.0, 0.0), tilt_rad=None, roll_rad=None)
+DIRECTIONS, RINGS = 40, 60
+
+
+def floors_of(camera):
+    return HeldFloors(FIELD, camera, None, DIRECTIONS, RINGS)
+
+
+def range_m(view, grid, post_m):
+    """Return free ranges where nothing stands but a post."""
+    away_m = np.hypot(*np.moveaxis(view.floor_m - post_m, -1, 0))
+    return grid.measure((~(away_m < 0.12)).astype(np.uint8)).range_m
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.floats(-1.5, 1.5), st.floats(-0.1, 0.1), st.floats(-0.05, 0.05), st.floats(0.5, 1.2))
+def test_a_panned_camera_measures_as_by_tables_of_its_own(pan_rad, ahead_m, aside_m, post_m):
+    camera = replace(CAMERA, offset_m=(ahead_m, aside_m))
+    held = camera.with_orientation(pan_rad, camera.tilt_rad, camera.roll_rad)
+    floor = floors_of(camera).about(held).held(held)
+    view = FloorView(held)
+    grid = FreeSpaceGrid(view, DIRECTIONS, RINGS)
+    place = post_m * np.array([math.cos(pan_rad), math.sin(pan_rad)])
+    np.testing.assert_allclose(floor.grid.bearing_rad, grid.bearing_rad, atol=0.02)
+    measured, expected = range_m(floor.view, floor.grid, place), range_m(view, grid, place)
+    # beside the post's edges a direction may be blocked in one and free in the other
+    assert np.mean(np.abs(measured / expected - 1.0) < 0.02) >= 0.9
+    assert np.min(measured) == pytest.approx(np.min(expected), rel=0.03)
+
+
+def test_tables_are_made_once_a_step():
+    floors = floors_of(CAMERA)
+    step_rad = floors._pan_step_rad
+    one, same, other = (floors.about(CAMERA.with_orientation(turn * step_rad, -0.2, 0.01)) for turn in (0.0, 0.4, 1.0))
+    assert one is same
+    assert one is not other
+    # neither a body's nod nor another pan is a reason to forget where a ball was
+    assert (one.finder, one.marking) == (other.finder, other.marking)
+    at_the_centre = floors_of(replace(CAMERA, offset_m=(0.0, 0.0)))
+    assert at_the_centre.about(CAMERA) is at_the_centre.about(CAMERA.with_orientation(1.0, -0.1, 0.0))
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.floats(-0.6, 0.1), st.floats(-0.1, 0.1), st.floats(-0.03, 0.03))
+def test_an_open_tilt_gets_tables_of_about_that_tilt_and_height(tilt_rad, roll_rad, height):
+    held = replace(OPEN, tilt_rad=tilt_rad, roll_rad=roll_rad, height_m=OPEN.height_m * math.exp(height))
+    made = floors_of(OPEN).about(held)
+    assert made.camera.tilt_rad == pytest.approx(tilt_rad, abs=math.radians(1.0) + 1e-9)
+    assert made.camera.roll_rad == pytest.approx(roll_rad, abs=math.radians(1.0) + 1e-9)
+    assert made.camera.height_m == pytest.approx(held.height_m, rel=0.0101)
+    floor = made.held(held)
+    assert (floor.camera.tilt_rad, floor.camera.roll_rad) == (tilt_rad, roll_rad)
+    # samples of a place on the floor lie where that place is in this picture
+    shown = np.hypot(*np.moveaxis(floor.view.floor_m, -1, 0)) < 50.0
+    expected = floor.camera.floor_to_pixel(floor.view.floor_m[shown])
+    inside = ((expected >= 0) & (expected <= (207, 159))).all(axis=-1)
+    np.testing.assert_allclose(floor.view.pixels[shown][inside], expected[inside], atol=1e-6)
+
+
+def test_no_more_are_kept_than_said(monkeypatch):
+    monkeypatch.setattr(held_floors, "_MOST", 3)
+    floors = floors_of(CAMERA)
+    made = [floors.about(CAMERA.with_orientation(0.2 * turn, -0.17, 0.0)) for turn in range(5)]
+    assert len(floors._made) == 3
+    assert floors.about(made[-1].camera) is made[-1]
+    assert floors.about(made[0].camera) is not made[0]
+
+
+def test_a_camera_that_looks_up_sees_no_floor():
+    floors = floors_of(OPEN)
+    assert floors.about(replace(OPEN, tilt_rad=1.0, roll_rad=0.0)) is None
+    floors.forget()
+    assert floors.about(replace(OPEN, tilt_rad=-0.3, roll_rad=0.0)) is not None
+
+
+def test_forgetting_is_for_all_of_them():
+    floors = floors_of(OPEN)
+    made = [floors.about(replace(OPEN, tilt_rad=tilt, roll_rad=0.0)) for tilt in (-0.3, -0.1)]
+    for one in made:
+        one.finder._last_px = [(10.0, 10.0, 3.0)]
+    floors.forget()
+    assert [one.finder._last_px for one in made] == [[], []]
