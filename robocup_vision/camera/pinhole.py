@@ -191,12 +191,13 @@ class PinholeCamera:
         return self.point_to_pixel(np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1))
 
     @cached_property
-    def _coefficients(self) -> tuple[float, ...]:
+    def coefficients(self) -> tuple[float, ...]:
+        """All eight coefficients of `distortion`."""
         return (*self.distortion, *(0.0,) * (8 - len(self.distortion)))
 
     def _radial(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Radial factor and its derivative by the squared slope."""
-        k1, k2, _, _, k3, k4, k5, k6 = self._coefficients
+        k1, k2, _, _, k3, k4, k5, k6 = self.coefficients
         top = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
         bottom = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
         top_slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
@@ -212,12 +213,17 @@ class PinholeCamera:
         end = len(slope) if grows.all() else max(int(np.argmin(grows)), 2)
         return slope[:end], (slope * factor)[:end]
 
+    @property
+    def widest_slope(self) -> float:
+        """Tangent of the largest angle off the optical axis that a lens with distortion is followed to."""
+        return float(self._radial_table[0][-1])
+
     def _distort(self, slopes: FloatArray) -> FloatArray:
-        _, _, p1, p2, *_ = self._coefficients
+        _, _, p1, p2, *_ = self.coefficients
         x, y = slopes[..., 0], slopes[..., 1]
         r2 = x * x + y * y
         # beyond the fold the polynomial would bring rays back into the image that the lens never shows
-        factor = np.where(r2 <= self._radial_table[0][-1] ** 2, self._radial(r2)[0], np.nan)
+        factor = np.where(r2 <= self.widest_slope**2, self._radial(r2)[0], np.nan)
         cross = 2.0 * x * y
         return np.stack(
             [x * factor + p1 * cross + p2 * (r2 + 2 * x * x), y * factor + p1 * (r2 + 2 * y * y) + p2 * cross], axis=-1
@@ -225,7 +231,7 @@ class PinholeCamera:
 
     def _undistort(self, distorted: FloatArray) -> FloatArray:
         """Invert `_distort` by Newton's method, started from the radial part's tabulated inverse."""
-        _, _, p1, p2, *_ = self._coefficients
+        _, _, p1, p2, *_ = self.coefficients
         undistorted_table, distorted_table = self._radial_table
         length = np.hypot(distorted[..., 0], distorted[..., 1])
         inverse = np.interp(length, distorted_table, undistorted_table)

@@ -7,7 +7,7 @@ row. The rows cover the view only. Some empty rows follow them, so that the last
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -38,7 +38,7 @@ _OF_THE_PAN = ("_rows_rad", "bearing_rad", "span_rad", "floor_m")
 _OF_THE_TURN = ("below_px", "pixels", "_homography")
 # what every frame needs, and neither changes
 _OF_EVERY_FRAME = (
-    "_camera_of_planes", "_planes", "_distance_m", "valid", "near_count", "step_px", "columns_in_use",
+    "_camera_of_planes", "_planes", "_lens", "_distance_m", "valid", "near_count", "step_px", "columns_in_use",
     "no_edges_px",
 )  # fmt: skip
 
@@ -324,8 +324,19 @@ class FloorView:
 
     @cached_property
     def _planes(self) -> Float32Array:
-        """(2, K, M) float32: u and v of `pixels` in the rows in view, in the frame of `_camera_of_planes`."""
-        return np.ascontiguousarray(np.moveaxis(self.pixels[: self.seen_bearings], -1, 0), dtype=np.float32)
+        """(2, K, M) float32: u and v of the samples in view as `_camera_of_planes` without distortion shows them."""
+        ideal = replace(self.camera, distortion=())
+        directions = self._directions(self.bearing_rad[: self.seen_bearings, None], self._slopes[None, :])
+        return np.ascontiguousarray(np.moveaxis(ideal.ray_to_pixel(directions), -1, 0), dtype=np.float32)
+
+    @cached_property
+    def _lens(self) -> Float32Array:
+        """(13,) float32: the lens as `sample_turned` takes it; empty without distortion."""
+        camera = self.camera
+        if not any(camera.distortion):
+            return np.empty(0, dtype=np.float32)
+        numbers = (*camera.focal_px, *camera.center_px, *camera.coefficients, camera.widest_slope**2)
+        return np.array(numbers, dtype=np.float32)
 
     @cached_property
     def _camera_of_planes(self) -> PinholeCamera:
@@ -333,7 +344,7 @@ class FloorView:
 
     @cached_property
     def _homography(self) -> FloatArray:
-        """(3, 3) float64: from pixels of `_planes` to this camera's, at the same pan."""
+        """(3, 3) float64: from pixels of `_planes` to this camera's without distortion, at the same pan."""
         camera, known = self.camera, self._camera_of_planes
         before, after = ((one.tilt_rad or 0.0, one.roll_rad or 0.0) for one in (known, camera))
         if before == after:
@@ -356,7 +367,7 @@ class FloorView:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples."""
         seen, shape = self.seen_bearings, (COLUMNS, 3)
         nearest, samples = np.empty((seen, *shape), np.uint8), np.empty((self.bearings, *shape), np.uint8)
-        sample_turned(frame, self._planes, self._homography, nearest)
+        sample_turned(frame, self._planes, self._homography, self._lens, nearest)
         cv2.blur(nearest, (3, 3), dst=samples[:seen], borderType=cv2.BORDER_REPLICATE)
         samples[seen:] = 0
         return samples

@@ -79,8 +79,10 @@ def place_on_floor(
 
 
 @compiled(error_model="numpy")
-def sample_turned(frame: UInt8Array, planes: Float32Array, homography: FloatArray, out: UInt8Array) -> None:
-    """Map pixels by a homography, into the frame, and write the colours of the nearest ones there.
+def sample_turned(
+    frame: UInt8Array, planes: Float32Array, homography: FloatArray, lens: Float32Array, out: UInt8Array
+) -> None:
+    """Map ideal pixels by a homography, and by the lens into the frame; write the colours of the nearest pixels there.
 
     Places are worked out a row before its colours are fetched: nothing there branches, and u and v lie apart, so that
     several are worked out at once.
@@ -90,9 +92,12 @@ def sample_turned(frame: UInt8Array, planes: Float32Array, homography: FloatArra
     frame : (H, W, 3) uint8
         What lies beyond is moved to its rim.
     planes : (2, K, M) float32
-        u and v; NaN where there is none: that becomes 0.
+        u and v as a lens without distortion shows them; NaN where there is none: that becomes 0.
     homography : (3, 3) float64
         Of u, v, 1.
+    lens : (13,) float32
+        Focal length and centre (u and v each, pixels), k1, k2, p1, p2, k3, k4, k5, k6 as OpenCV's, and the square of
+        the slope at which the lens folds back; empty for a lens without distortion.
     out : (K, M, 3) uint8
         Result.
     """
@@ -102,19 +107,24 @@ def sample_turned(frame: UInt8Array, planes: Float32Array, homography: FloatArra
     g, h, i = np.float32(homography[2, 0]), np.float32(homography[2, 1]), np.float32(homography[2, 2])
     height, width = frame.shape[:2]
     right, low, none, one = np.float32(width - 1), np.float32(height - 1), np.float32(0.0), np.float32(1.0)
+    behind = np.float32(np.nan)
     across = np.int32(3 * width)
     flat = frame.reshape(-1)
     rows, columns = planes.shape[1:]
     at = np.empty(columns, np.int32)
+    us, vs = np.empty(columns, np.float32), np.empty(columns, np.float32)
     for k in range(rows):
         for m in range(columns):
             u, v = planes[0, k, m], planes[1, k, m]
             scale = g * u + h * v + i
-            by_scale = one / scale
-            x, y = (a * u + b * v + c) * by_scale, (d * u + e * v + f) * by_scale
-            is_ahead = scale > none
-            x = x if is_ahead & (x > none) else none
-            y = y if is_ahead & (y > none) else none
+            by_scale = one / scale if scale > none else behind
+            us[m], vs[m] = (a * u + b * v + c) * by_scale, (d * u + e * v + f) * by_scale
+        if len(lens) > 0:
+            _distort(us, vs, lens)
+        for m in range(columns):
+            x, y = us[m], vs[m]
+            x = x if x > none else none
+            y = y if y > none else none
             x = x if x < right else right
             y = y if y < low else low
             x, y = (x + _ROUNDS) - _ROUNDS, (y + _ROUNDS) - _ROUNDS
@@ -125,3 +135,21 @@ def sample_turned(frame: UInt8Array, planes: Float32Array, homography: FloatArra
             out[k, m, 0] = flat[place]
             out[k, m, 1] = flat[place + np.uint32(1)]
             out[k, m, 2] = flat[place + np.uint32(2)]
+
+
+@compiled(error_model="numpy")
+def _distort(us: Float32Array, vs: Float32Array, lens: Float32Array) -> None:
+    """Move ideal pixels to where a lens shows them, in place; those beyond its fold to the fold."""
+    fu, fv, cu, cv = lens[0], lens[1], lens[2], lens[3]
+    k1, k2, p1, p2, k3, k4, k5, k6 = lens[4], lens[5], lens[6], lens[7], lens[8], lens[9], lens[10], lens[11]
+    farthest, one, two = lens[12], np.float32(1.0), np.float32(2.0)
+    for m in range(len(us)):
+        x, y = (us[m] - cu) / fu, (vs[m] - cv) / fv
+        r2 = x * x + y * y
+        inward = np.sqrt(farthest / r2) if r2 > farthest else one
+        x, y = inward * x, inward * y
+        r2 = x * x + y * y
+        factor = (one + r2 * (k1 + r2 * (k2 + r2 * k3))) / (one + r2 * (k4 + r2 * (k5 + r2 * k6)))
+        cross = two * x * y
+        us[m] = cu + fu * (x * factor + p1 * cross + p2 * (r2 + two * x * x))
+        vs[m] = cv + fv * (y * factor + p1 * (r2 + two * y * y) + p2 * cross)

@@ -174,7 +174,6 @@ def lens_table(camera: PinholeCamera) -> FloatArray:
     slopes = ray[:, 1:] / ray[:, :1]
     slopes = slopes[np.isfinite(slopes).all(axis=1)]
     widest = np.abs(slopes).max(axis=0) if len(slopes) else np.array([1.0, 1.0])
-    coefficients = (*camera.distortion, *(0.0,) * (8 - len(camera.distortion)))
     table = np.array(
         [
             *camera.focal_px,
@@ -182,7 +181,7 @@ def lens_table(camera: PinholeCamera) -> FloatArray:
             width,
             height,
             float(any(camera.distortion)),
-            *coefficients,
+            *camera.coefficients,
             1.1 * float((slopes**2).sum(axis=1).max()) if len(slopes) else math.inf,
             *(1.02 * widest),
         ]

@@ -20,10 +20,12 @@ CAMERA = PinholeCamera(
 )
 
 
+@pytest.mark.parametrize("distortion", [(), (-0.3, 0.1, 0.001, 0.0), (0.1, 0.02, 0.0, 0.001, 0.0, 0.2, 0.05, 0.01)])
 @pytest.mark.parametrize(("nod_rad", "roll_rad"), [(0.03, 0.0), (-0.03, 0.02), (0.0, -0.05)])
-def test_a_turned_view_samples_the_same_floor(nod_rad, roll_rad):
-    view = FloorView(CAMERA)
-    held = replace(CAMERA, tilt_rad=CAMERA.tilt_rad + nod_rad, roll_rad=roll_rad)
+def test_a_turned_view_samples_the_same_floor(nod_rad, roll_rad, distortion):
+    camera = replace(CAMERA, distortion=distortion)
+    view = FloorView(camera)
+    held = replace(camera, tilt_rad=camera.tilt_rad + nod_rad, roll_rad=roll_rad)
     turned = view.held(held)
     np.testing.assert_array_equal(turned.floor_m, view.floor_m)
     expected = held.floor_to_pixel(view.floor_m.reshape(-1, 2)).reshape(view.floor_m.shape)
@@ -33,7 +35,7 @@ def test_a_turned_view_samples_the_same_floor(nod_rad, roll_rad):
     frame = np.random.default_rng(0).integers(0, 256, (160, 208, 3), dtype=np.uint8)
     nearest = np.rint(expected[shown]).astype(int)
     sampled = np.empty((view.seen_bearings, len(view.radius_px), 3), np.uint8)
-    sample_turned(frame, turned._planes, turned._homography, sampled)
+    sample_turned(frame, turned._planes, turned._homography, turned._lens, sampled)
     same = sampled[shown[: view.seen_bearings]] == frame[nearest[:, 1], nearest[:, 0]]
     assert same.all(axis=-1).mean() > 0.999
 

@@ -9,10 +9,12 @@ import pytest
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
 
+NO_LENS = np.empty(0, np.float32)
 
-def sampled(frame, pixels, homography):
+
+def sampled(frame, pixels, homography, lens=NO_LENS):
     out = np.empty((*pixels.shape[:2], 3), np.uint8)
-    sample_turned(frame, np.ascontiguousarray(np.moveaxis(pixels, -1, 0)), homography, out)
+    sample_turned(frame, np.ascontiguousarray(np.moveaxis(pixels, -1, 0)), homography, lens, out)
     return out
 
 
@@ -27,6 +29,31 @@ def test_the_nearest_pixels_are_fetched(seed):
     same = sampled(frame, pixels, homography) == cv2.remap(frame, expected, None, cv2.INTER_NEAREST)
     # half-way between two pixels rounding decides
     assert (~same.all(axis=-1)).sum() <= 1
+
+
+@pytest.mark.parametrize(
+    "distortion", [(-0.3, 0.1, 0.002, -0.001, 0.01), (0.1, 0.02, 0.0, 0.001, 0.0, 0.2, 0.05, 0.01)]
+)
+def test_a_lens_shows_them_where_opencv_says(distortion):
+    rng = np.random.default_rng(6)
+    frame = rng.integers(0, 256, (160, 208, 3), dtype=np.uint8)
+    focal, center = (190.0, 205.0), (103.5, 79.5)
+    coefficients = (*distortion, *(0.0,) * (8 - len(distortion)))
+    pixels = rng.uniform(-20.0, 220.0, (20, 30, 2)).astype(np.float32)
+    rays = np.dstack([(pixels.astype(float) - center) / focal, np.ones((20, 30))]).reshape(-1, 1, 3)
+    matrix = np.array([[focal[0], 0.0, center[0]], [0.0, focal[1], center[1]], [0.0, 0.0, 1.0]])
+    places, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.array(coefficients))
+    expected = np.clip(places.reshape(20, 30, 2), 0, (207, 159)).astype(np.float32)
+    lens = np.array((*focal, *center, *coefficients, 64.0), np.float32)
+    same = sampled(frame, pixels, np.eye(3), lens) == cv2.remap(frame, expected, None, cv2.INTER_NEAREST)
+    assert (~same.all(axis=-1)).sum() <= 1
+
+
+def test_beyond_its_fold_a_lens_shows_the_fold():
+    frame = np.random.default_rng(7).integers(0, 256, (160, 208, 3), dtype=np.uint8)
+    lens = np.array((100.0, 100.0, 100.0, 80.0, -0.3, *(0.0,) * 7, 0.25), np.float32)
+    at_fold, beyond = (np.full((1, 1, 2), (100.0 + 100.0 * slope, 80.0), np.float32) for slope in (0.5, 3.0))
+    np.testing.assert_array_equal(sampled(frame, beyond, np.eye(3), lens), sampled(frame, at_fold, np.eye(3), lens))
 
 
 def test_no_pixel_and_what_lies_behind_show_the_first_pixel():
