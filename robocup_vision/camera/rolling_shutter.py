@@ -60,9 +60,12 @@ class RollingShutter:
         (H, W, 3) uint8
             The frame itself where the turn moves nothing.
         """
-        turn = np.float32(turn_rps * self._camera.readout_s)
-        if not abs(float(turn)) * self._max_shift > _MIN_SHIFT_PX:
+        turn = turn_rps * self._camera.readout_s
+        if not abs(turn) * self._max_shift > _MIN_SHIFT_PX:
             return frame
-        around, down = self._u + turn * self._shift_u, self._v + turn * self._shift_v
-        straight = cv2.remap(frame, around, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        around = cv2.scaleAdd(self._shift_u, turn, self._u)
+        down = cv2.scaleAdd(self._shift_v, turn, self._v)
+        # to a 32nd of a pixel, in whole numbers: `remap` takes two thirds of the time
+        places, parts = cv2.convertMaps(around, down, cv2.CV_16SC2)
+        straight = cv2.remap(frame, places, parts, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(straight, dtype=np.uint8)
