@@ -135,7 +135,7 @@ class View:
             return ()
         bearings, radius_px = polar.bearings, polar.radius_px
         blocked, free = np.empty(bearings, dtype=np.int64), np.empty(bearings, dtype=bool)
-        free_ranges.first_blocked(marks, polar.valid, BODY_COLUMNS, polar.columns_in_use, _BLOCKED_RUN, blocked)
+        free_ranges.first_blocked(marks, polar.shown, BODY_COLUMNS, polar.columns_in_use, _BLOCKED_RUN, blocked)
         places = polar.floor_at(blocked)
         stands_free(blocked, radius_px, self.wall_radius_px, _WALL_COLUMNS * polar.step_px, places, free)
         return join_places(places, free, gap_m=0.05, step_rad=polar.row_step_rad)

@@ -35,11 +35,11 @@ _STEPS_AT_ONCE = 64
 # what a head's pan changes: where samples lie about the robot; and what a nod or roll of the body does: where in the
 # picture
 _OF_THE_PAN = ("_rows_rad", "bearing_rad", "span_rad", "floor_m")
-_OF_THE_TURN = ("below_px", "pixels", "_homography")
+_OF_THE_TURN = ("below_px", "pixels", "shown", "_homography")
 # what every frame needs, and neither changes
 _OF_EVERY_FRAME = (
-    "_camera_of_planes", "_planes", "_lens", "_distance_m", "valid", "near_count", "step_px", "columns_in_use",
-    "no_edges_px",
+    "_camera_of_planes", "_planes", "_lens", "hidden_px", "_distance_m", "valid", "near_count", "step_px",
+    "columns_in_use", "no_edges_px",
 )  # fmt: skip
 
 
@@ -307,8 +307,16 @@ class FloorView:
         return np.where(self._slopes < -1e-9, self.range_m, np.nan)
 
     @cached_property
+    def shown(self) -> UInt8Array:
+        """(K, M) uint8: 1 where a sample is `valid`; in a turned view, once a frame is sampled, where it is in that."""
+        return self.valid
+
+    @cached_property
     def valid(self) -> UInt8Array:
-        """(K, M) uint8: 1 where a sample lies inside the frame and outside the mask."""
+        """(K, M) uint8: 1 where a sample lies inside the frame and outside the mask, of a camera that is not turned.
+
+        Where a turn has moved one out, a neighbour's colour stands for its own: good enough to learn colours by.
+        """
         width, height = self.camera.size_px
         u, v = self.pixels[..., 0], self.pixels[..., 1]
         inside = (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
@@ -346,7 +354,7 @@ class FloorView:
     def _homography(self) -> FloatArray:
         """(3, 3) float64: from pixels of `_planes` to this camera's without distortion, at the same pan."""
         camera, known = self.camera, self._camera_of_planes
-        before, after = ((one.tilt_rad or 0.0, one.roll_rad or 0.0) for one in (known, camera))
+        before, after = _turn_of(known), _turn_of(camera)
         if before == after:
             return np.eye(3)
         homography = np.empty((3, 3))
@@ -364,10 +372,21 @@ class FloorView:
         return max(1, int(np.count_nonzero(self.valid[:, : len(self.radius_px) // 3])))
 
     def sample(self, frame: UInt8Array) -> UInt8Array:
-        """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples."""
+        """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples.
+
+        In a turned view it also finds which samples are `shown`.
+        """
         seen, shape = self.seen_bearings, (COLUMNS, 3)
         nearest, samples = np.empty((seen, *shape), np.uint8), np.empty((self.bearings, *shape), np.uint8)
-        sample_turned(frame, self._planes, self._homography, self._lens, nearest)
+        shown = np.empty((self.bearings, COLUMNS), np.uint8)
+        sample_turned(frame, self._planes, self._homography, self._lens, self.hidden_px, shown, nearest)
+        if _turn_of(self.camera) != _turn_of(self._camera_of_planes):
+            shown.flags.writeable = False
+            vars(self)["shown"] = shown
         cv2.blur(nearest, (3, 3), dst=samples[:seen], borderType=cv2.BORDER_REPLICATE)
         samples[seen:] = 0
         return samples
+
+
+def _turn_of(camera: PinholeCamera) -> tuple[float, float]:
+    return camera.tilt_rad or 0.0, camera.roll_rad or 0.0

@@ -157,7 +157,7 @@ class FreeSpaceGrid:
     def measure(self, passable: UInt8Array) -> FreeSpace:
         """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""
         range_m = np.empty(self.directions)
-        free_ranges.measure_ranges(passable, self._cells, range_m)
+        free_ranges.measure_ranges(passable, self.view.shown, self._cells, range_m)
         return FreeSpace(self.bearing_rad, range_m)
 
 
@@ -201,6 +201,14 @@ class FloorMarking:
     obstacle_width_m: float
     settings: FloorMarkingSettings = FloorMarkingSettings()
 
+    def held(self, view: FloorView) -> FloorMarking:
+        """Return the marking of a view that `FloorView.held` made of this one's."""
+        for name in ("widest_line", "_none_known"):
+            getattr(self, name)
+        other = object.__new__(FloorMarking)
+        vars(other).update(vars(self), view=view)
+        return other
+
     @cached_property
     def widest_line(self) -> tuple[Int32Array, Int32Array]:
         """(M,) int32 each: the widest line at each column, in samples across and along the rows."""
@@ -237,5 +245,5 @@ class FloorMarking:
             outermost = self._none_known
         out = np.empty(llr.shape, dtype=np.uint8)
         view, is_ring = self.view, self.view.is_ring
-        free_floor.passable(samples, llr, view.valid, *self.widest_line, view.columns_in_use, is_ring, outermost, out)
+        free_floor.passable(samples, llr, view.shown, *self.widest_line, view.columns_in_use, is_ring, outermost, out)
         return out

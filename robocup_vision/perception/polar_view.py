@@ -135,6 +135,11 @@ class PolarView:
             return np.empty((0, 0), dtype=np.uint8)
         return np.asarray(cv2.dilate((self.mask > 0).astype(np.uint8), np.ones((3, 3), np.uint8)), dtype=np.uint8)
 
+    @property
+    def shown(self) -> UInt8Array:
+        """`valid`, as no frame shows these samples elsewhere."""
+        return self.valid
+
     @cached_property
     def valid(self) -> UInt8Array:
         """(K, M) uint8: 1 where a sample lies inside the frame and outside the mask."""

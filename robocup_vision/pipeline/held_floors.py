@@ -31,7 +31,7 @@ _Steps = tuple[int, ...]
 class HeldFloor:
     """The parts that measure the floor, for one orientation of the camera.
 
-    `view` and `grid` are turned to the head's pan of the frame, `finder` holds its camera so when it looks.
+    `view`, `grid` and `marking` are turned as the frame's camera is, `finder` holds its camera so when it looks.
     `sway_std_rad`: of the camera's tilt and roll, where the frame told them.
     """
 
@@ -46,7 +46,8 @@ class HeldFloor:
         """Return the same for a frame in which neck and body hold the camera in the orientation of `camera`."""
         held = self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad)
         view = self.view.held(held)
-        return HeldFloor(held, view, self.grid.held(view), self.marking, self.finder, sway_std_rad)
+        grid, marking = self.grid.held(view), self.marking.held(view)
+        return HeldFloor(held, view, grid, marking, self.finder, sway_std_rad)
 
     def panned(self, pan_rad: float) -> HeldFloor:
         """Return the same for another pan, with what changes about the robot worked out again."""

@@ -188,7 +188,7 @@ def _mark_lines_along(
 ) -> None:
     """Mark bright stripes between floor on one bearing that are no longer than a line is wide."""
     for k in range(len(free)):
-        first = -1
+        first = begin = -1
         for word in range(1, free.shape[1] - 1):
             if first < 0 and free[k, word] != NO_BITS:
                 first = 64 * (word - 1) + lowest(free[k, word])
@@ -199,9 +199,13 @@ def _mark_lines_along(
             while ends != NO_BITS:
                 m = 64 * (word - 1) + lowest(ends)
                 ends &= ends - ONE
-                # the robot stands on the floor: what lies under its rim is bounded by floor
+                # the robot stands on the floor: what lies under its rim, or the picture's, is bounded by floor
+                if begin < 0:
+                    begin = 0
+                    while not valid[k, begin] and begin < m:
+                        begin += 1
                 last = m - 1
-                while last >= 0 and out[k, last] == BLOCKED and m - last <= line_columns[m] + 1:
+                while last >= begin and out[k, last] == BLOCKED and m - last <= line_columns[m] + 1:
                     last -= 1
                 if m - last > line_columns[m] + 1:
                     continue

@@ -53,7 +53,7 @@ class FreeCells(NamedTuple):
 
 
 @compiled
-def measure_ranges(passable_mask: UInt8Array, cells: FreeCells, range_m: FloatArray) -> None:
+def measure_ranges(passable_mask: UInt8Array, valid: UInt8Array, cells: FreeCells, range_m: FloatArray) -> None:
     """Measure how far the floor is free in each direction: up to its first cell that is not.
 
     In a view that is no ring samples lie far apart along a direction: within that cell the floor is free up to the
@@ -62,6 +62,8 @@ def measure_ranges(passable_mask: UInt8Array, cells: FreeCells, range_m: FloatAr
     Parameters
     ----------
     passable_mask : (K, M) uint8
+    valid : (K, M) uint8
+        Samples that are not valid block nothing.
     cells : FreeCells
         Of the samples.
     range_m : (J,) float64
@@ -69,7 +71,8 @@ def measure_ranges(passable_mask: UInt8Array, cells: FreeCells, range_m: FloatAr
     """
     rings, directions = cells.allowed.shape
     count, nearest = np.zeros(rings * directions, np.int32), np.full(rings * directions, np.inf, np.float32)
-    flat, cell, near_m = passable_mask.reshape(-1), cells.cell.reshape(-1), cells.near_m.reshape(-1)
+    flat, counts = passable_mask.reshape(-1), valid.reshape(-1)
+    cell, near_m = cells.cell.reshape(-1), cells.near_m.reshape(-1)
     # most samples are floor: only the others are counted
     for first in range(0, len(flat), 8):
         if first + 8 <= len(flat):
@@ -81,7 +84,7 @@ def measure_ranges(passable_mask: UInt8Array, cells: FreeCells, range_m: FloatAr
         while blocked != NO_BITS:
             at = np.uint64(first + lowest(blocked))
             blocked &= blocked - ONE
-            if cell[at] >= 0:
+            if cell[at] >= 0 and counts[at]:
                 index = np.uint32(cell[at])
                 count[index] += 1
                 if not cells.is_ring:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.pinhole import camera_axes
 
@@ -80,7 +80,13 @@ def place_on_floor(
 
 @compiled(error_model="numpy")
 def sample_turned(
-    frame: UInt8Array, planes: Float32Array, homography: FloatArray, lens: Float32Array, out: UInt8Array
+    frame: UInt8Array,
+    planes: Float32Array,
+    homography: FloatArray,
+    lens: Float32Array,
+    hidden: UInt8Array,
+    valid: UInt8Array,
+    out: UInt8Array,
 ) -> None:
     """Map ideal pixels by a homography, and by the lens into the frame; write the colours of the nearest pixels there.
 
@@ -98,6 +104,11 @@ def sample_turned(
     lens : (13,) float32
         Focal length and centre (u and v each, pixels), k1, k2, p1, p2, k3, k4, k5, k6 as OpenCV's, and the square of
         the slope at which the lens folds back; empty for a lens without distortion.
+    hidden : (H, W) uint8
+        Non-zero pixels show the robot itself: places behind it take the colour of the next one nearer in their row, the
+        nearest ones that of the first that is not hidden. (0, 0): none.
+    valid : (N, M) uint8
+        N >= K. Result: 1 where a place lies in the frame, and not behind the robot itself.
     out : (K, M, 3) uint8
         Result.
     """
@@ -111,6 +122,7 @@ def sample_turned(
     across = np.int32(3 * width)
     flat = frame.reshape(-1)
     rows, columns = planes.shape[1:]
+    valid[rows:] = 0
     at = np.empty(columns, np.int32)
     us, vs = np.empty(columns, np.float32), np.empty(columns, np.float32)
     for k in range(rows):
@@ -123,12 +135,15 @@ def sample_turned(
             _distort(us, vs, lens)
         for m in range(columns):
             x, y = us[m], vs[m]
+            valid[k, m] = np.uint8((x >= none) & (y >= none) & (x <= right) & (y <= low))
             x = x if x > none else none
             y = y if y > none else none
             x = x if x < right else right
             y = y if y < low else low
             x, y = (x + _ROUNDS) - _ROUNDS, (y + _ROUNDS) - _ROUNDS
             at[m] = np.int32(y) * across + np.int32(3) * np.int32(x)
+        if hidden.size > 0:
+            _avoid(hidden.reshape(-1), at, valid[k])
         for m in range(columns):
             # unsigned: a signed index would be checked for being negative at every access
             place = np.uint32(at[m])
@@ -153,3 +168,21 @@ def _distort(us: Float32Array, vs: Float32Array, lens: Float32Array) -> None:
         cross = two * x * y
         us[m] = cu + fu * (x * factor + p1 * cross + p2 * (r2 + two * x * x))
         vs[m] = cv + fv * (y * factor + p1 * (r2 + two * y * y) + p2 * cross)
+
+
+@compiled
+def _avoid(hidden: UInt8Array, at: Int32Array, valid: UInt8Array) -> None:
+    """Replace, in place, the offsets of hidden pixels in a row (three a pixel) by those of neighbours: not valid."""
+    for m in range(len(at)):
+        if hidden[at[m] // 3]:
+            valid[m] = 0
+    first = 0
+    while first < len(at) and hidden[at[first] // 3]:
+        first += 1
+    if first == len(at):
+        return
+    for m in range(first):
+        at[m] = at[first]
+    for m in range(first + 1, len(at)):
+        if hidden[at[m] // 3]:
+            at[m] = at[m - 1]

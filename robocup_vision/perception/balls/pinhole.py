@@ -117,9 +117,12 @@ class PinholeBallFinder(BallSearch):
         along, across = self._sizes_px
         down_u, down_v = self._down
         rows: list[FloatArray] = []
-        place = float(FAR_BELOW_PX - self._reach_px)
+        # from the picture's rim on, which cuts balls; beyond it a lens with distortion may show any size
+        (right, low), (axis_u, axis_v) = self.camera.size_px, self._axis_px
+        corners = [math.hypot(u - axis_u, v - axis_v) for u in (0, right - 1) for v in (0, low - 1)]
+        place, last = min(corners) + 2.0, max(corners)
         settings, pitch = self.settings, self.settings.pinhole_seed_pitch
-        while place < FAR_BELOW_PX + self._reach_px:
+        while place <= last:
             half_px = across[round(place)]
             if half_px < settings.min_half_px:
                 place += 1.0

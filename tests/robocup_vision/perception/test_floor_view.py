@@ -34,8 +34,13 @@ def test_a_turned_view_samples_the_same_floor(nod_rad, roll_rad, distortion):
     np.testing.assert_allclose(turned.pixels[shown], expected[shown], atol=1e-6)
     frame = np.random.default_rng(0).integers(0, 256, (160, 208, 3), dtype=np.uint8)
     nearest = np.rint(expected[shown]).astype(int)
-    sampled = np.empty((view.seen_bearings, len(view.radius_px), 3), np.uint8)
-    sample_turned(frame, turned._planes, turned._homography, turned._lens, sampled)
+    sampled, valid = np.empty((view.seen_bearings, len(view.radius_px), 3), np.uint8), np.empty_like(view.valid)
+    sample_turned(frame, turned._planes, turned._homography, turned._lens, turned.hidden_px, valid, sampled)
+    inside = ((turned.pixels >= 0) & (turned.pixels <= (207, 159))).all(axis=-1)
+    # what lies beyond a lens is not shown, but it may look as if
+    assert np.mean(valid[view.valid > 0] == inside[view.valid > 0]) > 0.99
+    turned.sample(frame)
+    np.testing.assert_array_equal(turned.shown, valid)
     same = sampled[shown[: view.seen_bearings]] == frame[nearest[:, 1], nearest[:, 0]]
     assert same.all(axis=-1).mean() > 0.999
 
@@ -59,6 +64,21 @@ def test_what_a_camera_beside_the_robots_centre_has_in_view_is_worked_out_again_
     assert made.span_rad != pytest.approx(np.add(FloorView(camera).span_rad, (pan_rad, 0.0)), abs=1e-3)
     for name in ("bearing_rad", "span_rad", "floor_m", "valid", "range_m"):
         np.testing.assert_allclose(getattr(panned, name), getattr(made, name), atol=1e-9)
+
+
+@pytest.mark.parametrize("nod_rad", [-0.03, 0.0, 0.03])
+def test_a_nod_that_moves_the_robots_own_body_over_the_floor_blocks_nothing(nod_rad):
+    field = load_field("four_legged_2007")
+    camera, mask = replace(CAMERA, pan_rad=0.0), np.zeros((160, 208), dtype=np.uint8)
+    mask[135:, 60:150] = 255
+    light = render_pinhole(
+        replace(camera, tilt_rad=camera.tilt_rad + nod_rad), Scene(field, carpet_margin_m=0.2), Pose2(-0.5, -0.2, 0.0)
+    )
+    frame = np.clip(light, 0, 255).astype(np.uint8)
+    frame[mask > 0] = 20
+    view = Vision(field, camera, mask=mask).look(frame, prior=Pose2(-0.47, -0.22, 0.02))
+    assert view.pose
+    assert view.free_space.range_m.min() > 0.8
 
 
 def test_free_space_goes_by_the_tilt_that_the_frame_shows():

@@ -70,21 +70,40 @@ def test_a_camera_that_is_not_told_may_be_off_as_its_file_says():
     assert np.linalg.eigvalsh(own.covariance - stiff.covariance).min() > 0
 
 
+# lenses, of which the second folds back a little beyond the picture
+LENSES = {"none": (), "wide": (-0.12, 0.03, 0.001, -0.001), "wider": (-0.3, 0.1, 0.0, 0.0)}
+
+
+@pytest.mark.parametrize("lens", LENSES)
 @pytest.mark.parametrize("nod_deg", [-2.0, 0.0, 2.0])
-def test_a_nodding_robot_knows_where_the_ball_is(nod_deg):
+def test_a_nodding_robot_knows_where_the_ball_is(nod_deg, lens):
     truth, at, pan = Pose2(-0.6, 0.2, 0.3), np.array([0.9, 0.1]), 0.25
-    held = CAMERA.with_orientation(pan, CAMERA.tilt_rad + math.radians(nod_deg), 0.01)
+    camera = replace(CAMERA, distortion=LENSES[lens])
+    held = camera.with_orientation(pan, CAMERA.tilt_rad + math.radians(nod_deg), 0.01)
     in_field = truth.transform(at)
     ball = Ball(*in_field.tolist(), FIELD.ball_radius_m, COLOR_NAMES[FIELD.ball_color])
     rendered = render_pinhole(held, Scene(FIELD, ball=ball), truth, supersample=2)
     frame = np.clip(rendered, 0, 255).astype(np.uint8)
     prior = PoseEstimate(truth, np.diag([0.03, 0.03, 0.02]) ** 2, 1.0, 0.0)
-    view = Vision(FIELD, CAMERA).look(frame, prior=prior, pan_rad=pan)
+    view = Vision(FIELD, camera).look(frame, prior=prior, pan_rad=pan)
     assert view.pose
     error = np.array([view.balls[0].x_m, view.balls[0].y_m]) - at
     assert math.hypot(*error) < 0.04
     assert error @ np.linalg.solve(view.balls[0].covariance, error) < 9.0
     assert np.sqrt(np.linalg.eigvalsh(view.balls[0].covariance)[-1]) < 0.1
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_seeds_lie_so_dense_that_a_ball_anywhere_covers_some(lens):
+    finder = PinholeBallFinder(FIELD, replace(CAMERA, distortion=LENSES[lens]))
+    seeds = finder._seeds[:, ::-1]
+    rng = np.random.default_rng(5)
+    for u, v in rng.uniform((0.0, 60.0), (207.0, 159.0), (200, 2)).tolist():
+        along, across = finder._expected_px(u, v)
+        if min(along, across) < finder.settings.min_half_px:
+            continue
+        away = (seeds - (u, v)) / (max(across, 1.5), max(along, 1.5))
+        assert np.hypot(*away.T).min() < 1.0, (u, v)
 
 
 YELLOW = replace(FIELD, ball_color="yellow")

@@ -61,7 +61,8 @@ def passable_twin(samples, llr, valid, line_columns, line_rows, in_use, is_ring,
         last = base = -1
         for m in np.flatnonzero(out[k, :in_use] != BLOCKED):
             base = m if floor[k, m] or base < 0 else base
-            between = np.arange(last + 1, m)
+            # the picture's rim bounds as the robot's does
+            between = np.arange(max(last + 1, np.argmax(valid[k])), m)
             if 1 <= len(between) <= line_columns[m] and whiter(
                 samples[k, between], valid[k, between] == 0, samples[k, base]
             ):
@@ -104,6 +105,8 @@ def test_passable_agrees_with_its_twin(seed, is_ring):
         k, m = rng.integers(0, rows), rng.integers(0, columns)
         llr[k : k + rng.integers(1, 6), m : m + rng.integers(1, 8)] = 40
     valid = (rng.random((rows, columns)) < 0.95).astype(np.uint8)
+    # rows that begin beyond the picture
+    valid[rng.random(rows) < 0.4, : rng.integers(0, 6)] = 0
     if not is_ring:
         valid[-2:], llr[-2:] = 0, 0
     llr[valid == 0] = 0

@@ -9,12 +9,13 @@ import pytest
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
 
-NO_LENS = np.empty(0, np.float32)
+NO_LENS, NOTHING = np.empty(0, np.float32), np.empty((0, 0), np.uint8)
 
 
-def sampled(frame, pixels, homography, lens=NO_LENS):
+def sampled(frame, pixels, homography, lens=NO_LENS, hidden=NOTHING, valid=None):
     out = np.empty((*pixels.shape[:2], 3), np.uint8)
-    sample_turned(frame, np.ascontiguousarray(np.moveaxis(pixels, -1, 0)), homography, lens, out)
+    valid = np.empty(pixels.shape[:2], np.uint8) if valid is None else valid
+    sample_turned(frame, np.ascontiguousarray(np.moveaxis(pixels, -1, 0)), homography, lens, hidden, valid, out)
     return out
 
 
@@ -26,9 +27,13 @@ def test_the_nearest_pixels_are_fetched(seed):
     homography = np.eye(3) + rng.normal(0.0, 1.0, (3, 3)) * [[0.02, 0.02, 5.0], [0.02, 0.02, 5.0], [1e-5, 1e-5, 0.0]]
     places = cv2.perspectiveTransform(pixels.astype(float), homography)
     expected = np.clip(places, 0, (207, 159)).astype(np.float32)
-    same = sampled(frame, pixels, homography) == cv2.remap(frame, expected, None, cv2.INTER_NEAREST)
+    # more rows than places: bearings that see nothing
+    valid = np.ones((23, 30), np.uint8)
+    same = sampled(frame, pixels, homography, valid=valid) == cv2.remap(frame, expected, None, cv2.INTER_NEAREST)
     # half-way between two pixels rounding decides
     assert (~same.all(axis=-1)).sum() <= 1
+    np.testing.assert_array_equal(valid[:20], ((places >= 0) & (places <= (207, 159))).all(axis=-1))
+    assert not valid[20:].any()
 
 
 @pytest.mark.parametrize(
@@ -56,10 +61,24 @@ def test_beyond_its_fold_a_lens_shows_the_fold():
     np.testing.assert_array_equal(sampled(frame, beyond, np.eye(3), lens), sampled(frame, at_fold, np.eye(3), lens))
 
 
+def test_places_behind_the_robot_itself_take_the_colours_of_their_neighbours():
+    frame = np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3)
+    hidden = np.zeros((4, 6), np.uint8)
+    hidden[0, [0, 1, 4]] = hidden[1] = 1
+    rows = np.stack(np.meshgrid(np.arange(6.0), np.arange(4.0)), axis=-1).astype(np.float32)
+    valid = np.empty((4, 6), np.uint8)
+    found = sampled(frame, rows, np.eye(3), hidden=hidden, valid=valid)
+    np.testing.assert_array_equal(valid, hidden == 0)
+    np.testing.assert_array_equal(found[0], frame[0, [2, 2, 2, 3, 3, 5]])
+    # where all is hidden there is nothing better
+    np.testing.assert_array_equal(found[1:], frame[1:])
+
+
 def test_no_pixel_and_what_lies_behind_show_the_first_pixel():
     frame = np.arange(4 * 5 * 3, dtype=np.uint8).reshape(4, 5, 3)
-    none = np.full((1, 2, 2), np.nan, np.float32)
-    np.testing.assert_array_equal(sampled(frame, none, np.eye(3)), np.broadcast_to(frame[0, 0], (1, 2, 3)))
+    none, valid = np.full((1, 2, 2), np.nan, np.float32), np.ones((1, 2), np.uint8)
+    np.testing.assert_array_equal(sampled(frame, none, np.eye(3), valid=valid), np.broadcast_to(frame[0, 0], (1, 2, 3)))
+    assert not valid.any()
     behind = sampled(frame, np.full((1, 2, 2), 3, np.float32), np.diag([1.0, 1.0, -1.0]))
     np.testing.assert_array_equal(behind, np.broadcast_to(frame[0, 0], (1, 2, 3)))
 
