@@ -237,7 +237,8 @@ class PatternedBallFinder:
         rays = (
             camera.pixel_to_camera_ray(kept[:, : kernel.RADIUS]) @ camera_rotation(0.0, 0.0, camera.roll_rad or 0.0).T
         )
-        return [self._weighed(*one, camera) for one in zip(kept.tolist(), rays.tolist(), strict=True)]
+        shrunk = _lens_scale(camera, kept[:, : kernel.RADIUS]).tolist()
+        return [self._weighed(*one, camera) for one in zip(kept.tolist(), rays.tolist(), shrunk, strict=True)]
 
     def _row_radii_px(self, camera: PinholeCamera) -> tuple[FloatArray, int]:
         """Return the least and greatest radius (H, 2) of a ball on the floor in each row, and the first row of use.
@@ -269,7 +270,7 @@ class PatternedBallFinder:
         pixels = np.stack(np.broadcast_arrays([0.0, (width - 1) / 2, width - 1.0], at[:, None]), axis=-1)
         return self._camera.pixel_to_camera_ray(pixels)
 
-    def _weighed(self, row: list[float], ray: list[float], camera: PinholeCamera) -> _Disc:
+    def _weighed(self, row: list[float], ray: list[float], lens_scale: float, camera: PinholeCamera) -> _Disc:
         """Return a disc of the search and what speaks for it; its ray is the camera's, with the roll undone."""
         settings = self.settings
         u, v, radius, rim, _, white, dark, carpet, around, shown = row
@@ -288,7 +289,7 @@ class PatternedBallFinder:
         if not settings.min_white * carpet <= white <= settings.max_white * carpet:
             nats -= settings.min_log_likelihood_ratio
         # the depression of the ray to the centre by the ball's size, and the tilt that puts the ray there
-        half = radius * ray[0] / camera.focal_px[0]
+        half = radius / lens_scale * ray[0] / camera.focal_px[0]
         fall = min((camera.height_m - self._radius_m) / self._radius_m * math.sin(half), 0.99)
         reach = math.hypot(ray[0], ray[2])
         tilt = math.asin(max(-fall / reach, -1.0)) - math.atan2(ray[2], ray[0])
@@ -319,6 +320,17 @@ class PatternedBallFinder:
         turn = np.array([[away[0], -away[1]], [away[1], away[0]]])
         covariance = read_only(turn @ np.diag([along**2, across**2]) @ turn.T)
         return Ball(x, y, covariance, disc.u_px, disc.v_px, ratio)
+
+
+def _lens_scale(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
+    """How many times larger (N,) than without distortion a lens shows what is at some pixels (N, 2)."""
+    if not any(camera.distortion):
+        return np.ones(len(pixels))
+    beside = pixels[:, None] + [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
+    rays = camera.pixel_to_camera_ray(beside)
+    right, left, low, high = np.moveaxis(rays[..., 1:] / rays[..., :1] * camera.focal_px / 2.0, 1, 0)
+    (au, av), (bu, bv) = (right - left).T, (low - high).T
+    return np.asarray(np.abs(au * bv - av * bu) ** -0.5)
 
 
 def _apart(discs: list[_Disc], ratios: list[float], needed: float) -> list[tuple[float, _Disc]]:

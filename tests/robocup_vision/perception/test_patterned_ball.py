@@ -58,6 +58,20 @@ def test_a_ball_is_found_and_placed_within_what_it_owns_to(finder, place, camera
     assert ball.log_likelihood_ratio >= finder.settings.min_log_likelihood_ratio
 
 
+@pytest.mark.parametrize("distortion", [(-0.25, 0.08, 0.0, 0.0), (0.1, 0.0, 0.0, 0.0)])
+@pytest.mark.parametrize("place", [(0.9, 0.4), (1.2, -0.5), (2.1, 0.0)])
+def test_a_ball_seen_through_a_lens_is_as_large_as_it_is(place, distortion):
+    lens = dataclasses.replace(HELD, distortion=distortion)
+    width, height = HELD.size_px
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    ideal = HELD.camera_ray_to_pixel(lens.pixel_to_camera_ray(pixels)).astype(np.float32)
+    frame = cv2.remap(picture([place]), ideal[..., 0], ideal[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    free = dataclasses.replace(lens, pan_rad=None, tilt_rad=None, roll_rad=None)
+    for camera, most in ((lens, 0.03), (free, 0.2)):
+        (ball,) = PatternedBallFinder(FIELD, lens).find(np.asarray(frame, dtype=np.uint8), camera)
+        assert math.dist((ball.x_m, ball.y_m), place) < most * math.hypot(*place)
+
+
 def test_all_balls_are_found_and_bear_each_other_out(finder):
     places = [(0.9, 0.2), (1.4, -0.3), (2.2, 0.5)]
     balls = finder.find(picture(places), FREE)
