@@ -23,6 +23,8 @@ MIN_GREEN, MIN_OTHER = 0.03, 0.05
 # of a picture's width: what is so small may be a blurred line, and no patch of carpet in other light; by so much of it
 # the light of neighbouring grass may differ
 PATCHES, SAME_LIGHT = 60, 0.4
+# sum of the channels from which on a pixel has a tone; in a dark hall so much of the mean
+MIN_LIGHT, DARK_RATIO = 60.0, 0.5
 # numbers that describe a carpet, see `carpet_look`; of one in sun and shade
 CARPET, LIT_CARPET = 5, 8
 # of a paint: shadows leave less than half of it, blur mixes the background in, lamps have a tint
@@ -94,8 +96,11 @@ def _other_light(greens: Int64Array, total: int, bi: int, bj: int) -> tuple[int,
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _lies_in_patches(image: UInt8Array, top: int, i: int, j: int) -> bool:
-    """Whether most pixels of a green tone have green ones, as light, on three sides; blur mixes carpet into bands."""
+def _lies_in_patches(image: UInt8Array, top: int, i: int, j: int, least: float) -> bool:
+    """Whether most pixels of a green tone, of at least this light, have green ones, as light, on three sides.
+
+    Blur mixes carpet into bands.
+    """
     height, width = image.shape[0], image.shape[1]
     away = max(width // PATCHES, 2)
     number, inside = 0, 0
@@ -105,7 +110,7 @@ def _lies_in_patches(image: UInt8Array, top: int, i: int, j: int) -> bool:
             x = 2 + (width - 5) * column // (GRID - 1)
             b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
             light = b + g + r
-            if light <= 60.0 or not _is_green(b, g, r):
+            if light <= least or not _is_green(b, g, r):
                 continue
             if abs(1 + int(b / light * (TONES - 1)) - i) > 1 or abs(1 + int(r / light * (TONES - 1)) - j) > 1:
                 continue
@@ -164,7 +169,13 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
     greens = np.zeros((TONES + 2, TONES + 2), dtype=np.int64)
     lit = np.empty((GRID * GRID, 3))
     cells = np.empty((GRID * GRID, 2), dtype=np.int64)
-    total, count = variable(0), variable(0)
+    total, count, sum_light = variable(0), variable(0), 0
+    for i in range(GRID):
+        y = top + (height - 2 - top) * i // (GRID - 1)
+        for j in range(GRID):
+            x = 2 + (width - 5) * j // (GRID - 1)
+            sum_light += int(image[y, x, 0]) + int(image[y, x, 1]) + int(image[y, x, 2])
+    least = min(MIN_LIGHT, DARK_RATIO * sum_light / GRID**2)
     for i in range(GRID):
         y = top + (height - 2 - top) * i // (GRID - 1)
         for j in range(GRID):
@@ -174,7 +185,7 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
             rough[min(bend, 63)] += 1
             total += 1
             light = b + g + r
-            if light > 60.0:
+            if light > least:
                 lit[count, 0], lit[count, 1], lit[count, 2] = b, g, r
                 cells[count, 0] = 1 + int(b / light * (TONES - 1))
                 cells[count, 1] = 1 + int(r / light * (TONES - 1))
@@ -189,7 +200,7 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
             carpet[5 + c] = carpet[c]
         if _is_green(carpet[0], carpet[1], carpet[2]):
             oi, oj = _other_light(greens, total, bi, bj)
-            if (oi != bi or oj != bj) and _lies_in_patches(image, top, oi, oj):
+            if (oi != bi or oj != bj) and _lies_in_patches(image, top, oi, oj, least):
                 _mean_tone(lit, cells, count, oi, oj, flag(True), carpet[5:])
     half, k = 0, 0
     while k < 63 and half + rough[k] < total // 2:

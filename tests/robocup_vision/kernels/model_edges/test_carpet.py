@@ -45,6 +45,17 @@ def test_the_carpet_is_the_commonest_tone_and_noise_is_reported():
     assert not is_carpet(20.0, 20.0, 20.0, carpet)
 
 
+@pytest.mark.parametrize("gain", [1.0, 0.25, 0.12])
+def test_a_dark_hall_s_carpet_has_a_tone_too(gain):
+    picture = np.tile(CARPET, (160, 208, 1))
+    picture[:, 90:96] = 230.0
+    picture = gain * picture + np.random.default_rng(2).normal(0.0, 1.0, picture.shape)
+    carpet = np.zeros(8)
+    carpet_look(np.clip(np.rint(picture), 0, 255).astype(np.uint8), 0, carpet)
+    np.testing.assert_allclose(carpet[:3], gain * CARPET, atol=1.0)
+    assert carpet[4] > 0.8
+
+
 # the tone of whoever is near may be a little green
 @pytest.mark.parametrize("tone", [(36.0, 36.0, 36.0), (80.0, 105.0, 80.0)])
 @pytest.mark.parametrize(("beside", "is_green"), [(0.8, True), (0.95, False)])
