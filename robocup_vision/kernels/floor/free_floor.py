@@ -320,18 +320,20 @@ def clear_ball(
     center_row: float,
     center_radius: float,
     half_rows: float,
-    half_px: float,
+    near_px: float,
+    far_px: float,
     is_ring: bool,
     radius_px: FloatArray,
     marks: UInt8Array,
 ) -> None:
     """Mark the blocked samples on a ball and its shadow as BALL: within an ellipse about (row, image radius).
 
-    In a ring the last row is next to the first.
+    It reaches so far towards the robot, and so far beyond the centre. In a ring the last row is next to the first.
     """
     rows = marks.shape[0]
     for m in range(radius_px.shape[0]):
-        along = (radius_px[m] - center_radius) / half_px
+        off_px = radius_px[m] - center_radius
+        along = off_px / (far_px if off_px > 0.0 else near_px)
         if abs(along) > 1.0:
             continue
         reach = half_rows * math.sqrt(1.0 - along * along)

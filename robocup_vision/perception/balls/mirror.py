@@ -132,7 +132,7 @@ class MirrorBallFinder(BallSearch):
         # the shadow reaches about half a radius beyond the ball, the samples' blur a column
         half_px = 1.5 * along + view.step_px + 1.5
         half_rows = (1.5 * across + 1.5) / radius / math.tau * view.bearings + 1
-        free_floor.clear_ball(row, radius, half_rows, half_px, view.is_ring, view.radius_px, marks)
+        free_floor.clear_ball(row, radius, half_rows, half_px, half_px, view.is_ring, view.radius_px, marks)
 
     @cached_property
     def _rays(self) -> tuple[float, float, list[float], list[list[float]], list[float]]:

@@ -18,6 +18,9 @@ from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.search import BallSearch
 from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
 
+# so many half sizes around a ball its shadow is taken for its own; and so many above its middle, as sizes are not exact
+_SHADOW_RATIO, _BEHIND_RATIO = 1.5, 1.15
+
 
 class PinholeBallFinder(BallSearch):
     """Finds balls in frames of one pinhole camera; holds scratch memory, so one object a thread.
@@ -185,6 +188,7 @@ class PinholeBallFinder(BallSearch):
         row = (bearing - float(view.bearing_rad[0])) / view.row_step_rad
         column = int(np.argmin(np.abs(view.radius_px - radius)))
         row_px = view.row_step_rad * float(view.range_m[column] / view.across_m_per_px[column])
-        half_px = 1.5 * along + view.step_px + 1.5
-        half_rows = (1.5 * across + 1.5) / row_px + 1
-        free_floor.clear_ball(row, radius, half_rows, half_px, view.is_ring, view.radius_px, marks)
+        # a shadow lies before the ball and beside it; behind it may stand somebody
+        near_px, far_px = ((ratio * along + view.step_px + 1.5) for ratio in (_SHADOW_RATIO, _BEHIND_RATIO))
+        half_rows = (_SHADOW_RATIO * across + 1.5) / row_px + 1
+        free_floor.clear_ball(row, radius, half_rows, near_px, far_px, view.is_ring, view.radius_px, marks)
