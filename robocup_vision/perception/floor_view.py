@@ -115,6 +115,11 @@ class FloorView:
         vars(other).pop("span_rad", None)
         return other
 
+    def drop_places(self) -> None:
+        """Drop `pixels` and `floor_m`, which are large, until somebody asks for them again."""
+        for name in ("pixels", "floor_m"):
+            vars(self).pop(name, None)
+
     @property
     def _prepared(self) -> dict[str, object]:
         """All that has been worked out, with what every frame needs."""

@@ -13,6 +13,7 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.perception.balls.pinhole import PinholeBallFinder
+from robocup_vision.perception.balls.search import SearchMemory
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpaceGrid
 
@@ -21,8 +22,9 @@ from robocup_vision.perception.free_space import FloorMarking, FreeSpaceGrid
 _STEP_RAD, _STEP_LOG = math.radians(2.0), 0.02
 # a camera beside the robot's centre moves about it where a head is panned: steps of its place, metres
 _STEP_M = 0.004
-# so many are kept: a head that looks all around takes some forty
-_MOST = 64
+# of pans, which share most of them, so many are kept: a head that looks all around takes some forty; of other
+# orientations those that a body's sway takes
+_MOST_PANS, _MOST = 64, 5
 
 _Steps = tuple[int, ...]
 
@@ -48,6 +50,12 @@ class HeldFloor:
         view = self.view.held(held)
         grid, marking = self.grid.held(view), self.marking.held(view)
         return HeldFloor(held, view, grid, marking, self.finder, sway_std_rad)
+
+    def prepared(self) -> HeldFloor:
+        """Work out what every frame needs, and drop what served only that; returns this."""
+        self.held(self.camera)
+        self.view.drop_places()
+        return self
 
     def panned(self, pan_rad: float) -> HeldFloor:
         """Return the same for another pan, with what changes about the robot worked out again."""
@@ -87,6 +95,7 @@ class HeldFloors:
         reach_m = math.hypot(*camera.offset_m)
         self._pan_step_rad = _STEP_M / reach_m if reach_m else math.inf
         self._made: dict[_Steps, HeldFloor | None] = {}
+        self._memory = SearchMemory(camera.size_px, mask)
 
     def about(self, camera: PinholeCamera) -> HeldFloor | None:
         """Return the parts made for about this orientation of the camera, to be `held` in it; None: it sees no floor.
@@ -98,17 +107,16 @@ class HeldFloors:
             too.
         """
         steps = self._steps(camera)
-        if steps not in self._made:
-            if len(self._made) == _MOST:
-                del self._made[next(iter(self._made))]
-            self._made[steps] = self._make(steps)
-        return self._made[steps]
+        made = self._made.pop(steps) if steps in self._made else self._make(steps)
+        # the last used one is the last to go
+        self._made[steps] = made
+        if len(self._made) > (_MOST_PANS if self._camera.known_orientation else _MOST):
+            del self._made[next(iter(self._made))]
+        return made
 
     def forget(self) -> None:
         """Forget where balls were in the last frame."""
-        for made in self._made.values():
-            if made is not None:
-                made.finder.forget()
+        self._memory.last_px = []
 
     def _steps(self, camera: PinholeCamera) -> _Steps:
         pan = round((camera.pan_rad or 0.0) / self._pan_step_rad)
@@ -124,7 +132,7 @@ class HeldFloors:
         pan_rad = steps[0] * self._pan_step_rad if steps[0] else 0.0
         for other, made in self._made.items():
             if other[1:] == steps[1:]:
-                return None if made is None else made.panned(pan_rad)
+                return None if made is None else made.panned(pan_rad).prepared()
         file = self._camera
         camera = file.with_orientation(pan_rad, file.tilt_rad, file.roll_rad)
         if not file.known_orientation:
@@ -136,10 +144,11 @@ class HeldFloors:
         view = FloorView(camera, max(BEARINGS, 2 * self._directions), self._mask)
         if not view.sees_floor:
             return None
-        return HeldFloor(
+        floor = HeldFloor(
             camera,
             view,
             FreeSpaceGrid(view, self._directions, self._rings),
             FloorMarking(view, self._field.line_width_m, 2 * self._field.robot_radius_m),
-            PinholeBallFinder(self._field, camera, self._mask),
+            PinholeBallFinder(self._field, camera, self._mask, memory=self._memory),
         )
+        return floor.prepared()

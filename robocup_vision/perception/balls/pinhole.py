@@ -15,7 +15,7 @@ from robocup_vision.kernels.balls.blobs import ACROSS, ALONG, U, V
 from robocup_vision.kernels.balls.upright import count_upright
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.balls.ball import Ball, BallSettings
-from robocup_vision.perception.balls.search import BallSearch
+from robocup_vision.perception.balls.search import BallSearch, SearchMemory
 from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
 
 # so many half sizes around a ball its shadow is taken for its own; and so many above its middle, as sizes are not exact
@@ -35,6 +35,8 @@ class PinholeBallFinder(BallSearch):
         Non-zero pixels are never looked at.
     settings : BallSettings, optional
         Thresholds of the search.
+    memory : SearchMemory, optional
+        Of the camera's frames, where finders for other orientations look at them, too.
     """
 
     def __init__(
@@ -43,8 +45,9 @@ class PinholeBallFinder(BallSearch):
         camera: PinholeCamera,
         mask: UInt8Array | None = None,
         settings: BallSettings = BallSettings(),
+        memory: SearchMemory | None = None,
     ) -> None:
-        super().__init__(field, camera, mask, settings)
+        super().__init__(field, camera, mask, settings, memory)
         self.camera = camera
         self._held, self._sway_std_rad = camera, self._any_sway_rad
 

@@ -23,6 +23,36 @@ from robocup_vision.perception.balls.colors import ball_colors, floor_evidence, 
 from robocup_vision.perception.color_table import Colors, ColorTable
 
 
+class SearchMemory:
+    """What a search keeps over frames: which pixels it has visited, and where balls were in the last one.
+
+    Finders that look by one camera in turn may share it.
+
+    Parameters
+    ----------
+    size_px : (int, int)
+        Of the frames: width, height.
+    mask : (H, W) uint8 or None
+        Non-zero pixels are never visited.
+    """
+
+    def __init__(self, size_px: tuple[int, int], mask: UInt8Array | None) -> None:
+        width, height = size_px
+        self._stamps = np.zeros((height, width), dtype=np.int32)
+        if mask is not None:
+            self._stamps[mask > 0] = kernel.NEVER
+        self.scratch = plain(kernel.Scratch(self._stamps, np.empty(height * width, np.int32), np.empty((2, 6))))
+        self.stamp = 0
+        self.last_px: list[tuple[float, float, float]] = []
+
+    def begin(self) -> int:
+        """Return the first stamp of a search."""
+        if self.stamp > kernel.NEVER // 2:
+            self._stamps[self._stamps != kernel.NEVER] = 0
+            self.stamp = 0
+        return self.stamp + 1
+
+
 class BallSearch(ABC):
     """Search for balls, the same for every camera: rows of seeds along rays, and the size it must have at each.
 
@@ -30,24 +60,25 @@ class BallSearch(ABC):
     ----------
     field, camera, mask, settings
         See `MirrorBallFinder`.
+    memory : SearchMemory, optional
+        Of the camera's frames, where other finders look at them, too.
     """
 
     def __init__(
-        self, field: Field, camera: OmniCamera | PinholeCamera, mask: UInt8Array | None, settings: BallSettings
+        self,
+        field: Field,
+        camera: OmniCamera | PinholeCamera,
+        mask: UInt8Array | None,
+        settings: BallSettings,
+        memory: SearchMemory | None = None,
     ) -> None:
         self._any_camera = camera
         self.settings = settings
         self.radius_m = field.ball_radius_m
         self.has_color = field.ball_color not in ("white", "black")
-        width, height = camera.size_px
         self._mask = mask
-        stamps = np.zeros((height, width), dtype=np.int32)
-        if mask is not None:
-            stamps[mask > 0] = kernel.NEVER
-        self._scratch = plain(kernel.Scratch(stamps, np.empty(height * width, dtype=np.int32), np.empty((2, 6))))
-        self._stamps = stamps
+        self._memory = SearchMemory(camera.size_px, mask) if memory is None else memory
         self._evidence = plain(settings.evidence)
-        self._stamp = 0
         self._table: ColorTable | None = None
         self._colors: tuple[kernel.BallColor, ...] = ()
         self._swapped_colors: tuple[kernel.BallColor, ...] | None = None
@@ -55,7 +86,6 @@ class BallSearch(ABC):
         self._floor_table = kernel.FloorTable(np.empty((3, 256), dtype=np.uint16), np.empty(0, dtype=np.int8))
         self._blobs = np.empty((settings.max_blobs, kernel.COLUMNS))
         self._ratios = np.empty(settings.max_blobs)
-        self._last_px: list[tuple[float, float, float]] = []
 
     @property
     @abstractmethod
@@ -136,7 +166,7 @@ class BallSearch(ABC):
         if not self.has_color:
             return ()
         self._adopt(table)
-        found, self._last_px = self._search(frame, self._colors, near_floor_nats, self._last_px)
+        found, self._memory.last_px = self._search(frame, self._colors, near_floor_nats, self._memory.last_px)
         return found
 
     def find_swapped(self, frame: UInt8Array, table: ColorTable, near_floor_nats: float) -> tuple[Ball, ...]:
@@ -218,14 +248,12 @@ class BallSearch(ABC):
 
     def _weigh(self, frame: UInt8Array, seeds: npt.NDArray[np.int32], color: kernel.BallColor, first: int) -> int:
         """Find and weigh the blobs of a colour, into the rows from `first` on, and return their number."""
-        if self._stamp > kernel.NEVER // 2:
-            self._stamps[self._stamps != kernel.NEVER] = 0
-            self._stamp = 0
-        count, self._stamp = find_and_weigh(
+        memory = self._memory
+        count, memory.stamp = find_and_weigh(
             frame,
             seeds,
-            self._scratch,
-            self._stamp + 1,
+            memory.scratch,
+            memory.begin(),
             color,
             self._size,
             self._floor_table,
@@ -237,7 +265,7 @@ class BallSearch(ABC):
 
     def forget(self) -> None:
         """Forget where balls were in the last frame."""
-        self._last_px = []
+        self._memory.last_px = []
 
     def _ball_at(self, u: float, v: float, ratio: float) -> Ball:
         if self._is_cut(u, v):

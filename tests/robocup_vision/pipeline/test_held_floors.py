@@ -80,12 +80,13 @@ def test_an_open_tilt_gets_tables_of_about_that_tilt_and_height(tilt_rad, roll_r
 
 
 def test_no_more_are_kept_than_said(monkeypatch):
-    monkeypatch.setattr(held_floors, "_MOST", 3)
+    monkeypatch.setattr(held_floors, "_MOST_PANS", 3)
     floors = floors_of(CAMERA)
-    made = [floors.about(CAMERA.with_orientation(0.2 * turn, -0.17, 0.0)) for turn in range(5)]
+    made = [floors.about(CAMERA.with_orientation(0.2 * turn, -0.17, 0.0)) for turn in (0, 1, 2, 0, 3)]
     assert len(floors._made) == 3
-    assert floors.about(made[-1].camera) is made[-1]
-    assert floors.about(made[0].camera) is not made[0]
+    # the one that was used longest ago went first
+    assert floors.about(made[0].camera) is made[0]
+    assert floors.about(made[1].camera) is not made[1]
 
 
 def test_a_camera_that_looks_up_sees_no_floor():
@@ -95,10 +96,11 @@ def test_a_camera_that_looks_up_sees_no_floor():
     assert floors.about(replace(OPEN, tilt_rad=-0.3, roll_rad=0.0)) is not None
 
 
-def test_forgetting_is_for_all_of_them():
+def test_they_remember_and_forget_balls_together():
     floors = floors_of(OPEN)
-    made = [floors.about(replace(OPEN, tilt_rad=tilt, roll_rad=0.0)) for tilt in (-0.3, -0.1)]
-    for one in made:
-        one.finder._last_px = [(10.0, 10.0, 3.0)]
+    one, other = (floors.about(replace(OPEN, tilt_rad=tilt, roll_rad=0.0)).finder for tilt in (-0.3, -0.1))
+    assert one is not other
+    one._memory.last_px = [(10.0, 10.0, 3.0)]
+    assert other._memory.last_px == [(10.0, 10.0, 3.0)]
     floors.forget()
-    assert [one.finder._last_px for one in made] == [[], []]
+    assert one._memory.last_px == other._memory.last_px == []
