@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 
 # names only: reading the options must load no simulator, so that --help answers at once
-CAMERA_NAMES = ("sekimori", "ers7", "nao", "ssl_forward", "ssl_mirror", "msl_mirror")
-ROBOT_NAMES = ("small", "small_size", "four_legged", "humanoid", "middle_size")
+CAMERA_NAMES = ("sekimori", "ers7", "nao", "kid_head", "adult_head", "ssl_forward", "ssl_mirror", "msl_mirror")
+ROBOT_NAMES = ("small", "small_size", "four_legged", "humanoid", "kid", "adult", "middle_size")
 
 
 def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:

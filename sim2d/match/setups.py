@@ -77,6 +77,8 @@ CAMERAS: dict[str, Callable[[], Camera]] = {
     "sekimori": sekimori_camera,
     "ers7": lambda: _held(ers7_camera(*_HEAD_SIZE_PX), -12.0),
     "nao": lambda: _held(nao_camera(*_HEAD_SIZE_PX), -20.0),
+    "kid_head": lambda: _held(replace(nao_camera(*_HEAD_SIZE_PX), height_m=0.55), -20.0),
+    "adult_head": lambda: _held(replace(nao_camera(*_HEAD_SIZE_PX), height_m=1.2), -25.0),
     "ssl_forward": partial(_built_in, "ssl_forward"),
     "ssl_mirror": partial(_built_in, "ssl_mirror"),
     "msl_mirror": partial(_built_in, "msl_mirror"),
@@ -118,6 +120,44 @@ ROBOTS: dict[str, RobotKind] = {
         True,
         WorldSettings(BodySettings(mass_kg=5.4, kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)),
     ),
+    # of a child's size, with its league's ball
+    "kid": RobotKind(
+        RobotLimits(
+            0.4,
+            0.6,
+            radius_m=0.15,
+            height_m=0.65,
+            turn_rps=1.5,
+            turn_acceleration_rps2=6.0,
+            kick_speed_mps=3.0,
+            pan_rps=5.0,
+            pan_limit_rad=2.0,
+        ),
+        True,
+        WorldSettings(
+            BodySettings(mass_kg=7.0, kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07),
+            BallSettings(mass_kg=0.2),
+        ),
+    ),
+    # of an adult's size, with a football
+    "adult": RobotKind(
+        RobotLimits(
+            0.6,
+            0.6,
+            radius_m=0.25,
+            height_m=1.4,
+            turn_rps=1.2,
+            turn_acceleration_rps2=4.0,
+            kick_speed_mps=4.0,
+            pan_rps=4.0,
+            pan_limit_rad=2.0,
+        ),
+        True,
+        WorldSettings(
+            BodySettings(mass_kg=30.0, kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07),
+            BallSettings(mass_kg=0.43),
+        ),
+    ),
     # a robot of the middle size league, with a ball of a football's size
     "middle_size": RobotKind(
         RobotLimits(
@@ -138,6 +178,8 @@ _BY_FIELD: dict[str, tuple[int, str, str]] = {
     "msl_6x4": (2, "msl_mirror", "middle_size"),
     "msl_18x12": (5, "msl_mirror", "middle_size"),
     "spl_2020": (5, "nao", "humanoid"),
+    "humanoid_kid_2025": (4, "kid_head", "kid"),
+    "humanoid_adult_2025": (3, "adult_head", "adult"),
 }
 
 

@@ -85,6 +85,8 @@ def test_the_built_in_fields():
     assert field_names() == (
         "four_legged_2005",
         "four_legged_2007",
+        "humanoid_adult_2025",
+        "humanoid_kid_2025",
         "msl_18x12",
         "msl_6x4",
         "spl_2020",
@@ -175,6 +177,28 @@ def test_spl_2020():
     assert circle_radius(field) == 0.75
     assert has_area(field, 1.65, 4.0)
     assert has_area(field, 0.60, 2.2)
+    assert not field.halves_differ
+
+
+@pytest.mark.parametrize(
+    ("name", "size_m", "circle_m", "goal_area_m", "penalty_area_m", "bar_m", "ball_m"),
+    [
+        ("humanoid_kid_2025", (9, 6), 0.75, (1, 3), (2, 5), 1.2, 0.07),
+        ("humanoid_adult_2025", (14, 9), 1.5, (1, 4), (3, 6), 1.8, 0.11),
+    ],
+)
+def test_humanoid_fields(name, size_m, circle_m, goal_area_m, penalty_area_m, bar_m, ball_m):
+    field = load_field(name)
+    assert (field.length_m, field.width_m, field.line_width_m) == (*size_m, 0.05)
+    assert circle_radius(field) == circle_m
+    assert has_area(field, *goal_area_m)
+    assert has_area(field, *penalty_area_m)
+    for goal in field.goals:
+        assert (goal.kind, goal.color, goal.depth_m) == ("posts", "white", 0.6)
+        assert goal.width_m - 2 * goal.post_radius_m == pytest.approx(2.6)
+        assert goal.height_m - goal.post_radius_m == pytest.approx(bar_m)
+    assert np.abs(field.floor_polygon).max(axis=0) == pytest.approx([size_m[0] / 2 + 1, size_m[1] / 2 + 1])
+    assert field.ball_radius_m == ball_m
     assert not field.halves_differ
 
 
@@ -293,7 +317,11 @@ def test_bad_field_file_is_refused_in_one_line(write: Write, old: str, new: str,
 def test_a_ball_has_patches_where_the_field_file_says_so(write: Write):
     assert load_field(write(OWN)).ball_patches == ""
     assert load_field(write(OWN.replace('"orange"', '"white"\nball_patches = "black"'))).ball_patches == "black"
-    assert [name for name in field_names() if load_field(name).ball_patches] == ["spl_2020"]
+    assert [name for name in field_names() if load_field(name).ball_patches] == [
+        "humanoid_adult_2025",
+        "humanoid_kid_2025",
+        "spl_2020",
+    ]
 
 
 NET = "height_m = 0.1\nmesh_m = 0.05\ncord_m = 0.002\n"
@@ -305,6 +333,8 @@ def test_a_goal_has_a_net_where_the_field_file_says_so(write: Write):
     text = OWN.replace("[penalty_area]", f"[goal.net]\n{NET}\n[penalty_area]")
     assert [goal.net for goal in load_field(write(text)).goals] == [Net(0.1, 0.05, 0.002, "white")] * 2
     assert [name for name in field_names() if any(goal.net for goal in load_field(name).goals)] == [
+        "humanoid_adult_2025",
+        "humanoid_kid_2025",
         "msl_18x12",
         "spl_2020",
     ]

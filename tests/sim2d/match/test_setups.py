@@ -40,6 +40,8 @@ LEAGUES = (
     ("msl_6x4", 2, OmniCamera, False),
     ("msl_18x12", 5, OmniCamera, False),
     ("spl_2020", 5, PinholeCamera, True),
+    ("humanoid_kid_2025", 4, PinholeCamera, True),
+    ("humanoid_adult_2025", 3, PinholeCamera, True),
 )
 
 
