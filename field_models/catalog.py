@@ -12,6 +12,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError, FileError
 from field_models.field import COLOR_NAMES, Beacon, BoundaryKind, Field, Goal, GoalKind, Net, _frozen
+from field_models.near_names import did_you_mean
 from field_models.toml_file import StrictStruct, load_toml
 
 Length = Annotated[float, msgspec.Meta(gt=0)]
@@ -120,7 +121,8 @@ def load_field(name_or_path: str | Path | Field) -> Field:
         path = Path(str(files("field_models") / "fields" / f"{name_or_path}.toml"))
     else:
         names = ", ".join(field_names())
-        raise ArgumentError(f"field {str(name_or_path)!r} is neither a .toml file nor one of: {names}")
+        hint = did_you_mean(str(name_or_path), field_names())
+        raise ArgumentError(f"field {str(name_or_path)!r} is neither a .toml file nor one of: {names}{hint}")
     description = load_toml(path, _FieldFile)
     _check(path, description)
     return _derive(description)

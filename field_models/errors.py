@@ -31,22 +31,27 @@ class FileError(RobocupVisionError):
         Dotted path of the offending key, e.g. ``floor_range.kind``.
     value : object, optional
         The offending value, shown with `repr`.
+    hint : str, optional
+        What the user may have meant, as `did_you_mean` says it; ends the message.
     """
 
-    def __init__(self, path: str | Path, problem: str, *, key: str | None = None, value: object = ...) -> None:
+    def __init__(
+        self, path: str | Path, problem: str, *, key: str | None = None, value: object = ..., hint: str = ""
+    ) -> None:
         self.path = Path(path)
         self.problem = problem
         self.key = key
         self.value = value
+        self.hint = hint
         where = f"{path}: " + (f"key '{key}': " if key else "")
         shown = repr(value)
         got = "" if value is ... else f", got {shown if len(shown) <= 120 else shown[:117] + '...'}"
-        super().__init__(where + problem + got)
+        super().__init__(where + problem + got + hint)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # an exception is pickled with its message as the only argument, which would not build this one again: worker
         # processes hand their errors back by pickle
-        return partial(type(self), key=self.key, value=self.value), (str(self.path), self.problem)
+        return partial(type(self), key=self.key, value=self.value, hint=self.hint), (str(self.path), self.problem)
 
 
 class FrameError(RobocupVisionError):

@@ -12,6 +12,7 @@ import msgspec
 from msgspec import inspect
 
 from field_models.errors import ArgumentError, FileError
+from field_models.near_names import did_you_mean
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -25,6 +26,13 @@ class StrictStruct(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """Base of every file format: unknown keys are refused."""
 
 
+# keys that only one kind of file has
+_KINDS = {
+    "camera file": {"model", "size_px"},
+    "field file": {"length_m", "width_m"},
+    "dataset file": {"camera", "images"},
+    "colour file": {"floor", "line"},
+}
 _BOUNDS = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
 
 
@@ -42,7 +50,8 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         # "-sig": some editors put a byte order mark in front
         raw = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
-        raise FileError(path, f"cannot be read ({error.strerror or error})") from None
+        hint = _near_file(Path(path)) if isinstance(error, FileNotFoundError) else ""
+        raise FileError(path, f"cannot be read ({error.strerror or error})", hint=hint) from None
     except UnicodeDecodeError:
         raise FileError(path, "is not UTF-8 text") from None
     except tomllib.TOMLDecodeError as error:
@@ -66,6 +75,7 @@ def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
     try:
         return msgspec.convert(raw, struct)
     except msgspec.ValidationError as error:
+        refuse_other_kind(path, raw, struct)
         problem, _, where = str(error).partition(" - at `")
         key = where.rstrip("`").removeprefix("$").lstrip(".")
         named = re.search(r"(?:required field|unknown field) `([^`]+)`", problem)
@@ -73,8 +83,13 @@ def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
             inside = f"{key}." if key else ""
             missing = "required" in problem
             unknown_value = ... if missing else _look_up(raw, f"{inside}{named[1]}")
+            known = () if missing else _keys(struct, key)
             raise FileError(
-                path, "is missing" if missing else "is unknown", key=f"{inside}{named[1]}", value=unknown_value
+                path,
+                "is missing" if missing else "is unknown",
+                key=f"{inside}{named[1]}",
+                value=unknown_value,
+                hint=did_you_mean(named[1], known),
             ) from None
         if problem.startswith("Invalid enum value"):
             words = " or ".join(repr(word) for word in _allowed(struct, key))
@@ -93,8 +108,45 @@ def load_toml(path: str | Path, struct: type[T]) -> T:
     return convert(path, read_toml(path), struct)
 
 
+def refuse_other_kind(path: str | Path, raw: dict[str, Any], struct: type[Any]) -> None:
+    """Tell that a file is one of another kind, rather than which of its keys is strange.
+
+    Raises
+    ------
+    FileError
+        If the keys are those of another kind of file than the struct type's.
+    """
+    found = next((kind for kind, keys in _KINDS.items() if keys <= raw.keys()), None)
+    wanted = next((kind for kind, keys in _KINDS.items() if keys <= {*struct.__struct_fields__}), None)
+    if found is None or wanted is None or found == wanted:
+        return
+    swapped = ": are the two swapped?" if {found, wanted} == {"camera file", "field file"} else ""
+    raise FileError(path, f"is a {found}, must be a {wanted}{swapped}")
+
+
+def _near_file(path: Path) -> str:
+    """Name the TOML file beside a missing one that is most like it."""
+    try:
+        return did_you_mean(path.name, sorted(entry.name for entry in path.parent.glob("*.toml")))
+    except OSError:
+        return ""
+
+
 def _allowed(struct: type[Any], key: str) -> tuple[object, ...]:
     """Words that a key may hold, where a struct type lists them; empty where it does not."""
+    return tuple(
+        value for node in _types_of(struct, key) if isinstance(node, inspect.LiteralType) for value in node.values
+    )
+
+
+def _keys(struct: type[Any], key: str) -> tuple[str, ...]:
+    """Return the keys of the table that stands under a key."""
+    tables = (node for node in _types_of(struct, key) if isinstance(node, inspect.StructType))
+    return tuple(one.encode_name for table in tables for one in table.fields)
+
+
+def _types_of(struct: type[Any], key: str) -> list[Any]:
+    """Return the types that a key's value may have."""
     nodes: list[Any] = [inspect.type_info(struct)]
     for part in re.findall(r"[^.\[\]]+|\[\.*\]", key):
         inner: list[Any] = []
@@ -108,7 +160,7 @@ def _allowed(struct: type[Any], key: str) -> tuple[object, ...]:
             elif isinstance(node, inspect.TupleType):
                 inner += node.item_types
         nodes = [one for node in inner for one in (node.types if isinstance(node, inspect.UnionType) else (node,))]
-    return tuple(value for node in nodes if isinstance(node, inspect.LiteralType) for value in node.values)
+    return nodes
 
 
 def _look_up(raw: Any, key: str) -> Any:

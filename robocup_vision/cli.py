@@ -3,19 +3,64 @@
 Only the handlers import what they need, so that --help answers at once.
 """
 
+# shells that complete every Python program look for this word: PYTHON_ARGCOMPLETE_OK
+
 from __future__ import annotations
 
 import argparse
 import os
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
+
+from robocup_vision.commands.completion import complete
 
 
 class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with the arguments, and what was probably meant."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Parse, refusing options that this command has not: the command itself knows its own best."""
+        self._given = list(sys.argv[1:] if args is None else args)
+        parsed, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self._refuse(unknown)
+        return parsed, unknown
+
     def error(self, message: str) -> NoReturn:
-        """Print in one line what is wrong with the arguments."""
+        if "arguments are required" in message:
+            # a misspelt option is why nothing else was given
+            unknown = [word for word in self._given if word.startswith("--") and not self._near(word)]
+            if unknown:
+                self._refuse(unknown)
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            hint = _did_you_mean(str(value), [str(choice) for choice in action.choices])
+            if hint:
+                raise argparse.ArgumentError(action, f"{value!r} is unknown{hint}")
+        super()._check_value(action, value)
+
+    def _options(self) -> list[str]:
+        return [option for action in self._actions for option in action.option_strings]
+
+    def _near(self, word: str) -> list[str]:
+        """Return the options that a word stands for, which may be shortened."""
+        return [option for option in self._options() if option.startswith(word.partition("=")[0])]
+
+    def _refuse(self, unknown: list[str]) -> NoReturn:
+        first = next((word for word in unknown if word.startswith("-")), unknown[0])
+        hint = _did_you_mean(first.partition("=")[0], self._options())
+        what = "option" if first.startswith("-") else "argument"
+        self.exit(2, f"{self.prog}: unknown {what} {first}{hint} (see {self.prog} --help)\n")
+
+
+def _did_you_mean(word: str, known: list[str]) -> str:
+    # imported where used: --help loads nothing of the library
+    from field_models.near_names import did_you_mean
+
+    return did_you_mean(word, known)
 
 
 class _Version(argparse.Action):
@@ -39,7 +84,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit status: 0, or 2 after one line on standard error about something the user can mend, or 130 if interrupted.
     """
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    if "_ARGCOMPLETE" in os.environ:
+        complete(parser)
+    options = parser.parse_args(arguments)
     # decoders report a damaged file on standard error themselves; it is reported once, in our own line
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")

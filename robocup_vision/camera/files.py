@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from field_models.errors import ArgumentError, FileError
-from field_models.toml_file import StrictStruct, convert, read_toml
+from field_models.toml_file import StrictStruct, convert, read_toml, refuse_other_kind
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import DISTORTION_LENGTHS, PinholeCamera
@@ -91,6 +91,7 @@ def load_camera(path: str | Path) -> Camera:
     raw = read_toml(path)
     model = raw.get("model", ...)
     if model is ...:
+        refuse_other_kind(path, raw, _PinholeFile)
         raise FileError(path, "is missing", key="model")
     if model == "pinhole":
         pinhole = _build_pinhole(path, convert(path, raw, _PinholeFile))

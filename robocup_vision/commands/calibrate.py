@@ -61,12 +61,10 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
     from robocup_vision.calibration.not_calibrated import NotCalibrated
     from robocup_vision.calibration.omni.calibrate import calibrate_omni
     from robocup_vision.camera import OmniCamera, load_camera, save_camera
-    from robocup_vision.commands.options import require_count
     from robocup_vision.files.image_folder import ImageFiles
     from robocup_vision.files.images import read_mask
     from robocup_vision.files.out_file import require_folder
 
-    require_count("--frames", args.frames)
     field = load_field(args.field)
     start = None if args.start is None else load_camera(args.start)
     if start is not None and not isinstance(start, OmniCamera):

@@ -1,7 +1,4 @@
-"""The options that every camera calibration takes, and the file that keeps what an interrupted one has finished.
-
-Apart from options.py, which loads more than --help may wait for.
-"""
+"""The options that every camera calibration takes, and the file that keeps what an interrupted one has finished."""
 
 from __future__ import annotations
 
@@ -11,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from robocup_vision.commands.options import count
 from robocup_vision.commands.worker_options import add_worker_options, chosen_workers
 
 if TYPE_CHECKING:
@@ -24,7 +22,7 @@ def add_calibration_options(parser: argparse.ArgumentParser, out_help: str) -> N
     add("--field", required=True, metavar="F", help="built-in field's name, or a field file (.toml)")
     add("--out", required=True, metavar="CAMERA", help=out_help)
     add("--start", metavar="CAMERA", help="camera file to start from (default: from nothing)")
-    add("--frames", type=int, default=24, metavar="N", help="use at most N images, evenly spread (default: 24)")
+    add("--frames", type=count, default=24, metavar="N", help="use at most N images, evenly spread (default: 24)")
     add_worker_options(parser)
     add("--resume", action="store_true", help="go on with an interrupted calibration of the same images and options")
 

@@ -40,12 +40,10 @@ def run_calibrate_pinhole(args: argparse.Namespace) -> int:
     from robocup_vision.calibration.not_calibrated import NotCalibrated
     from robocup_vision.calibration.pinhole import calibrate_pinhole
     from robocup_vision.camera import PinholeCamera, load_camera, save_camera
-    from robocup_vision.commands.options import require_count
     from robocup_vision.files.image_folder import ImageFiles
     from robocup_vision.files.out_file import require_folder
     from robocup_vision.files.pose_table import read_poses
 
-    require_count("--frames", args.frames)
     field = load_field(args.field)
     start = None if args.start is None else load_camera(args.start)
     if start is not None and not isinstance(start, PinholeCamera):

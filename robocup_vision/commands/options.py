@@ -1,36 +1,43 @@
-"""Checks of options that several commands take: one rule and one wording wherever a count or a seed is asked for."""
+"""Numbers that several commands take: one rule and one wording wherever a count or a seed is asked for.
+
+They are refused while the command line is parsed, before a file is read. Loads nothing, so that --help answers at once.
+"""
 
 from __future__ import annotations
 
-from field_models.errors import ArgumentError
+import argparse
 
 
-def require_count(option: str, value: int) -> None:
-    """Refuse a number of things that is not positive.
-
-    Parameters
-    ----------
-    option : str
-        As the user spells it, dashes and all.
-    value : int
-        What was given.
+def count(text: str) -> int:
+    """Parse a number of things; a type for ``add_argument``.
 
     Raises
     ------
-    ArgumentError
-        If it is less than 1.
+    ArgumentTypeError
+        If it is less than 1, or no whole number.
     """
+    value = _whole(text)
     if value < 1:
-        raise ArgumentError(f"{option} must be at least 1, got {value}")
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
+    return value
 
 
-def require_seed(seed: int) -> None:
-    """Refuse a ``--seed`` that no generator takes.
+def seed(text: str) -> int:
+    """Parse a seed; a type for ``add_argument``.
 
     Raises
     ------
-    ArgumentError
-        If it is negative.
+    ArgumentTypeError
+        If it is negative, or no whole number.
     """
-    if seed < 0:
-        raise ArgumentError(f"--seed must not be negative, got {seed}")
+    value = _whole(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"must not be negative, got {value}")
+    return value
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be a whole number, got {text!r}") from None

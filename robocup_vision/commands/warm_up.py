@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from robocup_vision.commands.options import count
+
 
 def add_parser(subparsers: Any) -> None:
     """Add the command `warm-up`."""
@@ -14,7 +16,7 @@ def add_parser(subparsers: Any) -> None:
         description="Compile all loops of the library and keep them on the disk (in the folder that NUMBA_CACHE_DIR "
         "names, if it is set), so that no later start waits for them: for boot scripts and container images.",
     )
-    parser.add_argument("--jobs", metavar="N", type=int, default=2, help="number of processes (default: 2)")
+    parser.add_argument("--jobs", metavar="N", type=count, default=2, help="number of processes (default: 2)")
     parser.add_argument(
         "--wheel",
         metavar="FILE",
@@ -30,19 +32,17 @@ def run_warm_up(options: argparse.Namespace) -> int:
     Raises
     ------
     RobocupVisionError
-        If the number of processes is wrong, or a process dies; as `compile_wheel` does.
+        If a process dies; as `compile_wheel` does.
     """
     import time
     from concurrent.futures import as_completed
     from concurrent.futures.process import BrokenProcessPool
 
     from field_models.errors import RobocupVisionError
-    from robocup_vision.commands.options import require_count
     from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module
     from robocup_vision.progress import progress
     from robocup_vision.workers import worker_processes
 
-    require_count("--jobs", options.jobs)
     if options.wheel is not None:
         from robocup_vision.compiling.compiled_wheel import compile_wheel
 

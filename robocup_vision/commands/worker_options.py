@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from robocup_vision.commands.options import count
+
 if TYPE_CHECKING:
     from robocup_vision.workers import Workers
 
@@ -12,7 +14,7 @@ if TYPE_CHECKING:
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
     """Add ``--jobs`` and ``--dask`` to a command's parser."""
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--jobs", type=int, default=1, metavar="N", help="processes on this machine (default: 1)")
+    where.add_argument("--jobs", type=count, default=1, metavar="N", help="processes on this machine (default: 1)")
     where.add_argument(
         "--dask", metavar="ADDRESS", help="scheduler of a dask.distributed cluster, e.g. tcp://host:8786"
     )

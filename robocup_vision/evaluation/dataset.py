@@ -21,10 +21,12 @@ import numpy.typing as npt
 from field_models.catalog import load_field
 from field_models.errors import ArgumentError, FileError, FrameError
 from field_models.field import Field
+from field_models.near_names import did_you_mean
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
 from robocup_vision.files.csv_table import read_csv
+from robocup_vision.files.image_folder import no_pictures, picture_folder
 from robocup_vision.files.images import IMAGE_SUFFIXES, read_image, read_mask
 from robocup_vision.files.video import VideoInfo, read_video, video_info
 from robocup_vision.geometry import Pose2
@@ -192,7 +194,8 @@ def load_dataset(
     if not path.exists():
         raise FileError(path, "does not exist")
     if method is not None and method not in (names := _method_names()):
-        raise ArgumentError(f"method must be one of {', '.join(names)}, got {method!r}")
+        hint = did_you_mean(method, names)
+        raise ArgumentError(f"method must be one of {', '.join(names)}, got {method!r}{hint}")
     description_path = path / "dataset.toml" if path.is_dir() else path
     if description_path.suffix == ".toml" and description_path.is_file():
         description = load_toml(description_path, _DatasetFile)
@@ -202,7 +205,7 @@ def load_dataset(
         for name, value in (("field", field), ("camera", camera)):
             if value is None:
                 raise ArgumentError(f"{path}: has no dataset.toml, so --{name} must be given")
-        description_path, folder, source = path, path, path
+        description_path, folder, source = path, path, picture_folder(path)
         description = _DatasetFile(format=1, field="", camera="", images="")
 
     loaded_field = load_field(field if field is not None else _field_source(folder, description.field))
@@ -298,8 +301,7 @@ def _find_images(
             if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".") and entry.resolve() != mask
         )
         if not names:
-            kinds = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
-            raise FileError(path, f"no images found in this folder ({kinds})", key=key, value=value)
+            raise FileError(path, no_pictures(source), key=key, value=value)
         return tuple(names), None, ()
     if source.suffix.lower() in IMAGE_SUFFIXES:
         raise FileError(path, "is a single image, must be a folder of images or a video", key=key, value=value)

@@ -19,8 +19,8 @@ class ImageFiles(Sequence[UInt8Array]):
     Parameters
     ----------
     paths : sequence of str or Path
-        Files, and folders whose images are taken in the order of their names; of a dataset's folder, those of its
-        ``images``.
+        Files, and folders whose images are taken in the order of their names; of a folder without any, and of a
+        dataset's, those of its ``images``.
     size_px : (int, int), optional
         Width and height that all must have; those of the first that can be read unless given.
 
@@ -72,12 +72,30 @@ def _image_files(path: Path) -> list[Path]:
             kinds = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
             raise FileError(path, f"is no image file ({kinds})")
         return [path]
-    folder = path / "images" if (path / "dataset.toml").is_file() and (path / "images").is_dir() else path
-    files = sorted(
-        entry
-        for entry in folder.iterdir()
-        if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".") and entry.stem != "mask"
-    )
+    folder = picture_folder(path)
+    files = [file for file in _pictures(folder) if file.stem != "mask"]
     if not files:
-        raise FileError(path, "no images found in this folder")
+        raise FileError(path, no_pictures(folder))
     return files
+
+
+def picture_folder(path: Path) -> Path:
+    """Return where a folder's images are: in its ``images``, if it is a dataset's or has none itself."""
+    inner = path / "images"
+    if path.is_dir() and inner.is_dir() and ((path / "dataset.toml").is_file() or not _pictures(path)):
+        return inner
+    return path
+
+
+def no_pictures(folder: Path) -> str:
+    """Say that a folder has no images, and which of its folders have some."""
+    kinds = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
+    inner = [entry.name for entry in sorted(folder.iterdir()) if entry.is_dir() and _pictures(entry)]
+    there = f"; there are some in {', '.join(inner[:3])}" if inner else ""
+    return f"no images found in this folder ({kinds}){there}"
+
+
+def _pictures(folder: Path) -> list[Path]:
+    return sorted(
+        entry for entry in folder.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
+    )

@@ -6,6 +6,8 @@ import argparse
 import shlex
 from typing import Any
 
+from robocup_vision.commands.options import count, seed
+
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `learn-goal-evidence` to an argparse parser's subparsers; `run_goal_evidence` runs it."""
@@ -17,8 +19,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--field", default="four_legged_2007", metavar="F", help="field with goals of posts of two colours")
-    add("--count", type=int, default=1000, metavar="N", help="number of looks (default: 1000)")
-    add("--seed", type=int, default=0, metavar="S", help="look i depends on S and i alone (default: 0)")
+    add("--count", type=count, default=1000, metavar="N", help="number of looks (default: 1000)")
+    add("--seed", type=seed, default=0, metavar="S", help="look i depends on S and i alone (default: 0)")
     add("out", metavar="OUT.toml", help="file to write")
     parser.set_defaults(run=run_goal_evidence)
     return parser
@@ -37,14 +39,11 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
     from field_models import load_field
     from field_models.errors import ArgumentError
     from robocup_vision.camera import PinholeCamera
-    from robocup_vision.commands.options import require_count, require_seed
     from robocup_vision.files.out_file import require_folder, telling_write_errors
     from robocup_vision.progress import progress
     from sim2d.match.setups import camera_for
     from sim2d.sensors.goal_evidence import WIDTHS_PX, count_evidence
 
-    require_count("--count", args.count)
-    require_seed(args.seed)
     field = load_field(args.field)
     camera = camera_for(field)
     if not isinstance(camera, PinholeCamera):

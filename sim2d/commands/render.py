@@ -8,6 +8,7 @@ import math
 import shlex
 from typing import Any, Literal
 
+from robocup_vision.commands.options import count, seed
 from robocup_vision.commands.worker_options import add_worker_options
 
 # names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
@@ -25,8 +26,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--field", required=True, metavar="F", help="built-in field's name, or a field file (.toml)")
     add("--camera", required=True, metavar="C", help="a camera.toml, or sekimori, or sekimori:640x480")
-    add("--count", type=int, default=100, metavar="N", help="number of images (default: 100)")
-    add("--seed", type=int, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
+    add("--count", type=count, default=100, metavar="N", help="number of images (default: 100)")
+    add("--seed", type=seed, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
     add("--condition", choices=CONDITION_NAMES, default="nominal", help="what disturbs the images (default: nominal)")
     add("--obstacles", type=int, nargs=2, metavar=("LO", "HI"), help="smallest and greatest number of boxes")
     add("--noise", dest="noise_sigma", type=float, metavar="S", help="sensor noise, grey levels")
@@ -63,7 +64,6 @@ def run_render(args: argparse.Namespace) -> int:
 
     from field_models import load_field
     from field_models.errors import FileError
-    from robocup_vision.commands.options import require_count, require_seed
     from robocup_vision.commands.worker_options import chosen_workers
     from robocup_vision.progress import progress
     from robocup_vision.workers import in_order, run_pieces
@@ -71,8 +71,6 @@ def run_render(args: argparse.Namespace) -> int:
     from sim2d.rendering.dataset import DrawPictures, write_dataset
     from sim2d.rendering.random_scenes import CONDITIONS, sample
 
-    require_count("--count", args.count)
-    require_seed(args.seed)
     changes: dict[str, Any] = {}
     for name in ("noise_sigma", "blur_px", "vignette", "light_gradient", "gain", "texture", "shadow", "highlights"):
         changes[name] = getattr(args, name)

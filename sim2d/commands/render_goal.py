@@ -6,6 +6,7 @@ import argparse
 import shlex
 from typing import Any
 
+from robocup_vision.commands.options import count, seed
 from robocup_vision.commands.worker_options import add_worker_options
 
 # names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
@@ -36,8 +37,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--condition", choices=GOAL_CONDITION_NAMES, default="mild_glare_416x320", help="camera and disturbances")
     add("--places", choices=PLACES, default="paper", help="the 66 places of Yako et al. (default), or anywhere")
     add("--views", choices=VIEWS, default="goal", help="the whole goal (default), or no or only half a goal to find")
-    add("--count", type=int, default=66, metavar="N", help="number of images (default: 66)")
-    add("--seed", type=int, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
+    add("--count", type=count, default=66, metavar="N", help="number of images (default: 66)")
+    add("--seed", type=seed, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
     add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="small .jpg files of quality 1 to 100, not .png")
     add_worker_options(parser)
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
@@ -58,15 +59,12 @@ def run_render_goal(args: argparse.Namespace) -> int:
 
     from field_models import load_field
     from field_models.errors import ArgumentError
-    from robocup_vision.commands.options import require_count, require_seed
     from robocup_vision.commands.worker_options import chosen_workers
     from robocup_vision.progress import progress
     from robocup_vision.workers import in_order, run_pieces
     from sim2d.rendering.dataset import DrawPictures, write_dataset
     from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
-    require_count("--count", args.count)
-    require_seed(args.seed)
     if args.jpeg_quality is not None and not 1 <= args.jpeg_quality <= 100:
         raise ArgumentError(f"--jpeg must be within 1 to 100, got {args.jpeg_quality}")
     field, condition = load_field(args.field), GOAL_CONDITIONS[args.condition]

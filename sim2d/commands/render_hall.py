@@ -7,6 +7,8 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+from robocup_vision.commands.options import count, seed
+
 FIELD = "four_legged_2007"
 _SECOND_SHIFT_M = 0.2
 
@@ -20,10 +22,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         "of one camera along a shifted path with truth, which expects the map in OUT/map.npz.",
     )
     add = parser.add_argument
-    add("--count", type=int, default=143, metavar="N", help="moments of the first run (default: 143)")
-    add("--second", type=int, default=100, metavar="N", help="images of the second run (default: 100)")
+    add("--count", type=count, default=143, metavar="N", help="moments of the first run (default: 143)")
+    add("--second", type=count, default=100, metavar="N", help="images of the second run (default: 100)")
     add("--turns", type=float, default=1.0, metavar="T", help="rounds of 10 m through the hall (default: 1)")
-    add("--seed", type=int, default=0, metavar="S", help="which hall (default: 0)")
+    add("--seed", type=seed, default=0, metavar="S", help="which hall (default: 0)")
     add("--level", type=float, default=0.5, metavar="L", help="light of the second run (default: 0.5 of the first)")
     add("--moved", type=float, default=0.0, metavar="FRACTION", help="posters moved or covered before it (default: 0)")
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
@@ -40,15 +42,11 @@ def run_render_hall(args: argparse.Namespace) -> int:
         For anything the user can mend.
     """
     from field_models.errors import ArgumentError
-    from robocup_vision.commands.options import require_count, require_seed
     from robocup_vision.files.output_folder import require_empty_folder, written_at_once
     from robocup_vision.progress import progress
     from sim2d.rendering.hall.hall import HallLight, loop_path, make_hall
     from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, take, write_run, write_second_run
 
-    require_count("--count", args.count)
-    require_count("--second", args.second)
-    require_seed(args.seed)
     if not args.turns > 0:
         raise ArgumentError(f"--turns must be positive, got {args.turns}")
     import numpy as np

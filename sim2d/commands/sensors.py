@@ -6,6 +6,8 @@ import argparse
 import shlex
 from typing import Any
 
+from robocup_vision.commands.options import count, seed
+
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `sensors` to the subparsers of an argparse parser; `run_sensors` runs what it parses."""
@@ -27,9 +29,9 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--camera", default="sekimori", metavar="C", help="sekimori[:WxH], or a camera file (default: sekimori)")
     add("--range-height", type=float, default=0.08, metavar="M", help="height of the range sensor's plane, metres")
     add("--cell", type=float, default=0.04, metavar="M", help="side of the map's cells, metres (default: 0.04)")
-    add("--runs", type=int, default=6, metavar="N", help="runs under each kind of light (default: 6)")
-    add("--frames", type=int, default=80, metavar="N", help="frames a run, ten a second (default: 80)")
-    add("--seed", type=int, default=0, metavar="S", help="which runs (default: 0)")
+    add("--runs", type=count, default=6, metavar="N", help="runs under each kind of light (default: 6)")
+    add("--frames", type=count, default=80, metavar="N", help="frames a run, ten a second (default: 80)")
+    add("--seed", type=seed, default=0, metavar="S", help="which runs (default: 0)")
     parser.set_defaults(run=run_sensors)
     return parser
 
@@ -44,7 +46,6 @@ def run_sensors(args: argparse.Namespace) -> int:
     """
     from field_models import load_field
     from field_models.errors import ArgumentError
-    from robocup_vision.commands.options import require_count, require_seed
     from robocup_vision.files.out_file import require_folder
     from robocup_vision.mapping.sensor_model import write_sensors
     from robocup_vision.progress import progress
@@ -52,9 +53,6 @@ def run_sensors(args: argparse.Namespace) -> int:
     from sim2d.sensors.learning import KINDS_LEARNT, learn_sensors
     from sim2d.sensors.range_sensor import RangeSensor
 
-    require_count("--runs", args.runs)
-    require_count("--frames", args.frames)
-    require_seed(args.seed)
     if not 0 < args.cell < 1:
         raise ArgumentError(f"--cell must be within 0 to 1 m, got {args.cell}")
     require_folder(args.out)

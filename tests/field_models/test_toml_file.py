@@ -46,8 +46,11 @@ def test_byte_order_mark_and_dos_line_ends_do_not_matter(tmp_path: Path):
     ("text", "message"),
     [
         ("", "key 'count': is missing"),
-        ("count = 1\nsise = 4", "key 'sise': is unknown, got 4"),
-        ("count = 1\n[[parts]]\nsize_m = 1\n[[parts]]\nsize = 2", "key 'parts[1].size': is unknown, got 2"),
+        ("count = 1\npart = 4", "key 'part': is unknown, got 4; did you mean 'parts'?"),
+        (
+            "count = 1\n[[parts]]\nsize_m = 1\n[[parts]]\nsize = 2",
+            "key 'parts[1].size': is unknown, got 2; did you mean 'size_m'?",
+        ),
         ("count = 1\n[[parts]]", "key 'parts[0].size_m': is missing"),
         ("count = 1.5", "key 'count': expected `int`, got `float`, got 1.5"),
         ("count = true", "key 'count': expected `int`, got `bool`, got True"),

@@ -1,9 +1,11 @@
 """The command parses, calls and prints: each use with its exit status, and errors in exactly one line."""
 
+import os
 import re
 import subprocess
 import sys
 from importlib.metadata import version
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +56,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for index, level in enumerate((0, 90, 120)):
         cv2.imwrite(str(images / f"{index}.png"), np.full((56, 64, 3), level, dtype=np.uint8))
     (tmp_path / "camera.toml").write_text(CAMERA)
+    (tmp_path / "field.toml").write_text((files("field_models") / "fields" / "ssl_2001.toml").read_text())
     return images
 
 
@@ -103,11 +106,55 @@ def test_an_unreadable_image_is_one_line_and_status_2(
         (["evaluate", "drive"], "robocup-vision evaluate: drive: has no dataset.toml, so --field must be given"),
         (
             ["evaluate", "camera.toml"],
-            "robocup-vision evaluate: camera.toml: key 'model': is unknown, got 'omni'",
+            "robocup-vision evaluate: camera.toml: is a camera file, must be a dataset file",
         ),
         (
             ["evaluate", "drive", "--jobs", "many"],
-            "robocup-vision evaluate: argument --jobs: invalid int value: 'many' (see robocup-vision evaluate --help)",
+            "robocup-vision evaluate: argument --jobs: must be a whole number, got 'many' "
+            "(see robocup-vision evaluate --help)",
+        ),
+        (["--versoin"], "robocup-vision: unknown option --versoin; did you mean '--version'? (see"),
+        (["evalute", "drive"], "robocup-vision: argument COMMAND: 'evalute' is unknown; did you mean 'evaluate'? (see"),
+        (
+            ["evaluate", "drive", "--metod=edges"],
+            "robocup-vision evaluate: unknown option --metod=edges; did you mean '--method'? (see robocup-vision eval",
+        ),
+        (
+            ["evaluate", "--xyzzy"],
+            "robocup-vision evaluate: unknown option --xyzzy (see robocup-vision evaluate --help",
+        ),
+        (["fields", "spl"], "robocup-vision fields: unknown argument spl (see robocup-vision fields --help)"),
+        (
+            ["calibrate", "pinhol", "drive"],
+            "robocup-vision calibrate: argument KIND: 'pinhol' is unknown; did you mean 'pinhole'? (see",
+        ),
+        (
+            ["evaluate", "drive", "--field", "spl_2002", "--camera", "camera.toml"],
+            "robocup-vision evaluate: field 'spl_2002' is neither a .toml file nor one of: "
+            + ", ".join(field_names())
+            + "; did you mean 'spl_2020'?",
+        ),
+        (
+            ["evaluate", "drive", "--field", "ssl_2001", "--camera", "camra.toml"],
+            "robocup-vision evaluate: camra.toml: cannot be read (No such file or directory); "
+            "did you mean 'camera.toml'?",
+        ),
+        (
+            ["evaluate", "drive", "--field", "camera.toml", "--camera", "field.toml"],
+            "robocup-vision evaluate: camera.toml: is a camera file, must be a field file: are the two swapped?",
+        ),
+        (
+            ["evaluate", "drive", "--field", "ssl_2001", "--camera", "field.toml"],
+            "robocup-vision evaluate: field.toml: is a field file, must be a camera file: are the two swapped?",
+        ),
+        (
+            ["evaluate", "drive", "--field", "ssl_2001", "--camera", "camera.toml", "--method", "egdes"],
+            "robocup-vision evaluate: method must be one of field, floor, hull, edges, goal, landmarks, got 'egdes'; "
+            "did you mean 'edges'?",
+        ),
+        (
+            ["evaluate", ".", "--field", "ssl_2001", "--camera", "camera.toml"],
+            "robocup-vision evaluate: .: no images found in this folder (png, jpg, jpeg, bmp); there are some in drive",
         ),
         ([], "robocup-vision: the following arguments are required: COMMAND (see robocup-vision --help)"),
     ],
@@ -123,6 +170,32 @@ def test_mistakes_are_one_line(
     out, err = capfd.readouterr()
     assert (out, err.count("\n")) == ("", 1)
     assert err.startswith(line)
+
+
+def test_a_folder_with_images_in_it_is_taken(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder.rename("images")
+    Path("drive").mkdir()
+    Path("images").rename("drive/images")
+    assert evaluate() == 0
+    assert capsys.readouterr().out.startswith("drive\n")
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("robocup-vision eval", {"evaluate"}),
+        ("robocup-vision evaluate --met", {"--method"}),
+        ("robocup-vision evaluate --field spl", {"spl_2020"}),
+        ("robocup-vision evaluate --field f", {"field.toml", "four_legged_2005", "four_legged_2007"}),
+    ],
+)
+def test_a_shell_completes_commands_options_and_fields(folder: Path, typed: str, offered: set[str]) -> None:
+    pytest.importorskip("argcomplete")
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_STDOUT_FILENAME": "offered", "_ARGCOMPLETE_IFS": "\n"}
+    line = {"COMP_LINE": typed, "COMP_POINT": str(len(typed)), "COMP_TYPE": "9"}
+    code = "from robocup_vision import cli; cli.main()"
+    subprocess.run([sys.executable, "-c", code], env={**os.environ, **asked, **line}, check=True)
+    assert {word.strip() for word in Path("offered").read_text().splitlines()} == offered
 
 
 def test_notes_are_printed(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

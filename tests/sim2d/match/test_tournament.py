@@ -133,7 +133,6 @@ def test_command_writes_the_same_file_for_any_workers(tmp_path, capsys, monkeypa
     ("arguments", "problem"),
     [
         (["--matches", "0"], "matches must be at least 1, got 0"),
-        (["--jobs", "0"], "jobs must be at least 1, got 0"),
         (["--players", "0"], "players must be at least 1, got 0"),
     ],
 )

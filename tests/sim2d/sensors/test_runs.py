@@ -99,9 +99,6 @@ def test_the_command_writes_what_a_map_reads(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "error", "message"),
     [
-        (("--runs", 0), ArgumentError, "--runs must be at least 1, got 0"),
-        (("--frames", 0), ArgumentError, "--frames must be at least 1, got 0"),
-        (("--seed", -1), ArgumentError, "--seed must not be negative, got -1"),
         (("--cell", 0), ArgumentError, "--cell must be within 0 to 1 m"),
         (("--range-height", -1), ArgumentError, "height_m must not be negative"),
         (("--field", "cricket"), RobocupVisionError, "cricket"),
