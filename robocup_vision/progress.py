@@ -36,8 +36,13 @@ def progress(iterable: Iterable[T], total: int, label: str) -> Iterator[T]:
         now_s = time.monotonic()
         if done >= total or now_s - drawn_s >= SECONDS_BETWEEN_DRAWINGS:
             drawn_s = now_s
-            filled = WIDTH * min(done, total) // max(total, 1)
-            sys.stderr.write(f"\r{label} [{'#' * filled}{'.' * (WIDTH - filled)}] {done}/{total}")
-            sys.stderr.flush()
+            draw(label, done, total)
     if is_drawn:
         sys.stderr.write("\n")
+
+
+def draw(label: str, done: int, total: int) -> None:
+    """Draw how many are done, over what was drawn before."""
+    filled = WIDTH * min(done, total) // max(total, 1)
+    sys.stderr.write(f"\r{label} [{'#' * filled}{'.' * (WIDTH - filled)}] {done}/{total}")
+    sys.stderr.flush()

@@ -22,6 +22,7 @@ from typing import Any
 import numba
 
 from field_models.errors import RobocupVisionError
+from robocup_vision.compiling.waiting import tell_of_compiling
 
 VARIABLE = "NUMBA_CACHE_DIR"
 _IMPORT, _WORD = re.compile(rb"^from (\S+) import (\([^)]*\)|.*)", re.MULTILINE), re.compile(rb"\w+")
@@ -51,6 +52,7 @@ def ensure_compile_cache(kernels: Path) -> None:
     RobocupVisionError
         If no temporary folder can be written either.
     """
+    tell_of_compiling(kernels)
     config: Any = numba.config  # its names are set when it is loaded
     given = config.CACHE_DIR
     if given and _is_writable(Path(given)):

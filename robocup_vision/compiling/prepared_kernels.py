@@ -8,7 +8,6 @@ it.
 from __future__ import annotations
 
 import json
-import sys
 from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -18,6 +17,7 @@ from typing import Any
 
 from robocup_vision.compiling.listed_loop import prepare_kernel, quick_compiling
 from robocup_vision.compiling.second_process import Entry, second_process
+from robocup_vision.compiling.waiting import note_ready
 
 SIGNATURES = Path(__file__).parents[1] / "kernels" / "signatures.json"
 
@@ -37,21 +37,14 @@ def prepare(group: str) -> None:
     with quick_compiling(), ExitStack() as beside:
         is_alone = True
         for entry in _from_the_end(waiting):
+            note_ready(len(entries) - len(waiting) - 1, len(entries))
             if prepare_kernel(*entry) and is_alone:
-                _tell_once()
                 beside.enter_context(second_process(waiting))
                 is_alone = False
     with quick_compiling():
         for kernel, arguments in entries:
             prepare_kernel(kernel, arguments)
-
-
-@cache
-def _tell_once() -> None:
-    """Tell people at a terminal what they wait for; silent everywhere else."""
-    if sys.stderr.isatty():
-        sys.stderr.write("compiling loops, once on this machine; `robocup-vision warm-up` does it beforehand\n")
-        sys.stderr.flush()
+    note_ready(len(entries), len(entries))
 
 
 def _from_the_end(waiting: deque[Entry]) -> Iterator[Entry]:

@@ -32,6 +32,8 @@ class OmniPipeline(FramePipeline):
     """Turns frames of a mirror camera into views."""
 
     def __init__(self, field: Field, camera: OmniCamera, options: FrameOptions) -> None:
+        # before anything calls a loop, so that whoever waits is told how many there are
+        prepare(f"mirror_{options.method.name}")
         super().__init__(field, camera.size_px, options)
         self._look_by(camera)
         self._warm_up()
@@ -220,7 +222,6 @@ class OmniPipeline(FramePipeline):
 
     def _warm_up(self) -> None:
         """Compile, or load from the disk's cache, everything a frame needs, so that no frame pays for it."""
-        prepare(f"mirror_{self._options.method.name}")
         width, height = self.camera.size_px
         v, u = np.mgrid[:height, :width]
         far = (

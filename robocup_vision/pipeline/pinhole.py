@@ -61,6 +61,10 @@ class PinholePipeline(FramePipeline):
     """Turns frames of a pinhole camera into views."""
 
     def __init__(self, field: Field, camera: PinholeCamera, options: FrameOptions) -> None:
+        # before anything calls a loop, so that whoever waits is told how many there are
+        prepare(f"pinhole_{options.method.name}")
+        if field.ball_patches:
+            prepare("patterned_balls")
         # so narrow a view may show nothing white, but a ball or a goal
         super().__init__(field, camera.size_px, options, _MAX_LOG_CAST)
         method = options.method
@@ -74,9 +78,6 @@ class PinholePipeline(FramePipeline):
         # as the camera was held in the last frame
         self._floor = self._floors.about(camera) if camera.known_orientation else None
         self._patterned = PatternedBallFinder(field, camera, self._mask) if field.ball_patches else None
-        prepare(f"pinhole_{method.name}")
-        if self._patterned is not None:
-            prepare("patterned_balls")
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
         self.forget()
 

@@ -6,13 +6,10 @@ import json
 import os
 import subprocess
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
-from robocup_vision import cli
-from robocup_vision.compiling import prepared_kernels
 from robocup_vision.compiling.listed_loop import spelled_type
 from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module
 from robocup_vision.kernels.floor.colors import tabulate
@@ -63,19 +60,41 @@ def test_a_listed_loop_is_ready() -> None:
     prepare("no such object has loops")
 
 
-@pytest.mark.parametrize("is_terminal", [True, False])
-def test_people_are_told_once_what_they_wait_for(
-    is_terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(prepared_kernels, "prepare_kernel", lambda kernel, arguments: True)
-    monkeypatch.setattr(prepared_kernels, "second_process", lambda waiting: nullcontext())
-    monkeypatch.setattr("sys.stderr.isatty", lambda: is_terminal)
-    prepared_kernels._tell_once.cache_clear()
-    for group in ("steering", "memory"):
-        prepare.__wrapped__(group)
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.count("warm-up") == told.err.count("\n") == is_terminal
+# two groups of few loops, of which the first has some that take no time
+PREPARE = """
+import logging, sys
+if "silent" in sys.argv:
+    logging.getLogger("robocup_vision").setLevel(logging.ERROR)
+sys.stderr.isatty = lambda: "terminal" in sys.argv
+from robocup_vision.compiling.prepared_kernels import prepare_kernel, groups
+from robocup_vision.compiling.waiting import note_ready
+for ready, entry in enumerate(groups()["landmarks"][-2:]):
+    note_ready(ready, 2)
+    prepare_kernel(*entry)
+note_ready(2, 2)
+"""
+
+
+@pytest.mark.parametrize(
+    "how", ["plain", *(pytest.param(how, marks=pytest.mark.slow) for how in ("terminal", "silent"))]
+)
+def test_people_are_told_at_once_and_once_what_they_wait_for(how: str, tmp_path: Path) -> None:
+    for cache in ("empty", "full"):
+        done = subprocess.run(
+            [sys.executable, "-c", PREPARE, how],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert done.stdout == ""
+        line, _, drawn = done.stderr.partition("\n")
+        if cache == "full" or how == "silent":
+            assert "once" not in done.stderr
+            continue
+        assert "0 of 2 loops are ready" in line
+        assert "`robocup-vision warm-up` or a compiled wheel" in line
+        assert drawn.endswith("] 2/2\n") if how == "terminal" else drawn == ""
 
 
 def compiled_by(program: str, workload: str, environment: dict[str, str]) -> str:
@@ -116,8 +135,3 @@ def test_warm_up_leaves_nothing_to_compile(tmp_path: Path) -> None:
     assert "loops are ready" in done.stdout, done.stderr
     count = COUNT.replace("is_made = False", "is_made = True")
     assert compiled_by(count, "work.mirror('field', seed=78, count=1)", environment) == "[]\n"
-
-
-def test_mistakes_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["warm-up", "--jobs", "0"]) == 2
-    assert capsys.readouterr().err == "robocup-vision warm-up: --jobs must be at least 1, got 0\n"
