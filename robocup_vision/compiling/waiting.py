@@ -19,7 +19,7 @@ from robocup_vision.progress import draw
 _LOG = logging.getLogger("robocup_vision")
 
 
-class _Wait(Listener):  # type: ignore[misc]
+class _Wait(Listener):
     """Hears numba compile, which it tells when a loop is in no cache."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ _wait = _Wait()
 def tell_of_compiling(kernels: Path) -> None:
     """Tell when the first loop of a folder, or of those below it, is compiled."""
     if not _wait.folders:
-        register("numba:compile", _wait)
+        register("numba:compile", _wait)  # type: ignore[no-untyped-call]
     _wait.folders.add(kernels)
 
 
