@@ -1,16 +1,19 @@
 """What the game controller's packets mean to one team: a phase of play, whose turn it is, and the limits that follow.
 
 A command alone does not say it. `NORMAL_START` means another thing after a kick-off was prepared than after a penalty
-was, and a free kick is one until the ball has moved. Packets are repeated, and any may be lost.
+was, and a free kick is one until the ball has moved. Packets are repeated, and any may be lost. What is in doubt is a
+halt: a command that is not known here, and a moment in which it is not clear who the referee is.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 from typing import Literal
 
 from field_models.errors import ArgumentError
+from robocup_vision.ssl.referee_choice import RefereeChoice
 from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
 
@@ -60,7 +63,8 @@ class GameSettings:
     in_play_m : float
         A ball that has moved so far from where it was kicked off is in play.
     kick_s : float
-        A kick that is not taken in this time is everybody's: ten seconds on division B, five on division A.
+        A kick that is not taken in this time is everybody's: ten seconds on division B, five on division A. A game
+        controller that tells how much time is left is believed instead.
     """
 
     in_play_m: float = 0.05
@@ -85,6 +89,16 @@ class GameState:
         So many robots of this team may be on the field, its yellow cards counted; None: it is not said.
     placement_m : (float, float) or None
         Where the ball shall be placed, field frame.
+    next_phase : Phase or None
+        What comes after this stop or placement; None: it is not said.
+    next_own_turn : bool
+        Whether it will be this team's turn then.
+    action_left_s : float or None
+        How long the kick, placement or preparation may take yet; None: it is not said.
+    can_place_ball : bool
+        Whether the game controller lets this team place the ball.
+    doubt : str
+        Why the game is taken for halted though no halt was commanded; empty if it is not.
     """
 
     phase: Phase
@@ -94,10 +108,15 @@ class GameState:
     opponent_goalkeeper: int
     max_robots: int | None
     placement_m: tuple[float, float] | None
+    next_phase: Phase | None = None
+    next_own_turn: bool = False
+    action_left_s: float | None = None
+    can_place_ball: bool = True
+    doubt: str = ""
 
 
 # before the first packet nobody may move
-_SILENT = GameState("halt", False, None, 0, 0, None, None)
+_SILENT = GameState("halt", False, None, 0, 0, None, None, doubt="no referee")
 
 
 class Game:
@@ -120,18 +139,35 @@ class Game:
         if team not in (Team.YELLOW, Team.BLUE):
             raise ArgumentError(f"team must be yellow or blue, got {team!r}")
         self._team, self._settings = team, settings
+        self._referees = RefereeChoice()
         self._packet: Referee | None = None
+        self._is_lost = False
         self._phase: Phase = "halt"
         self._turn = Team.UNKNOWN
         self._since_s: float | None = None
         self._kick_from: tuple[float, float] | None = None
 
-    def update(self, packet: Referee) -> None:
-        """Take in a packet; a repeated one changes nothing but what it counts."""
+    def update(self, packet: Referee, address: tuple[str, int] | None = None, received_s: float | None = None) -> None:
+        """Take in a packet; a repeated one changes nothing but what it counts, and one of another referee nothing.
+
+        Parameters
+        ----------
+        packet : Referee
+            As received.
+        address : (str, int), optional
+            Where it came from.
+        received_s : float, optional
+            When it was received, by any clock that goes on; default: now.
+        """
+        source = packet.source_identifier, address
+        if not self._referees.hear(source, time.monotonic() if received_s is None else received_s):
+            return
+        self._is_lost = False
         before, self._packet = self._packet, packet
-        is_same = before is not None and (before.command_counter, before.command) == (
+        is_same = before is not None and (before.command_counter, before.command, before.source_identifier) == (
             packet.command_counter,
             packet.command,
+            packet.source_identifier,
         )
         if is_same:
             return
@@ -140,6 +176,15 @@ class Game:
             phase, turn = ("free_kick" if self._phase == "kick_off" else "penalty"), self._turn
         self._phase, self._turn = phase, turn
         self._since_s = self._kick_from = None
+
+    def lose_referee(self) -> None:
+        """Let nobody move until the referee speaks again; what he said before is remembered until then."""
+        self._is_lost = True
+
+    @property
+    def problem(self) -> str:
+        """What is odd about the referee, in words; empty if nothing is."""
+        return self._referees.problem
 
     def state(self, t_s: float, ball_m: tuple[float, float] | None) -> GameState:
         """Return the state at a time.
@@ -152,7 +197,7 @@ class Game:
             Where the ball is, field frame; None while it is not known.
         """
         packet = self._packet
-        if packet is None:
+        if packet is None or self._is_lost:
             return _SILENT
         if self._phase == "free_kick":
             self._watch_kick(t_s, ball_m)
@@ -161,6 +206,10 @@ class Game:
         if packet.blue_on_positive_half is not None:
             attacks = 1 if packet.blue_on_positive_half == (self._team == Team.YELLOW) else -1
         place = packet.designated_position
+        next_phase, next_turn = (None, Team.UNKNOWN)
+        if packet.next_command is not None:
+            next_phase, next_turn = _COMMANDS.get(packet.next_command, (None, Team.UNKNOWN))
+        left_us = packet.action_time_left_us
         return GameState(
             self._phase,
             self._turn == self._team,
@@ -169,11 +218,17 @@ class Game:
             other.goalkeeper,
             own.max_allowed_robots,
             None if place is None or not _is_finite(place.x_m, place.y_m) else (place.x_m, place.y_m),
+            next_phase,
+            next_turn == self._team,
+            None if left_us is None else left_us / 1e6,
+            own.can_place_ball is not False,
+            "" if packet.command in _COMMANDS else str(packet.command),
         )
 
     def _watch_kick(self, t_s: float, ball_m: tuple[float, float] | None) -> None:
         """Let play go on once the ball has moved, or the time for the kick is over."""
-        if self._since_s is None:
+        if self._since_s is None or t_s < self._since_s:
+            # it begins, or the clock was set back
             self._since_s = t_s
         if self._kick_from is None:
             self._kick_from = ball_m
@@ -182,7 +237,9 @@ class Game:
             and self._kick_from is not None
             and math.dist(ball_m, self._kick_from) > self._settings.in_play_m
         )
-        if moved or t_s - self._since_s > self._settings.kick_s:
+        left_us = None if self._packet is None else self._packet.action_time_left_us
+        is_late = t_s - self._since_s > self._settings.kick_s if left_us is None else left_us < 0
+        if moved or is_late:
             self._phase, self._turn = "play", Team.UNKNOWN
 
 

@@ -11,11 +11,11 @@ import types
 import typing
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from enum import IntEnum
 from typing import Any, NamedTuple, TypeVar
 
 from field_models.errors import PacketError
 from robocup_vision.ssl.protocol.messages import EncodeError, UnknownFieldSet, message_class, parse
+from robocup_vision.ssl.protocol.open_enum import OpenEnum
 
 T = TypeVar("T")
 
@@ -180,7 +180,7 @@ def _conversion(
     """Return how one entry of a field is read and written, None where it stays as it is."""
     if hint in _NAMES:
         return lambda message: _from_message(hint, message), None
-    if issubclass(hint, IntEnum):
+    if issubclass(hint, OpenEnum):
         return hint, int
     if hint is str:
         return _text, None

@@ -1,7 +1,8 @@
 """The league's messages as classes of google's protobuf runtime, in a pool of their own.
 
 A team's program may load its own compiled modules of the same messages into the runtime's default pool: these here
-never meet them. Bytes become a message, or a `PacketError` with what is wrong with them.
+never meet them. Bytes become a message, or a `PacketError` with what is wrong with them. Enums are open, as those of
+proto3: a number that a later version of the league's files may have is read as it is.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ except ImportError:
 __all__ = ["EncodeError", "UnknownFieldSet", "descriptor_set", "message_class", "message_name", "parse"]
 
 _PACKAGE, _FILE = "robocup_vision", "robocup_vision.proto"
+_ENUM_PACKAGE, _ENUM_FILE = "robocup_vision.enums", "robocup_vision_enums.proto"
 _FIELD = re.compile(
     r"(?P<number>\d+) (?P<name>\w+) (?P<type>[\w.]+)(?P<packed> packed)?(?P<label>!|\[\])?"
     r"(?: = (?P<default>[\w.]+))?(?: oneof (?P<oneof>\w+))?"
@@ -84,22 +86,25 @@ def message_name(name: str) -> str:
 @cache
 def descriptor_set() -> bytes:
     """Return the definitions of all messages: a serialised google.protobuf.FileDescriptorSet."""
-    file = descriptor_pb2.FileDescriptorProto()
-    _pool().FindFileByName(_FILE).CopyToProto(file)
-    data: bytes = descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+    files = []
+    for name in (_ENUM_FILE, _FILE):
+        files.append(descriptor_pb2.FileDescriptorProto())
+        _pool().FindFileByName(name).CopyToProto(files[-1])
+    data: bytes = descriptor_pb2.FileDescriptorSet(file=files).SerializeToString()
     return data
 
 
 @cache
 def _pool() -> Any:
-    file = descriptor_pb2.FileDescriptorProto(name=_FILE, syntax="proto2")
+    file = descriptor_pb2.FileDescriptorProto(name=_FILE, syntax="proto2", dependency=[_ENUM_FILE])
+    enums = descriptor_pb2.FileDescriptorProto(name=_ENUM_FILE, syntax="proto3", package=_ENUM_PACKAGE)
     # full names of messages and enums by table: a type is looked up there
     named = {table: re.findall(r"^(enum|message) ([\w.]+)$", text, re.MULTILINE) for table, text in TABLES.items()}
     pool = descriptor_pool.DescriptorPool()
     file.package = _PACKAGE
     for table, text in TABLES.items():
         # each table is a name space of its own: several have a RobotId
-        space = file.message_type.add(name=table)
+        space, enum_space = file.message_type.add(name=table), enums.message_type.add(name=table)
         open_message: Any = None
         open_enum: Any = None
         for line in text.strip().splitlines():
@@ -107,19 +112,22 @@ def _pool() -> Any:
             if kind == "message":
                 open_message, open_enum = _nested(space, name).nested_type.add(name=name.split(".")[-1]), None
             elif kind == "enum":
-                open_enum = _nested(space, name).enum_type.add(name=name.split(".")[-1])
+                outer, _, short = name.rpartition(".")
+                around = enum_space if not outer else enum_space.nested_type.add(name=outer + short)
+                open_enum = around.enum_type.add(name=short)
             elif open_enum is not None:
                 for entry in line.split():
                     label, _, number = entry.partition("=")
                     open_enum.value.add(name=label, number=int(number))
             else:
                 _add_field(open_message, line.strip(), table, named)
+    pool.Add(enums)
     pool.Add(file)
     return pool
 
 
 def _nested(space: Any, name: str) -> Any:
-    """Return the message that holds another one or an enum: `space` unless the name has a dot."""
+    """Return the message that holds another one: `space` unless the name has a dot."""
     outer = name.rpartition(".")[0]
     if not outer:
         return space
@@ -139,7 +147,11 @@ def _add_field(message: Any, line: str, table: str, named: dict[str, list[tuple[
     else:
         kind, home = _home(match["type"], table, named)
         field.type = _Proto.TYPE_ENUM if kind == "enum" else _Proto.TYPE_MESSAGE
-        field.type_name = f".{_PACKAGE}.{home}.{match['type']}"
+        outer, _, short = match["type"].rpartition(".")
+        if kind == "enum":
+            field.type_name = f".{_ENUM_PACKAGE}.{home}.{outer + short + '.' if outer else ''}{short}"
+        else:
+            field.type_name = f".{_PACKAGE}.{home}.{match['type']}"
     if match["packed"] and repeated:
         field.options.packed = True
     if match["default"]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Annotated
 
 from robocup_vision.ssl.protocol.mapping import Wire, message_value
+from robocup_vision.ssl.protocol.open_enum import OpenEnum
 from robocup_vision.ssl.values.geometry import MM_PER_M, Geometry
 
 
-class Source(IntEnum):
+class Source(OpenEnum):
     """What kind of program sends vision packets."""
 
     UNKNOWN = 0

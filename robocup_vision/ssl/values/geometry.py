@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Annotated
 
 from robocup_vision.ssl.protocol.mapping import Wire, message_value
+from robocup_vision.ssl.protocol.open_enum import OpenEnum
 
 MM_PER_M = 1000.0
 
 
-class LineKind(IntEnum):
+class LineKind(OpenEnum):
     """Which line of a field one is; the league's names, seen from above with +x to the right."""
 
     UNDEFINED = 0

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Annotated
 
 from robocup_vision.ssl.protocol.mapping import Wire, message_value
+from robocup_vision.ssl.protocol.open_enum import OpenEnum
 from robocup_vision.ssl.values.geometry import MM_PER_M, Geometry
 from robocup_vision.ssl.values.tracked import TrackerPacket
 
 
-class Stage(IntEnum):
+class Stage(OpenEnum):
     """Where in a match we are."""
 
     NORMAL_FIRST_HALF_PRE = 0
@@ -30,7 +30,7 @@ class Stage(IntEnum):
     POST_GAME = 13
 
 
-class RefereeCommand(IntEnum):
+class RefereeCommand(OpenEnum):
     """What the teams must do now."""
 
     HALT = 0
@@ -53,7 +53,7 @@ class RefereeCommand(IntEnum):
     BALL_PLACEMENT_BLUE = 17
 
 
-class MatchType(IntEnum):
+class MatchType(OpenEnum):
     """What is at stake."""
 
     UNKNOWN = 0
@@ -62,7 +62,7 @@ class MatchType(IntEnum):
     FRIENDLY = 3
 
 
-class HullColor(IntEnum):
+class HullColor(OpenEnum):
     """Of a team's robots."""
 
     UNKNOWN = 0

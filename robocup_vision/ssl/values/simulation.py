@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Annotated
 
 from robocup_vision.ssl.protocol.mapping import Wire, message_value
+from robocup_vision.ssl.protocol.open_enum import OpenEnum
 from robocup_vision.ssl.values.detection import DetectionFrame
 from robocup_vision.ssl.values.geometry import Geometry
 
@@ -18,7 +18,7 @@ DEGREES_PER_RAD = math.degrees(1.0)
 RPM_PER_RPS = 60 / math.tau
 
 
-class Team(IntEnum):
+class Team(OpenEnum):
     """Which team."""
 
     UNKNOWN = 0

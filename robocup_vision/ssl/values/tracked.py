@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Annotated
 
 from robocup_vision.ssl.protocol.mapping import Wire, message_value
+from robocup_vision.ssl.protocol.open_enum import OpenEnum
 
 
-class TeamColor(IntEnum):
+class TeamColor(OpenEnum):
     """Which team; numbered as the game controller numbers them."""
 
     UNKNOWN = 0
@@ -17,7 +17,7 @@ class TeamColor(IntEnum):
     BLUE = 2
 
 
-class Capability(IntEnum):
+class Capability(OpenEnum):
     """What a tracker can do."""
 
     UNKNOWN = 0

@@ -99,3 +99,67 @@ def test_a_foreign_match_is_followed_through_all_its_phases(recordings):
                 phases.append(phase)
     assert phases[:3] == ["halt", "stop", "kick_off"]
     assert {"free_kick", "prepare_penalty", "time_out", "ball_placement"} <= set(phases)
+
+
+def test_an_unknown_command_is_a_halt_with_its_number_named():
+    state = told(C.FORCE_START, RefereeCommand(18)).state(1.0, BALL)
+    assert (state.phase, state.doubt) == ("halt", "unknown command 18")
+
+
+def test_one_referee_is_followed_until_it_has_been_silent():
+    def say(t_s, source, command, counter):
+        packet = dataclasses.replace(REFEREE, source_identifier=source, command=command, command_counter=counter)
+        game.update(packet, ("127.0.0.1", 1), t_s)
+        return game.state(t_s, BALL).phase
+
+    game = Game(Team.YELLOW)
+    for k in range(20):
+        assert say(0.1 * k, "a", C.FORCE_START, 3) == "play"
+        assert say(0.1 * k + 0.05, "b", C.HALT, 7) == "play"
+    assert "another referee is not followed: b at 127.0.0.1:1" in game.problem
+    assert say(2.5, "b", C.STOP, 8) == "play"
+    assert say(3.0, "b", C.STOP, 8) == "stop"
+    assert game.problem == ""
+
+
+def test_of_several_new_referees_none_is_followed():
+    game = Game(Team.YELLOW)
+    for t_s, source in ((0.0, "a"), (0.9, "b"), (1.5, "c"), (1.6, "b")):
+        game.update(dataclasses.replace(REFEREE, source_identifier=source, command=C.FORCE_START), None, t_s)
+    assert game.problem == "several referees speak, none is followed: b, c"
+
+
+def test_a_clock_that_was_set_back_does_not_hold_the_old_referee():
+    game = Game(Team.YELLOW)
+    game.update(dataclasses.replace(REFEREE, source_identifier="a", command=C.HALT), None, 5000.0)
+    game.update(dataclasses.replace(REFEREE, source_identifier="b", command=C.FORCE_START), None, 0.0)
+    assert game.state(0.0, BALL).phase == "play"
+
+
+def test_a_lost_referee_halts_and_what_he_said_comes_back_with_him():
+    game = told(C.PREPARE_KICKOFF_BLUE, C.NORMAL_START)
+    game.lose_referee()
+    assert (game.state(1.0, BALL).phase, game.state(1.0, BALL).doubt) == ("halt", "no referee")
+    game.update(dataclasses.replace(REFEREE, command=C.NORMAL_START, command_counter=1))
+    assert (game.state(1.1, BALL).phase, game.state(1.1, BALL).own_turn) == ("free_kick", False)
+
+
+def test_the_game_controllers_clock_ends_a_kick_and_what_comes_next_is_told():
+    yellow = dataclasses.replace(REFEREE.yellow, can_place_ball=False)
+    game = told(C.DIRECT_FREE_BLUE, yellow=yellow, action_time_left_us=3_000_000, next_command=C.PREPARE_PENALTY_YELLOW)
+    state = game.state(100.0, BALL)
+    assert (state.phase, state.action_left_s, state.can_place_ball) == ("free_kick", 3.0, False)
+    assert (state.next_phase, state.next_own_turn) == ("prepare_penalty", True)
+    game.update(dataclasses.replace(REFEREE, command=C.DIRECT_FREE_BLUE, command_counter=0, action_time_left_us=-1))
+    assert game.state(100.1, BALL).phase == "play"
+
+
+def test_a_clock_that_was_set_back_does_not_make_a_kick_last():
+    game = told(C.DIRECT_FREE_BLUE)
+    game.state(5000.0, BALL)
+    assert game.state(0.0, BALL).phase != "halt"
+    game = told(C.DIRECT_FREE_BLUE)
+    game.update(dataclasses.replace(REFEREE, command=C.DIRECT_FREE_BLUE, command_counter=9))
+    assert game.state(5000.0, BALL).phase == "free_kick"
+    assert game.state(0.0, BALL).phase == "free_kick"
+    assert game.state(10.2, BALL).phase == "play"
