@@ -50,7 +50,6 @@ def run_log(args: argparse.Namespace) -> int:
 
 
 def _info(log: Any) -> int:
-    import sys
     from datetime import datetime, timezone
 
     from robocup_vision.ssl.log_info import NS_PER_S, log_info
@@ -72,13 +71,27 @@ def _info(log: Any) -> int:
     if info.teams is not None and info.score is not None:
         rows.append(("teams", f"yellow {info.teams[0]} {info.score[0]} : {info.score[1]} {info.teams[1]} blue"))
         rows.append(("commands", ", ".join(info.commands)))
-    if info.unreadable:
-        rows.append(("unreadable", f"{info.unreadable} entries, the first: {info.first_problem}"))
+    if info.unreadable.count:
+        rows.append(("unreadable", f"{info.unreadable.count} entries, the first is {info.unreadable.first}"))
     width = max(len(label) for label, _ in rows)
     for label, text in rows:
         print(f"  {label:<{width}}  {text}")
-    if info.damage:
-        print(f"robocup-vision log: {info.damage}", file=sys.stderr)
+    return _status(log, info.unreadable, says_count=False)
+
+
+def _status(log: Any, unreadable: Any, *, says_count: bool = True) -> int:
+    """Say what could not be read of a log; return the exit status."""
+    import sys
+
+    if unreadable.count and says_count:
+        words = "entry" if unreadable.count == 1 else "entries"
+        print(
+            f"robocup-vision log: {log.path}: {unreadable.count} unreadable {words} left out, the first is "
+            f"{unreadable.first}",
+            file=sys.stderr,
+        )
+    if unreadable.damage:
+        print(f"robocup-vision log: {unreadable.damage}", file=sys.stderr)
         return 2
     return 0
 
@@ -86,26 +99,28 @@ def _info(log: Any) -> int:
 def _convert(log: Any, out: Path) -> int:
     from robocup_vision.ssl.log_csv import write_tables
 
-    tables = write_tables(log, out)
+    tables, unreadable = write_tables(log, out)
     for name, rows in tables.items():
         print(f"{out / name}.csv: {rows} rows")
     if not tables:
         print("there is nothing in it that a table holds")
-    return 0
+    return _status(log, unreadable)
 
 
 def _to_mcap(log: Any, path: Path) -> int:
     from robocup_vision.ssl.log_mcap import write_mcap
 
-    counts = write_mcap(log, path)
+    counts, unreadable = write_mcap(log, path)
     print(f"{path}: {', '.join(f'{count} on {topic}' for topic, count in sorted(counts.items())) or 'no messages'}")
-    return 0
+    return _status(log, unreadable)
 
 
 def _score(log: Any) -> int:
     from robocup_vision.ssl.log_score import score_log
+    from robocup_vision.ssl.readable import Unreadable
 
-    score = score_log(log)
+    unreadable = Unreadable()
+    score = score_log(log, unreadable=unreadable)
     print(f"{log.path.name}: {score.frames} frames of {score.source}")
     print(f"{'':<17} {'tracker':>10} {'last seen':>10}")
     for label, ours, last, per_unit, unit in (
@@ -121,4 +136,4 @@ def _score(log: Any) -> int:
         print(f"{label:<17} " + " ".join(f"{cell:>10}" for cell in cells) + f" {unit} RMS")
     refound = "-" if score.ball_refound_s is None else f"{score.ball_refound_s:.2f} s"
     print(f"ball hidden {score.ball_hidden} times, longest until it was found again: {refound}")
-    return 0
+    return _status(log, unreadable)

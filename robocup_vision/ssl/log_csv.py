@@ -14,6 +14,7 @@ import numpy as np
 
 from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.ssl.log import SslLog
+from robocup_vision.ssl.readable import Unreadable, readable
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackedFrame, TrackerPacket
@@ -37,7 +38,7 @@ TRACKED_COLUMNS = (
 FILES = {"detections": DETECTION_COLUMNS, "referee": REFEREE_COLUMNS, "tracked": TRACKED_COLUMNS}
 
 
-def write_tables(log: SslLog, folder: Path) -> dict[str, int]:
+def write_tables(log: SslLog, folder: Path) -> tuple[dict[str, int], Unreadable]:
     """Write ``detections.csv``, ``referee.csv`` and ``tracked.csv``, those that have rows.
 
     Parameters
@@ -49,17 +50,15 @@ def write_tables(log: SslLog, folder: Path) -> dict[str, int]:
 
     Returns
     -------
-    dict of str to int
-        Rows of each table, those without rows left out.
+    (dict of str to int, Unreadable)
+        Rows of each table, those without rows left out, and what could not be read.
 
     Raises
     ------
     FileError
-        If the log is damaged, or the tables cannot be written.
-    PacketError
-        If an entry is not of its kind.
+        If the tables cannot be written.
     """
-    rows = dict.fromkeys(FILES, 0)
+    rows, unreadable = dict.fromkeys(FILES, 0), Unreadable()
     with telling_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         # written as they come: a log of a match is larger than memory should hold
@@ -68,7 +67,7 @@ def write_tables(log: SslLog, folder: Path) -> dict[str, int]:
             writers = {name: csv.writer(file, lineterminator="\n") for name, file in opened.items()}
             for name, columns in FILES.items():
                 writers[name].writerow(columns)
-            for name, row in _rows(log):
+            for name, row in _rows(log, unreadable):
                 writers[name].writerow(row)
                 rows[name] += 1
         finally:
@@ -77,12 +76,11 @@ def write_tables(log: SslLog, folder: Path) -> dict[str, int]:
         for name, count in rows.items():
             if not count:
                 (folder / f"{name}.csv").unlink()
-    return {name: count for name, count in rows.items() if count}
+    return {name: count for name, count in rows.items() if count}, unreadable
 
 
-def _rows(log: SslLog) -> Iterator[tuple[str, list[Any]]]:
-    for index, entry in enumerate(log):
-        value = entry.value
+def _rows(log: SslLog, unreadable: Unreadable) -> Iterator[tuple[str, list[Any]]]:
+    for index, entry, value in readable(log, unreadable):
         if isinstance(value, VisionPacket) and value.detection is not None:
             yield from (("detections", row) for row in _detections(index, value.detection))
         elif isinstance(value, Referee):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from field_models.errors import FileError, PacketError
 from robocup_vision.ssl.log import LogKind, SslLog
+from robocup_vision.ssl.readable import Unreadable, readable
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket
@@ -37,12 +37,8 @@ class LogInfo:
         Names of yellow and blue.
     score : (int, int) or None
         Goals of yellow and blue in the last referee packet.
-    unreadable : int
-        Entries that are not of their kind.
-    first_problem : str
-        What is wrong with the first of them; empty if none is.
-    damage : str
-        Why the file could not be read to its end; empty if it could.
+    unreadable : Unreadable
+        What could not be read.
     """
 
     entries: dict[str, int] = field(default_factory=dict)
@@ -55,9 +51,7 @@ class LogInfo:
     commands: list[str] = field(default_factory=list)
     teams: tuple[str, str] | None = None
     score: tuple[int, int] | None = None
-    unreadable: int = 0
-    first_problem: str = ""
-    damage: str = ""
+    unreadable: Unreadable = field(default_factory=Unreadable)
 
     @property
     def duration_s(self) -> float:
@@ -71,32 +65,23 @@ def log_info(log: SslLog) -> LogInfo:
     """Read a whole log; the result counts what cannot be read."""
     info = LogInfo()
     counter = None
-    try:
-        for entry in log:
-            name = LogKind(entry.kind).name.lower() if entry.kind in set(LogKind) else f"kind_{entry.kind}"
-            info.entries[name] = info.entries.get(name, 0) + 1
-            if entry.kind != LogKind.INDEX:
-                info.first_ns = entry.received_ns if info.first_ns is None else info.first_ns
-                info.last_ns = entry.received_ns
-            try:
-                value = entry.value
-            except PacketError as error:
-                info.unreadable += 1
-                info.first_problem = info.first_problem or str(error)
-                continue
-            if isinstance(value, VisionPacket):
-                _add_vision(info, value)
-            elif isinstance(value, TrackerPacket):
-                tracker = value.source_name or value.uuid
-                info.trackers[tracker] = info.trackers.get(tracker, 0) + 1
-            elif isinstance(value, Referee):
-                if value.command_counter != counter:
-                    counter = value.command_counter
-                    info.commands.append(value.command.name)
-                info.teams = (value.yellow.name, value.blue.name)
-                info.score = (value.yellow.score, value.blue.score)
-    except FileError as error:
-        info.damage = str(error)
+    for _, entry, value in readable(log, info.unreadable):
+        name = LogKind(entry.kind).name.lower() if entry.kind in set(LogKind) else f"kind_{entry.kind}"
+        info.entries[name] = info.entries.get(name, 0) + 1
+        if entry.kind != LogKind.INDEX:
+            info.first_ns = entry.received_ns if info.first_ns is None else info.first_ns
+            info.last_ns = entry.received_ns
+        if isinstance(value, VisionPacket):
+            _add_vision(info, value)
+        elif isinstance(value, TrackerPacket):
+            tracker = value.source_name or value.uuid
+            info.trackers[tracker] = info.trackers.get(tracker, 0) + 1
+        elif isinstance(value, Referee):
+            if value.command_counter != counter:
+                counter = value.command_counter
+                info.commands.append(value.command.name)
+            info.teams = (value.yellow.name, value.blue.name)
+            info.score = (value.yellow.score, value.blue.score)
     return info
 
 

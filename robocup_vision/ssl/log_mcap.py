@@ -12,6 +12,7 @@ from field_models.errors import RobocupVisionError
 from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.ssl.log import LogKind, SslLog
 from robocup_vision.ssl.protocol.messages import descriptor_set, message_name
+from robocup_vision.ssl.readable import Unreadable, readable
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket
@@ -25,8 +26,8 @@ _TOPICS: dict[int, tuple[str, str]] = {
 _KINDS = {VisionPacket: LogKind.VISION, TrackerPacket: LogKind.TRACKER, Referee: LogKind.REFEREE}
 
 
-def write_mcap(log: SslLog, path: Path) -> dict[str, int]:
-    """Write the vision, tracker and referee packets of a log; blank entries and an index are left out.
+def write_mcap(log: SslLog, path: Path) -> tuple[dict[str, int], Unreadable]:
+    """Write the vision, tracker and referee packets of a log; blank entries, an index and unreadable ones are left out.
 
     Parameters
     ----------
@@ -37,17 +38,15 @@ def write_mcap(log: SslLog, path: Path) -> dict[str, int]:
 
     Returns
     -------
-    dict of str to int
-        Messages of each topic.
+    (dict of str to int, Unreadable)
+        Messages of each topic, and what could not be read.
 
     Raises
     ------
     RobocupVisionError
         If mcap is not installed.
     FileError
-        If the log is damaged, or the file cannot be written.
-    PacketError
-        If an entry of unknown kind is none of these packets.
+        If the file cannot be written.
     """
     try:
         from mcap.writer import Writer
@@ -57,17 +56,16 @@ def write_mcap(log: SslLog, path: Path) -> dict[str, int]:
         ) from None
     counts: dict[str, int] = {}
     channels: dict[int, int] = {}
+    unreadable = Unreadable()
     with telling_write_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("wb") as file:
             writer: Any = Writer(file)
             writer.start(library="robocup-vision")
-            for entry in log:
-                kind = entry.kind
-                if kind == LogKind.UNKNOWN and entry.value is not None:
-                    kind = _KINDS[type(entry.value)]
-                if kind not in _TOPICS:
+            for _, entry, value in readable(log, unreadable):
+                if value is None:
                     continue
+                kind = _KINDS[type(value)]
                 topic, name = _TOPICS[kind]
                 if kind not in channels:
                     schema = writer.register_schema(message_name(name), "protobuf", descriptor_set())
@@ -76,4 +74,4 @@ def write_mcap(log: SslLog, path: Path) -> dict[str, int]:
                 writer.add_message(channels[kind], time_ns, entry.data, time_ns, counts.get(topic, 0))
                 counts[topic] = counts.get(topic, 0) + 1
             writer.finish()
-    return counts
+    return counts, unreadable

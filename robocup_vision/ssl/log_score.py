@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import wrap_angle
-from robocup_vision.ssl.log import LogEntry, LogKind
+from robocup_vision.ssl.log import LogEntry
+from robocup_vision.ssl.readable import Unreadable, readable
 from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot, TrackerPacket
@@ -105,7 +106,9 @@ class _Sums:
     ball_velocity: _Squares = field(default_factory=_Squares)
 
 
-def score_log(entries: Iterable[LogEntry], tracker: OverheadTracker | None = None) -> TrackerScore:
+def score_log(
+    entries: Iterable[LogEntry], tracker: OverheadTracker | None = None, unreadable: Unreadable | None = None
+) -> TrackerScore:
     """Score a tracker.
 
     Parameters
@@ -114,19 +117,16 @@ def score_log(entries: Iterable[LogEntry], tracker: OverheadTracker | None = Non
         In the order of their reception.
     tracker : OverheadTracker, optional
         A fresh one unless given.
+    unreadable : Unreadable, optional
+        Told of entries that cannot be read; they are left out.
 
     Raises
     ------
     ArgumentError
         If there are no tracker packets, or no detections before them.
-    PacketError
-        If an entry cannot be read.
     """
     run = _Run(OverheadTracker() if tracker is None else tracker)
-    for entry in entries:
-        if entry.kind not in (LogKind.VISION, LogKind.TRACKER):
-            continue
-        value = entry.value
+    for _, _, value in readable(entries, Unreadable() if unreadable is None else unreadable):
         if isinstance(value, VisionPacket) and value.detection is not None:
             run.see(value.detection)
         elif isinstance(value, TrackerPacket) and value.frame is not None:

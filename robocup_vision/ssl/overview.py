@@ -1,18 +1,31 @@
 """The frames of all cameras as one look at the field: who stands where two cameras see it is one robot.
 
 Cameras are neither exposed nor sent together, and each is calibrated by itself. What two of them see near the seam of
-their images differs by millimetres; both are averaged by their confidence.
+their images differs by millimetres; both are averaged by their confidence. Clocks of cameras may differ, step and begin
+anew: whether a camera still sends is told by the time of reception, and by how far the others have got since.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot, VisionPacket
+from robocup_vision.ssl.values.detection import (
+    DetectionBall,
+    DetectionFrame,
+    DetectionRobot,
+    VisionPacket,
+    finite_frame,
+)
 from robocup_vision.ssl.values.geometry import CameraCalibration, Geometry
+
+# a datagram that was overtaken on its way is by so few frames, and so little time, older than the newest
+_LATE_FRAMES, _LATE_S = 8, 1.0
+# no hall has more; a sender must not fill the memory
+_MAX_CAMERAS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +35,16 @@ class MergeSettings:
     Parameters
     ----------
     max_age_s : float
-        A camera whose newest frame is older than the newest of all by more is left out: three frames at 60 Hz.
+        A camera that has sent nothing for so long while another did is left out: three frames at 60 Hz.
     max_ball_gap_m : float
         Balls of two cameras nearer than this are one: a ball at 6.5 m/s goes 0.1 m between two exposures at 60 Hz.
+    max_robot_gap_m : float
+        A robot's number seen at two places farther apart than this is misread at one of them: its diameter.
     """
 
     max_age_s: float = 0.05
     max_ball_gap_m: float = 0.1
+    max_robot_gap_m: float = 0.18
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +54,15 @@ class Overview:
     Parameters
     ----------
     t_capture_s : float
-        When the newest of the frames was exposed.
+        When the newest of the frames was exposed, by its camera's clock.
     balls : tuple of DetectionBall
         Each once.
     yellow, blue : tuple of DetectionRobot
         Each once, in order of their numbers; those without a number last.
     cameras : tuple of int
         Whose frames these are.
+    problems : tuple of str
+        What was left out: a number seen at two places, and what is no number.
     """
 
     t_capture_s: float
@@ -52,6 +70,17 @@ class Overview:
     yellow: tuple[DetectionRobot, ...]
     blue: tuple[DetectionRobot, ...]
     cameras: tuple[int, ...]
+    problems: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class _Camera:
+    """The newest frame of a camera, when it was received, and how far each other camera's clock got since."""
+
+    frame: DetectionFrame
+    problems: tuple[str, ...]
+    received_s: float
+    others_s: dict[int, float]
 
 
 class CameraMerge:
@@ -65,21 +94,46 @@ class CameraMerge:
 
     def __init__(self, settings: MergeSettings = MergeSettings()) -> None:
         self._settings = settings
-        self._frames: dict[int, DetectionFrame] = {}
+        self._seen: dict[int, _Camera] = {}
+        self._newest: int | None = None
         self._geometry: Geometry | None = None
         self._cameras: dict[int, CameraCalibration] = {}
 
-    def add(self, packet: VisionPacket) -> None:
-        """Take in a packet; a frame older than the camera's newest is left out."""
+    def add(self, packet: VisionPacket, received_s: float | None = None) -> None:
+        """Take in a packet; a frame that a newer one of its camera has overtaken is left out.
+
+        Parameters
+        ----------
+        packet : VisionPacket
+            As received.
+        received_s : float, optional
+            When it was received, by any clock that goes on; default: now.
+        """
         if packet.geometry is not None:
             self._geometry = packet.geometry
-            self._cameras.update((camera.camera_id, camera) for camera in packet.geometry.cameras)
+            self._cameras.update((camera.camera_id, camera) for camera in packet.geometry.cameras[:_MAX_CAMERAS])
+            if len(self._cameras) > _MAX_CAMERAS:
+                self._cameras = {camera.camera_id: camera for camera in packet.geometry.cameras[:_MAX_CAMERAS]}
         frame = packet.detection
-        if frame is not None and math.isfinite(frame.t_capture_s):
-            before = self._frames.get(frame.camera_id)
-            restarted = before is not None and frame.frame_number < before.frame_number
-            if before is None or restarted or frame.t_capture_s >= before.t_capture_s:
-                self._frames[frame.camera_id] = frame
+        if frame is None or not math.isfinite(frame.t_capture_s):
+            return
+        number, before = frame.camera_id, self._seen.get(frame.camera_id)
+        if before is None and len(self._seen) >= _MAX_CAMERAS:
+            self._seen = {}
+        if before is not None:
+            behind_s = before.frame.t_capture_s - frame.t_capture_s
+            behind = before.frame.frame_number - frame.frame_number
+            if 0 < behind_s <= _LATE_S and 0 <= behind <= _LATE_FRAMES:
+                return
+            if behind_s > _LATE_S or behind > _LATE_FRAMES:
+                # its sender was started anew: who still sends will be back with the next frame
+                self._seen = {}
+            for other, camera in self._seen.items():
+                if other != number:
+                    camera.others_s[number] = camera.others_s.get(number, 0.0) + max(-behind_s, 0.0)
+        finite, problems = finite_frame(frame)
+        self._seen[number] = _Camera(finite, problems, time.monotonic() if received_s is None else received_s, {})
+        self._newest = number
 
     @property
     def geometry(self) -> Geometry | None:
@@ -92,7 +146,18 @@ class CameraMerge:
     @property
     def overview(self) -> Overview | None:
         """The newest frames of all cameras in one; None before any came."""
-        return merge_frames(self._frames.values(), self._settings)
+        if self._newest is None:
+            return None
+        newest, most_s = self._seen[self._newest], self._settings.max_age_s
+        fresh = [
+            camera
+            for _, camera in sorted(self._seen.items())
+            # a clock that was set back makes an age negative
+            if abs(newest.received_s - camera.received_s) <= most_s
+            and max(camera.others_s.values(), default=0.0) <= most_s
+        ]
+        problems = [words for camera in fresh for words in camera.problems]
+        return _merged([camera.frame for camera in fresh], newest.frame.t_capture_s, problems, self._settings)
 
 
 def merge_frames(frames: Iterable[DetectionFrame], settings: MergeSettings = MergeSettings()) -> Overview | None:
@@ -101,21 +166,37 @@ def merge_frames(frames: Iterable[DetectionFrame], settings: MergeSettings = Mer
     Parameters
     ----------
     frames : iterable of DetectionFrame
-        At most one a camera.
+        At most one a camera, by one clock: those older than the newest by more than the largest age are left out.
     settings : MergeSettings
         What counts as one.
     """
-    known = sorted(frames, key=lambda frame: frame.camera_id)
+    known = sorted((frame for frame in frames if math.isfinite(frame.t_capture_s)), key=lambda frame: frame.camera_id)
     if not known:
         return None
     newest_s = max(frame.t_capture_s for frame in known)
-    known = [frame for frame in known if newest_s - frame.t_capture_s <= settings.max_age_s]
+    finite = [finite_frame(frame) for frame in known if newest_s - frame.t_capture_s <= settings.max_age_s]
+    problems = [words for _, left_out in finite for words in left_out]
+    return _merged([frame for frame, _ in finite], newest_s, problems, settings)
+
+
+def _merged(
+    frames: Sequence[DetectionFrame], newest_s: float, problems: list[str], settings: MergeSettings
+) -> Overview:
+    """Return frames without what is no number, in order of their cameras, as one."""
+    teams = []
+    for color, robots in (
+        ("yellow", [robot for frame in frames for robot in frame.yellow]),
+        ("blue", [robot for frame in frames for robot in frame.blue]),
+    ):
+        merged, doubled = _merged_robots(robots, settings.max_robot_gap_m)
+        teams.append(merged)
+        problems += [f"{color} {words}" for words in doubled]
     return Overview(
         newest_s,
-        _merged_balls([ball for frame in known for ball in frame.balls], settings.max_ball_gap_m),
-        _merged_robots([robot for frame in known for robot in frame.yellow]),
-        _merged_robots([robot for frame in known for robot in frame.blue]),
-        tuple(frame.camera_id for frame in known),
+        _merged_balls([ball for frame in frames for ball in frame.balls], settings.max_ball_gap_m),
+        *teams,
+        tuple(frame.camera_id for frame in frames),
+        tuple(problems),
     )
 
 
@@ -134,20 +215,36 @@ def _merged_balls(balls: Sequence[DetectionBall], gap_m: float) -> tuple[Detecti
     )
 
 
-def _merged_robots(robots: Sequence[DetectionRobot]) -> tuple[DetectionRobot, ...]:
+def _merged_robots(robots: Sequence[DetectionRobot], gap_m: float) -> tuple[tuple[DetectionRobot, ...], list[str]]:
+    """Return each robot once, and words on numbers that were seen at two places."""
     by_number: dict[int, list[DetectionRobot]] = {}
     for robot in robots:
         if robot.robot_id is not None:
             by_number.setdefault(robot.robot_id, []).append(robot)
-    merged = []
-    for _, group in sorted(by_number.items()):
-        best = max(group, key=lambda robot: robot.confidence)
+    merged: list[DetectionRobot] = []
+    doubled: list[str] = []
+    for number, seen in sorted(by_number.items()):
+        if len(seen) == 1:
+            merged.append(seen[0])
+            continue
+        best = max(seen, key=lambda robot: robot.confidence)
+        group = [robot for robot in seen if _gap_m(robot, best) <= gap_m]
+        doubled += [
+            f"{number} is seen at ({best.x_m:.2f}, {best.y_m:.2f}) and ({other.x_m:.2f}, {other.y_m:.2f}) m: "
+            "the surer one is taken"
+            for other in seen
+            if _gap_m(other, best) > gap_m
+        ]
         if len(group) > 1:
             turned = [robot for robot in group if robot.orientation_rad is not None]
             angle = _mean_angle(turned) if turned else None
             best = dataclasses.replace(best, x_m=_mean(group, "x_m"), y_m=_mean(group, "y_m"), orientation_rad=angle)
         merged.append(best)
-    return (*merged, *(robot for robot in robots if robot.robot_id is None))
+    return (*merged, *(robot for robot in robots if robot.robot_id is None)), doubled
+
+
+def _gap_m(one: DetectionRobot, other: DetectionRobot) -> float:
+    return math.hypot(one.x_m - other.x_m, one.y_m - other.y_m)
 
 
 def _weight(thing: DetectionBall | DetectionRobot) -> float:

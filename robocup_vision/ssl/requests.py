@@ -83,16 +83,16 @@ class _Client(Closing, Generic[T]):
     async def receive_async(self, timeout_s: float | None = None) -> T | None:
         """As `receive`, for asyncio."""
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        while (data := await await_datagram(self._socket, deadline_s)) is not None:
-            answer = self._take(self._answer, data)
+        while (datagram := await await_datagram(self._socket, deadline_s)) is not None:
+            answer = self._take(self._answer, datagram[0])
             if answer is not None:
                 return answer
         return None
 
     def _receive(self, answer: type[U], timeout_s: float | None) -> U | None:
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        while (data := wait_for_datagram(self._socket, deadline_s)) is not None:
-            value = self._take(answer, data)
+        while (datagram := wait_for_datagram(self._socket, deadline_s)) is not None:
+            value = self._take(answer, datagram[0])
             if value is not None:
                 return value
         return None

@@ -6,14 +6,19 @@ Without an interface everything stays on the loopback: it is bound to 127.0.0.1,
 from __future__ import annotations
 
 import asyncio
-import fcntl
 import ipaddress
 import select
 import socket
 import struct
+import sys
 import time
 
 from field_models.errors import ArgumentError
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 LOOPBACK = "127.0.0.1"
 VISION_GROUP, VISION_PORT, SIMULATED_VISION_PORT = "224.5.23.2", 10006, 10020
@@ -48,6 +53,8 @@ def interface_address(interface: str) -> str:
         return str(ipaddress.IPv4Address(interface))
     except ValueError:
         pass
+    if fcntl is None:
+        raise ArgumentError(f"this system does not tell an interface's address: give it instead of {interface!r}")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             found = fcntl.ioctl(probe, _SIOCGIFADDR, struct.pack("256s", interface.encode()[:15]))
@@ -68,10 +75,12 @@ def multicast_receiver(group: str, port: int, interface: str = "loopback") -> so
     made = _socket()
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
-        made.bind((group, port))
+        # Windows lets nobody bind to a group
+        made.bind(("" if sys.platform == "win32" else group, port))
         membership = socket.inet_aton(group) + socket.inet_aton(address)
         made.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
-        made.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+        if sys.platform == "linux":
+            made.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
     except (OSError, OverflowError) as error:
         made.close()
         raise ArgumentError(f"cannot listen to {group}:{port} on {interface}: {_words(error)}") from None
@@ -129,33 +138,52 @@ def server(port: int, interface: str = "loopback") -> socket.socket:
     return made
 
 
-def wait_for_datagram(listening: socket.socket, deadline_s: float | None) -> bytes | None:
-    """Return the next datagram, or None once `time.monotonic` has passed the deadline (None: wait on)."""
+Address = tuple[str, int]
+
+
+def wait_for_datagram(listening: socket.socket, deadline_s: float | None) -> tuple[bytes, Address] | None:
+    """Return the next datagram and who sent it, or None once `time.monotonic` has passed the deadline (None: wait)."""
     while True:
         left_s = None if deadline_s is None else max(deadline_s - time.monotonic(), 0.0)
         ready, _, _ = select.select([listening], [], [], left_s)
         if not ready:
             return None
-        try:
-            return listening.recv(MAX_DATAGRAM_BYTES)
-        except BlockingIOError:
-            continue
-        except ConnectionRefusedError:
-            # nobody listened at the address that something was sent to before; somebody may yet
-            continue
+        datagram = take_datagram(listening)
+        if datagram is not None:
+            return datagram
 
 
-async def await_datagram(listening: socket.socket, deadline_s: float | None) -> bytes | None:
+def take_datagram(listening: socket.socket) -> tuple[bytes, Address] | None:
+    """Return a datagram that is there, and who sent it; None if there is none."""
+    try:
+        data, sender = listening.recvfrom(MAX_DATAGRAM_BYTES)
+    except (BlockingIOError, ConnectionError):
+        # a connection error is about what was sent before: nobody listened there; somebody may yet
+        return None
+    return data, (sender[0], sender[1])
+
+
+async def await_datagram(listening: socket.socket, deadline_s: float | None) -> tuple[bytes, Address] | None:
     """As `wait_for_datagram`, for a running asyncio loop."""
     loop = asyncio.get_running_loop()
     while True:
         left_s = None if deadline_s is None else max(deadline_s - time.monotonic(), 0.0)
+        datagram = take_datagram(listening)
+        if datagram is not None:
+            return datagram
+        ready: asyncio.Future[None] = loop.create_future()
+        loop.add_reader(listening, _wake, ready)
         try:
-            return await asyncio.wait_for(loop.sock_recv(listening, MAX_DATAGRAM_BYTES), left_s)
+            await asyncio.wait_for(ready, left_s)
         except (TimeoutError, asyncio.TimeoutError):
             return None
-        except ConnectionRefusedError:
-            continue
+        finally:
+            loop.remove_reader(listening)
+
+
+def _wake(ready: asyncio.Future[None]) -> None:
+    if not ready.done():
+        ready.set_result(None)
 
 
 def _socket() -> socket.socket:

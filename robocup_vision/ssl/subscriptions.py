@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import socket
 import time
+from collections import deque
 from typing import Generic, TypeVar
 
 from field_models.errors import PacketError
 from robocup_vision.closing import Closing
 from robocup_vision.ssl.overview import CameraMerge, Overview
 from robocup_vision.ssl.protocol.mapping import decode
+from robocup_vision.ssl.referee_choice import RefereeChoice
 from robocup_vision.ssl.sockets import (
     REFEREE_GROUP,
     REFEREE_PORT,
@@ -20,8 +22,10 @@ from robocup_vision.ssl.sockets import (
     TRACKER_PORT,
     VISION_GROUP,
     VISION_PORT,
+    Address,
     await_datagram,
     multicast_receiver,
+    take_datagram,
     wait_for_datagram,
 )
 from robocup_vision.ssl.values.detection import VisionPacket
@@ -30,6 +34,9 @@ from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket
 
 T = TypeVar("T")
+
+# what is there is read for so long at most: whoever floods a group must not hold up who listens to it
+_MAX_AT_ONCE = 4096
 
 
 class Subscription(Closing, Generic[T]):
@@ -57,6 +64,8 @@ class Subscription(Closing, Generic[T]):
         How many were no such message.
     last_problem : str
         What was wrong with the last of those; empty if none was.
+    skipped : int
+        How many were passed over, because newer ones were there (`receive_newest`).
     """
 
     def __init__(self, value: type[T], group: str, port: int, interface: str = "loopback") -> None:
@@ -64,6 +73,7 @@ class Subscription(Closing, Generic[T]):
         self._socket: socket.socket = multicast_receiver(group, port, interface)
         self.bad_datagrams = 0
         self.last_problem = ""
+        self.skipped = 0
 
     def close(self) -> None:
         """Close the socket."""
@@ -76,8 +86,8 @@ class Subscription(Closing, Generic[T]):
     def receive(self, timeout_s: float | None = None) -> T | None:
         """Return the next packet, or None after a time (None: wait on)."""
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        while (data := wait_for_datagram(self._socket, deadline_s)) is not None:
-            packet = self._take(data)
+        while (datagram := wait_for_datagram(self._socket, deadline_s)) is not None:
+            packet = self._take(*datagram)
             if packet is not None:
                 return packet
         return None
@@ -85,24 +95,36 @@ class Subscription(Closing, Generic[T]):
     async def receive_async(self, timeout_s: float | None = None) -> T | None:
         """As `receive`, for asyncio."""
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        while (data := await await_datagram(self._socket, deadline_s)) is not None:
-            packet = self._take(data)
+        while (datagram := await await_datagram(self._socket, deadline_s)) is not None:
+            packet = self._take(*datagram)
             if packet is not None:
                 return packet
         return None
 
-    def _take(self, data: bytes) -> T | None:
+    def receive_newest(self, most: int) -> list[T]:
+        """Return what has come, without waiting: of more than so many datagrams the newest."""
+        waiting: deque[tuple[bytes, Address]] = deque(maxlen=most)
+        for _ in range(_MAX_AT_ONCE):
+            datagram = take_datagram(self._socket)
+            if datagram is None:
+                break
+            self.skipped += len(waiting) == most
+            waiting.append(datagram)
+        packets = [self._take(*datagram) for datagram in waiting]
+        return [packet for packet in packets if packet is not None]
+
+    def _take(self, data: bytes, sender: Address) -> T | None:
         try:
             packet = decode(self._value, data)
         except PacketError as error:
             self.bad_datagrams += 1
             self.last_problem = str(error)
             return None
-        self._keep(packet)
-        return packet
+        return packet if self._keep(packet, sender) else None
 
-    def _keep(self, packet: T) -> None:
-        """Remember what is worth it."""
+    def _keep(self, packet: T, sender: Address) -> bool:
+        """Remember what is worth it; return whether the packet is one for the user."""
+        return True
 
 
 class VisionClient(Subscription[VisionPacket]):
@@ -130,8 +152,9 @@ class VisionClient(Subscription[VisionPacket]):
         """The newest frames of all cameras in one; None before any came."""
         return self._merge.overview
 
-    def _keep(self, packet: VisionPacket) -> None:
+    def _keep(self, packet: VisionPacket, sender: Address) -> bool:
         self._merge.add(packet)
+        return True
 
 
 class TrackerClient(Subscription[TrackerPacket]):
@@ -142,22 +165,39 @@ class TrackerClient(Subscription[TrackerPacket]):
 
 
 class RefereeClient(Subscription[Referee]):
-    """Listens to the game controller.
+    """Listens to the game controller: to one, until it has been silent for a second; packets of others are left out.
 
     Attributes
     ----------
     newest : Referee or None
         The newest packet.
+    sender : (str, int) or None
+        Where it came from.
     new_command : bool
         Whether the newest packet brought a command that the one before had not: its counter is another.
     """
 
     def __init__(self, port: int = REFEREE_PORT, interface: str = "loopback", group: str = REFEREE_GROUP) -> None:
         super().__init__(Referee, group, port, interface)
+        self._choice = RefereeChoice()
         self.newest: Referee | None = None
+        self.sender: Address | None = None
         self.new_command = False
 
-    def _keep(self, packet: Referee) -> None:
+    @property
+    def is_silent(self) -> bool:
+        """Whether nobody whom it follows has spoken for a second."""
+        return self._choice.is_silent(time.monotonic())
+
+    @property
+    def problem(self) -> str:
+        """Which other referees speak, in words; empty if none does."""
+        return self._choice.problem
+
+    def _keep(self, packet: Referee, sender: Address) -> bool:
+        if not self._choice.hear((packet.source_identifier, sender), time.monotonic()):
+            return False
         before = self.newest
-        self.new_command = before is None or before.command_counter != packet.command_counter
-        self.newest = packet
+        self.new_command = before is None or before.command_counter != packet.command_counter or self.sender != sender
+        self.newest, self.sender = packet, sender
+        return True

@@ -3,18 +3,24 @@
 Robots are filtered by several models of motion (`motion_filter`); their angles and the ball as things that move with
 constant velocity and are disturbed by accelerations. A frame counts at the time of its exposure, so that delays cost
 nothing but a prediction. A detection far from where it should be is not used until the next ones agree with it.
+
+Clocks of vision systems step, begin anew and differ from camera to camera. Tracks are kept by a time of their own that
+only goes on (`SteadyClock`); each camera's stamps are converted to it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.ssl.motion_filter import MotionFilter, MotionFilterSettings
-from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot
+from robocup_vision.ssl.problems import Problems
+from robocup_vision.ssl.steady_clock import SteadyClock
+from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot, finite_frame
 from robocup_vision.ssl.values.tracked import (
     TeamColor,
     TrackedBall,
@@ -51,6 +57,11 @@ class TrackerSettings:
         So many detections in a row that agree with each other, and not with the track, are used.
     max_lost_s : float
         What has not been seen for so long is gone.
+    min_apart_m : float
+        Robots of two numbers nearer to each other than this cannot be two: a robot's radius.
+    reach_m : (float, float)
+        How far from the field's centre a ball is played with, along x and y: of two balls the one within, or nearer
+        to it, is the game's. Default: of the league's largest field.
     """
 
     robot: MotionFilterSettings = MotionFilterSettings()
@@ -65,6 +76,8 @@ class TrackerSettings:
     max_ball_jump_m: float = 0.06
     believed_after: int = 2
     max_lost_s: float = 1.0
+    min_apart_m: float = 0.09
+    reach_m: tuple[float, float] = (6.3, 4.8)
 
 
 class _Coordinate:
@@ -136,6 +149,8 @@ class _RobotTrack(_Doubts):
 
 
 RobotKey = tuple[TeamColor, int]
+# the league's go up to 15; a sender must not fill the memory
+_MAX_NUMBER = 63
 
 
 class OverheadTracker:
@@ -145,6 +160,11 @@ class OverheadTracker:
     ----------
     settings : TrackerSettings
         What is known beforehand.
+
+    Attributes
+    ----------
+    problems : Problems
+        What was odd about the frames.
     """
 
     def __init__(self, settings: TrackerSettings = TrackerSettings()) -> None:
@@ -153,25 +173,44 @@ class OverheadTracker:
         self._robots: dict[RobotKey, _RobotTrack] = {}
         self._ball: _BallTrack | None = None
         self._frames = 0
+        self.problems = Problems()
+        self._clock = SteadyClock(settings.max_lost_s, self.problems)
+
+    @property
+    def newest_s(self) -> float:
+        """Steady time of the newest frame: vision's clock for as long as that goes on; minus infinity before any."""
+        return self._clock.newest_s
 
     def update(self, frame: DetectionFrame) -> None:
         """Take in what one camera saw; frames of several cameras in whatever order they come."""
-        t_s = frame.t_capture_s
-        if not math.isfinite(t_s):
+        t_s = self._clock.steady_s(frame.camera_id, frame.t_capture_s)
+        if t_s is None:
             return
-        seen = {
-            (color, robot.robot_id): robot
-            for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue))
-            for robot in robots
-            if robot.robot_id is not None and _is_finite(robot)
-        }
+        frame, left_out = finite_frame(frame)
+        for words in left_out:
+            self.problems.add(f"camera {frame.camera_id} sends what is no number", words)
+        seen: dict[RobotKey, DetectionRobot] = {}
+        for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue)):
+            for robot in robots:
+                if robot.robot_id is None:
+                    continue
+                if robot.robot_id > _MAX_NUMBER:
+                    self.problems.add(f"there is no robot of a number over {_MAX_NUMBER}", f"robot {robot.robot_id}")
+                else:
+                    key = color, robot.robot_id
+                    seen[key] = self._likelier(key, seen[key], robot, t_s) if key in seen else robot
         if seen:
+            self._say_overlaps(seen)
             self._update_robots(seen, t_s)
-        self._update_ball([ball for ball in frame.balls if _is_finite(ball)], t_s)
+        self._update_ball(frame.balls, t_s)
         self._frames += 1
 
     def at(self, t_s: float) -> TrackedFrame:
-        """Return the world at a time, seconds since 1970, predicted from what has been seen."""
+        """Return the world at a time by vision's clock as it is now, predicted from what has been seen."""
+        return replace(self.at_steady(t_s - self._clock.offset_s), t_s=t_s)
+
+    def at_steady(self, t_s: float) -> TrackedFrame:
+        """Return the world at a steady time, predicted from what has been seen."""
         known = [
             (key, track)
             for key, track in sorted(self._robots.items())
@@ -193,6 +232,34 @@ class OverheadTracker:
         )
         balls = () if self._ball is None else (self._ball_at(self._ball, t_s),)
         return TrackedFrame(self._frames, t_s, balls, robots)
+
+    def _likelier(self, key: RobotKey, one: DetectionRobot, other: DetectionRobot, t_s: float) -> DetectionRobot:
+        """Return which of two robots of one number in a frame is followed: the nearer to its track, else the surer."""
+        color, number = key
+        self.problems.add(
+            f"{color.name.lower()} {number} is seen twice",
+            f"{color.name.lower()} {number} is seen at ({one.x_m:.2f}, {one.y_m:.2f}) and "
+            f"({other.x_m:.2f}, {other.y_m:.2f}) m in one frame",
+        )
+        track = self._robots.get(key)
+        if track is None or t_s - track.seen_s > self._settings.max_lost_s:
+            return max(one, other, key=lambda robot: robot.confidence)
+        places = np.array([(one.x_m, one.y_m), (other.x_m, other.y_m)])
+        away = np.hypot(*self._motion.innovations(np.array([track.row, track.row]), places, t_s).T)
+        return one if away[0] <= away[1] else other
+
+    def _say_overlaps(self, seen: dict[RobotKey, DetectionRobot]) -> None:
+        """Say which robots are seen at one place: one of their patterns is misread."""
+        in_a_row = sorted(seen.items(), key=lambda entry: entry[1].x_m)
+        for place, ((color, number), robot) in enumerate(in_a_row):
+            for (other_color, other_number), other in in_a_row[place + 1 :]:
+                if other.x_m - robot.x_m >= self._settings.min_apart_m:
+                    break
+                if abs(other.y_m - robot.y_m) < self._settings.min_apart_m:
+                    pair = f"{color.name.lower()} {number} and {other_color.name.lower()} {other_number}"
+                    self.problems.add(
+                        f"{pair} are seen at one place", f"{pair} are seen at ({robot.x_m:.2f}, {robot.y_m:.2f}) m"
+                    )
 
     def _visibility(self, seen_s: float, t_s: float) -> float:
         return max(0.0, min(1.0, 1.0 - (t_s - seen_s) / self._settings.max_lost_s))
@@ -242,12 +309,12 @@ class OverheadTracker:
             expected = angle.value - (track.t_s - t_s) * angle.rate
             angle.update(wrap_angle(robot.orientation_rad - expected), s.robot_std_rad)
 
-    def _update_ball(self, balls: list[DetectionBall], t_s: float) -> None:
+    def _update_ball(self, balls: Sequence[DetectionBall], t_s: float) -> None:
         s, track = self._settings, self._ball
         if not balls:
             return
         if track is None or t_s - track.seen_s > s.max_lost_s:
-            best = max(balls, key=lambda ball: ball.confidence)
+            best = min(balls, key=lambda ball: (self._outside_m(ball.x_m, ball.y_m), -ball.confidence))
             self._ball = _BallTrack(t_s, best.x_m, best.y_m, s)
             return
         dt_s = max(t_s - track.t_s, 0.0)
@@ -258,6 +325,10 @@ class OverheadTracker:
         track.t_s = max(t_s, track.t_s)
         late_s = track.t_s - t_s
         x, y = x - late_s * vx, y - late_s * vy
+        if self._outside_m(x, y) > 0:
+            # what was followed may be a spare ball
+            nearest_m = min(self._outside_m(ball.x_m, ball.y_m) for ball in balls)
+            balls = [ball for ball in balls if self._outside_m(ball.x_m, ball.y_m) <= nearest_m + s.max_ball_jump_m]
         ball = min(balls, key=lambda ball: math.hypot(ball.x_m - x, ball.y_m - y))
         dx, dy = ball.x_m - x, ball.y_m - y
         # the longer it was hidden, the farther it may have got
@@ -270,6 +341,11 @@ class OverheadTracker:
         track.seen_s = track.t_s
         track.x.update(dx, s.ball_std_m)
         track.y.update(dy, s.ball_std_m)
+
+    def _outside_m(self, x_m: float, y_m: float) -> float:
+        """Return how far a place is from where the ball is played with."""
+        half_x, half_y = self._settings.reach_m
+        return math.hypot(max(abs(x_m) - half_x, 0.0), max(abs(y_m) - half_y, 0.0))
 
 
 def _restarted(doubted: list[tuple[float, float, float]], settings: TrackerSettings) -> _BallTrack:
@@ -293,8 +369,3 @@ def _rolled(track: _BallTrack, dt_s: float, slowing_mps2: float) -> tuple[float,
     way = rolls_s - slowing_mps2 * rolls_s**2 / (2 * speed)
     kept = max(1 - slowing_mps2 * dt_s / speed, 0.0)
     return track.x.value + way * vx, track.y.value + way * vy, kept * vx, kept * vy
-
-
-def _is_finite(thing: DetectionBall | DetectionRobot) -> bool:
-    angle = thing.orientation_rad if isinstance(thing, DetectionRobot) else None
-    return math.isfinite(thing.x_m) and math.isfinite(thing.y_m) and (angle is None or math.isfinite(angle))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from robocup_vision.ssl.protocol.mapping import Wire, message_value
@@ -125,3 +126,39 @@ class VisionPacket:
     geometry: Geometry | None = None
     source: Source | None = None
     unknown: bytes = b""
+
+
+def finite_frame(frame: DetectionFrame) -> tuple[DetectionFrame, tuple[str, ...]]:
+    """Return a frame without the things whose place or angle is no number, and words on each of those.
+
+    The frame itself comes back where all are.
+    """
+    if all(_is_finite(thing) for things in (frame.balls, frame.yellow, frame.blue) for thing in things):
+        return frame, ()
+    left_out = tuple(
+        f"camera {frame.camera_id}: {_words(thing)} is left out"
+        for things in (frame.balls, frame.yellow, frame.blue)
+        for thing in things
+        if not _is_finite(thing)
+    )
+    kept = replace(
+        frame,
+        balls=tuple(filter(_is_finite, frame.balls)),
+        yellow=tuple(filter(_is_finite, frame.yellow)),
+        blue=tuple(filter(_is_finite, frame.blue)),
+    )
+    return kept, left_out
+
+
+def _is_finite(thing: DetectionBall | DetectionRobot) -> bool:
+    # a sum is finite if all of its parts are
+    if isinstance(thing, DetectionBall):
+        return math.isfinite(thing.x_m + thing.y_m + (thing.z_m or 0.0) + thing.confidence)
+    return math.isfinite(thing.x_m + thing.y_m + (thing.orientation_rad or 0.0) + thing.confidence)
+
+
+def _words(thing: DetectionBall | DetectionRobot) -> str:
+    if isinstance(thing, DetectionBall):
+        return f"a ball at x {thing.x_m}, y {thing.y_m}, z {thing.z_m}, confidence {thing.confidence}"
+    angle = thing.orientation_rad
+    return f"robot {thing.robot_id} at x {thing.x_m}, y {thing.y_m}, angle {angle}, confidence {thing.confidence}"

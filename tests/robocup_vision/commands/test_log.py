@@ -96,8 +96,11 @@ def test_what_is_wrong_with_a_log_is_reported(capsys, tmp_path):
     status, out, _ = run(capsys, "info", path)
     assert status == 0
     assert "1 kind_42" in out
-    assert "2 entries, the first: 1 bytes are no vision" in out
-    assert run(capsys, "convert", path, "--out", tmp_path / "x")[0] == 2
+    assert "2 entries, the first is entry 1: 1 bytes are no vision" in out
+    status, out, error = run(capsys, "convert", path, "--out", tmp_path / "x")
+    assert status == 0
+    assert "referee.csv: 1 rows" in out
+    assert f"{path}: 2 unreadable entries left out, the first is entry 1: 1 bytes are no vision" in error
     path.write_bytes(path.read_bytes()[:-3])
     status, out, error = run(capsys, "info", path)
     assert status == 2

@@ -114,3 +114,66 @@ def test_numbers_that_are_none_are_left_out():
     tracker.update(frame(1.0, balls=[(nan, 0.0)], yellow=[(1, nan, 0.0, 0.0), (None, 0.0, 0.0, 0.0)]))
     tracker.update(frame(1.0, blue=[(1, 0.0, 0.0, float("inf"))]))
     assert tracker.at(1.0).robots == tracker.at(1.0).balls == ()
+
+
+def run(tracker, count, start_s, camera=0, **things):
+    for k in range(count):
+        tracker.update(frame(start_s + k * PERIOD_S, camera=camera, **things))
+    return start_s + (count - 1) * PERIOD_S
+
+
+@pytest.mark.parametrize("new_s", [0.0, 4000.0, 9000.0, 5002.5])
+def test_nothing_unseen_stays_when_the_clock_is_set(new_s):
+    tracker = OverheadTracker()
+    run(tracker, 60, 5000.0, balls=[(0.0, 0.5)], yellow=[(1, 1.0, 0.0, 0.0), (7, 2.0, 0.0, 0.0)])
+    end_s = run(tracker, 90, new_s, yellow=[(1, 1.0, 0.0, 0.0)])
+    world = tracker.at(end_s)
+    assert [robot.robot.number for robot in world.robots] == [1]
+    assert world.robots[0].visibility == 1.0
+    assert world.balls[0].visibility == 0.0
+    assert world.t_s == end_s
+
+
+def test_one_stamp_from_the_future_is_passed_over_and_said():
+    tracker = OverheadTracker()
+    run(tracker, 30, 10.0, yellow=[(1, 1.0, 0.0, 0.0)])
+    tracker.update(frame(1e9, yellow=[(1, 1.0, 0.0, 0.0)]))
+    end_s = run(tracker, 3, 10.0 + 31 * PERIOD_S, yellow=[(1, 1.0, 0.0, 0.0)])
+    assert tracker.newest_s == end_s
+    assert tracker.at(end_s).robots[0].visibility == 1.0
+    assert tracker.problems.take_new() == ["the clock of camera 0 has gone from 10.483 to 1000000000.000 s"]
+
+
+def test_cameras_whose_clocks_are_apart_see_one_world():
+    tracker = OverheadTracker()
+    for k in range(60):
+        t_s = k * PERIOD_S
+        robot = (1, 1.5 * t_s, 0.0, 0.0)
+        tracker.update(frame(50.0 + t_s, yellow=[robot]))
+        tracker.update(frame(51.0 + t_s, camera=1, yellow=[robot, (2, -1.0, 0.0, 0.0)]))
+    one, two = tracker.at(50.0 + t_s).robots
+    assert one.position_m.x == pytest.approx(1.5 * t_s, abs=0.01)
+    assert one.velocity_mps.x == pytest.approx(1.5, abs=0.1)
+    assert (one.visibility, two.visibility) == (1.0, pytest.approx(1.0, abs=0.02))
+
+
+def test_the_ball_nearest_to_the_field_is_the_games():
+    tracker = OverheadTracker()
+    t_s = run(tracker, 60, 10.0, balls=[(30.0, 40.0)])
+    assert tracker.at(t_s).balls[0].position_m.x == pytest.approx(30.0)
+    t_s = run(tracker, 5, t_s + PERIOD_S, balls=[(30.0, 40.0), (7.0, 0.0)])
+    assert tracker.at(t_s).balls[0].position_m.x == pytest.approx(7.0)
+    t_s = run(tracker, 5, t_s + PERIOD_S, balls=[(30.0, 40.0), (0.0, 0.0), (7.0, 0.0)])
+    assert abs(tracker.at(t_s).balls[0].position_m.x) < 0.01
+
+
+def test_of_a_number_seen_twice_the_one_on_its_track_is_followed_and_overlaps_are_said():
+    tracker = OverheadTracker()
+    t_s = run(tracker, 30, 10.0, yellow=[(5, -1.5, 0.0, 0.0)])
+    for order in (1, -1):
+        doubled = [(5, -1.5, 0.0, 0.0), (5, 1.5, 0.0, 0.0)][::order]
+        t_s = run(tracker, 30, t_s + PERIOD_S, yellow=doubled, blue=[(3, -1.45, 0.05, 0.0)])
+        assert tracker.at(t_s).robots[0].position_m.x == pytest.approx(-1.5, abs=0.001)
+    said = " ".join(tracker.problems.take_new())
+    assert "yellow 5 is seen at (1.50, 0.00) and (-1.50, 0.00) m in one frame" in said
+    assert "yellow 5 and blue 3 are seen at (-1.50, 0.00) m" in said
