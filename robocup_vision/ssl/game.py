@@ -133,7 +133,14 @@ class Game:
     ------
     ArgumentError
         If the team is neither.
+
+    Attributes
+    ----------
+    known_commands : frozenset of RefereeCommand
+        All others are a halt.
     """
+
+    known_commands = frozenset(_COMMANDS)
 
     def __init__(self, team: Team, settings: GameSettings = GameSettings()) -> None:
         if team not in (Team.YELLOW, Team.BLUE):

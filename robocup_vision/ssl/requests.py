@@ -16,6 +16,7 @@ from robocup_vision.ssl.sockets import (
     SIMULATION_PORT,
     YELLOW_PORT,
     await_datagram,
+    take_newest,
     wait_for_datagram,
 )
 from robocup_vision.ssl.values.simulation import (
@@ -79,6 +80,12 @@ class _Client(Closing, Generic[T]):
     def receive(self, timeout_s: float | None = None) -> T | None:
         """Return the next answer, or None after a time (None: wait on)."""
         return self._receive(self._answer, timeout_s)
+
+    def receive_newest(self, most: int) -> list[T]:
+        """Return what has come, without waiting: of more than so many datagrams the newest."""
+        waiting, _ = take_newest(self._socket, most)
+        answers = [self._take(self._answer, data) for data, _ in waiting]
+        return [answer for answer in answers if answer is not None]
 
     async def receive_async(self, timeout_s: float | None = None) -> T | None:
         """As `receive`, for asyncio."""

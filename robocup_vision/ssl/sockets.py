@@ -12,6 +12,7 @@ import socket
 import struct
 import sys
 import time
+from collections import deque
 
 from field_models.errors import ArgumentError
 
@@ -29,6 +30,8 @@ SIMULATION_PORT, BLUE_PORT, YELLOW_PORT = 10300, 10301, 10302
 MAX_DATAGRAM_BYTES = 65_507
 # frames of several cameras arrive at once; the default holds a few only
 _RECEIVE_BUFFER_BYTES = 1 << 20
+# a full buffer holds fewer
+_MAX_AT_ONCE = 4096
 _SIOCGIFADDR = 0x8915
 # Linux: take only what is sent to a group on the interface this socket has joined it on
 _IP_MULTICAST_ALL = 49
@@ -161,6 +164,19 @@ def take_datagram(listening: socket.socket) -> tuple[bytes, Address] | None:
         # a connection error is about what was sent before: nobody listened there; somebody may yet
         return None
     return data, (sender[0], sender[1])
+
+
+def take_newest(listening: socket.socket, most: int) -> tuple[list[tuple[bytes, Address]], int]:
+    """Return what is there without waiting, of more than so many datagrams the newest, and how many were passed over.
+
+    However fast others send, it ends.
+    """
+    waiting: deque[tuple[bytes, Address]] = deque(maxlen=most)
+    count = 0
+    while count < _MAX_AT_ONCE and (datagram := take_datagram(listening)) is not None:
+        waiting.append(datagram)
+        count += 1
+    return list(waiting), count - len(waiting)
 
 
 async def await_datagram(listening: socket.socket, deadline_s: float | None) -> tuple[bytes, Address] | None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import socket
 import time
-from collections import deque
 from typing import Generic, TypeVar
 
 from field_models.errors import PacketError
@@ -25,7 +24,7 @@ from robocup_vision.ssl.sockets import (
     Address,
     await_datagram,
     multicast_receiver,
-    take_datagram,
+    take_newest,
     wait_for_datagram,
 )
 from robocup_vision.ssl.values.detection import VisionPacket
@@ -34,9 +33,6 @@ from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket
 
 T = TypeVar("T")
-
-# what is there is read for so long at most: whoever floods a group must not hold up who listens to it
-_MAX_AT_ONCE = 4096
 
 
 class Subscription(Closing, Generic[T]):
@@ -103,13 +99,8 @@ class Subscription(Closing, Generic[T]):
 
     def receive_newest(self, most: int) -> list[T]:
         """Return what has come, without waiting: of more than so many datagrams the newest."""
-        waiting: deque[tuple[bytes, Address]] = deque(maxlen=most)
-        for _ in range(_MAX_AT_ONCE):
-            datagram = take_datagram(self._socket)
-            if datagram is None:
-                break
-            self.skipped += len(waiting) == most
-            waiting.append(datagram)
+        waiting, skipped = take_newest(self._socket, most)
+        self.skipped += skipped
         packets = [self._take(*datagram) for datagram in waiting]
         return [packet for packet in packets if packet is not None]
 

@@ -109,13 +109,13 @@ def _referee(args: argparse.Namespace, opened: ExitStack) -> RefereeFactory | No
         if port and not port.isdecimal():
             raise ArgumentError(f"--ci is given as HOST or HOST:PORT, got {args.ci!r}")
         driven = opened.enter_context(CiClient(host, int(port or CI_PORT)))
-        return lambda field, limits: ForeignReferee(DrivenReferee(driven, field))
+        return lambda field, limits: ForeignReferee(DrivenReferee(driven, field), field)
     if args.referee == "network":
         from robocup_vision.ssl.subscriptions import RefereeClient
         from sim2d.network.foreign_referee import ForeignReferee, ListenedReferee
 
         client = opened.enter_context(RefereeClient(args.referee_port, args.network))
-        return lambda field, limits: ForeignReferee(ListenedReferee(client))
+        return lambda field, limits: ForeignReferee(ListenedReferee(client), field)
     if args.referee == "league":
         from sim2d.match.league_referee import league_referee
 

@@ -78,6 +78,8 @@ def run_play(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print()
         print(f"{client.sent} packets of commands, {client.bad_datagrams} bad datagrams")
+        for line in client.problems.lines():
+            print(line)
     return 0
 
 
@@ -94,6 +96,10 @@ def _play(client: TeamClient, seconds: float | None) -> None:
             next_s = now_s + _STATUS_S
             state = client.team.state
             words = "no vision" if client.is_blind else "no referee" if state is None else state.phase.replace("_", " ")
+            if state is not None and state.doubt and not client.is_blind:
+                words += f" ({state.doubt})"
+            for problem in client.problems.take_new():
+                print(problem, flush=True)
             if words != told:
                 told = words
                 print(words, flush=True)

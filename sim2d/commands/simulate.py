@@ -53,6 +53,11 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--tracker-port", type=int, default=10010, metavar="P", help="default: 10010")
     add("--referee-port", type=int, default=10003, metavar="P", help="default: 10003")
     add("--control-port", type=int, default=10300, metavar="P", help="robots at the next two (default: 10300)")
+    add(
+        "--own-referee-returns",
+        action="store_true",
+        help="publish the own referee again when a game controller that was heard falls silent (default: never)",
+    )
     add("--seconds", type=float, metavar="T", help="end after so much simulated time (default: never)")
     parser.set_defaults(run=run_simulate)
     return parser
@@ -74,12 +79,13 @@ def run_simulate(args: argparse.Namespace) -> int:
     from sim2d.match.league_referee import LeagueReferee
     from sim2d.network.built_in import built_in_robots, check_apart
     from sim2d.network.camera_images import CameraImages
+    from sim2d.network.control import MAX_CLOCK_RATIO, MIN_CLOCK_RATIO
     from sim2d.network.league import LeagueSimulator
     from sim2d.network.realism import realism_named
-    from sim2d.network.server import LeagueServer, Ports
+    from sim2d.network.server import LeagueServer, Ports, ServerSettings
 
-    if not 0 <= args.speed < math.inf:
-        raise ArgumentError(f"--speed must be 0 or more, got {args.speed}")
+    if args.speed != 0 and not MIN_CLOCK_RATIO <= args.speed <= MAX_CLOCK_RATIO:
+        raise ArgumentError(f"--speed must be 0 or from {MIN_CLOCK_RATIO:g} to {MAX_CLOCK_RATIO:g}, got {args.speed}")
     if args.seconds is not None and not 0 < args.seconds < math.inf:
         raise ArgumentError(f"--seconds must be positive, got {args.seconds}")
     for name in ("vision", "tracker", "referee", "control"):
@@ -98,7 +104,8 @@ def run_simulate(args: argparse.Namespace) -> int:
     simulator.speed = args.speed or math.inf
     simulator.vision_port = args.vision_port
     ports = Ports(args.control_port, args.tracker_port, args.referee_port)
-    with LeagueServer(simulator, args.network, ports) as server:
+    settings = ServerSettings(own_referee_returns=args.own_referee_returns)
+    with LeagueServer(simulator, args.network, ports, settings) as server:
         print(f"{args.field}, {args.players} against {args.players}, realism {args.realism}, network {args.network}")
         print(f"vision 224.5.23.2:{args.vision_port}, tracker 224.5.23.2:{ports.tracker}, referee 224.5.23.1:", end="")
         print(f"{ports.referee}; control {ports.control}, blue {ports.blue}, yellow {ports.yellow}", flush=True)
@@ -125,6 +132,8 @@ def _serve(server: LeagueServer, seconds: float | None) -> None:
         if simulator.bad_datagrams != shown and time.monotonic() >= next_s:
             shown, next_s = simulator.bad_datagrams, time.monotonic() + _STATUS_S
             print(f"bad datagrams: {shown}, the last one: {simulator.last_problem}", file=sys.stderr, flush=True)
+        for words in server.problems.take_new():
+            print(words, file=sys.stderr, flush=True)
         return seconds is None or simulator.world.t_s < seconds - 1e-9
 
     server.run(goes_on)

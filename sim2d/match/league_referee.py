@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from field_models import Field
-from sim2d.match.pitch_rules import FoulKind, NextPlay, PitchRules, Point, Restart
+from sim2d.match.pitch_rules import FoulKind, NextPlay, PitchRules, Point, Restart, kick_time_s
 from sim2d.robot_link import Phase, RobotLimits
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState
@@ -43,8 +43,8 @@ class LeagueRefereeSettings:
         the ball where it belongs, if no team does. Chosen so that all have noticed.
     prepare_s, max_prepare_s : float
         A kick-off or penalty is prepared for at least so long, and at most.
-    kick_s : float
-        Who has a kick must take it within so long.
+    kick_s : float or None
+        Who has a kick must take it within so long; None: as long as the field's division says.
     place_s : float
         A team has so long to place the ball.
     placed_m, left_m, left_kicker_m : float
@@ -73,7 +73,7 @@ class LeagueRefereeSettings:
     by_hand_s: float = 0.5
     prepare_s: float = 2.0
     max_prepare_s: float = 10.0
-    kick_s: float = 10.0
+    kick_s: float | None = None
     place_s: float = 30.0
     placed_m: float = 0.15
     left_m: float = 0.5
@@ -147,6 +147,7 @@ class LeagueReferee:
         settings: LeagueRefereeSettings = LeagueRefereeSettings(),
     ) -> None:
         self._field, self._radius_m, self._settings = field, robot_radius_m, settings
+        self._kick_s = kick_time_s(field) if settings.kick_s is None else settings.kick_s
         self.keepers = keepers or {1: 0, -1: 0}
         self._rules = PitchRules(field, robot_radius_m)
         self.score = {1: 0, -1: 0}
@@ -188,6 +189,24 @@ class LeagueReferee:
         if self.command == "halt" or self.command == "stop" or self.command == "ball_placement":
             return self.command
         return "play"
+
+    @property
+    def next_play(self) -> NextPlay | None:
+        """What comes after this stop or placement; None while there is none."""
+        return self._next if self.command in ("stop", "ball_placement") else None
+
+    def action_left_s(self, t_s: float) -> float | None:
+        """Return how long the kick, the placement or its preparation may take yet; None where no time runs."""
+        settings = self._settings
+        if self.command == "ball_placement":
+            allowed_s = settings.place_s
+        elif self.command in ("prepare_kick_off", "prepare_penalty"):
+            allowed_s = settings.max_prepare_s
+        elif self.phase in ("free_kick", "penalty"):
+            allowed_s = self._kick_s
+        else:
+            return None
+        return allowed_s - (t_s - self.command_s)
 
     def robots_allowed(self, side: int, players: int) -> int:
         """Return how many of its robots a side may have on the field."""
@@ -248,7 +267,7 @@ class LeagueReferee:
             moved = math.dist(self._kick_from, (ball.x_m, ball.y_m))
             if moved <= settings.in_play_m:
                 self._watch_room(t_s, robots, ball, (-self.command_side,))
-                if t_s - self.command_s > settings.kick_s:
+                if t_s - self.command_s > self._kick_s:
                     self._stop(t_s, NextPlay("force_start", 0, (ball.x_m, ball.y_m)))
                 return []
             self._kick_from, self._kicker, self._kicker_left = None, self._last, False
@@ -257,7 +276,7 @@ class LeagueReferee:
             self._stop(t_s, self._next)
             return []
         is_penalty = self._kind == "penalty" and self.command == "normal_start"
-        if is_penalty and t_s - self.command_s > settings.kick_s:
+        if is_penalty and t_s - self.command_s > self._kick_s:
             self._stop(t_s, NextPlay("free_kick", -self.command_side, self._rules.legal_place((ball.x_m, ball.y_m))))
             return []
         if math.hypot(ball.x_m - self._still[0], ball.y_m - self._still[1]) > settings.still_m:

@@ -22,6 +22,20 @@ _FREE_KICK_OF: frozenset[FoulKind] = frozenset({"fast_ball", "double_touch", "th
 # a free kick's distance from lines and defence areas, and a goal kick's from its goal line
 _CLEAR_M, _GOAL_KICK_M = 0.2, 1.0
 
+# fields of division A are 12 m long, of division B 9 m
+_DIVISION_A_M = 10.5
+
+
+def kick_time_s(field: Field) -> float:
+    """Return how long a team may take for a kick: five seconds on division A, else ten."""
+    return 5.0 if field.length_m > _DIVISION_A_M else 10.0
+
+
+def penalty_mark(field: Field, side: int) -> Point:
+    """Return where the ball lies at a penalty of side +1, which attacks the goal at +x, or -1."""
+    # six metres before the goal that is shot at on division B, eight on A: two thirds of the field
+    return (-side * field.length_m / 6, 0.0)
+
 
 class NextPlay(NamedTuple):
     """How a match goes on: by what, whose turn it is (0: nobody's), and where the ball lies then."""
@@ -50,8 +64,7 @@ class PitchRules:
         """Return how it goes on after a side's foul at the ball."""
         if kind in _FREE_KICK_OF:
             return NextPlay("free_kick", -side, self.legal_place((ball.x_m, ball.y_m)))
-        # six metres before the goal that is shot at on division B: two thirds of the field
-        return NextPlay("penalty", -side, (side * self._field.length_m / 6, 0.0))
+        return NextPlay("penalty", -side, penalty_mark(self._field, -side))
 
     def after_out(self, last_side: int, ball: BallState) -> NextPlay:
         """Return how it goes on after a side was the last to touch a ball that is out."""

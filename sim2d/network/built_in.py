@@ -29,6 +29,7 @@ from sim2d.world.state import WorldState
 
 OVERHEAD = "overhead"
 DRIBBLER_RPS = 150.0
+_MAX_DELAY_S = 0.2
 
 
 class BuiltInRobots(Protocol):
@@ -48,6 +49,10 @@ class BuiltInRobots(Protocol):
 
     def hear_referee(self, packet: Referee) -> None:
         """Take in what the referee says."""
+        ...
+
+    def lose_referee(self) -> None:
+        """Stand still until the referee speaks again."""
         ...
 
     def act(self, world: LeagueWorld, epoch_s: float) -> None:
@@ -73,6 +78,7 @@ class OverheadRobots:
     def __init__(self, team: Team, numbers: tuple[int, ...], field: Field) -> None:
         self.team, self.numbers = team, numbers
         self._team = OverheadTeam(team, field)
+        self._stamp_s = 0.0
 
     def begin(self, world: LeagueWorld) -> None:
         """Take the robots over: they stay as they are."""
@@ -80,10 +86,16 @@ class OverheadRobots:
     def hear_vision(self, packet: VisionPacket) -> None:
         """Take in what a camera above the field saw."""
         self._team.hear_vision(packet)
+        if packet.detection is not None:
+            self._stamp_s = packet.detection.t_capture_s
 
     def hear_referee(self, packet: Referee) -> None:
         """Take in what the referee says."""
         self._team.hear_referee(packet)
+
+    def lose_referee(self) -> None:
+        """Stand still until the referee speaks again."""
+        self._team.lose_referee()
 
     def act(self, world: LeagueWorld, epoch_s: float) -> None:
         """Command the robots, once a control period."""
@@ -91,7 +103,9 @@ class OverheadRobots:
         self._team.hear_robots(
             Response(feedback=tuple(Feedback(number, world.touches_ball(self.team, number)) for number in there))
         )
-        for command in self._team.commands(epoch_s + world.t_s):
+        # vision is never later than this, whatever its clock did
+        ahead_s = min(max(epoch_s + world.t_s - self._stamp_s, 0.0), _MAX_DELAY_S)
+        for command in self._team.commands(self._team.seen_s + ahead_s):
             if command.number in there:
                 world.command(self.team, command)
 
@@ -154,6 +168,10 @@ class CameraRobots:
     def hear_referee(self, packet: Referee) -> None:
         """Take in what the referee says."""
         self._game.update(packet)
+
+    def lose_referee(self) -> None:
+        """Stand still until the referee speaks again."""
+        self._game.lose_referee()
 
     def act(self, world: LeagueWorld, epoch_s: float) -> None:
         """Command the robots, once a control period."""

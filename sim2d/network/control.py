@@ -40,7 +40,8 @@ from sim2d.world.state import BallState
 # where things can be put, how fast they can be, how large a field can be: far beyond the league's, and finite
 MAX_PLACE_M, MAX_SPEED_MPS, MAX_TURN_RPS, MAX_HEIGHT_M = 20.0, 30.0, 100.0, 20.0
 MAX_FIELD_M, MAX_LINES = 30.0, 100
-MAX_CLOCK_RATIO = 100.0
+# slower, and a program that waits for the next step would wait for minutes
+MIN_CLOCK_RATIO, MAX_CLOCK_RATIO = 0.01, 100.0
 # each key of a robot's specification: its smallest and largest value
 _SPEC_RANGES = {
     "radius_m": (0.02, 0.3),
@@ -119,10 +120,13 @@ def _control(simulator: Controlled, control: SimulatorControl, errors: list[Simu
     except _Refused as refused:
         errors.append(refused.error)
     if control.speed is not None:
-        if 0 <= control.speed <= MAX_CLOCK_RATIO:
+        if control.speed == 0 or MIN_CLOCK_RATIO <= control.speed <= MAX_CLOCK_RATIO:
             simulator.speed = control.speed
         else:
-            errors.append(SimulatorError("SPEED_RANGE", f"simulation_speed must be from 0 to 100, got {control.speed}"))
+            words = (
+                f"simulation_speed must be 0 or from {MIN_CLOCK_RATIO:g} to {MAX_CLOCK_RATIO:g}, got {control.speed}"
+            )
+            errors.append(SimulatorError("SPEED_RANGE", words))
 
 
 def _configure(simulator: Controlled, config: SimulatorConfig, errors: list[SimulatorError]) -> None:
@@ -182,16 +186,15 @@ def _teleport_robot(simulator: Controlled, robot: TeleportRobot) -> None:
     if not world.has(team, number):
         if not robot.present:
             raise _Refused("ROBOT_NOT_PRESENT", f"{name} is not on the field; set present to put it there")
-        world.add(team, number, Pose2(x or 0.0, y or 0.0, angle or 0.0)).place(
-            Pose2(x or 0.0, y or 0.0, angle or 0.0), (vx, vy), turn
-        )
+        pose = Pose2(x or 0.0, y or 0.0, angle or 0.0)
+        world.add(team, number, pose)
+        world.place(team, number, pose, (vx, vy), turn)
         return
     if (x, y, angle, robot.vx_mps, robot.vy_mps, robot.turn_rps) == (None,) * 6:
         return
-    body = world.robot(team, number)
-    now = body.pose
+    now = world.robot(team, number).pose
     pose = Pose2(now.x_m if x is None else x, now.y_m if y is None else y, now.theta_rad if angle is None else angle)
-    body.place(pose, (vx, vy), turn)
+    world.place(team, number, pose, (vx, vy), turn)
 
 
 def _robot_key(robot: RobotId) -> tuple[Team, int]:

@@ -14,7 +14,7 @@ from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.ssl.ci import CiClient
 from robocup_vision.ssl.field import geometry_from_field
-from robocup_vision.ssl.game import Game
+from robocup_vision.ssl.game import Game, GameSettings
 from robocup_vision.ssl.subscriptions import RefereeClient
 from robocup_vision.ssl.values.referee import CiInput, Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
@@ -28,6 +28,7 @@ from robocup_vision.ssl.values.tracked import (
     Vector2,
     Vector3,
 )
+from sim2d.match.pitch_rules import kick_time_s, penalty_mark
 from sim2d.network.packets import TRUTH_SOURCE, TRUTH_UUID
 from sim2d.robot_link import Phase
 from sim2d.world.referee import Ruling
@@ -36,14 +37,16 @@ from sim2d.world.state import BallState, Event, RobotState
 # the game controller takes a ball for placed that lies so near
 _PLACED_M = 0.15
 _KICK_OFFS = (RefereeCommand.PREPARE_KICKOFF_YELLOW, RefereeCommand.PREPARE_KICKOFF_BLUE)
+_PENALTIES = (RefereeCommand.PREPARE_PENALTY_YELLOW, RefereeCommand.PREPARE_PENALTY_BLUE)
 _KICKS = (
     *_KICK_OFFS,
-    RefereeCommand.PREPARE_PENALTY_YELLOW,
-    RefereeCommand.PREPARE_PENALTY_BLUE,
+    *_PENALTIES,
     RefereeCommand.DIRECT_FREE_YELLOW,
     RefereeCommand.DIRECT_FREE_BLUE,
 )
 _NS_PER_S = 1e9
+# of a game controller that was not heard for a while, every command
+_MAX_PACKETS = 1000
 # a game controller that answers nothing for so long does not work
 _MAX_SILENCE_S = 10.0
 
@@ -64,10 +67,7 @@ class ListenedReferee:
 
     def poll(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
         """Return what has come since the last call."""
-        packets = []
-        while (packet := self._client.receive(0.0)) is not None:
-            packets.append(packet)
-        return packets
+        return self._client.receive_newest(_MAX_PACKETS)
 
 
 class DrivenReferee:
@@ -117,11 +117,13 @@ class ForeignReferee:
     ----------
     source : RefereeSource
         Where its packets come from.
+    field : Field
+        The pitch.
     """
 
-    def __init__(self, source: RefereeSource) -> None:
-        self._source = source
-        self._game = Game(Team.YELLOW)
+    def __init__(self, source: RefereeSource, field: Field) -> None:
+        self._source, self._field = source, field
+        self._game = Game(Team.YELLOW, GameSettings(kick_s=kick_time_s(field)))
         self._packet: Referee | None = None
         self._blue_positive = True
         self.phase: Phase = "halt"
@@ -134,7 +136,7 @@ class ForeignReferee:
         rulings: list[Ruling] = []
         for packet in self._source.poll(t_s, robots, ball, self._blue_positive):
             before, self._packet = self._packet, packet
-            self._game.update(packet)
+            self._game.update(packet, received_s=t_s)
             if packet.blue_on_positive_half is not None:
                 self._blue_positive = packet.blue_on_positive_half
             if before is None or before.command_counter != packet.command_counter:
@@ -162,7 +164,13 @@ class ForeignReferee:
         if packet.command not in _KICKS:
             return []
         place = packet.designated_position
-        where = (0.0, 0.0) if packet.command in _KICK_OFFS else None if place is None else (place.x_m, place.y_m)
+        where = None if place is None else (place.x_m, place.y_m)
+        if packet.command in _KICK_OFFS:
+            where = (0.0, 0.0)
+        elif packet.command in _PENALTIES and where is None:
+            where = penalty_mark(
+                self._field, self._yellow_side if packet.command == _PENALTIES[0] else -self._yellow_side
+            )
         if where is None or not all(map(math.isfinite, where)):
             return []
         return [Ruling(None, where)] if math.dist(where, (ball.x_m, ball.y_m)) > _PLACED_M else []

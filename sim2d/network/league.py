@@ -33,6 +33,7 @@ from robocup_vision.ssl.values.simulation import (
 )
 from sim2d.kick_off import kick_off_pose
 from sim2d.match.league_referee import LeagueReferee
+from sim2d.network.ball_boy import BallBoy
 from sim2d.network.built_in import BuiltInRobots
 from sim2d.network.camera_images import CameraImages
 from sim2d.network.control import MAX_SPEED_MPS, MAX_TURN_RPS, apply_command
@@ -144,6 +145,7 @@ class LeagueSimulator:
         self._sync_debt_s = 0.0
         self.publishes_referee = True
         self.referee, self._players, self._images = referee, players, images
+        self._ball_boy = BallBoy(field)
         self._built_in = tuple(built_in)
         self._taken = {(robots.team, number) for robots in built_in for number in robots.numbers}
         for robots in built_in:
@@ -162,6 +164,7 @@ class LeagueSimulator:
         """Lay out another field."""
         self.world.set_field(field, flight)
         self._vision = OverheadVision(field, self.realism, self._vision_rng)
+        self._ball_boy = BallBoy(field)
 
     def step(self) -> list[tuple[Channel, bytes]]:
         """Go on by one step of the physics; return what is to be published then."""
@@ -189,9 +192,19 @@ class LeagueSimulator:
         return out
 
     def hear_referee(self, packet: Referee) -> None:
-        """Let the built-in players obey a game controller."""
+        """Let the built-in players obey a game controller; the ball is put where a person would put it for it."""
+        self._ball_boy.hear(packet, self.world.t_s)
+        ball = self.world.ball
+        place = self._ball_boy.wants(self.world.t_s, (ball.x_m, ball.y_m), math.hypot(ball.vx_mps, ball.vy_mps))
+        if place is not None:
+            self.world.place_ball(BallState(*place))
         for robots in self._built_in:
             robots.hear_referee(packet)
+
+    def lose_referee(self) -> None:
+        """Let the built-in players stand still until a referee speaks again."""
+        for robots in self._built_in:
+            robots.lose_referee()
 
     def _play_built_in(self, published: Sequence[tuple[Channel, bytes]]) -> None:
         for robots in self._built_in:

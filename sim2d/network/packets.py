@@ -24,7 +24,7 @@ from robocup_vision.ssl.values.tracked import (
     Vector2,
     Vector3,
 )
-from sim2d.match.league_referee import LeagueReferee
+from sim2d.match.league_referee import Command, LeagueReferee
 from sim2d.network.world import LeagueState
 from sim2d.world.state import RobotState
 
@@ -51,6 +51,14 @@ _COMMANDS = {
     "prepare_penalty": (RefereeCommand.PREPARE_PENALTY_YELLOW, RefereeCommand.PREPARE_PENALTY_BLUE),
     "direct_free": (RefereeCommand.DIRECT_FREE_YELLOW, RefereeCommand.DIRECT_FREE_BLUE),
     "ball_placement": (RefereeCommand.BALL_PLACEMENT_YELLOW, RefereeCommand.BALL_PLACEMENT_BLUE),
+}
+
+
+_NEXT: dict[str, Command] = {
+    "kick_off": "prepare_kick_off",
+    "free_kick": "direct_free",
+    "penalty": "prepare_penalty",
+    "force_start": "force_start",
 }
 
 
@@ -100,7 +108,7 @@ def referee_packet(epoch_s: float, t_s: float) -> Referee:
 def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: int) -> Referee:
     """Return what the game controller would say of a match that `referee` judges."""
     begin_us = round(epoch_s * _US_PER_S)
-    place = referee.placement_m
+    place, coming, left_s = referee.placement_m, referee.next_play, referee.action_left_s(t_s)
     teams = []
     for name, side in (("yellow", 1), ("blue", -1)):
         cards = tuple(max(round((end - t_s) * _US_PER_S), 0) for end in referee.cards[side])
@@ -129,6 +137,8 @@ def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: in
         stage_time_left_us=round((referee.stage_end_s - t_s) * _US_PER_S),
         designated_position=None if place is None else DesignatedPosition(*place),
         blue_on_positive_half=True,
+        next_command=None if coming is None else _COMMANDS[_NEXT[coming.kind]][coming.side < 0],
+        action_time_left_us=None if left_s is None else round(left_s * _US_PER_S),
         source_identifier=REFEREE_SOURCE,
         match_type=MatchType.FRIENDLY,
     )

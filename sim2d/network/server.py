@@ -18,7 +18,9 @@ from dataclasses import dataclass
 
 from field_models.errors import PacketError
 from robocup_vision.closing import Closing
+from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.protocol.mapping import decode
+from robocup_vision.ssl.referee_choice import RefereeChoice
 from robocup_vision.ssl.sockets import (
     LOOPBACK,
     MAX_DATAGRAM_BYTES,
@@ -39,6 +41,9 @@ from sim2d.network.league import Channel, LeagueSimulator
 from sim2d.network.packets import REFEREE_SOURCE
 from sim2d.network.world import STEP_S
 
+# stamps are off this machine's clock by no more
+_CLOCK_OFF_S = 0.0005
+
 
 @dataclass(frozen=True, slots=True)
 class ServerSettings:
@@ -48,8 +53,9 @@ class ServerSettings:
     ----------
     request_time_s : float
         Time for requests between two steps: a step of the physics takes 0.2 ms, a period 3.3 ms.
-    referee_silent_s : float
-        After so long without a message, a game controller does not run any more, and the simulator publishes its own.
+    own_referee_returns : bool
+        Whether the simulator's own referee speaks again when a game controller that was heard has been silent: a match
+        that goes on by itself because a program crashed surprises people.
     max_behind_s : float
         A server that is later than this goes on from now, instead of hurrying to catch up.
     ahead_s : float
@@ -58,7 +64,7 @@ class ServerSettings:
     spin_s : float
         A sleep ends late by about this: the rest is waited for without sleeping.
     paused_wait_s : float
-        While the simulation is paused, requests are waited for in turns of this length.
+        While the simulation is paused or slow, requests are waited for in turns of this length.
     request_steps : int
         Without a clock, requests are answered every so many steps.
     latenesses : int
@@ -66,7 +72,7 @@ class ServerSettings:
     """
 
     request_time_s: float = 0.002
-    referee_silent_s: float = 1.0
+    own_referee_returns: bool = False
     max_behind_s: float = 0.25
     ahead_s: float = 0.002
     spin_s: float = 0.0003
@@ -122,6 +128,8 @@ class LeagueServer(Closing):
         How late the last vision packets went out.
     behind_s : float
         How much time was given up because the machine could not keep up.
+    problems : Problems
+        What was odd about those who send.
 
     Raises
     ------
@@ -139,7 +147,9 @@ class LeagueServer(Closing):
         self.simulator, self.ports, self._settings = simulator, ports, settings
         self.lateness_s: deque[float] = deque(maxlen=settings.latenesses)
         self.behind_s = 0.0
-        self._referee_heard_s = -math.inf
+        self.problems = Problems()
+        self._referees = RefereeChoice()
+        self._heard_referee = False
         self._speed = simulator.speed
         self._anchor_s, self._anchor_step = time.monotonic(), simulator.world.steps
         self._sockets: dict[socket.socket, Team | None] = {}
@@ -192,7 +202,7 @@ class LeagueServer(Closing):
         due_s = self._due_s()
         ahead_s = min(self._settings.ahead_s, 0.5 * STEP_S / self._speed)
         while (left_s := due_s - ahead_s - time.monotonic()) > 0:
-            self._answer(left_s)
+            self._answer(min(left_s, self._settings.paused_wait_s))
             if simulator.speed != self._speed:
                 return
         self._answer(0.0)
@@ -211,8 +221,17 @@ class LeagueServer(Closing):
         return self._anchor_s + (self.simulator.world.steps + 1 - self._anchor_step) * STEP_S / self._speed
 
     def _take_step(self, due_s: float | None) -> None:
-        self.simulator.publishes_referee = time.monotonic() - self._referee_heard_s > self._settings.referee_silent_s
-        packets = self.simulator.step()
+        simulator = self.simulator
+        if self._heard_referee and self._referees.is_silent(time.monotonic()):
+            simulator.lose_referee()
+            self._heard_referee = not self._settings.own_referee_returns
+        simulator.publishes_referee = not self._heard_referee
+        if due_s is not None and self._speed == 1:
+            # the machine's clock may have been set, and pauses have passed
+            epoch_s = due_s + (time.time() - time.monotonic()) - (simulator.world.steps + 1) * STEP_S
+            if abs(epoch_s - simulator.epoch_s) > _CLOCK_OFF_S:
+                simulator.epoch_s = epoch_s
+        packets = simulator.step()
         if due_s is not None:
             _wait_until(due_s, self._settings.spin_s)
         self._publish(packets, due_s)
@@ -238,15 +257,17 @@ class LeagueServer(Closing):
         ready, _, _ = select.select([self._referee, *self._sockets], [], [], wait_s)
         if not ready:
             return
-        end_s = time.monotonic() + self._settings.request_time_s
-        for listening in ready:
+        begin_s = time.monotonic()
+        for place, listening in enumerate(ready, 1):
+            # whoever floods one port leaves their time to the others
+            end_s = begin_s + self._settings.request_time_s * place / len(ready)
             while time.monotonic() < end_s:
                 try:
                     data, peer = listening.recvfrom(MAX_DATAGRAM_BYTES)
                 except (BlockingIOError, ConnectionRefusedError):
                     break
                 if listening is self._referee:
-                    self._hear_referee(data)
+                    self._hear_referee(data, (peer[0], peer[1]))
                     continue
                 team = self._sockets[listening]
                 if team is None:
@@ -257,14 +278,19 @@ class LeagueServer(Closing):
                 if answer is not None:
                     self._send_back(listening, answer, peer)
 
-    def _hear_referee(self, data: bytes) -> None:
+    def _hear_referee(self, data: bytes, sender: tuple[str, int]) -> None:
         try:
             packet = decode(Referee, data)
-        except PacketError:
+        except PacketError as error:
+            self.problems.add("bad datagrams of the referee", f"from the referee's group: {error}")
             return
-        if packet.source_identifier != REFEREE_SOURCE:
-            self._referee_heard_s = time.monotonic()
+        if packet.source_identifier == REFEREE_SOURCE:
+            return
+        if self._referees.hear((packet.source_identifier, sender), time.monotonic()):
+            self._heard_referee = True
             self.simulator.hear_referee(packet)
+        if self._referees.problem:
+            self.problems.add(self._referees.problem)
 
     @staticmethod
     def _send_back(listening: socket.socket, answer: bytes, peer: tuple[str, int]) -> None:

@@ -5,6 +5,7 @@ Fixed steps and a fixed order of everything: the same commands at the same steps
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import pymunk
@@ -22,6 +23,7 @@ STEPS_PER_S = 300
 STEP_S = 1 / STEPS_PER_S
 MAX_NUMBER = 15
 _FIXED, _BALL = 1, 2
+_APART_M = 0.002
 
 RobotKey = tuple[Team, int]
 
@@ -138,9 +140,35 @@ class LeagueWorld:
             raise ArgumentError(f"there is no robot {number} of {team!r}: numbers are 0 to {MAX_NUMBER}")
         if (team, number) in self._robots:
             raise ArgumentError(f"robot {number} of {team.name.lower()} is on the field already")
-        spec = self.spec(team, number)
+        spec, pose = self.spec(team, number), self._apart(team, number, pose)
         robot = self._robots[team, number] = LeagueRobot(self._space, team, number, spec, pose)
         return robot
+
+    def place(
+        self,
+        team: Team,
+        number: int,
+        pose: Pose2,
+        velocity_mps: tuple[float, float] = (0.0, 0.0),
+        turn_rps: float = 0.0,
+    ) -> None:
+        """Put a robot that is on the field somewhere, moving in the field frame.
+
+        Raises
+        ------
+        ArgumentError
+            If it is not on the field.
+        """
+        self.robot(team, number).place(self._apart(team, number, pose), velocity_mps, turn_rps)
+
+    def _apart(self, team: Team, number: int, pose: Pose2) -> Pose2:
+        """Return a pose beside another robot's centre: two in one point have no direction in which to come apart."""
+        others = [robot.pose for key, robot in self._robots.items() if key != (team, number)]
+        if all(math.hypot(other.x_m - pose.x_m, other.y_m - pose.y_m) >= _APART_M for other in others):
+            return pose
+        # each in a direction of its own, so that any number of them come apart
+        angle = math.tau * (number + (MAX_NUMBER + 1) * (team == Team.BLUE)) / (2 * (MAX_NUMBER + 1))
+        return Pose2(pose.x_m + _APART_M * math.cos(angle), pose.y_m + _APART_M * math.sin(angle), pose.theta_rad)
 
     def remove(self, team: Team, number: int) -> None:
         """Take a robot off the field."""

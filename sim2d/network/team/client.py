@@ -10,6 +10,7 @@ from contextlib import ExitStack
 
 from field_models import Field
 from robocup_vision.closing import Closing
+from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.requests import RobotClient
 from robocup_vision.ssl.sockets import LOOPBACK, SIMULATED_VISION_PORT
 from robocup_vision.ssl.subscriptions import RefereeClient, VisionClient
@@ -21,8 +22,10 @@ from sim2d.robot_link import CONTROL_PERIOD_S
 _MAX_DELAY_S, _USUAL_DELAY_S = 0.2, 0.03
 # until what is sent is obeyed: half a period of the simulator, and the way there
 _WAY_S = 0.01
-# vision that is silent for so long: robots stand still
+# vision that is silent for so long, or whose clock stands still: robots stand still
 _BLIND_S = 0.3
+# read at once: two control periods of eight cameras, and every command of a referee who was not heard for a while
+_MAX_FRAMES, _MAX_REFEREE_PACKETS, _MAX_ANSWERS = 48, 1000, 100
 
 
 class TeamClient(Closing):
@@ -82,6 +85,7 @@ class TeamClient(Closing):
         self._due_s = 0.0
         self._heard_s = -math.inf
         self._delay_s = _USUAL_DELAY_S
+        self._bad: dict[str, int] = {}
 
     def close(self) -> None:
         """Close all sockets."""
@@ -94,8 +98,13 @@ class TeamClient(Closing):
 
     @property
     def is_blind(self) -> bool:
-        """Whether vision has been silent for a while."""
+        """Whether vision has been silent for a while, or its clock has stood still."""
         return time.monotonic() - self._heard_s > _BLIND_S
+
+    @property
+    def problems(self) -> Problems:
+        """What was odd about vision, referee and robots."""
+        return self.team.problems
 
     def run(self, goes_on: Callable[[], bool]) -> None:
         """Play for as long as a function says, which is asked before every command."""
@@ -123,13 +132,27 @@ class TeamClient(Closing):
             self.sent += 1
 
     def _hear(self) -> None:
-        while (packet := self._vision.receive(0.0)) is not None:
+        # the referee first: however much vision sends, a halt is obeyed
+        for told in self._referee.receive_newest(_MAX_REFEREE_PACKETS):
+            self.team.hear_referee(told, self._referee.sender)
+        if self._referee.is_silent:
+            self.team.lose_referee()
+        skipped = self._vision.skipped
+        for packet in self._vision.receive_newest(_MAX_FRAMES):
+            before_s = self.team.seen_s
             self.team.hear_vision(packet)
-            if packet.detection is not None:
+            if packet.detection is not None and self.team.seen_s > before_s:
                 self._heard_s = time.monotonic()
                 delay_s = time.time() - packet.detection.t_capture_s
                 self._delay_s = delay_s if 0 <= delay_s <= _MAX_DELAY_S else _USUAL_DELAY_S
-        while (told := self._referee.receive(0.0)) is not None:
-            self.team.hear_referee(told)
-        while (answer := self._robots.receive(0.0)) is not None:
+        for answer in self._robots.receive_newest(_MAX_ANSWERS):
             self.team.hear_robots(answer)
+        if self._vision.skipped > skipped:
+            self.problems.add("this machine is too slow for vision", "vision came faster than it could be read")
+        if self._referee.problem:
+            self.problems.add(self._referee.problem)
+        for source, client in (("vision", self._vision), ("referee", self._referee), ("robots", self._robots)):
+            bad = client.bad_datagrams
+            if bad > self._bad.get(source, 0):
+                self._bad[source] = bad
+                self.problems.add(f"bad datagrams of {source}", f"from {source}: {client.last_problem}")

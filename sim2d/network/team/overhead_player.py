@@ -108,7 +108,7 @@ class OverheadPlayer:
         self.intent = ""
 
     def act(self, orders: Orders, now: Situation, me: Moving, others: tuple[Moving, ...]) -> Command:
-        """Return what the robot shall do until the next call, a control period later; velocities in the team's frame.
+        """Return what the robot shall do until the next call, a control period later; velocities in the robot's frame.
 
         Parameters
         ----------
@@ -158,8 +158,7 @@ class OverheadPlayer:
             free = block_ball(free, (float(at[0]), float(at[1])), self._field.ball_radius_m)
         near = [t for t in tracks if math.dist((t.x_m, t.y_m), situation.place) < _NEAR_M]
         moving = tuple(track.as_disc(pose, radius_m) for track in near)
-        command = self._motion.drive(plan, pose, free, now.t_s, moving, self._travel(plan, around, now.ball))
-        return self._in_team(command, pose)
+        return self._motion.drive(plan, pose, free, now.t_s, moving, self._travel(plan, around, now.ball))
 
     def _plan(self, orders: Orders, now: Situation) -> Plan:
         if orders.goes_to is None:
@@ -187,14 +186,6 @@ class OverheadPlayer:
         if plan.close:
             return self._planner.approach(around, plan.target, ball)
         return self._planner.plan(around, plan.target)
-
-    def _in_team(self, command: Command, pose: Pose2) -> Command:
-        """Return a command with its velocity along the team's axes: no turn on the way there matters then."""
-        # steering has turned it back by what the robot turns until the command works
-        ahead = command.turn_rps * (self._limits.dead_time_s + CONTROL_PERIOD_S / 2)
-        c, s = math.cos(pose.theta_rad + ahead), math.sin(pose.theta_rad + ahead)
-        forward, left = command.forward_mps, command.left_mps
-        return dataclasses.replace(command, forward_mps=c * forward - s * left, left_mps=s * forward + c * left)
 
 
 def defence_zones(field: Field, *, is_keeper: bool, their_room_m: float) -> tuple[KeepOut, ...]:

@@ -1,23 +1,28 @@
 """A whole team by overhead vision: who does what, what the referee allows, and the robots' commands.
 
-It knows no sockets and no clock: packets go in, commands come out.
+It knows no sockets and no clock: packets go in, commands come out. Its time is the tracker's, which goes on whatever
+vision's clock does.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.ssl.game import Game, GameState
+from robocup_vision.ssl.game import Game, GameSettings, GameState
+from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.tracker import OverheadTracker, TrackerSettings
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
-from robocup_vision.ssl.values.simulation import GlobalVelocity, MoveCommand, RobotCommand, RobotControlResponse, Team
+from robocup_vision.ssl.values.simulation import LocalVelocity, MoveCommand, RobotCommand, RobotControlResponse, Team
 from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot
+from sim2d.match.pitch_rules import kick_time_s
 from sim2d.network.team.overhead_player import Moving, Orders, OverheadPlayer, defence_zones
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.keep_out import Capsule
@@ -135,39 +140,60 @@ class OverheadTeam:
             raise ArgumentError(f"the field {field.name} has no goals to play at")
         self._team, self._field = team, field
         self._settings = replace(settings, limits=replace(settings.limits, radius_m=field.robot_radius_m))
-        self._game = Game(team)
-        self._tracker = OverheadTracker(settings.tracker)
+        self._game = Game(team, GameSettings(kick_s=kick_time_s(field)))
+        reach_x_m, reach_y_m = np.abs(field.floor_polygon).max(axis=0).tolist()
+        self._tracker = OverheadTracker(replace(settings.tracker, reach_m=(reach_x_m, reach_y_m)))
         self._hands: dict[int, _Hand] = {}
         self._tactics: dict[tuple[int, int], Tactics] = {}
         self._fetcher: int | None = None
         self._kick: _Kick | None = None
-        self._seen_s = -math.inf
+        self._referee_problem = ""
         self.intents: dict[int, str] = {}
         self.state: GameState | None = None
 
     @property
     def seen_s(self) -> float:
-        """When the newest frame was exposed, seconds since 1970 by the vision's clock."""
-        return self._seen_s
+        """Steady time (`OverheadTracker.newest_s`) of the newest frame: vision's clock for as long as that goes on."""
+        return self._tracker.newest_s
+
+    @property
+    def problems(self) -> Problems:
+        """What was odd about vision, referee and robots."""
+        return self._tracker.problems
 
     def hear_vision(self, packet: VisionPacket) -> None:
         """Take in what a camera saw."""
-        frame = packet.detection
-        if frame is not None and math.isfinite(frame.t_capture_s):
-            self._tracker.update(frame)
-            self._seen_s = max(self._seen_s, frame.t_capture_s)
+        if packet.detection is not None:
+            self._tracker.update(packet.detection)
 
-    def hear_referee(self, packet: Referee) -> None:
-        """Take in what the game controller says."""
-        self._game.update(packet)
+    def hear_referee(
+        self, packet: Referee, address: tuple[str, int] | None = None, received_s: float | None = None
+    ) -> None:
+        """Take in what the game controller says; arguments as in `Game.update`."""
+        self._game.update(packet, address, received_s)
+        if packet.command not in Game.known_commands:
+            self.problems.add(f"the referee says an {packet.command}: taken for a halt")
+        problem = self._game.problem
+        if problem and problem != self._referee_problem:
+            self.problems.add(problem)
+        self._referee_problem = problem
+
+    def lose_referee(self) -> None:
+        """Let nobody move until the referee speaks again."""
+        self._game.lose_referee()
 
     def hear_robots(self, response: RobotControlResponse) -> None:
-        """Take in what the robots feel."""
+        """Take in what the robots feel, and what a simulator did not do."""
+        for error in response.errors:
+            self.problems.add(
+                f"error {error.code}",
+                f"the simulator answers {error.code or 'an error'}: {error.message or 'no words'}",
+            )
         for feedback in response.feedback:
             hand = self._hands.get(feedback.number)
             if hand is not None and feedback.ball_contact is not None:
                 hand.told, hand.feels = True, feedback.ball_contact
-                hand.felt_s = self._seen_s if hand.feels else hand.felt_s
+                hand.felt_s = self.seen_s if hand.feels else hand.felt_s
 
     def commands(self, t_s: float) -> list[RobotCommand]:
         """Return a command for each robot that is seen; call it once each control period (1/30 s).
@@ -175,22 +201,23 @@ class OverheadTeam:
         Parameters
         ----------
         t_s : float
-            When the commands will reach the robots, by the vision's clock.
+            When the commands will reach the robots, in steady time (`seen_s`).
         """
-        world = self._tracker.at(t_s)
+        world = self._tracker.at_steady(t_s)
         ball = (world.balls[0].position_m.x, world.balls[0].position_m.y) if world.balls else None
         state = self.state = self._game.state(t_s, ball)
         own = {r.robot.number: r for r in world.robots if r.robot.team == _COLORS[self._team]}
         if state.phase in ("halt", "time_out") or state.attacks is None:
             self.intents = dict.fromkeys(own, state.phase.replace("_", " "))
             self._kick = None
-            return [self._command(number, _NOTHING, 1) for number in own]
+            return [self._command(number, _NOTHING) for number in own]
         side = state.attacks
         robots = {_key(robot): _in_team(robot, side) for robot in world.robots}
         situation = self._situation(world, state, side, t_s)
         numbers = self._playing(own, robots, state, situation.ball)
         roles = self._roles(numbers, robots, state, situation)
         self._watch_kick(state, roles, robots, situation.ball)
+        slow_mps = self._settings.tactics.restart.stop_mps if state.phase == "stop" else math.inf
         out = []
         for number in own:
             hand = self._hands.get(number)
@@ -201,8 +228,9 @@ class OverheadTeam:
             me = robots[_COLORS[self._team], number]
             others = tuple(other for key, other in robots.items() if key != (_COLORS[self._team], number))
             mine = replace(situation, in_mouth=self._has_ball(hand, me, situation.ball, t_s))
-            orders = self._orders(number, roles, numbers, state, mine, me)
-            out.append(self._command(number, hand.player.act(orders, mine, me, others), side))
+            orders = self._orders(number, roles, own, state, mine, me)
+            command = hand.player.act(orders, mine, me, others)
+            out.append(self._command(number, _slowed(command, slow_mps)))
             self.intents[number] = hand.player.intent
         return out
 
@@ -213,6 +241,10 @@ class OverheadTeam:
             ball = (side * seen.position_m.x, side * seen.position_m.y)
             velocity = None if seen.velocity_mps is None else (side * seen.velocity_mps.x, side * seen.velocity_mps.y)
         place = None if state.placement_m is None else (side * state.placement_m[0], side * state.placement_m[1])
+        phase, own_turn = state.phase, state.own_turn
+        if _kick_off_is_next(state):
+            # the places of a kick-off can be taken in the stop before it
+            phase, own_turn = "kick_off", state.next_own_turn
         nowhere = Pose2(0.0, 0.0, 0.0)
         return Situation(
             nowhere,
@@ -221,8 +253,8 @@ class OverheadTeam:
             False,
             0.0,
             (),
-            state.phase,
-            state.own_turn,
+            phase,
+            own_turn and (phase != "ball_placement" or state.can_place_ball),
             t_s,
             placement=place,
         )
@@ -304,7 +336,7 @@ class OverheadTeam:
     def _has_ball(self, hand: _Hand, me: Moving, ball: Point | None, t_s: float) -> bool:
         settings = self._settings
         if hand.told:
-            return hand.feels and self._seen_s - hand.felt_s < settings.contact_lasts_s
+            return hand.feels and self.seen_s - hand.felt_s < settings.contact_lasts_s
         if ball is None:
             return False
         ahead, aside = me.pose.inverse().transform(ball).tolist()
@@ -315,12 +347,13 @@ class OverheadTeam:
         self,
         number: int,
         roles: dict[int, int],
-        numbers: Sequence[int],
+        own: Iterable[int],
         state: GameState,
         now: Situation,
         me: Moving,
     ) -> Orders:
         role = roles.get(number)
+        room_of_ball_m = self._settings.tactics.restart.ball_room_m
         in_play = state.phase == "play"
         room_m = 0.0 if in_play or state.phase == "penalty" else self._settings.their_room_m
         zones = defence_zones(self._field, is_keeper=role == 0, their_room_m=room_m)
@@ -328,15 +361,19 @@ class OverheadTeam:
             # the ball may lie there
             zones = ()
         if role is None:
-            # off the field at the halfway line, on the nearer side, clear of the ball
-            y = math.copysign(self._field.width_m / 2 + 1.5 * self._settings.limits.radius_m, me.pose.y_m)
+            # off the field beside the own half, on the nearer side, each at a place of its own, clear of the ball
+            radius_m = self._settings.limits.radius_m
+            place = sum(other not in roles and other < number for other in own)
+            x, y = -(2 + 4 * place) * radius_m, math.copysign(self._field.width_m / 2 + 1.5 * radius_m, me.pose.y_m)
             if now.ball is not None:
-                zones = (*zones, Capsule(now.ball, now.ball, self._settings.tactics.restart.ball_room_m))
-            return Orders(self._tactics_of(1, 2), zones, (0.0, y))
+                zones = (*zones, Capsule(now.ball, now.ball, room_of_ball_m))
+            return Orders(self._tactics_of(1, 2), zones, (x, y))
+        if now.ball is not None and (_kick_off_is_next(state) or (state.phase == "kick_off" and not state.own_turn)):
+            zones = (*zones, Capsule(now.ball, now.ball, room_of_ball_m))
         if self._kick is not None and self._kick.is_over and self._kick.kicker == number and now.ball is not None:
             zones = (*zones, Capsule(now.ball, now.ball, 0.1))
         # a team without its keeper has nobody in that role
-        players = max(len(numbers), max(roles.values()) + 1, 2)
+        players = max(len(roles), max(roles.values()) + 1, 2)
         return Orders(self._tactics_of(role, players), zones)
 
     def _tactics_of(self, role: int, players: int) -> Tactics:
@@ -345,10 +382,24 @@ class OverheadTeam:
             self._tactics[key] = Tactics(self._field, self._settings.limits, role, players, self._settings.tactics)
         return self._tactics[key]
 
-    def _command(self, number: int, command: Command, side: int) -> RobotCommand:
-        velocity = GlobalVelocity(side * command.forward_mps, side * command.left_mps, command.turn_rps)
+    def _command(self, number: int, command: Command) -> RobotCommand:
+        # a velocity along the robot's own axes is what every simulator obeys
+        velocity = LocalVelocity(command.forward_mps, command.left_mps, command.turn_rps)
         dribbler = self._settings.dribbler_rps if command.dribble else 0.0
-        return RobotCommand(number, MoveCommand(world=velocity), command.kick_mps, 0.0, dribbler)
+        return RobotCommand(number, MoveCommand(local=velocity), command.kick_mps, 0.0, dribbler)
+
+
+def _kick_off_is_next(state: GameState) -> bool:
+    return state.phase == "stop" and state.next_phase == "kick_off"
+
+
+def _slowed(command: Command, most_mps: float) -> Command:
+    """Return a command that is not faster than allowed."""
+    speed = math.hypot(command.forward_mps, command.left_mps)
+    if speed <= most_mps:
+        return command
+    part = most_mps / speed
+    return replace(command, forward_mps=part * command.forward_mps, left_mps=part * command.left_mps)
 
 
 def _key(robot: TrackedRobot) -> tuple[TeamColor, int]:

@@ -46,7 +46,7 @@ def begin(source, players=1):
         ours=Reckoner,
         theirs=Reckoner,
         camera=SMALL_CAMERA,
-        referee=lambda field, limits: ForeignReferee(source),
+        referee=lambda field, limits: ForeignReferee(source, field),
     )
 
 
@@ -135,7 +135,7 @@ def test_a_match_drives_a_game_controller_at_its_own_speed(controller):
             ours=Reckoner,
             theirs=Reckoner,
             camera=SMALL_CAMERA,
-            referee=lambda field, limits: ForeignReferee(DrivenReferee(client, field)),
+            referee=lambda field, limits: ForeignReferee(DrivenReferee(client, field), field),
         )
         phases = [moment.state.phase for moment in match.play(1.0)]
     assert phases[1] == "halt"

@@ -92,17 +92,41 @@ def test_it_keeps_quiet_while_a_game_controller_speaks(running):
     foreign = encode(referee_packet(1.7e9, 1.0)).replace(b"sim2d", b"other")
     with multicast_sender() as sender, RefereeClient(running.ports.referee) as referee:
         assert referee.receive(WAIT_S).command == RefereeCommand.FORCE_START
-        own = 0
-        for _ in range(20):
+        # the client follows the first until it has been silent for a second
+        end_s = time.monotonic() + WAIT_S
+        while referee.newest.source_identifier != "other" and time.monotonic() < end_s:
             sender.sendto(foreign, (REFEREE_GROUP, running.ports.referee))
-            time.sleep(0.03)
-        while (packet := referee.receive(0.0)) is not None:
-            own = own + 1 if packet.source_identifier == "sim2d" else own
-        for _ in range(5):
-            sender.sendto(foreign, (REFEREE_GROUP, running.ports.referee))
-            time.sleep(0.03)
-        later = [packet.source_identifier for _ in range(5) if (packet := referee.receive(0.0)) is not None]
-    assert set(later) == {"other"}
+            referee.receive(0.03)
+        assert referee.newest.source_identifier == "other"
+        time.sleep(1.2)
+        assert [packet.source_identifier for packet in referee.receive_newest(100)] == []
+        assert referee.is_silent
+
+
+def test_a_speed_that_no_clock_waits_for_is_refused_and_nothing_ends(running):
+    with SimulatorClient(port=running.ports.control) as control:
+        for speed in (1e-15, 1e-3, 1e30, float("nan"), float("inf")):
+            control.send(sim.SimulatorCommand(sim.SimulatorControl(speed=speed)))
+            answer = control.receive(WAIT_S)
+            assert answer.errors[0].code == "SPEED_RANGE"
+            assert "simulation_speed must be 0 or from 0.01 to 100" in answer.errors[0].message
+        control.send(sim.SimulatorCommand(sim.SimulatorControl(speed=0.01)))
+        assert control.step(0.02, timeout_s=WAIT_S) is not None
+
+
+def test_stamps_are_this_machines_time_also_after_a_pause(running):
+    with VisionClient(running.simulator.vision_port) as vision, SimulatorClient(port=running.ports.control) as control:
+        latest = []
+        for speed in (0.0, 1.0, 0.0, 1.0):
+            control.send(sim.SimulatorCommand(sim.SimulatorControl(speed=speed)))
+            time.sleep(0.3)
+            vision.receive_newest(1)
+            if speed:
+                frames = [vision.receive(WAIT_S) for _ in range(20)]
+                stamps = [frame.detection.t_sent_s for frame in frames if frame.detection is not None]
+                latest.append(time.time() - stamps[-1])
+    # a pause is 0.3 s, and a busy machine may be late by some of it
+    assert all(-0.002 < late_s < 0.25 for late_s in latest)
 
 
 def test_who_floods_it_slows_nobody(running):
@@ -178,7 +202,7 @@ def test_the_command_shows_bad_datagrams_and_ends_by_an_interrupt(ports):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--speed", "-1"], "--speed must be 0 or more"),
+        (["--speed", "-1"], "--speed must be 0 or from 0.01 to 100"),
         (["--seconds", "0"], "--seconds must be positive"),
         (["--vision-port", "0"], "--vision-port must be from 1"),
         (["--realism", "odd"], "no realism 'odd'"),

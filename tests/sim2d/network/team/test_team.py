@@ -11,10 +11,11 @@ import pytest
 from benchmarks.worlds.damaged_messages import REFEREE
 from field_models import load_field
 from field_models.errors import ArgumentError
+from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.protocol.mapping import decode, encode
-from robocup_vision.ssl.values.detection import VisionPacket
+from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.referee import DesignatedPosition, RefereeCommand, TeamInfo
-from robocup_vision.ssl.values.simulation import RobotControl, RobotControlResponse, Team
+from robocup_vision.ssl.values.simulation import RobotControl, RobotControlResponse, SimulatorError, Team
 from sim2d.network.league import STEPS_A_COMMAND, Channel, LeagueSimulator
 from sim2d.network.realism import REALISMS
 from sim2d.network.team.team import OverheadTeam
@@ -32,6 +33,7 @@ class Loop:
         self.side, self.team = team, OverheadTeam(team, FIELD)
         self.counter = 0
         self.robots = 11
+        self.shift_s = 0.0
         self.sent = []
 
     def tell(self, command, place=None):
@@ -56,8 +58,12 @@ class Loop:
             for _ in range(STEPS_A_COMMAND):
                 for channel, data in self.simulator.step():
                     if channel is Channel.VISION:
-                        self.team.hear_vision(decode(VisionPacket, data))
-            self.sent = self.team.commands(self.simulator.world.t_s)
+                        packet = decode(VisionPacket, data)
+                        if packet.detection is not None:
+                            t_s = packet.detection.t_capture_s + self.shift_s
+                            packet = VisionPacket(dataclasses.replace(packet.detection, t_capture_s=t_s))
+                        self.team.hear_vision(packet)
+            self.sent = self.team.commands(self.team.seen_s + self.simulator.world.t_s % (1 / 60))
             answer, _ = self.simulator.answer_robots(self.side, encode(RobotControl(tuple(self.sent))))
             if answer is not None:
                 self.team.hear_robots(decode(RobotControlResponse, answer))
@@ -93,7 +99,7 @@ def test_in_a_halt_no_robot_is_commanded_to_move_from_the_next_command_on(comman
     loop.tell(command)
     state = loop.finish(1 / 30)
     for sent in loop.sent:
-        assert (sent.move.world.x_mps, sent.move.world.y_mps, sent.move.world.turn_rps) == (0.0, 0.0, 0.0)
+        assert (sent.move.local.forward_mps, sent.move.local.left_mps, sent.move.local.turn_rps) == (0.0, 0.0, 0.0)
         assert sent.kick_mps == 0.0
     # 1.5 m/s less 6 m/s^2
     state = loop.finish(0.35)
@@ -166,6 +172,62 @@ def test_with_a_yellow_card_one_robot_leaves_the_field():
     assert len(outside) == 1
     assert outside != [0]
     assert loop.team.intents[outside[0]] == "leave the field"
+
+
+@pytest.mark.slow
+def test_robots_with_cards_leave_to_places_of_their_own():
+    loop = Loop(4)
+    loop.robots = 2
+    loop.tell(C.FORCE_START)
+    state = loop.finish(9.0)
+    outside = [robot.pose for robot in loop.own(state) if abs(robot.pose.y_m) > 3.05]
+    assert len(outside) == 2
+    assert math.hypot(outside[0].x_m - outside[1].x_m, outside[0].y_m - outside[1].y_m) > 0.25
+
+
+def test_at_the_others_kick_off_nobody_waits_near_the_ball():
+    loop = Loop(3)
+    loop.simulator.world.robot(Team.YELLOW, 1).place(Pose2(-0.3, 0.05, 0.0))
+    loop.tell(C.PREPARE_KICKOFF_BLUE)
+    state = loop.finish(2.0)
+    assert all(away(robot, state.ball) > 0.5 for robot in loop.own(state))
+
+
+def test_in_a_stop_no_command_is_faster_than_allowed():
+    loop = Loop(3).tell(C.FORCE_START)
+    loop.finish(1.0)
+    loop.tell(C.STOP)
+    for _ in loop.go(0.5):
+        for sent in loop.sent:
+            assert math.hypot(sent.move.local.forward_mps, sent.move.local.left_mps) <= 1.3 + 1e-9
+
+
+def test_it_plays_on_when_visions_clock_is_set_or_a_frame_comes_from_the_future():
+    loop = Loop(2).tell(C.FORCE_START)
+    loop.finish(0.5)
+    future = VisionPacket(DetectionFrame(1, 1e9, 1e9, 0))
+    loop.team.hear_vision(future)
+    loop.shift_s = -5000.0
+    assert max(map(speed, loop.own(loop.finish(1.0)))) > 0.5
+    said = " ".join(loop.team.problems.take_new())
+    assert "the clock of camera 0 has gone from" in said
+
+
+def test_what_a_simulator_refuses_is_said_once_with_its_count():
+    team = OverheadTeam(Team.YELLOW, FIELD)
+    for number in range(5):
+        error = SimulatorError("VELOCITY_TYPE", f"robot {number}: only local velocities")
+        team.hear_robots(RobotControlResponse((error,)))
+    assert team.problems.take_new() == ["the simulator answers VELOCITY_TYPE: robot 4: only local velocities"]
+    assert team.problems.take_new() == []
+    assert team.problems.lines() == ["5 x the simulator answers VELOCITY_TYPE: robot 4: only local velocities"]
+
+
+def test_an_unknown_command_is_a_halt_that_is_said():
+    loop = Loop(2).tell(C.FORCE_START).tell(RefereeCommand(18))
+    loop.finish(0.1)
+    assert (loop.team.state.phase, loop.team.state.doubt) == ("halt", "unknown command 18")
+    assert "unknown command 18" in loop.team.problems.take_new()[0]
 
 
 def test_a_team_on_the_other_half_plays_the_other_way():
