@@ -183,18 +183,18 @@ def _merged(
     frames: Sequence[DetectionFrame], newest_s: float, problems: list[str], settings: MergeSettings
 ) -> Overview:
     """Return frames without what is no number, in order of their cameras, as one."""
-    teams = []
+    teams: dict[str, tuple[DetectionRobot, ...]] = {}
     for color, robots in (
         ("yellow", [robot for frame in frames for robot in frame.yellow]),
         ("blue", [robot for frame in frames for robot in frame.blue]),
     ):
-        merged, doubled = _merged_robots(robots, settings.max_robot_gap_m)
-        teams.append(merged)
+        teams[color], doubled = _merged_robots(robots, settings.max_robot_gap_m)
         problems += [f"{color} {words}" for words in doubled]
     return Overview(
         newest_s,
         _merged_balls([ball for frame in frames for ball in frame.balls], settings.max_ball_gap_m),
-        *teams,
+        teams["yellow"],
+        teams["blue"],
         tuple(frame.camera_id for frame in frames),
         tuple(problems),
     )
