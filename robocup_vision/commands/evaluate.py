@@ -195,6 +195,7 @@ def _print_summary(name: str, summary: Summary) -> None:
     figures = summary.figures
     ms = "-" if figures.median_ms is None else f"{figures.median_ms:.2f} ms ({time_of(summary.is_sequence)})"
     lines = [
+        ("method", summary.method),
         ("located", f"{figures.located}/{figures.images}"),
         ("within 5 cm / 3 deg", percent(figures.within_5cm_3deg)),
         ("within 10 cm / 5 deg", percent(figures.within_10cm_5deg)),

@@ -268,8 +268,12 @@ def _method_names() -> tuple[str, ...]:
 
 
 def _method(path: Path, method: str | None, field: Field, camera: OmniCamera | PinholeCamera) -> str:
-    usual = "goal" if isinstance(camera, PinholeCamera) else "field"
-    chosen = _one_of(path, "method", method or usual, _method_names())
+    if method is None:
+        # imported where used: it loads all localisers
+        from robocup_vision.localization.methods import choose_method
+
+        return choose_method(camera).name
+    chosen = _one_of(path, "method", method, _method_names())
     if chosen in ("floor", "hull") and not field.is_bounded:
         problem = f"needs a floor that ends at walls or boards, that of field '{field.name}' does not"
         raise FileError(path, problem, key="method", value=chosen)

@@ -45,6 +45,7 @@ STEERING_COLUMNS = (
     "ms",
 )
 SUMMARY_KEYS = (
+    "method",
     "images",
     "located",
     "within_5cm_3deg",
@@ -159,9 +160,9 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.9g}"
 
 
-def write_summary(path: Path, figures: Figures) -> None:
-    """Write summary.json; a figure that nothing was there to compute from is null."""
-    values = {key: getattr(figures, key) for key in SUMMARY_KEYS}
+def write_summary(path: Path, figures: Figures, method: str) -> None:
+    """Write summary.json, with the method's name; a figure that nothing was there to compute from is null."""
+    values = {"method": method} | {key: getattr(figures, key) for key in SUMMARY_KEYS[1:]}
     path.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 

@@ -72,6 +72,8 @@ class Summary:
         The HTML report; None if it could not be written.
     notes : tuple of str
         Lines the user should see: what was ignored or left out.
+    method : str
+        How the poses were found.
     is_sequence : bool
         Whether colours and poses were carried on from image to image; else each stands alone, which takes longer.
     steering : SteerFigures or None
@@ -83,6 +85,7 @@ class Summary:
     out: Path
     report: Path | None
     notes: tuple[str, ...]
+    method: str
     is_sequence: bool = False
     steering: SteerFigures | None = None
 
@@ -225,9 +228,9 @@ def _write_files(
     out: Path, dataset: Dataset, run: _Run, notes: list[str], page: Path | None, moments: Mapping[str, str] | None
 ) -> Summary:
     rows = run.rows
-    summary = Summary(figures(rows), tuple(rows), out, page, tuple(notes), dataset.times is not None)
+    summary = Summary(figures(rows), tuple(rows), out, page, tuple(notes), dataset.method, dataset.times is not None)
     try:
-        write_summary(out / "summary.json", summary.figures)
+        write_summary(out / "summary.json", summary.figures, dataset.method)
         write_trajectory(out / "trajectory.tum", rows, dataset.times)
         if page is not None:
             text = report.render_report(dataset, rows, summary.figures, notes, run.spread, run.worst.pictures, moments)

@@ -73,9 +73,10 @@ def test_evaluate_prints_a_table(folder: Path, capsys: pytest.CaptureFixture[str
     assert table["located"] == "2/3"
     assert table["within 5 cm / 3 deg"] == "-"
     assert table["report"] == "out/drive/report.html"
+    assert table["method"] == "field"
     assert list(table) == [
-        "located", "within 5 cm / 3 deg", "within 10 cm / 5 deg", "median position error", "median heading error",
-        "median time per frame", "report",
+        "method", "located", "within 5 cm / 3 deg", "within 10 cm / 5 deg", "median position error",
+        "median heading error", "median time per frame", "report",
     ]  # fmt: skip
     assert sorted(path.name for path in Path("out/drive").iterdir()) == [
         "report.html", "results.csv", "summary.json", "trajectory.tum",

@@ -15,6 +15,7 @@ from robocup_vision.camera import save_camera
 from robocup_vision.live.handover.moment import Moment, RobotSetup
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.picture import split_picture
+from robocup_vision.localization.methods import METHODS
 from robocup_vision.perception.color_table import save_colors
 
 # names that are tried for a new folder
@@ -47,7 +48,7 @@ def save_moment(out: Path, setup: RobotSetup, moment: Moment) -> Path:
     camera = setup.camera if moment.view is None else moment.view.camera
     lines = ["format = 1", f'field = "{setup.field.name}"', 'camera = "camera.toml"', 'images = "images"']
     method = (moment.settings or {}).get("method")
-    if method in ("field", "floor", "goal", "hull"):
+    if method in {known.name for known in METHODS if not known.needs_map}:
         lines.append(f'method = "{method}"')
     image = "000000.png"
     try:

@@ -10,7 +10,7 @@ import pytest
 from field_models import ArgumentError, FileError, FrameError, RobocupVisionError
 from robocup_vision.evaluation.dataset import Truth, load_dataset
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.methods import method_names
+from robocup_vision.localization.methods import choose_method, method_names
 
 FRAMES = "image,t_s,dx_m,dy_m,dtheta_rad\n0.png,10,,,\n" + "".join(
     f"{i}.png,{10 + i},0.1,0,0.01\n" for i in range(1, 5)
@@ -290,3 +290,16 @@ def test_a_pose_of_that_is_no_word_is_refused(folder: Path) -> None:
     add(folder, "pose_of = 1")
     with pytest.raises(FileError, match=r"dataset\.toml: .*pose_of"):
         load_dataset(folder)
+
+
+@pytest.mark.parametrize(
+    ("lines", "method"), [("tilt_rad = -0.3\nroll_rad = 0.0\npan_rad = 0.0\n", "edges"), ("", "goal")]
+)
+def test_without_a_method_it_is_the_one_that_vision_takes(
+    folder: Path, tmp_path: Path, lines: str, method: str
+) -> None:
+    camera = tmp_path / "head.toml"
+    size = "size_px = [160, 120]\nfocal_px = [150.0, 150.0]\ncenter_px = [79.5, 59.5]\nheight_m = 0.4\n"
+    camera.write_text('format = 1\nmodel = "pinhole"\n' + size + lines)
+    dataset = load_dataset(folder / "images", field="spl_2020", camera=camera)
+    assert dataset.method == choose_method(dataset.camera).name == method
