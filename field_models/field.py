@@ -189,18 +189,39 @@ class Field:
 
     @property
     def halves_differ(self) -> bool:
-        """Whether a pose is told from its half turn: by goals or beacons of two colours, or as one half is missing."""
+        """Whether a pose is told from its half turn: by what is there in one half only, or as one half is missing."""
         return self.is_half or self.shows_half
 
     @cached_property
     def shows_half(self) -> bool:
-        """Whether both halves are there, and goals or beacons of two colours show which one it is."""
-        if self.is_half:
-            return False
-        if len({goal.color for goal in self.goals}) > 1:
-            return True
-        turned = {(-b.x_m, -b.y_m, b.colors) for b in self.beacons}
-        return turned != {(b.x_m, b.y_m, b.colors) for b in self.beacons}
+        """Whether both halves are there, and something shows which one it is.
+
+        It does if a half turn about the centre maps the field onto another one: goals or beacons change their colours,
+        or a goal, beacon, line or wall is where none was.
+        """
+        return not self.is_half and self._features(1.0) != self._features(-1.0)
+
+    def _features(self, sign: float) -> set[tuple[object, ...]]:
+        """All that a camera may see, as it is (1) or half a turn on (-1), lengths rounded to a micrometre."""
+
+        def at(*lengths_m: float) -> tuple[float, ...]:
+            # zero has no sign
+            return tuple(round(sign * length, 6) + 0.0 for length in lengths_m)
+
+        features: set[tuple[object, ...]] = set()
+        for kind, lines in (("line", self.lines), ("wall", self.walls)):
+            features |= {(kind, frozenset((at(x0, y0), at(x1, y1)))) for x0, y0, x1, y1 in lines.tolist()}
+        for x, y, radius, start, sweep in self.arcs.tolist():
+            middle = start + sweep / 2
+            top = at(x + radius * math.cos(middle), y + radius * math.sin(middle))
+            is_circle = abs(sweep) >= math.tau - 1e-9
+            features.add(("arc", at(x, y), round(radius, 6), round(abs(sweep), 6), () if is_circle else top))
+        for g in self.goals:
+            sizes = (g.width_m, g.depth_m, g.height_m, g.post_radius_m)
+            features.add(("goal", g.kind, at(g.line_x_m), g.color, sizes, g.net))
+        for b in self.beacons:
+            features.add(("beacon", at(b.x_m, b.y_m), b.radius_m, b.height_m, b.colors))
+        return features
 
     @cached_property
     def walls(self) -> FloatArray:

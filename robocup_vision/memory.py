@@ -22,7 +22,7 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.errors import FORWARD_FRAME_ERRORS, FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.pose_filter import PoseFilter
-from robocup_vision.localization.filter.settings import PoseFilterSettings
+from robocup_vision.localization.filter.settings import Half, PoseFilterSettings
 from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings
 from robocup_vision.mapping.range_profile import floor_profile
 from robocup_vision.mapping.sensor_model import default_sensors
@@ -107,6 +107,9 @@ class Memory:
     ego_motion : ViewMotion, optional
         Estimates the motion between the views of a mirror camera: the odometry where none is handed over, and fused
         with it where it is, as wheels may slip. Frames must then come in the order they were taken in.
+    half : {"own"}, optional
+        The half of the field in which the robot is known to begin, and again after `forget`: its own one, x < 0. Where
+        nothing tells the halves apart, and nobody says where the robot begins, both stay equally probable.
     limits : MotionLimits, optional
         Of this robot: odometry that is half as fast again is not believed. Without them only what no robot can do is.
     settings : MemorySettings, optional
@@ -115,7 +118,8 @@ class Memory:
     Raises
     ------
     ArgumentError
-        If the map has no sensor ``floor``, or limits come with a pose filter, which has its own.
+        If the map has no sensor ``floor``, `half` is another one, or limits or a half come with a pose filter that has
+        its own.
 
     Notes
     -----
@@ -132,6 +136,7 @@ class Memory:
         objects: MovingObjects | None = None,
         free_map: FreeSpaceMap | None = None,
         object_radius_m: float | None = None,
+        half: Half | None = None,
         ego_motion: ViewMotion | None = None,
         limits: MotionLimits | None = None,
         settings: MemorySettings = MemorySettings(),
@@ -145,13 +150,15 @@ class Memory:
                 raise ArgumentError("limits are for the pose filter that Memory makes: leave out poses or limits")
             max_speed_mps = _FASTER * limits.speed_mps
             settings = replace(settings, poses=replace(settings.poses, max_speed_mps=max_speed_mps))
+        if half is not None and poses is not None:
+            raise ArgumentError("half is for the pose filter that Memory makes: leave out poses or half")
         if free_map is not None and _FLOOR not in free_map.sensors:
             raise ArgumentError(f"the map needs a sensor {_FLOOR!r}, it has {', '.join(free_map.sensors)}")
         self.settings = settings
         self.field = field
         self._chooses_frame_errors = poses is None and settings.frames is None
         self.poses = poses or PoseFilter(
-            odometry=settings.odometry, frames=settings.frames, settings=settings.poses, field=field
+            odometry=settings.odometry, frames=settings.frames, settings=settings.poses, field=field, half=half
         )
         self.objects, self.free_map = objects, free_map
         self.ego_motion = ego_motion
@@ -169,7 +176,11 @@ class Memory:
 
     @classmethod
     def of_everything(
-        cls, field: Field | str | Path, settings: MemorySettings = MemorySettings(), limits: MotionLimits | None = None
+        cls,
+        field: Field | str | Path,
+        settings: MemorySettings = MemorySettings(),
+        limits: MotionLimits | None = None,
+        half: Half | None = None,
     ) -> Memory:
         """Return a memory that tracks other robots, and maps the free floor by the camera alone."""
         floor = {_FLOOR: default_sensors()[_FLOOR]}
@@ -177,6 +188,7 @@ class Memory:
             field,
             objects=MovingObjects(settings.objects),
             free_map=FreeSpaceMap(floor, settings.free_map),
+            half=half,
             limits=limits,
             settings=settings,
         )

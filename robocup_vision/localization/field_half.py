@@ -1,11 +1,11 @@
-"""Which of the two halves: goals of different colours decide between a pose and its half turn.
+"""Which of the two halves: a frame that does not tell allows a pose and its half turn; goals of two colours decide.
 
 Where the goals look as with red and blue swapped, nothing is decided: the half would be the wrong one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -30,6 +30,35 @@ from robocup_vision.localization.swapped_channels import (
 from robocup_vision.perception.color_table import Colors
 
 _NO_VOTES = (0, 0, 0, 0)
+# metres and radians together, up to which two poses are one
+_SAME_POSE = 1e-6
+
+
+def in_both_halves(estimate: PoseEstimate, near: Pose2 | None = None) -> PoseEstimate:
+    """Return the estimate of a frame that does not tell the halves apart: each candidate with its half turn beside it.
+
+    Parameters
+    ----------
+    estimate : PoseEstimate
+        With the half turns of none, some or all of its candidates among them.
+    near : Pose2, optional
+        As in `nearer_half`.
+    """
+    candidates: list[Pose2] = []
+    for pose in estimate.candidates:
+        turned = pose.half_turn()
+        if not any(sum(turned.error_to(other)) < _SAME_POSE for other in candidates):
+            candidates += (pose, turned)
+    return nearer_half(replace(estimate, candidates=tuple(candidates)), near)
+
+
+def nearer_half(estimate: PoseEstimate, near: Pose2 | None) -> PoseEstimate:
+    """Return an estimate, or its half turn if that is nearer to a pose, in metres and radians together."""
+    if near is None:
+        return estimate
+    turned = estimate.half_turn()
+    here, there = (sum(e.pose.error_to(near)) for e in (estimate, turned))
+    return turned if there < here else estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,11 +178,7 @@ class GoalSide:
             if right <= wrong:
                 pose, covariance = pose.half_turn(), half_turn_covariance(covariance)
             return PoseEstimate(pose, covariance, estimate.inlier_ratio, estimate.residual_px)
-        if prior is not None:
-            turned = estimate.half_turn()
-            here, there = (sum(e.pose.error_to(prior)) for e in (estimate, turned))
-            return turned if there < here else estimate
-        return estimate
+        return nearer_half(estimate, prior)
 
     def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> Votes:
         if colors.goal_hue_difference < self.settings.min_hue_difference:

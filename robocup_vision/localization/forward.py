@@ -24,7 +24,6 @@ from robocup_vision.localization.localizer import (
     Localization,
     pose_of,
 )
-from robocup_vision.localization.model_edges.follower import FollowedCamera
 from robocup_vision.localization.model_edges.tilt_finder import TiltFinder
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.line_points import LinePoints
@@ -79,7 +78,8 @@ class GoalLocalizer(FrameByFrame):
         if self._by_lines is not None:
             found = self._by_lines.find(evidence.frame)
             if found:
-                return _seen_by(found, camera, near)
+                oriented = found.as_held(camera)
+                return Localization(found.estimate.seen_from(oriented.camera_in_robot.inverse()), oriented)
         placed = self._goal.locate_camera(evidence.frame, near)
         if isinstance(placed, NotLocated):
             return Localization(placed, camera)
@@ -94,15 +94,8 @@ class GoalLocalizer(FrameByFrame):
             tilt_rad=p[TILT],
             roll_rad=p[ROLL],
         )
-        return Localization(placed.estimate(near).seen_from(oriented.camera_in_robot.inverse()), oriented)
-
-
-def _seen_by(found: FollowedCamera, camera: PinholeCamera, near: Pose2 | None) -> Localization:
-    """Return the robot of a camera that was found; of candidates half a turn apart, the one nearer to a pose first."""
-    oriented, estimate = found.as_held(camera), found.estimate
-    if near is not None and near.error_to(estimate.pose.half_turn())[0] < near.error_to(estimate.pose)[0]:
-        estimate = estimate.half_turn()
-    return Localization(estimate.seen_from(oriented.camera_in_robot.inverse()), oriented)
+        pose = placed.estimate(near).seen_from(oriented.camera_in_robot.inverse())
+        return Localization(pose, oriented, tells_half=len(pose.candidates) == 1)
 
 
 class LineLocalizer(FrameByFrame):

@@ -69,6 +69,8 @@ class Localization(NamedTuple):
         None: the localiser predicts none.
     sway_std_rad : (float, float) or None
         Standard deviations of the camera's tilt and roll where the frame told them; None: it did not.
+    tells_half : bool
+        Whether the frame itself shows which half of the field it is. Else each candidate's half turn is one, too.
     """
 
     pose: PoseEstimate | NotLocated
@@ -77,6 +79,7 @@ class Localization(NamedTuple):
     measurement: Callable[[], PoseEstimate] | None = None
     edge_points: EdgePoints | Callable[[], EdgePoints] | None = None
     sway_std_rad: tuple[float, float] | None = None
+    tells_half: bool = False
 
 
 class Localizer(Protocol):

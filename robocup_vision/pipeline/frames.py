@@ -19,6 +19,8 @@ from robocup_vision.avoidance.steady_free_space import carry_free_space
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import free_ranges, polar
+from robocup_vision.localization.field_half import in_both_halves
+from robocup_vision.localization.localizer import Localization, pose_of
 from robocup_vision.localization.methods import Method
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.color_memory import ColorMemory
@@ -69,15 +71,8 @@ class _CarriedFloor(NamedTuple):
     dropped: int
 
 
-def _with_both_halves(pose: PoseEstimate) -> PoseEstimate:
-    """Return a pose with the half turn of its only candidate as another one."""
-    if len(pose.candidates) > 1:
-        return pose
-    return replace(pose, candidates=(pose.pose, pose.pose.half_turn()))
-
-
-def _measured_with_both_halves(measurement: Callable[[], PoseEstimate]) -> PoseEstimate:
-    return _with_both_halves(measurement())
+def _measured_in_both_halves(measurement: Callable[[], PoseEstimate], near: Pose2 | None = None) -> PoseEstimate:
+    return in_both_halves(measurement(), near)
 
 
 def to_bgr(frame: UInt8Array, channels: str) -> UInt8Array:
@@ -199,6 +194,16 @@ class FramePipeline:
         seconds = dropped * _USUAL_STEP_S if t_s is None or kept.frame_s is None else t_s - kept.frame_s
         return free_space if seconds <= _MAX_CARRIED_S else None
 
+    def _in_open_halves(self, answer: Localization, prior: PoseEstimate | Pose2 | None) -> Localization:
+        """Return a localiser's answer, in both halves where its frame does not tell them apart: the prior's first."""
+        pose, field = answer.pose, self.field
+        if isinstance(pose, NotLocated) or field.is_half or (answer.tells_half and field.shows_half):
+            return answer
+        both, measurement = in_both_halves(pose, pose_of(prior)), answer.measurement
+        if measurement is not None:
+            measurement = partial(_measured_in_both_halves, measurement, both.pose)
+        return answer._replace(pose=both, measurement=measurement)
+
     def _as_told(self, pose: PoseEstimate | NotLocated) -> PoseEstimate | NotLocated:
         """Return what of a pose holds if red and blue are swapped, where the colours of goals or beacons give the half.
 
@@ -210,7 +215,7 @@ class FramePipeline:
         if reason:
             self._last_pose = None
             return SwappedChannels(reason)
-        return _with_both_halves(pose) if self._channel_order.is_suspected else pose
+        return in_both_halves(pose) if self._channel_order.is_suspected else pose
 
     def _measurement_as_told(self, measurement: Callable[[], PoseEstimate] | None) -> Callable[[], PoseEstimate] | None:
         """Return what of the estimate by the frame alone holds, as `_as_told`; worked out when it is asked for."""
@@ -219,7 +224,7 @@ class FramePipeline:
         if self._channel_order.reason:
             return None
         if self._channel_order.is_suspected:
-            return partial(_measured_with_both_halves, measurement)
+            return partial(_measured_in_both_halves, measurement)
         return measurement
 
     def _warnings(self, pose: PoseEstimate | NotLocated) -> tuple[str, ...]:

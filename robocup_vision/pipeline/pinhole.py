@@ -144,6 +144,7 @@ class PinholePipeline(FramePipeline):
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
         answer = self._localizer.locate(self._evidence(frame, camera, samples, t_s), prior)
+        answer = self._in_open_halves(answer, prior)
         pose = answer.pose
         self._last_pose = pose.pose if pose else None
         timings["pose"] = perf_counter() - start

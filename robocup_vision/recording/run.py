@@ -18,7 +18,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.pose_filter import PoseFilter
-from robocup_vision.localization.filter.settings import PoseFilterSettings
+from robocup_vision.localization.filter.settings import Half, PoseFilterSettings
 from robocup_vision.mapping.ego_motion import EgoMotion, EgoMotionSettings
 from robocup_vision.mapping.occupancy import FreeSpaceMap, FreeSpaceMapSettings
 from robocup_vision.mapping.sensor_model import SensorModel
@@ -87,6 +87,7 @@ class MemoryRun:
     poses: PoseFilterSettings
     settings: MemorySettings
     is_bounded: bool = True
+    half: Half | None = None
 
     @classmethod
     def of(cls, memory: Memory) -> MemoryRun:
@@ -103,12 +104,17 @@ class MemoryRun:
             poses.settings,
             memory.settings,
             poses.is_bounded,
+            poses.half,
         )
 
     def make(self, pitch: Field) -> Memory:
         """Make such a memory, empty."""
         poses = PoseFilter(
-            odometry=self.odometry, frames=self.frames, settings=self.poses, field=pitch if self.is_bounded else None
+            odometry=self.odometry,
+            frames=self.frames,
+            settings=self.poses,
+            field=pitch if self.is_bounded else None,
+            half=self.half,
         )
         if self.expected is not None:
             poses.expect(self.expected)

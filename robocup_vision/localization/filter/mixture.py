@@ -19,7 +19,7 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.hypothesis import FacedFrame, PoseMeasurement, PoseMode, pose_offset
-from robocup_vision.localization.filter.settings import PoseFilterSettings
+from robocup_vision.localization.filter.settings import Half, PoseFilterSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +36,15 @@ class Mixture:
         Time of the last frame with a pose.
     settings : PoseFilterSettings
         How modes are weighed and followed.
+    half : {"own", None}
+        The half of the field in which the robot is known to begin.
     """
 
     modes: tuple[PoseMode, ...] = ()
     near: Pose2 | None = None
     frame_s: float = -math.inf
     settings: PoseFilterSettings = PoseFilterSettings()
+    half: Half | None = None
 
     @property
     def is_contradicted(self) -> bool:
@@ -62,7 +65,7 @@ class Mixture:
             return self
         moved = [mode.move(motion, seconds, odometry, errors) for mode in self.modes]
         sure = [mode for mode in moved if mode.std_m <= self.settings.lost_std_m]
-        return Mixture(_normalised(sure, self.settings), moved[0].pose, self.frame_s, self.settings)
+        return replace(self, modes=_normalised(sure, self.settings), near=moved[0].pose)
 
     def changed(self, change: Callable[[PoseMode], PoseMode]) -> Mixture:
         """Return the mixture with every mode changed; itself if none is."""
@@ -113,7 +116,7 @@ class Mixture:
                     new = replace(new, log_weight=new.log_weight - miss)
                 modes.append(self._update_half(new, 1 if measurement.half_known else 0, t_s, errors))
         joined = _normalised(_merged(modes, settings.merge_distance), settings)
-        return Mixture(joined, joined[0].pose, t_s, settings)
+        return replace(self, modes=joined, near=joined[0].pose, frame_s=t_s)
 
     def _new_mode(
         self,
@@ -123,15 +126,15 @@ class Mixture:
         t_s: float,
         odometry: OdometryNoise,
     ) -> PoseMode:
-        """Begin a mode at a measurement that agrees with none; in the half of the last estimated pose, if any."""
+        """Begin a mode at a measurement that agrees with none; in the likelier half by what is known before."""
         near, settings = self.near, self.settings
-        if near is not None and _apart(measurement.pose.half_turn(), near) < _apart(measurement.pose, near):
+        odds = self._half_log_odds(measurement)
+        if odds < 0.0:
             turned = self._new_mode(measurement.half_turn(), measurements, estimate, t_s, odometry)
             return turned.half_turn()
-        odds = 0.0 if near is None else math.log(settings.expected_odds)
         if not self.modes:
             # of several measurements the nearest is the most probable, by the same odds a metre or radian
-            log_weight = -odds * _apart(measurement.pose, near) if near is not None else 0.0
+            log_weight = 0.0 if near is None else -math.log(settings.expected_odds) * _apart(measurement.pose, near)
             slip_std = 1.0
         else:
             likeliest = self.modes[0]
@@ -147,6 +150,21 @@ class Mixture:
         if self.modes:
             mode = mode.with_gains_of(self.modes[0])
         return replace(mode, half_log_odds=odds)
+
+    def _half_log_odds(self, measurement: PoseMeasurement) -> float:
+        """Log odds of a new mode's half, by where the robot was last, was expected, or is known to begin."""
+        odds = 0.0
+        if self.near is not None:
+            turned = _apart(measurement.pose.half_turn(), self.near) < _apart(measurement.pose, self.near)
+            odds = math.log(self.settings.expected_odds) * (-1.0 if turned else 1.0)
+        if self.half is None or self.frame_s > -math.inf:
+            return odds
+        # x < 0 as likely as the position's error leaves it
+        variance = float(measurement.bias[0, 0] + measurement.white[0, 0])
+        own = 0.5 * math.erfc(measurement.pose.x_m / math.sqrt(2 * variance))
+        least = 1.0 / (1.0 + self.settings.max_half_odds)
+        own = min(max(own, least), 1.0 - least)
+        return odds + math.log(own / (1.0 - own))
 
     def _follow(
         self, mode: PoseMode, match: _Match, estimate: PoseEstimate, t_s: float, errors: FrameErrors

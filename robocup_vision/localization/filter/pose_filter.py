@@ -18,7 +18,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.floor_bound import FloorBound
 from robocup_vision.localization.filter.mixture import Mixture
-from robocup_vision.localization.filter.settings import PoseFilterSettings
+from robocup_vision.localization.filter.settings import Half, PoseFilterSettings
 
 __all__ = ["FrameErrors", "Hypothesis", "OdometryNoise", "PoseFilter", "PoseFilterSettings"]
 
@@ -59,6 +59,14 @@ class PoseFilter:
         How modes are weighed and followed.
     field : Field, optional
         Whose walls or boards no pose is beyond.
+    half : {"own"}, optional
+        The half in which the robot is known to begin: its own one, x < 0. Default: nothing is known of it, so that
+        frames which look alike from both halves leave them equally probable.
+
+    Raises
+    ------
+    ArgumentError
+        If `half` is another one.
 
     Notes
     -----
@@ -84,8 +92,11 @@ class PoseFilter:
         frames: FrameErrors | None = None,
         settings: PoseFilterSettings = PoseFilterSettings(),
         field: Field | None = None,
+        half: Half | None = None,
     ) -> None:
-        self.settings = settings
+        if half not in (None, "own"):
+            raise ArgumentError(f"half must be 'own', for a robot that begins at x < 0, or None, got {half!r}")
+        self.settings, self.half = settings, half
         self._bound = None if field is None else FloorBound(field)
         self.odometry_noise = odometry or OdometryNoise()
         self.frame_errors = frames or FrameErrors()
@@ -119,8 +130,8 @@ class PoseFilter:
         Parameters
         ----------
         odometry : Pose2
-            Motion since the call before, in the robot's frame then. Where no robot is so fast (`PoseFilterSettings`),
-            it is not believed: the estimate stays, and widens.
+            Motion since the call before, of the first call since the last frame, in the robot's frame then. Where no
+            robot is so fast (`PoseFilterSettings`), it is not believed: the estimate stays, and widens.
         t_s : float
             The present, seconds; never earlier than before.
 
@@ -133,13 +144,15 @@ class PoseFilter:
             as_pose("odometry", odometry)
         if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad, t_s))):
             raise ArgumentError(f"odometry and its time must be finite, got {odometry} at {t_s!r} s")
-        if self._now_s is None:
-            # the motion before the first call is not known
-            self._moments = [replace(moment, t_s=min(moment.t_s, t_s)) for moment in self._moments]
-            self._moments.append(_Moment(t_s, _ORIGIN, None, self._mixture))
-        elif t_s < self._now_s:
+        if self._now_s is not None and t_s < self._now_s:
             raise ArgumentError(f"time must not run backwards, got {t_s!r} s after {self._now_s!r} s")
+        if not self._moments:
+            # there is nothing yet to move
+            self._moments.append(_Moment(t_s, _ORIGIN, None, self._mixture))
         else:
+            if self._now_s is None:
+                # the clock begins with the first odometry: a frame after it counts as of now
+                self._moments = [replace(moment, t_s=min(moment.t_s, t_s)) for moment in self._moments]
             last = self._moments[-1]
             is_possible = self.can_move(odometry, t_s)
             odometry_pose = last.odometry_pose.compose(odometry) if is_possible else last.odometry_pose
@@ -151,8 +164,11 @@ class PoseFilter:
         self._now_s = t_s
 
     def can_move(self, odometry: Pose2, t_s: float) -> bool:
-        """Return whether a robot can have moved so far since the last `predict`, at a time not before it."""
-        return self._now_s is None or self.settings.is_possible(odometry, t_s - self._now_s)
+        """Return whether a robot can have moved so far since the last `predict` or the first frame."""
+        if not self._moments:
+            return True
+        since_s = self._moments[-1].t_s if self._now_s is None else self._now_s
+        return self.settings.is_possible(odometry, max(t_s - since_s, 0.0))
 
     def update(self, estimate: PoseEstimate | NotLocated, t_s: float) -> None:
         """Update with the pose of a frame.
@@ -261,7 +277,11 @@ class PoseFilter:
 
     @property
     def _mixture(self) -> Mixture:
-        return self._moments[-1].mixture if self._moments else Mixture(near=self._expected, settings=self.settings)
+        return self._moments[-1].mixture if self._moments else self._nothing_known
+
+    @property
+    def _nothing_known(self) -> Mixture:
+        return Mixture(near=self._expected, settings=self.settings, half=self.half)
 
     def _odometry_pose(self, t_s: float) -> Pose2 | None:
         """Return the pose by odometry alone at a time; None before the history."""

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
+
+# where a robot is known to begin: in its own half, x < 0
+Half = Literal["own"]
 
 
 @dataclass(frozen=True, slots=True)

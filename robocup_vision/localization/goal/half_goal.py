@@ -89,7 +89,9 @@ def find_half_goal(
                 if np.any(np.abs(offset) > 3 * np.array([settings.std_m, settings.std_m, settings.std_rad])):
                     continue
                 if best is None or seen.score > best.fit.score:
-                    best = Candidate(seen, (side,), proposal.model, proposal.appearance, None, seen.score)
+                    # the prior chooses the side, and is no evidence of it
+                    sides = (side, *(other for other in proposal.sides if other != side))
+                    best = Candidate(seen, sides, proposal.model, proposal.appearance, None, seen.score)
     return best
 
 

@@ -221,7 +221,9 @@ class GoalPoseEstimator:
         turn = abs(wrap_angle(float(joined.unknowns[HEADING]) - prior.theta_rad))
         if offset > 3 * self.settings.prior.std_m or turn > 3 * self.settings.prior.std_rad:
             return None
-        return CameraEstimate(joined.unknowns, joined.covariance, (1,), None, joined)
+        # lines alone may be those of either half
+        sides = tuple(goal.side for goal in self._search.field.goals)
+        return CameraEstimate(joined.unknowns, joined.covariance, sides, None, joined)
 
     def _check(self, frame: UInt8Array) -> None:
         width, height = self.camera.size_px

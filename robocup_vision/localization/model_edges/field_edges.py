@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from field_models import COLOR_NAMES, Field
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UPRIGHT, FieldEdges
 
@@ -123,6 +123,62 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
         _table(channels, 8),
         _table([*_nets(field), *_beyond(field, lines_end_m)], 6),
     )
+
+
+def telling_features(edges: FieldEdges) -> BoolArray:
+    """Return which edges of a field show which half of it they are in: half a turn on there is none of their looks.
+
+    A camera tells paints apart by their colours, not by their brightness.
+
+    Parameters
+    ----------
+    edges : FieldEdges
+        As `field_edges` returns them.
+
+    Returns
+    -------
+    (F,) bool
+        By the numbers of the edges, `Samples.feature`.
+    """
+    looks: list[tuple[int, object, object]] = []
+
+    def add(feature: float, here: object, turned: object) -> None:
+        looks.append((int(feature), here, turned))
+
+    def color(channel: float) -> tuple[float, ...]:
+        weights, hue = edges.channels[int(channel), :3], edges.channels[int(channel), 4:7]
+        return tuple(np.round([*weights, *hue], 6).tolist())
+
+    def at(sign: float, *lengths_m: float) -> tuple[float, ...]:
+        # zero has no sign
+        return tuple(round(sign * length, 6) + 0.0 for length in lengths_m)
+
+    for x0, y0, z0, x1, y1, z1, _, _, _, width, channel, feature, *kind in edges.segments.tolist():
+        ends = [frozenset(((*at(sign, x0, y0), z0), (*at(sign, x1, y1), z1))) for sign in (1.0, -1.0)]
+        add(feature, *((end, width, color(channel), *kind) for end in ends))
+    for x, y, radius, start, sweep, width, channel, feature in edges.arcs.tolist():
+        middle = start + sweep / 2
+        # a circle is the same whatever it begins with
+        top = (0.0, 0.0) if abs(sweep) > math.tau - 1e-9 else (math.cos(middle), math.sin(middle))
+        rest = (round(radius, 6), round(abs(sweep), 6), width, color(channel))
+        add(feature, *((at(sign, x, y, *top), *rest) for sign in (1.0, -1.0)))
+    for x, y, radius, foot, top, channel, feature in edges.cylinders.tolist():
+        add(feature, *(("cylinder", at(sign, x, y), radius, foot, top, color(channel)) for sign in (1.0, -1.0)))
+    for x, y, foot, top, channel, feature, outward, is_back, _ in edges.corners.tolist():
+        upright = (foot, top, is_back, color(channel))
+        add(feature, *(("corner", at(sign, x, y), sign * outward, *upright) for sign in (1.0, -1.0)))
+    for x, y0, y1, height, radius, channel, feature in edges.bars.tolist():
+        beam = (height, radius, color(channel))
+        add(feature, *(("bar", at(sign, x), frozenset(at(sign, y0, y1)), *beam) for sign in (1.0, -1.0)))
+    for x, y, radius, height, channel, _, feature in edges.rings.tolist():
+        add(feature, *(("ring", at(sign, x, y), radius, height, color(channel)) for sign in (1.0, -1.0)))
+    tells = np.zeros(max((feature for feature, _, _ in looks), default=-2) + 2, dtype=np.bool_)
+    there = {here for _, here, _ in looks}
+    for feature, _, turned in looks:
+        # a line has two edges
+        tells[feature : feature + 2] = turned not in there
+    tells.flags.writeable = False
+    return tells
 
 
 def _nets(field: Field) -> list[list[float]]:

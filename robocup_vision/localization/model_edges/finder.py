@@ -113,6 +113,7 @@ class EdgeFinder:
         self.settings = s = settings or FinderSettings()
         field, camera = follower.field, follower.camera
         self._bank = prepare_bank(field, camera, s.spacing_m, s.heading_step_rad)
+        self._has_twins = not field.halves_differ
         self._is_same_frame = False  # as that of the last fit
         self._scores = np.zeros((len(self._bank.places), len(self._bank.headings)))
         self._seen = np.zeros((len(self._bank.paints), BINS + 1))
@@ -203,6 +204,10 @@ class EdgeFinder:
         return chosen
 
     def _is_same(self, pose: Pose2, other: Pose2) -> bool:
+        """Whether two poses are one; on a field whose halves look alike, a pose and its half turn are."""
+        return self._is_near(pose, other) or (self._has_twins and self._is_near(pose.half_turn(), other))
+
+    def _is_near(self, pose: Pose2, other: Pose2) -> bool:
         # most are far apart: their headings need not be asked for
         if math.hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) >= self.settings.apart_m:
             return False
@@ -240,7 +245,7 @@ class EdgeFinder:
         if near is None:
             return 0.0
         s = self.settings
-        away_m, turned_rad = pose.error_to(near)
+        away_m, turned_rad = pose.error_to(near, symmetric=self._has_twins)
         density = math.exp(-0.5 * ((away_m / s.lost_std_m) ** 2 + (turned_rad / s.lost_std_rad) ** 2))
         density /= math.sqrt(math.tau) ** 3 * s.lost_std_m**2 * s.lost_std_rad
         return math.log(1 - s.near_share + s.near_share * density * self._room_m2rad)
@@ -249,6 +254,8 @@ class EdgeFinder:
         self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None
     ) -> FollowedCamera | NotLocated:
         """Fit every proposed pose of the camera, and return those that the frame confirms: one, or a few candidates.
+
+        On a field whose halves look alike a pose stands for its half turn, too.
 
         Parameters
         ----------
@@ -291,7 +298,7 @@ class EdgeFinder:
         if len(order) == 1:
             follower.resume(best_answer)
         others = tuple(answers[index].estimate.pose for index in order[1:])
-        return best_answer.with_candidates(others, has_twins=not follower.field.halves_differ)
+        return best_answer.with_candidates(others)
 
     def _places(self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None) -> list[Pose2]:
         """Poses that the fits of proposals end at, the likeliest first."""

@@ -23,9 +23,9 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.alone import frame_alone
 from robocup_vision.kernels.model_edges.carpet import CARPET, LIT_CARPET
 from robocup_vision.kernels.model_edges.follow import MODES, follow, prepare
-from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Fit, Prior, Scene, empty_room
+from robocup_vision.kernels.model_edges.tables import FOUND, UNKNOWNS, UNSEEN, Fit, Prior, Scene, empty_room
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
-from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
+from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table, telling_features
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 _MAX_SAMPLES = 600
@@ -71,8 +71,8 @@ class FollowedCamera:
         What the verdict was based on.
     others : tuple of Pose2
         Further candidates, the likeliest first.
-    has_twins : bool
-        Whether the half turn of each candidate about the field's centre is a candidate too.
+    tells_half : bool
+        Whether edges were found that the field's other half has not.
     """
 
     estimate: PoseEstimate
@@ -81,7 +81,7 @@ class FollowedCamera:
     camera_unknowns: tuple[float, float, float, float]
     evidence: Evidence
     others: tuple[Pose2, ...] = ()
-    has_twins: bool = False
+    tells_half: bool = False
 
     @property
     def measurement(self) -> PoseEstimate:
@@ -91,7 +91,7 @@ class FollowedCamera:
         """
         pose, covariance = self._by_frame_alone()
         ratio, rms = self.estimate.inlier_ratio, self.estimate.residual_px
-        return PoseEstimate(pose, covariance, ratio, rms, self._candidates(pose))
+        return PoseEstimate(pose, covariance, ratio, rms, (pose, *self.others))
 
     @property
     def measured_pose(self) -> Pose2:
@@ -107,15 +107,10 @@ class FollowedCamera:
         """Return the answer with the estimate by the frame alone."""
         return replace(self, estimate=self.measurement)
 
-    def with_candidates(self, others: tuple[Pose2, ...], has_twins: bool) -> FollowedCamera:
+    def with_candidates(self, others: tuple[Pose2, ...]) -> FollowedCamera:
         """Return the answer as the likeliest of several candidates."""
-        answer = replace(self, others=others, has_twins=has_twins)
-        pose = self.estimate.pose
-        return replace(answer, estimate=replace(self.estimate, candidates=answer._candidates(pose)))
-
-    def _candidates(self, pose: Pose2) -> tuple[Pose2, ...]:
-        every = (pose, *self.others)
-        return every if not self.has_twins else tuple(each for one in every for each in (one, one.half_turn()))
+        estimate = replace(self.estimate, candidates=(self.estimate.pose, *others))
+        return replace(self, others=others, estimate=estimate)
 
     def as_held(self, camera: PinholeCamera) -> PinholeCamera:
         """Return the robot's camera as it was held and focused in this frame."""
@@ -180,6 +175,7 @@ class EdgeFollower:
         self.settings = settings or EdgeSettings()
         self._for_proposals = self.settings.for_proposals()
         self.edges = field_edges(field, self.settings.lines_end_m)
+        self._telling = telling_features(self.edges) if field.shows_half else None
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
         # what lies far from a search's proposal is another one's, and from a prior that frames before support clutter:
@@ -388,4 +384,16 @@ class EdgeFollower:
         self._sway[1] = self._fitted_variances
         estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, evidence.rms_px)
         likelihood = PoseLikelihood(pose, fit.information.copy(), fit.gradient.copy())
-        return FollowedCamera(estimate, likelihood, self.camera, (p[3], p[4], p[5], p[6]), evidence)
+        camera_unknowns = (p[3], p[4], p[5], p[6])
+        return FollowedCamera(
+            estimate, likelihood, self.camera, camera_unknowns, evidence, tells_half=self._shows_half()
+        )
+
+    def _shows_half(self) -> bool:
+        """Whether the last fit found enough of the edges that the other half has not, and more than it missed."""
+        if self._telling is None:
+            return False
+        count = int(self._fit.figures[0])
+        status = self._room.found.status[:count][self._telling[self._room.samples.feature[:count]]]
+        found = int(np.count_nonzero(status == FOUND))
+        return found >= self.settings.min_telling and 2 * found > int(np.count_nonzero(status != UNSEEN))

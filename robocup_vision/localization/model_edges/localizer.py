@@ -102,7 +102,8 @@ class EdgeLocalizer:
         back = camera.camera_in_robot.inverse()
         oriented, measurement = answer.as_held(camera), partial(_measurement, answer, back)
         seen, sway_std_rad = points or self.follower.edge_points_when_asked(), self.follower.tilt_roll_std_rad
-        return Localization(answer.estimate.seen_from(back), oriented, None, measurement, seen, sway_std_rad)
+        pose, tells_half = answer.estimate.seen_from(back), answer.tells_half
+        return Localization(pose, oriented, None, measurement, seen, sway_std_rad, tells_half)
 
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate

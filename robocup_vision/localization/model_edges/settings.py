@@ -64,6 +64,8 @@ class EdgeSettings:
     min_inliers: int = 12
     min_inliers_followed: int = 3
     min_found_ratio: float = 0.5
+    # found on edges that the field's other half has not, from which a frame tells the half: two may agree by chance
+    min_telling: int = 3
     min_explained_ratio: float = 0.7
     min_points: int = 6
     # greatest squared distance from the prior, all six or seven unknowns: 0.01 % of right ones are farther

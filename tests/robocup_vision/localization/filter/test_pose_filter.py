@@ -96,6 +96,29 @@ def test_a_late_frame_is_expected_where_the_robot_was_believed_to_be_then(start,
     np.testing.assert_allclose(then.covariance, without.belief.covariance, atol=1e-9)
 
 
+@settings(deadline=None, max_examples=30)
+@given(poses(1.5), poses(0.1))
+def test_the_first_odometry_after_a_frame_counts(start, step):
+    filter_ = PoseFilter()
+    filter_.update(told(start), 0.0)
+    filter_.predict(step, 1.0)
+    truth = start.compose(step)
+    assert filter_.belief.pose.error_to(truth) == pytest.approx((0.0, 0.0), abs=1e-9)
+    # with the errors that odometry has, and for what happened between the two
+    assert np.linalg.det(filter_.belief.covariance) > np.linalg.det(told(start).covariance)
+    assert filter_.prior(0.0).error_to(start) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert filter_.motion_since(0.0).error_to(step) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_odometry_that_no_robot_can_do_since_the_first_frame_is_not_believed():
+    filter_, start = PoseFilter(), Pose2(0.4, -0.2, 1.0)
+    filter_.update(told(start), 0.0)
+    assert not filter_.can_move(Pose2(3.0, 0.0, 0.0), 0.04)
+    filter_.predict(Pose2(3.0, 0.0, 0.0), 0.04)
+    assert filter_.belief.pose.error_to(start)[0] < 1e-9
+    assert filter_.belief.std[0] > 0.05
+
+
 def test_a_robot_too_long_without_frames_is_lost_and_found_again_by_the_next():
     filter_, truth, t_s = run(Pose2(0.0, 0.0, 0.0), 5, np.random.default_rng(1))
     for _ in range(400):
