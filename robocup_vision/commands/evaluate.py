@@ -75,7 +75,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         If something in the files is wrong.
     """
     from field_models.errors import ArgumentError
-    from robocup_vision.recording.bag import is_bag
+    from robocup_vision.recording.bags.bag import is_bag
 
     if options.shared_folder and options.dask is None:
         raise ArgumentError("--shared-folder is for --dask")
@@ -112,14 +112,9 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
 
 def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
     from field_models.errors import ArgumentError
-    from robocup_vision.recording.bag_dataset import (
-        BagTopics,
-        draw_panned,
-        load_bag,
-        make_panned_vision,
-        make_panned_vision_with_memory,
-        recorded_steering,
-    )
+    from robocup_vision.recording.bags.bag_dataset import load_bag, recorded_steering
+    from robocup_vision.recording.bags.bag_frames import BagTopics
+    from robocup_vision.recording.bags.stream import draw_panned, make_panned_vision, make_panned_vision_with_memory
 
     if options.map is not None:
         raise ArgumentError("--map is for folders of images, a recording or bag is not located by landmarks")
@@ -193,6 +188,9 @@ def _print_summary(name: str, summary: Summary) -> None:
     from robocup_vision.evaluation.report import degrees, millimetres, percent, time_of
 
     figures = summary.figures
+    parts = [] if not summary.left_out else [f"{summary.left_out} of {figures.images + summary.left_out} left out"]
+    if 0 < figures.with_truth < figures.images:
+        parts.append(f"{figures.images - figures.with_truth} of {figures.images} without truth")
     ms = "-" if figures.median_ms is None else f"{figures.median_ms:.2f} ms ({time_of(summary.is_sequence)})"
     lines = [
         ("method", summary.method),
@@ -205,7 +203,7 @@ def _print_summary(name: str, summary: Summary) -> None:
         *([] if summary.steering is None else [("safe commands", _steering_text(summary.steering))]),
         ("report", str(summary.report if summary.report is not None else summary.out)),
     ]
-    print(name)
+    print(": ".join([name, *([", ".join(parts)] if parts else [])]))
     for label, value in lines:
         # the report's signs are not in every terminal's character set
         print(f"  {label:<22} {value.replace('°', ' deg').replace('–', '-')}")

@@ -105,6 +105,8 @@ class Dataset:
         Lines the user should see, such as that a video ends early.
     landmarks : LandmarkMap or None
         What method "landmarks" locates by.
+    left_out : int
+        How many frames, or files that look like images, are not among the images; the notes say why.
     """
 
     name: str
@@ -121,6 +123,7 @@ class Dataset:
     pose_of: PoseOf = "robot"
     notes: tuple[str, ...] = ()
     landmarks: LandmarkMap | None = None
+    left_out: int = 0
 
     @property
     def is_video(self) -> bool:

@@ -47,6 +47,8 @@ STEERING_COLUMNS = (
 SUMMARY_KEYS = (
     "method",
     "images",
+    "left_out",
+    "with_truth",
     "located",
     "within_5cm_3deg",
     "within_10cm_5deg",
@@ -160,9 +162,22 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.9g}"
 
 
-def write_summary(path: Path, figures: Figures, method: str) -> None:
-    """Write summary.json, with the method's name; a figure that nothing was there to compute from is null."""
-    values = {"method": method} | {key: getattr(figures, key) for key in SUMMARY_KEYS[1:]}
+def write_summary(path: Path, figures: Figures, *, method: str, left_out: int) -> None:
+    """Write summary.json; a figure that nothing was there to compute from is null.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    figures : Figures
+        The figures over all images.
+    method : str
+        How poses were found.
+    left_out : int
+        How many frames are not among the images.
+    """
+    known: dict[str, object] = {"method": method, "left_out": left_out}
+    values = {key: known[key] if key in known else getattr(figures, key) for key in SUMMARY_KEYS}
     path.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 

@@ -78,6 +78,8 @@ class Summary:
         Whether colours and poses were carried on from image to image; else each stands alone, which takes longer.
     steering : SteerFigures or None
         The figures over all commands; None without steering.
+    left_out : int
+        How many frames are not among the images; the notes say why.
     """
 
     figures: Figures
@@ -88,6 +90,7 @@ class Summary:
     method: str
     is_sequence: bool = False
     steering: SteerFigures | None = None
+    left_out: int = 0
 
     @property
     def problem(self) -> str | None:
@@ -228,9 +231,18 @@ def _write_files(
     out: Path, dataset: Dataset, run: _Run, notes: list[str], page: Path | None, moments: Mapping[str, str] | None
 ) -> Summary:
     rows = run.rows
-    summary = Summary(figures(rows), tuple(rows), out, page, tuple(notes), dataset.method, dataset.times is not None)
+    summary = Summary(
+        figures(rows),
+        tuple(rows),
+        out,
+        page,
+        tuple(notes),
+        dataset.method,
+        dataset.times is not None,
+        left_out=dataset.left_out,
+    )
     try:
-        write_summary(out / "summary.json", summary.figures, dataset.method)
+        write_summary(out / "summary.json", summary.figures, method=dataset.method, left_out=dataset.left_out)
         write_trajectory(out / "trajectory.tum", rows, dataset.times)
         if page is not None:
             text = report.render_report(dataset, rows, summary.figures, notes, run.spread, run.worst.pictures, moments)

@@ -172,8 +172,8 @@ class Figures:
 
     Parameters
     ----------
-    images, located : int
-        How many there are, and how many of them got a pose.
+    images, with_truth, located : int
+        How many there are, of how many the true place is known, and how many got a pose.
     within_5cm_3deg, within_10cm_5deg : float or None
         Ratio of all images, 0 to 1, whose position and heading are that near the truth; None if no image has a truth
         with a heading.
@@ -188,6 +188,7 @@ class Figures:
     """
 
     images: int
+    with_truth: int
     located: int
     within_5cm_3deg: float | None
     within_10cm_5deg: float | None
@@ -214,6 +215,7 @@ def figures(rows: Sequence[Row]) -> Figures:
 
     return Figures(
         images=len(rows),
+        with_truth=sum(row.truth is not None for row in rows),
         located=sum(row.estimate is not None for row in rows),
         within_5cm_3deg=ratio_within(NEAR_M, NEAR_RAD),
         within_10cm_5deg=ratio_within(FAIR_M, FAIR_RAD),

@@ -91,6 +91,14 @@ def frame_of(message: Any) -> UInt8Array:
         raise FrameError(f"an image of {width}x{height} cannot be converted from {message.encoding}") from None
 
 
+def is_rgb_inside(text: str) -> bool:
+    """Whether a CompressedImage's format says that red and blue are exchanged in what is compressed.
+
+    "rgb8; jpeg compressed rgb8": the pixels were handed to a codec that takes BGR as RGB, as image_transport reads it.
+    """
+    return "compressed rgb" in text.lower()
+
+
 def _decompress(message: Any) -> UInt8Array:
     data = np.asarray(message.data, dtype=np.uint8)
     image = None
@@ -105,4 +113,4 @@ def _decompress(message: Any) -> UInt8Array:
         raise FrameError(
             f"a compressed image of format {message.format!r} must be in colour with 8 bits, got {image.shape}"
         )
-    return np.asarray(image, dtype=np.uint8)
+    return np.ascontiguousarray(image[..., ::-1] if is_rgb_inside(message.format) else image, dtype=np.uint8)

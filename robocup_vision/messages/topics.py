@@ -21,6 +21,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.messages.camera_infos import camera_info
 from robocup_vision.messages.images import ImageFormat, image_message
 from robocup_vision.messages.types import header, make
 from robocup_vision.view import View
@@ -299,22 +300,6 @@ def occupancy_grid(picture: MapPicture, t_s: float, frame_id: str) -> Any:
     return make("nav_msgs/msg/OccupancyGrid", at, info, np.ascontiguousarray(data))
 
 
-def camera_info(camera: OmniCamera | PinholeCamera, t_s: float, frame_id: str) -> Any:
-    """Return sensor_msgs/CameraInfo; a mirror camera, which cannot be rectified, has no distortion model."""
-    width, height = camera.size_px
-    k, p, d, model = np.zeros(9), np.zeros(12), np.empty(0), ""
-    if isinstance(camera, PinholeCamera):
-        (fx, fy), (cx, cy) = camera.focal_px, camera.center_px
-        k = np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])
-        p = np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
-        d = np.zeros(5) if not camera.distortion else np.array(camera.distortion, dtype=np.float64)
-        d = np.append(d, 0.0) if len(d) == 4 else d
-        model = "rational_polynomial" if len(d) == 8 else "plumb_bob"
-    region = make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
-    r = np.eye(3).ravel() if isinstance(camera, PinholeCamera) else np.zeros(9)
-    return make("sensor_msgs/msg/CameraInfo", header(t_s, frame_id), height, width, model, d, k, r, p, 0, 0, region)
-
-
 def camera_transform(camera: OmniCamera | PinholeCamera, names: FrameNames, t_s: float) -> Any:
     """Return the transform from the robot to the camera's optical frame; None where the tilt or height is unknown."""
     if isinstance(camera, PinholeCamera) and not camera.known_orientation:
@@ -342,13 +327,6 @@ def pose_message(pose: Pose2) -> Any:
     half = pose.theta_rad / 2
     turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(half), math.cos(half))
     return make("geometry_msgs/msg/Pose", _point(pose.x_m, pose.y_m, 0.0), turn)
-
-
-def pose_of(message: Any) -> Pose2:
-    """Return the pose in the plane of a geometry_msgs/Pose: its place, and its x axis' direction."""
-    q = message.orientation
-    heading = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-    return Pose2(float(message.position.x), float(message.position.y), heading)
 
 
 def covariance_6x6(covariance: FloatArray) -> FloatArray:

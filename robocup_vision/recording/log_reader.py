@@ -1,9 +1,12 @@
-"""An MCAP file read chunk by chunk, whole or cut: a cut one ends at its last whole chunk."""
+"""An MCAP file read part by part, whole or cut: a cut one ends at its last whole chunk, or message outside of chunks.
+
+Nothing of it is looked up in an index, which other programs may leave out.
+"""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -12,11 +15,13 @@ from field_models.errors import FileError
 from robocup_vision.messages.types import require_ros_extra
 
 _MAGIC = b"\x89MCAP0\r\n"
-# of a record: opcode and length; of a chunk: first and last time, sizes
+# of a record: opcode and length; of a chunk: first and last time; of a message: channel, number, time
 _RECORD = struct.Struct("<BQ")
 _CHUNK_TIMES = struct.Struct("<QQ")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK, _ATTACHMENT, _METADATA, _DATA_END, _FOOTER, _HEADER = 0x06, 0x09, 0x0C, 0x0F, 0x02, 0x01
-_SCHEMA, _CHANNEL = 0x03, 0x04
+_SCHEMA, _CHANNEL, _MESSAGE = 0x03, 0x04, 0x05
+_CDR = "cdr"
 
 
 class Logged(NamedTuple):
@@ -28,23 +33,28 @@ class Logged(NamedTuple):
     data: bytes
 
 
-class _ChunkPlace(NamedTuple):
+class _Place(NamedTuple):
+    """Where a chunk is, or a message that is in none."""
+
     offset: int
     length: int
     first_ns: int
     last_ns: int
+    is_chunk: bool
 
 
 @dataclass(slots=True)
 class _Contents:
-    chunks: list[_ChunkPlace] = field(default_factory=list)
+    places: list[_Place] = field(default_factory=list)
     attachments: dict[str, bytes] = field(default_factory=dict)
     notes: dict[str, str] = field(default_factory=dict)
     # of the summary at the end, which a cut file has not
     schemas: dict[int, str] = field(default_factory=dict)
     channels: dict[int, tuple[str, str]] = field(default_factory=dict)
     library: str = ""
+    # all data was written; the end of the file, too, which tells what is in it
     is_whole: bool = False
+    has_end: bool = False
 
 
 class LogReader:
@@ -73,6 +83,14 @@ class LogReader:
             raise FileError(path, f"cannot be read ({error.strerror or error})") from None
 
     @property
+    def topics(self) -> dict[str, str]:
+        """Names of the messages' types by topic; what is in no CDR has its encoding behind the type's name."""
+        if self._contents.has_end and self._contents.channels:
+            return dict(self._contents.channels.values())
+        # without a summary, channels are known from the chunks alone
+        return {logged.topic: logged.type_name for logged in self.messages(on_damage=lambda problem: None)}
+
+    @property
     def attachments(self) -> dict[str, bytes]:
         """Contents by name."""
         return self._contents.attachments
@@ -95,26 +113,34 @@ class LogReader:
     @property
     def span_ns(self) -> tuple[int, int] | None:
         """First and last time of its messages; None where there are none."""
-        chunks = self._contents.chunks
-        if not chunks:
+        places = self._contents.places
+        if not places:
             return None
-        return min(chunk.first_ns for chunk in chunks), max(chunk.last_ns for chunk in chunks)
+        return min(place.first_ns for place in places), max(place.last_ns for place in places)
 
-    def messages(self, from_ns: int | None = None, to_ns: int | None = None) -> Iterator[Logged]:
+    def messages(
+        self, from_ns: int | None = None, to_ns: int | None = None, on_damage: Callable[[str], None] | None = None
+    ) -> Iterator[Logged]:
         """Yield the messages between two times, both included, in the order they were written.
+
+        Parameters
+        ----------
+        from_ns, to_ns : int, optional
+            The times.
+        on_damage : callable, optional
+            Takes what is wrong with a chunk that cannot be read, and is left out.
 
         Raises
         ------
         FileError
-            If a chunk is damaged.
+            If a chunk is damaged, and there is no `on_damage`.
         """
         from mcap.records import Channel, Message, Schema
-        from mcap.stream_reader import breakup_chunk
 
         schemas, channels = dict(self._contents.schemas), dict(self._contents.channels)
         is_known = bool(channels)
         with self.path.open("rb") as stream:
-            for place in self._contents.chunks:
+            for place in self._contents.places:
                 is_outside = (to_ns is not None and place.first_ns > to_ns) or (
                     from_ns is not None and place.last_ns < from_ns
                 )
@@ -122,39 +148,40 @@ class LogReader:
                 if is_outside and is_known:
                     continue
                 try:
-                    records = breakup_chunk(self._chunk(stream, place), validate_crc=True)
+                    records = self._records(stream, place)
                 except Exception as error:  # zstandard, lz4 and struct each raise their own
-                    at = 1e-9 * place.first_ns
-                    raise FileError(
-                        self.path, f"is damaged: its chunk at {at:.3f} s cannot be read ({error})"
-                    ) from None
+                    problem = f"its chunk at {1e-9 * place.first_ns:.3f} s cannot be read ({error})"
+                    if on_damage is None:
+                        raise FileError(self.path, f"is damaged: {problem}") from None
+                    on_damage(problem)
+                    continue
                 for record in records:
                     if isinstance(record, Schema):
                         schemas[record.id] = record.name
                     elif isinstance(record, Channel):
-                        channels[record.id] = (record.topic, schemas.get(record.schema_id, ""))
+                        channels[record.id] = (record.topic, _type_name(record, schemas))
                     elif isinstance(record, Message) and record.channel_id in channels:
                         time_ns = record.log_time
                         if (from_ns is None or time_ns >= from_ns) and (to_ns is None or time_ns <= to_ns):
                             yield Logged(*channels[record.channel_id], time_ns, record.data)
 
-    def _chunk(self, stream: IO[bytes], place: _ChunkPlace) -> Any:
+    def _records(self, stream: IO[bytes], place: _Place) -> list[Any]:
         from mcap.data_stream import ReadDataStream
-        from mcap.records import Chunk
+        from mcap.records import Chunk, Message
+        from mcap.stream_reader import breakup_chunk
 
         stream.seek(place.offset)
-        return Chunk.read(ReadDataStream(stream))
+        if not place.is_chunk:
+            return [Message.read(ReadDataStream(stream), place.length)]
+        return list(breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True))
 
     def _scan(self, stream: IO[bytes]) -> _Contents:
-        """Find the chunks by their records' headers, without reading what is in them."""
-        from mcap.data_stream import ReadDataStream
-        from mcap.records import Attachment, Channel, Header, Metadata, Schema
-
+        """Find chunks and messages by their records' headers, without reading what is in them."""
         if stream.read(len(_MAGIC)) != _MAGIC:
             raise FileError(self.path, "is not an MCAP file")
         contents = _Contents()
         size = self.path.stat().st_size
-        while True:
+        while not contents.has_end:
             head = stream.read(_RECORD.size)
             if len(head) < _RECORD.size:
                 break
@@ -162,25 +189,46 @@ class LogReader:
             offset = stream.tell()
             if offset + length > size:
                 break
-            if opcode == _CHUNK:
-                first_ns, last_ns = _CHUNK_TIMES.unpack(stream.read(_CHUNK_TIMES.size))
-                contents.chunks.append(_ChunkPlace(offset, length, first_ns, last_ns))
-            elif opcode == _ATTACHMENT:
-                attachment = Attachment.read(ReadDataStream(stream))
-                contents.attachments[attachment.name] = attachment.data
-            elif opcode == _METADATA:
-                contents.notes.update(Metadata.read(ReadDataStream(stream)).metadata)
-            elif opcode == _HEADER:
-                contents.library = Header.read(ReadDataStream(stream)).library
-            elif opcode == _SCHEMA:
-                schema = Schema.read(ReadDataStream(stream))
-                contents.schemas[schema.id] = schema.name
-            elif opcode == _CHANNEL:
-                channel = Channel.read(ReadDataStream(stream))
-                contents.channels[channel.id] = (channel.topic, contents.schemas.get(channel.schema_id, ""))
-            elif opcode == _DATA_END:
-                contents.is_whole = True
-            elif opcode == _FOOTER:
+            try:
+                _take_record(contents, stream, opcode, offset, length)
+            except OSError:
+                raise
+            except Exception:  # damaged, as mcap, struct or the text's encoding find it: what follows has no meaning
                 break
             stream.seek(offset + length)
         return contents
+
+
+def _take_record(contents: _Contents, stream: IO[bytes], opcode: int, offset: int, length: int) -> None:
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Attachment, Channel, Header, Metadata, Schema
+
+    data = ReadDataStream(stream)
+    if opcode == _CHUNK:
+        first_ns, last_ns = _CHUNK_TIMES.unpack(stream.read(_CHUNK_TIMES.size))
+        contents.places.append(_Place(offset, length, first_ns, last_ns, is_chunk=True))
+    elif opcode == _MESSAGE:
+        _, _, time_ns, _ = _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))
+        contents.places.append(_Place(offset, length, time_ns, time_ns, is_chunk=False))
+    elif opcode == _ATTACHMENT:
+        attachment = Attachment.read(data)
+        contents.attachments[attachment.name] = attachment.data
+    elif opcode == _METADATA:
+        contents.notes.update(Metadata.read(data).metadata)
+    elif opcode == _HEADER:
+        contents.library = Header.read(data).library
+    elif opcode == _SCHEMA:
+        schema = Schema.read(data)
+        contents.schemas[schema.id] = schema.name
+    elif opcode == _CHANNEL:
+        channel = Channel.read(data)
+        contents.channels[channel.id] = (channel.topic, _type_name(channel, contents.schemas))
+    elif opcode == _DATA_END:
+        contents.is_whole = True
+    elif opcode == _FOOTER:
+        contents.has_end = True
+
+
+def _type_name(channel: Any, schemas: dict[int, str]) -> str:
+    name = schemas.get(channel.schema_id, "")
+    return name if channel.message_encoding == _CDR else f"{name} ({channel.message_encoding})".strip()

@@ -16,7 +16,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.images import frame_of
-from robocup_vision.messages.topics import pose_of
+from robocup_vision.messages.poses import pose_of
 from robocup_vision.messages.types import CALL, decode, to_nanoseconds
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.recording.calls import Call
@@ -176,8 +176,8 @@ class Recording:
             yield logged.topic, 1e-9 * logged.time_ns, decode(logged.data, logged.type_name)
 
     def _messages(self, from_s: float | None, to_s: float | None) -> Iterator[Logged]:
-        bounds = [None if t_s is None else to_nanoseconds(t_s) for t_s in (from_s, to_s)]
-        return self._log.messages(*bounds)
+        from_ns, to_ns = (None if t_s is None else to_nanoseconds(t_s) for t_s in (from_s, to_s))
+        return self._log.messages(from_ns, to_ns)
 
     def _call(self, logged: Logged, image: Logged | None) -> Call:
         try:

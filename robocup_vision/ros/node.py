@@ -12,15 +12,16 @@ from typing import Any
 import numpy as np
 
 from field_models.catalog import load_field
-from field_models.errors import FrameError, RobocupVisionError
+from field_models.errors import FrameError, PacketError, RobocupVisionError
 from robocup_vision.avoidance.steering import Steering
 from robocup_vision.camera.files import load_camera
-from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
+from robocup_vision.messages.camera_infos import camera_info_problem
 from robocup_vision.messages.images import frame_of
-from robocup_vision.messages.topics import FrameNames, Outgoing, Topics, TopicSettings, covariance_3x3, pose_of
+from robocup_vision.messages.poses import pose_of
+from robocup_vision.messages.topics import FrameNames, Outgoing, Topics, TopicSettings, covariance_3x3
 from robocup_vision.messages.types import header, make, to_seconds
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import load_colors
@@ -28,8 +29,6 @@ from robocup_vision.ros.settings import NodeSettings
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
-# a focal length or centre that differs from the camera file's by more than this ratio is another camera's
-_SAME_CAMERA = 0.05
 # without an image for so long the diagnostics warn
 _SILENT_S = 1.0
 _OK, _WARN, _ERROR = 0, 1, 2
@@ -104,10 +103,11 @@ class VisionNode:
     def on_odometry(self, message: Any, now_s: float) -> list[Outgoing]:
         """Take nav_msgs/Odometry in: the pose moves with it."""
         t_s = _time_of(message, now_s)
-        pose, twist = pose_of(message.pose.pose), message.twist.twist
-        values = (*pose.array.tolist(), twist.linear.x, twist.linear.y)
-        if not all(map(math.isfinite, values)):
-            self._problems["odometry"] = "an odometry message is not finite: left out"
+        pose, twist = self._pose_in("odometry", message.pose.pose), message.twist.twist
+        if pose is None:
+            return []
+        if not (math.isfinite(twist.linear.x) and math.isfinite(twist.linear.y)):
+            self._problems["odometry"] = "odometry: the velocity is not finite: left out"
             return []
         self._note_time(t_s)
         motion = Pose2(0.0, 0.0, 0.0) if self._odometry is None else self._odometry.inverse().compose(pose)
@@ -124,16 +124,7 @@ class VisionNode:
 
     def on_camera_info(self, message: Any, now_s: float) -> list[Outgoing]:
         """Compare sensor_msgs/CameraInfo with the camera file; the diagnostics say where they differ."""
-        camera, problem = self.vision.camera, ""
-        size = (int(message.width), int(message.height))
-        if size != tuple(camera.size_px):
-            problem = f"camera_info says {size[0]}x{size[1]}, the camera file {camera.size_px[0]}x{camera.size_px[1]}"
-        elif isinstance(camera, PinholeCamera) and message.k[0] > 0.0:
-            said = (message.k[0], message.k[4], message.k[2], message.k[5])
-            ours = (*camera.focal_px, *camera.center_px)
-            if not np.allclose(said, ours, rtol=_SAME_CAMERA):
-                texts = [", ".join(f"{value:.1f}" for value in values) for values in (said, ours)]
-                problem = f"camera_info says focal length and centre {texts[0]}, the camera file {texts[1]}"
+        problem = camera_info_problem(message, self.vision.camera)
         if problem:
             self._problems["camera_info"] = problem
         else:
@@ -146,9 +137,11 @@ class VisionNode:
         if frame not in ("", self.settings.map_frame):
             self._problems["initialpose"] = f"initialpose is in frame {frame!r}, must be in {self.settings.map_frame!r}"
             return []
-        pose, covariance = pose_of(message.pose.pose), covariance_3x3(message.pose.covariance)
-        if not (np.isfinite(pose.array).all() and np.isfinite(covariance).all()):
-            self._problems["initialpose"] = "initialpose is not finite: left out"
+        pose, covariance = self._pose_in("initialpose", message.pose.pose), covariance_3x3(message.pose.covariance)
+        if pose is None:
+            return []
+        if not np.isfinite(covariance).all():
+            self._problems["initialpose"] = "initialpose: the covariance is not finite: left out"
             return []
         self._problems.pop("initialpose", None)
         self._initial = PoseEstimate(pose, covariance, 1.0, 0.0)
@@ -163,9 +156,8 @@ class VisionNode:
         if frame not in ("", self.settings.map_frame):
             self._problems["goal_pose"] = f"goal_pose is in frame {frame!r}, must be in {self.settings.map_frame!r}"
             return []
-        goal = pose_of(message.pose)
-        if not np.isfinite(goal.array).all():
-            self._problems["goal_pose"] = "goal_pose is not finite: left out"
+        goal = self._pose_in("goal_pose", message.pose)
+        if goal is None:
             return []
         self._problems.pop("goal_pose", None)
         self._goal = goal
@@ -200,6 +192,14 @@ class VisionNode:
         status = make("diagnostic_msgs/msg/DiagnosticStatus", level, "robocup_vision", text, "", pairs)
         message = make("diagnostic_msgs/msg/DiagnosticArray", header(now_s, ""), [status])
         return [Outgoing("/diagnostics", message, now_s)]
+
+    def _pose_in(self, topic: str, message: Any) -> Pose2 | None:
+        """Return the pose that came on a topic; None where it is none, which the diagnostics say."""
+        try:
+            return pose_of(message)
+        except PacketError as error:
+            self._problems[topic] = f"{topic}: {error}: left out"
+            return None
 
     def _look(self, frame: Any, t_s: float) -> View:
         initial, self._initial = self._initial, None

@@ -6,7 +6,6 @@ are published, so that raw and compressed topics need no option, and a topic of 
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -21,7 +20,7 @@ from robocup_vision.live.sources.newest import Newest
 from robocup_vision.live.sources.setup import setup_by_options, vision_by_options
 from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.messages.images import frame_of
-from robocup_vision.messages.topics import pose_of
+from robocup_vision.messages.poses import pose_of
 from robocup_vision.messages.types import decode, prepare, to_seconds
 from robocup_vision.ros.bridge import message_class
 from robocup_vision.vision import Vision
@@ -106,10 +105,9 @@ class TopicSource:
         self._newest.put((message, t_s, self._odometry))
 
     def on_odometry(self, message: Any, now_s: float) -> None:
-        """Take a nav_msgs/Odometry; one that is not finite is left out."""
-        pose = pose_of(message.pose.pose)
-        if all(map(math.isfinite, pose.array.tolist())):
-            self._odometry = pose
+        """Take a nav_msgs/Odometry; one whose pose is none is left out."""
+        with suppress(PacketError):
+            self._odometry = pose_of(message.pose.pose)
 
     def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
         """Return the newest frame, if there is one that has not been read; raises as `Source.read`."""

@@ -15,19 +15,19 @@ from robocup_vision.belief import MapPicture
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
+from robocup_vision.messages.camera_infos import camera_info
+from robocup_vision.messages.poses import pose_of
 from robocup_vision.messages.topics import (
     TOPIC_TYPES,
     FrameNames,
     Outgoing,
     Topics,
     TopicSettings,
-    camera_info,
     camera_transform,
     covariance_3x3,
     covariance_6x6,
     occupancy_grid,
     pose_message,
-    pose_of,
 )
 from robocup_vision.messages.types import decode, encode, to_seconds
 

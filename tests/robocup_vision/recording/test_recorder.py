@@ -126,7 +126,7 @@ def test_a_file_cut_in_its_head_says_so(recorded: tuple[Path, list[str]], tmp_pa
 
 def test_a_damaged_chunk_is_named_by_its_time(recorded: tuple[Path, list[str]], tmp_path: Path) -> None:
     reader = LogReader(recorded[0])
-    place = reader._contents.chunks[0]
+    place = reader._contents.places[0]
     data = bytearray(recorded[0].read_bytes())
     middle = place.offset + place.length // 2
     data[middle : middle + 64] = bytes(64)

@@ -15,8 +15,10 @@ from field_models.errors import ArgumentError, FileError
 from robocup_vision.camera.files import save_camera
 from robocup_vision.commands import ros as ros_command
 from robocup_vision.geometry import Pose2
+from robocup_vision.messages.camera_infos import camera_info
 from robocup_vision.messages.images import image_message
-from robocup_vision.messages.topics import Topics, camera_info, covariance_6x6, pose_message, pose_of
+from robocup_vision.messages.poses import pose_of
+from robocup_vision.messages.topics import Topics, covariance_6x6, pose_message
 from robocup_vision.messages.types import header, make
 from robocup_vision.ros.node import VisionNode
 from robocup_vision.ros.settings import NodeSettings
@@ -107,8 +109,11 @@ def test_a_pose_in_another_frame_or_not_finite_is_left_out(node: VisionNode) -> 
     assert "goal_pose is in frame 'odom', must be in 'map'" in _status(node, 0.0).message
     goal = make("geometry_msgs/msg/PoseStamped", header(0.0, "map"), pose_message(Pose2(math.nan, 0.0, 0.0)))
     node.on_goal(goal, 0.0)
-    assert "goal_pose is not finite" in _status(node, 0.0).message
-    for frame, x, problem in (("odom", 0.0, "initialpose is in frame"), ("map", math.inf, "initialpose is not finite")):
+    assert "goal_pose: the position is not finite" in _status(node, 0.0).message
+    for frame, x, problem in (
+        ("odom", 0.0, "initialpose is in frame"),
+        ("map", math.inf, "initialpose: the position is not finite"),
+    ):
         pose = make("geometry_msgs/msg/PoseWithCovariance", pose_message(Pose2(x, 0.0, 0.0)), np.zeros(36))
         node.on_initial_pose(make("geometry_msgs/msg/PoseWithCovarianceStamped", header(0.0, frame), pose), 0.0)
         assert problem in _status(node, 0.0).message
@@ -173,7 +178,7 @@ def test_odometry_that_is_not_finite_is_left_out(node: VisionNode) -> None:
     message = Topics(node.vision.field, node.vision.camera).of_odometry(Pose2(0.0, 0.0, 0.0), 0.0)[0].message
     message.pose.pose.position.x = math.nan
     node.on_odometry(message, 0.0)
-    assert "odometry message is not finite" in _status(node, 0.0).message
+    assert "odometry: the position is not finite" in _status(node, 0.0).message
 
 
 def test_options_are_the_settings() -> None:

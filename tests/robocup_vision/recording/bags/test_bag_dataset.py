@@ -14,10 +14,12 @@ from recorded_runs import LIMITS, make_vision, record_run, run_frames
 from field_models.errors import ArgumentError, FileError
 from robocup_vision import cli
 from robocup_vision.camera.files import save_camera
-from robocup_vision.geometry import Pose2
+from robocup_vision.evaluation.dataset import Truth
 from robocup_vision.messages.types import decode, header, make, typestore
-from robocup_vision.recording.bag import Bag, is_bag
-from robocup_vision.recording.bag_dataset import BagTopics, load_bag, pose_at, recorded_steering
+from robocup_vision.recording.bags.bag import Bag, is_bag
+from robocup_vision.recording.bags.bag_dataset import load_bag, recorded_steering
+from robocup_vision.recording.bags.bag_frames import BagTopics
+from robocup_vision.recording.bags.stream import pose_at
 from robocup_vision.recording.log_reader import LogReader
 from robocup_vision.recording.recorder import RecorderSettings
 from robocup_vision.recording.recording import Recording
@@ -154,7 +156,7 @@ def test_what_is_missing_is_named(recorded: Path, camera: Path, tmp_path: Path) 
     with pytest.raises(FileError, match="is no bag that can be read"):
         load_bag(tmp_path / "text.db3", field="ssl_2001", camera=camera)
     assert is_bag(tmp_path / "bag")
-    assert not is_bag(tmp_path)
+    assert not is_bag(tmp_path / "none")
 
 
 def test_a_folder_of_images_has_no_topics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -163,7 +165,7 @@ def test_a_folder_of_images_has_no_topics(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_an_image_of_another_size_or_encoding_is_an_unreadable_row(
-    recorded: Path, camera: Path, tmp_path: Path
+    recorded: Path, camera: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -182,8 +184,9 @@ def test_an_image_of_another_size_or_encoding_is_an_unreadable_row(
     rows = (out / "results.csv").read_text().splitlines()[1:]
     assert "encoding 'mono8' cannot be read" in rows[1]
     assert "is 4x4, the camera file says 256x220" in rows[2]
-    # the stamp of the good image is 0: the time it was logged counts
-    assert len(rows) == 4
+    # the stamp of the last image is 0, after those of others
+    assert len(rows) == 3
+    assert capsys.readouterr().out.startswith("bag: 1 of 4 left out\n")
 
 
 def test_a_damaged_message_is_its_frames_error(recorded: Path, tmp_path: Path) -> None:
@@ -198,10 +201,11 @@ def test_a_damaged_message_is_its_frames_error(recorded: Path, tmp_path: Path) -
 
 
 def test_poses_are_interpolated_between_near_neighbours_alone() -> None:
-    poses = [(0.0, Pose2(0.0, 0.0, 3.0)), (0.2, Pose2(1.0, 2.0, -3.0)), (2.0, Pose2(5.0, 5.0, 0.0))]
+    poses = [(0.0, Truth(0.0, 0.0, 3.0)), (0.2, Truth(1.0, 2.0, -3.0)), (2.0, Truth(5.0, 5.0, None))]
     middle = pose_at(poses, 0.1)
     assert middle is not None
-    assert middle.array[:2] == pytest.approx((0.5, 1.0))
+    assert (middle.x_m, middle.y_m) == pytest.approx((0.5, 1.0))
+    assert middle.theta_rad is not None
     assert abs(middle.theta_rad) == pytest.approx(math.pi, abs=1e-9)
     assert pose_at(poses, 1.0) is None
     assert pose_at(poses, -0.1) is None

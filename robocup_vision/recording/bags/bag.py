@@ -1,0 +1,307 @@
+"""Any recorded bag: a rosbag2 folder, a .mcap or .db3 file, a ROS 1 .bag; its topics and their messages.
+
+A bag is read from its message files themselves: an index, a summary or a metadata.yaml may be missing, as where a
+recorder was killed. What a file does not hold, or could not be read of it, is said in `Bag.notes`.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sqlite3
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from functools import lru_cache, partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple, Protocol
+
+from field_models.errors import FileError, PacketError, RobocupVisionError
+from robocup_vision.files.images import IMAGE_SUFFIXES
+from robocup_vision.messages.types import decode, require_ros_extra
+from robocup_vision.recording.log_reader import LogReader
+
+_METADATA = "metadata.yaml"
+_PACKED = ".zstd"
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+
+
+def is_bag(path: str | Path) -> bool:
+    """Whether a path is a recording or a bag, as far as names tell."""
+    path = Path(path)
+    if not path.is_dir():
+        return _kind(path) is not None
+    if (path / _METADATA).is_file():
+        return True
+    # recordings beside images are somebody's images
+    has_images = any(entry.suffix.lower() in IMAGE_SUFFIXES for entry in path.iterdir())
+    return not has_images and not (path / "dataset.toml").is_file() and bool(_message_files(path))
+
+
+class _Message(NamedTuple):
+    time_ns: int
+    type_name: str
+    data: bytes
+
+
+class _Part(Protocol):
+    """One message file."""
+
+    @property
+    def topics(self) -> Mapping[str, str]: ...
+
+    @property
+    def is_whole(self) -> bool: ...
+
+    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[_Message]: ...
+
+    def decode(self, data: bytes, type_name: str) -> Any: ...
+
+
+class Bag:
+    """A bag, opened as often as it is read.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder of .mcap or .db3 files, such a file, or a ROS 1 .bag. A .mcap that was cut off is read up to its last
+        whole chunk.
+
+    Attributes
+    ----------
+    topics : mapping of str to str
+        Names of the messages' types by topic.
+    notes : list of str
+        What could not be read of it; grows while messages are read.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    RobocupVisionError
+        If the extra `ros` is not installed.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        require_ros_extra()
+        self.path = Path(path)
+        self.notes: list[str] = []
+        self._unpacked: TemporaryDirectory[str] | None = None
+        if not self.path.exists():
+            raise FileError(path, "does not exist")
+        files = self._files() if self.path.is_dir() else [self.path]
+        self._parts = [(file, self._open(file)) for file in files]
+        self.topics: Mapping[str, str] = {topic: name for _, part in self._parts for topic, name in part.topics.items()}
+        for file, part in self._parts:
+            if not part.is_whole and not part.topics:
+                self._note(f"{file.name}: was cut off before its first whole chunk: nothing of it can be read")
+            elif not part.is_whole:
+                self._note(f"{file.name}: was cut off: read up to its last whole chunk")
+        if not self.topics:
+            raise FileError(path, "; ".join(["holds no message that can be read", *self.notes]))
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it was closed properly."""
+        return all(part.is_whole for _, part in self._parts)
+
+    def messages(self, topic: str) -> Iterator[tuple[float, Any]]:
+        """Yield time, seconds, and message of a topic, in the order of the file; a message that is none is its error.
+
+        Raises
+        ------
+        FileError
+            If it cannot be read any more.
+        """
+        for file, part in self._parts:
+            try:
+                for message in part.messages(topic, partial(self._left_out, file.name)):
+                    yield 1e-9 * message.time_ns, _decoded(part, message)
+            except (GeneratorExit, RobocupVisionError):
+                raise
+            except Exception as error:  # sqlite and rosbags each raise their own
+                self._left_out(file.name, f"it cannot be read to its end ({_one_line(error)})")
+
+    def _left_out(self, name: str, problem: str) -> None:
+        self._note(f"{name}: is damaged: {problem}: left out")
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def _files(self) -> list[Path]:
+        """Return the message files of a folder, as metadata.yaml orders them, else by number."""
+        found = _message_files(self.path)
+        named = _named_files(self.path / _METADATA)
+        if named is None:
+            state = "cannot be read" if (self.path / _METADATA).exists() else "is missing"
+            if not found:
+                raise FileError(self.path, f"holds no .mcap or .db3 file, and its {_METADATA} {state}")
+            names = ", ".join(file.name for file in found)
+            self._note(f"{self.path.name}: its {_METADATA} {state} (was the recorder killed?): read from {names}")
+            return found
+        missing = [name for name in named if not (self.path / name).is_file()]
+        if missing:
+            raise FileError(self.path / _METADATA, "names a file that is not there", value=missing[0])
+        others = [file.name for file in found if file.name not in named]
+        if others:
+            self._note(f"{self.path.name}: its {_METADATA} does not name {', '.join(others)}: left out")
+        return [self.path / name for name in named]
+
+    def _open(self, file: Path) -> _Part:
+        kind = _kind(file)
+        try:
+            if file.suffix.lower() == _PACKED:
+                file = self._unpack(file)
+            if kind == ".mcap":
+                return _McapPart(file)
+            if kind == ".db3":
+                return _SqlitePart(self._with_journal(file))
+            if kind == ".bag":
+                return _Ros1Part(file)
+        except (OSError, RobocupVisionError):
+            raise
+        except Exception as error:  # sqlite, zstandard and rosbags each raise their own
+            raise FileError(file, f"is no bag that can be read ({_one_line(error)})") from None
+        raise FileError(file, "is no bag: must be a folder of rosbag2, or a .mcap, .db3 or .bag file")
+
+    def _unpack(self, file: Path) -> Path:
+        from zstandard import ZstdDecompressor
+
+        unpacked = self._folder() / file.stem
+        with file.open("rb") as packed, unpacked.open("wb") as plain:
+            ZstdDecompressor().copy_stream(packed, plain)
+        return unpacked
+
+    def _with_journal(self, file: Path) -> Path:
+        """Return the database, or where a killed recorder has left a journal beside it, a copy that has taken it in."""
+        journals = [file.with_name(file.name + end) for end in ("-wal", "-journal")]
+        if not any(journal.is_file() and journal.stat().st_size for journal in journals):
+            return file
+        copy = self._folder() / file.name
+        for source in (file, *journals):
+            if source.is_file():
+                shutil.copyfile(source, copy.with_name(source.name))
+        with closing(sqlite3.connect(copy)) as database:
+            database.execute("PRAGMA journal_mode=DELETE").fetchall()
+        return copy
+
+    def _folder(self) -> Path:
+        if self._unpacked is None:
+            self._unpacked = TemporaryDirectory(prefix="robocup_vision-bag-")
+        return Path(self._unpacked.name)
+
+
+class _McapPart:
+    def __init__(self, file: Path) -> None:
+        self._reader = LogReader(file)
+        self.is_whole = self._reader.is_whole
+        self.topics = self._reader.topics
+
+    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[_Message]:
+        for logged in self._reader.messages(on_damage=on_damage):
+            if logged.topic == topic:
+                yield _Message(logged.time_ns, logged.type_name, logged.data)
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        return decode(data, type_name)
+
+
+class _SqlitePart:
+    is_whole = True
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        with closing(self._connect()) as database:
+            rows = database.execute("SELECT name, type, serialization_format FROM topics").fetchall()
+        self.topics = {name: kind if form == "cdr" else f"{kind} ({form})" for name, kind, form in rows}
+
+    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[_Message]:
+        with closing(self._connect()) as database:
+            yield from (
+                _Message(*row)
+                for row in database.execute(
+                    "SELECT timestamp, type, data FROM messages JOIN topics ON topics.id = topic_id WHERE name = ?"
+                    " ORDER BY timestamp, messages.id",
+                    (topic,),
+                )
+            )
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        return decode(data, type_name)
+
+    def _connect(self) -> sqlite3.Connection:
+        return sqlite3.connect(f"{self._file.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+
+
+class _Ros1Part:
+    is_whole = True
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        with self._reader() as reader:
+            self.topics = {connection.topic: connection.msgtype for connection in reader.connections}
+
+    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[_Message]:
+        with self._reader() as reader:
+            connections = [connection for connection in reader.connections if connection.topic == topic]
+            for connection, time_ns, data in reader.messages(connections) if connections else ():
+                yield _Message(time_ns, connection.msgtype, data)
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        return _ros1_typestore().deserialize_ros1(data, type_name)
+
+    def _reader(self) -> Any:
+        from rosbags.rosbag1 import Reader
+
+        return Reader(self._file)
+
+
+@lru_cache(maxsize=1)
+def _ros1_typestore() -> Any:
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS1_NOETIC)
+
+
+def _kind(file: Path) -> str | None:
+    """Return the suffix that tells what a message file is; None: it is none."""
+    plain = file.with_suffix("") if file.suffix.lower() == _PACKED else file
+    # a ROS 1 recorder that was killed leaves .bag.active
+    plain = plain.with_suffix("") if plain.suffix.lower() == ".active" else plain
+    suffix = plain.suffix.lower()
+    return suffix if suffix in (".mcap", ".db3", ".bag") else None
+
+
+def _message_files(folder: Path) -> list[Path]:
+    files = [entry for entry in folder.iterdir() if _kind(entry) in (".mcap", ".db3") and entry.name[0] != "."]
+    # bag_2 before bag_10
+    return sorted(files, key=lambda file: [(len(word), word) for word in re.split(r"(\d+)", file.name)])
+
+
+def _named_files(metadata: Path) -> list[str] | None:
+    """Return the files that a metadata.yaml names; None where it is missing or cannot be read."""
+    from ruamel.yaml import YAML
+
+    try:
+        # rosbag2 itself looks beside the file, whatever folder the entries name
+        named = YAML(typ="safe").load(metadata.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        return [Path(str(entry)).name for entry in named["relative_file_paths"]]
+    except Exception:  # any text may stand there
+        return None
+
+
+def _decoded(part: _Part, message: _Message) -> Any:
+    data = message.data
+    try:
+        if data[:4] == _ZSTD_MAGIC:
+            from zstandard import ZstdDecompressor
+
+            data = ZstdDecompressor().decompressobj().decompress(data)
+        return part.decode(data, message.type_name)
+    except Exception as error:  # rosbags raises errors of several kinds
+        return PacketError(f"a message is no {message.type_name} ({_one_line(error)})")
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,149 @@
+"""Recordings and bags as datasets, so that `evaluate` scores them as it scores a folder of images.
+
+Frames, times and odometry come from the topics of images and odometry, truth from a topic of poses. A recording of this
+library brings its field, camera and colours along; of any other bag they must be named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from field_models.catalog import load_field
+from field_models.errors import ArgumentError
+from robocup_vision.camera import load_camera
+from robocup_vision.evaluation.dataset import FrameTime, Truth
+from robocup_vision.evaluation.steering import SteerPlan
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.methods import choose_method
+from robocup_vision.perception.color_table import load_colors
+from robocup_vision.recording.bags.bag import Bag
+from robocup_vision.recording.bags.bag_frames import BagTopics, dataset_of_bag
+from robocup_vision.recording.bags.stream import Frames, StreamDataset, order_note, with_frames
+from robocup_vision.recording.bags.topic_times import rising
+from robocup_vision.recording.calls import DROPPED, LOOK, STEER
+from robocup_vision.recording.log_reader import LogReader
+from robocup_vision.recording.recorder import RUN_ATTACHMENT
+from robocup_vision.recording.recording import Recording
+
+
+def recorded_steering(path: str | Path) -> SteerPlan | None:
+    """Return how a recorded robot was steered; None of a bag, and of a recording without a `Steering`.
+
+    Raises
+    ------
+    FileError
+        If a part of the file is damaged.
+    """
+    path = Path(path)
+    if not _is_recording(path):
+        return None
+    recording = Recording(path)
+    run = recording.run.steering
+    if run is None:
+        return None
+    asked: dict[float, Mapping[str, Any]] = {}
+    t_s: float | None = None
+    for call in recording.calls():
+        if call.kind == LOOK:
+            t_s = None if call.inputs.get(DROPPED) else call.inputs["t_s"]
+            t_s = call.t_s if t_s is None else t_s
+        elif call.kind == STEER and t_s is not None:
+            asked[t_s] = {name: value for name, value in call.inputs.items() if name != "free_space"}
+    return SteerPlan(run.robot_radius_m, run.limits, run.settings, recorded=asked)
+
+
+def load_bag(
+    path: str | Path,
+    *,
+    field: str | Path | None = None,
+    camera: str | Path | None = None,
+    colors: str | Path | None = None,
+    method: str | None = None,
+    topics: BagTopics = BagTopics(),
+) -> StreamDataset:
+    """Load and check a recording or a bag, without keeping its frames.
+
+    Parameters
+    ----------
+    path : str or Path
+        A recording, a rosbag2 folder, or a .mcap or .db3 file.
+    field, camera, colors, method
+        As of `load_dataset`; needed where the file is no recording of this library.
+    topics : BagTopics
+        Which topics are read.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read, a topic is missing or of another type, or it is not clear which one is meant.
+    ArgumentError
+        If `field` or `camera` is needed, or the method does not fit.
+    """
+    path = Path(path)
+    own = Recording(path) if _is_recording(path) else None
+    for name, value in (("field", field), ("camera", camera)):
+        if value is None and own is None:
+            raise ArgumentError(f"{path}: is no recording of robocup-vision, so --{name} must be given")
+    pitch = own.field if field is None and own is not None else load_field(field or "")
+    used_camera = own.camera if camera is None and own is not None else load_camera(camera or "")
+    used_colors = load_colors(colors) if colors is not None else None if own is None else own.colors
+    ran = None if own is None else own.run.vision
+    wanted = method if method is not None or ran is None or camera is not None else ran.method
+    plain = StreamDataset(
+        name=path.stem if path.is_file() else path.resolve().name,
+        path=path,
+        image_names=(),
+        field=pitch,
+        camera=used_camera,
+        colors=used_colors,
+        method=choose_method(used_camera, wanted).name,
+        times={},
+        truth={},
+        mask=None if ran is None or camera is not None else ran.mask,
+        symmetry="none" if pitch.halves_differ else "point",
+    )
+    if own is not None and topics == BagTopics():
+        return _of_recording(plain, own)
+    return dataset_of_bag(plain, Bag(path), topics)
+
+
+def _is_recording(path: Path) -> bool:
+    return path.suffix.lower() == ".mcap" and path.is_file() and RUN_ATTACHMENT in LogReader(path).attachments
+
+
+def _of_recording(plain: StreamDataset, recording: Recording) -> StreamDataset:
+    times_s: list[float] = []
+    motions: list[Pose2 | None] = []
+    pans: dict[float, float] = {}
+    for frame in recording.frames():
+        times_s.append(frame.t_s)
+        motions.append(frame.odometry)
+        if frame.pan_rad is not None:
+            pans[frame.t_s] = frame.pan_rad
+
+    def frames() -> Frames:
+        return (frame.frame for frame in recording.frames())
+
+    kept = rising(times_s)
+    name = recording.path.name
+    notes = [
+        *([] if recording.is_whole else [f"{name}: was cut off: read up to its last whole chunk"]),
+        *order_note(name, times_s, kept),
+    ]
+    truth = [(t_s, Truth(pose.x_m, pose.y_m, pose.theta_rad)) for t_s, pose in recording.truth()]
+    times = [FrameTime(times_s[index], motion) for index, motion in zip(kept, _motions(motions, kept), strict=True)]
+    return replace(with_frames(plain, len(times_s), kept, times, frames, truth, notes), pans=pans)
+
+
+def _motions(motions: Sequence[Pose2 | None], kept: Sequence[int]) -> Iterator[Pose2 | None]:
+    """Yield the motion between frames that are kept, over those that are not; None where a part of it is unknown."""
+    last = -1
+    for index in kept:
+        motion: Pose2 | None = Pose2(0.0, 0.0, 0.0)
+        for step in motions[last + 1 : index + 1]:
+            motion = None if motion is None or step is None else motion.compose(step)
+        last = index
+        yield motion

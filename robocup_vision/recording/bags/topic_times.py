@@ -1,0 +1,97 @@
+"""When the messages of a bag's topic were taken: by their headers' stamps, which may be missing or wrong.
+
+A stamp is compared with when its message was logged: the two clocks may differ in offset and rate, but a stamp that
+is far from where the others put its message is none.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from statistics import median
+from typing import Any
+
+from field_models.errors import PacketError
+from robocup_vision.messages.types import to_seconds
+
+# a message may wait for so long before it is logged
+_MAX_DELAY_S = 10.0
+# a clock of another rate, such as a slow simulator's, drifts away from that of the log: in median absolute deviations
+_MAX_DRIFT = 20.0
+
+
+@dataclass(frozen=True)
+class TopicTimes:
+    """When each message of a topic was taken, and when it was logged.
+
+    Parameters
+    ----------
+    topic : str
+        Its name.
+    stamps_s : tuple of float
+        By the headers; NaN where a message cannot be read.
+    logged_s : tuple of float
+        By the bag.
+    """
+
+    topic: str
+    stamps_s: tuple[float, ...]
+    logged_s: tuple[float, ...]
+
+    @property
+    def has_stamps(self) -> bool:
+        """Whether anybody has filled the stamps in: one that is 0 among others is a time like any other."""
+        return any(stamp != 0.0 for stamp in self.stamps_s if not math.isnan(stamp)) or not self.stamps_s
+
+    @cached_property
+    def off(self) -> frozenset[int]:
+        """Numbers of the messages whose stamps are not of the clock of the others."""
+        apart = [stamp - logged for stamp, logged in zip(self.stamps_s, self.logged_s, strict=True)]
+        known = [value for value in apart if not math.isnan(value)]
+        if not known:
+            return frozenset()
+        middle = median(known)
+        drift = median(abs(value - middle) for value in known)
+        bound = _MAX_DELAY_S + _MAX_DRIFT * drift + max(self.logged_s) - min(self.logged_s)
+        return frozenset(index for index, value in enumerate(apart) if abs(value - middle) > bound)
+
+    def times_s(self, *, by_stamps: bool) -> list[float]:
+        """Return when each message was taken: by its stamp, or else when it was logged.
+
+        Where a message cannot be read, what was logged stands in, on the clock of the stamps before.
+        """
+        if not by_stamps:
+            return list(self.logged_s)
+        times, apart = [], 0.0
+        for index, (stamp, logged) in enumerate(zip(self.stamps_s, self.logged_s, strict=True)):
+            if not math.isnan(stamp) and index not in self.off:
+                apart = stamp - logged
+            times.append(logged + apart if math.isnan(stamp) else stamp)
+        return times
+
+
+def rising(times_s: Sequence[float]) -> list[int]:
+    """Return the places of the longest part of a sequence that rises strictly; of several the earliest.
+
+    A time that is wrong so costs itself alone, and not those that come after it.
+    """
+    # how many can follow each place, itself included; by length, the largest value that such a part begins with
+    begins: list[float] = []
+    lengths = [0] * len(times_s)
+    for place in reversed(range(len(times_s))):
+        at = bisect.bisect_left(begins, -times_s[place])
+        begins[at : at + 1] = [-times_s[place]]
+        lengths[place] = at + 1
+    chosen: list[int] = []
+    for place, (time_s, length) in enumerate(zip(times_s, lengths, strict=True)):
+        if length == len(begins) - len(chosen) and (not chosen or time_s > times_s[chosen[-1]]):
+            chosen.append(place)
+    return chosen
+
+
+def stamp_s(message: Any) -> float:
+    """Return the stamp of a message's header; NaN where the message could not be read."""
+    return math.nan if isinstance(message, PacketError) else to_seconds(message.header.stamp)
