@@ -27,6 +27,11 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--vision-port", type=int, default=10020, metavar="P", help="10020 (default), or 10006 as the league's own")
     add("--referee-port", type=int, default=10003, metavar="P", help="default: 10003")
     add("--robot-port", type=int, metavar="P", help="default: 10302 for yellow, 10301 for blue")
+    add(
+        "--game-controller",
+        metavar="HOST",
+        help="tell a game controller there (port 10008) who keeps the goal (default: tell nobody)",
+    )
     add("--speed", type=float, default=1.5, metavar="V", help="how fast robots drive at most, m/s (default: 1.5)")
     add("--seconds", type=float, metavar="T", help="end after so long (default: never)")
     parser.set_defaults(run=run_play)
@@ -69,6 +74,7 @@ def run_play(args: argparse.Namespace) -> int:
         vision_port=args.vision_port,
         referee_port=args.referee_port,
         robot_port=args.robot_port,
+        controller_host=args.game_controller,
     ) as client:
         print(
             f"{args.team} on {args.field}: vision at 224.5.23.2:{args.vision_port}, robots at {args.host}", flush=True

@@ -58,6 +58,17 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
         action="store_true",
         help="publish the own referee again when a game controller that was heard falls silent (default: never)",
     )
+    add(
+        "--game-controller",
+        metavar="HOST",
+        help="be the automatic referee (port 10007) of a game controller that runs there, and press on its page (8081) "
+        "what a person would",
+    )
+    add(
+        "--ci",
+        action="store_true",
+        help="with --game-controller: it was started for continuous integration (10009) and goes by simulated time",
+    )
     add("--seconds", type=float, metavar="T", help="end after so much simulated time (default: never)")
     parser.set_defaults(run=run_simulate)
     return parser
@@ -73,6 +84,7 @@ def run_simulate(args: argparse.Namespace) -> int:
     """
     import math
     import time
+    from contextlib import ExitStack
 
     from field_models import load_field
     from field_models.errors import ArgumentError
@@ -80,6 +92,7 @@ def run_simulate(args: argparse.Namespace) -> int:
     from sim2d.network.built_in import built_in_robots, check_apart
     from sim2d.network.camera_images import CameraImages
     from sim2d.network.control import MAX_CLOCK_RATIO, MIN_CLOCK_RATIO
+    from sim2d.network.controller_link import ControllerLink
     from sim2d.network.league import LeagueSimulator
     from sim2d.network.realism import realism_named
     from sim2d.network.server import LeagueServer, Ports, ServerSettings
@@ -104,8 +117,14 @@ def run_simulate(args: argparse.Namespace) -> int:
     simulator.speed = args.speed or math.inf
     simulator.vision_port = args.vision_port
     ports = Ports(args.control_port, args.tracker_port, args.referee_port)
+    if args.ci and args.game_controller is None:
+        raise ArgumentError("--ci needs --game-controller HOST")
     settings = ServerSettings(own_referee_returns=args.own_referee_returns)
-    with LeagueServer(simulator, args.network, ports, settings) as server:
+    with ExitStack() as opened:
+        controller = None
+        if args.game_controller is not None:
+            controller = opened.enter_context(ControllerLink(field, args.game_controller, drives=args.ci))
+        server = opened.enter_context(LeagueServer(simulator, args.network, ports, settings, controller))
         print(f"{args.field}, {args.players} against {args.players}, realism {args.realism}, network {args.network}")
         print(f"vision 224.5.23.2:{args.vision_port}, tracker 224.5.23.2:{ports.tracker}, referee 224.5.23.1:", end="")
         print(f"{ports.referee}; control {ports.control}, blue {ports.blue}, yellow {ports.yellow}", flush=True)
@@ -114,6 +133,8 @@ def run_simulate(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print()
         _print_end(server)
+        if controller is not None:
+            print(f"{controller.events} events told to the game controller")
     if images is not None:
         images.close()
         print(f"{images.saved} images in {images.folder}")

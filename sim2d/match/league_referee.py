@@ -217,6 +217,49 @@ class LeagueReferee:
         self._stop(t_s, NextPlay("force_start", 0, self._rules.legal_place((ball.x_m, ball.y_m))))
         self._give("halt", 0, t_s)
 
+    def follow(
+        self,
+        command: Command,
+        side: int,
+        t_s: float,
+        ball: BallState,
+        coming: NextPlay | None = None,
+        kind: Restart = "force_start",
+        *,
+        is_in_play: bool = False,
+    ) -> None:
+        """Take over what another referee has commanded, so that `judge` sees what happens under it.
+
+        Parameters
+        ----------
+        command, side : str, int
+            What it is, and whose turn.
+        t_s : float
+            When it was given.
+        ball : BallState
+            Where a kick begins.
+        coming : NextPlay, optional
+            What comes after a stop or placement.
+        kind : str
+            What a kick is: a kick-off, a free kick or a penalty.
+        is_in_play : bool
+            Whether the ball has been kicked since.
+        """
+        self._next = coming or NextPlay("force_start", 0, (ball.x_m, ball.y_m))
+        self.placement_m = self._next.place_m if command == "ball_placement" else None
+        self._kind, self._is_moved_by_hand = kind, False
+        kicked = command in ("normal_start", "direct_free") and not is_in_play
+        self._kick_from = (ball.x_m, ball.y_m) if kicked else None
+        if not is_in_play:
+            self._touching = self._last = self._kicker = None
+        self._still = (math.inf, math.inf, t_s)
+        self._give(command, side, t_s)
+
+    @property
+    def last_touch(self) -> tuple[int, int] | None:
+        """Side and number of who touched the ball last since it is in play."""
+        return self._last
+
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
         """Return the rulings of a moment: what happened, and where the ball is put."""
         self.cards = {side: [end for end in ends if end > t_s] for side, ends in self.cards.items()}

@@ -37,7 +37,8 @@ from robocup_vision.ssl.sockets import (
 )
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.network.league import Channel, LeagueSimulator
+from sim2d.network.controller_link import ControllerLink
+from sim2d.network.league import STEPS_A_FRAME, STEPS_A_JUDGEMENT, Channel, LeagueSimulator
 from sim2d.network.packets import REFEREE_SOURCE
 from sim2d.network.world import STEP_S
 
@@ -121,6 +122,8 @@ class LeagueServer(Closing):
         Where.
     settings : ServerSettings, optional
         Its times.
+    controller : ControllerLink, optional
+        A game controller that the simulator is the referee's eyes and hands of.
 
     Attributes
     ----------
@@ -143,11 +146,13 @@ class LeagueServer(Closing):
         interface: str = "loopback",
         ports: Ports = Ports(),
         settings: ServerSettings = ServerSettings(),
+        controller: ControllerLink | None = None,
     ) -> None:
         self.simulator, self.ports, self._settings = simulator, ports, settings
         self.lateness_s: deque[float] = deque(maxlen=settings.latenesses)
         self.behind_s = 0.0
-        self.problems = Problems()
+        self.problems = Problems() if controller is None else controller.problems
+        self._controller = controller
         self._referees = RefereeChoice()
         self._heard_referee = False
         self._speed = simulator.speed
@@ -232,9 +237,19 @@ class LeagueServer(Closing):
             if abs(epoch_s - simulator.epoch_s) > _CLOCK_OFF_S:
                 simulator.epoch_s = epoch_s
         packets = simulator.step()
+        if self._controller is not None:
+            self._serve_controller(self._controller)
         if due_s is not None:
             _wait_until(due_s, self._settings.spin_s)
         self._publish(packets, due_s)
+
+    def _serve_controller(self, controller: ControllerLink) -> None:
+        simulator = self.simulator
+        if simulator.world.steps % STEPS_A_FRAME == 0:
+            for packet in controller.drive(simulator.world.state, simulator.epoch_s):
+                self._follow_referee(packet, None)
+        if simulator.world.steps % STEPS_A_JUDGEMENT == 0:
+            controller.judge(simulator.world.state, simulator.epoch_s)
 
     def _publish(self, packets: list[tuple[Channel, bytes]], due_s: float | None) -> None:
         addresses = {
@@ -284,11 +299,18 @@ class LeagueServer(Closing):
         except PacketError as error:
             self.problems.add("bad datagrams of the referee", f"from the referee's group: {error}")
             return
-        if packet.source_identifier == REFEREE_SOURCE:
-            return
+        # one that is driven answers by itself; what it publishes says the same
+        if packet.source_identifier != REFEREE_SOURCE and not (
+            self._controller is not None and self._controller.drives
+        ):
+            self._follow_referee(packet, sender)
+
+    def _follow_referee(self, packet: Referee, sender: tuple[str, int] | None) -> None:
         if self._referees.hear((packet.source_identifier, sender), time.monotonic()):
             self._heard_referee = True
             self.simulator.hear_referee(packet)
+            if self._controller is not None:
+                self._controller.hear(packet, self.simulator.world.state)
         if self._referees.problem:
             self.problems.add(self._referees.problem)
 

@@ -381,4 +381,89 @@ message Any
     2 value bytes
 """
 
-TABLES = {"vision": VISION, "tracked": TRACKED, "referee": REFEREE, "simulation": SIMULATION}
+# What automatic referees and teams exchange with the game controller. The league has a message of its own for each
+# event; those of one robot are laid out alike, and are `ByRobot` here: number 4 is the speed or the distance.
+CONTROLLER = """
+enum ControllerReply.StatusCode
+    UNKNOWN_STATUS_CODE=0 OK=1 REJECTED=2
+enum ControllerReply.Verification
+    UNKNOWN_VERIFICATION=0 VERIFIED=1 UNVERIFIED=2
+message ControllerReply
+    1 status_code ControllerReply.StatusCode
+    2 reason string
+    3 next_token string
+    4 verification ControllerReply.Verification
+message Signature
+    1 token string!
+    2 pkcs1v15 bytes!
+message AutoRefRegistration
+    1 identifier string!
+    2 signature Signature
+message AutoRefToController
+    1 signature Signature
+    2 game_event GameEvent
+message ControllerToAutoRef
+    1 controller_reply ControllerReply oneof msg
+enum AdvantageChoice
+    STOP=0 CONTINUE=1
+message TeamRegistration
+    1 team_name string!
+    2 signature Signature
+    3 team Team
+message TeamToController
+    1 signature Signature
+    2 desired_keeper int32 oneof msg
+    3 advantage_choice AdvantageChoice oneof msg
+    4 substitute_bot bool oneof msg
+    5 ping bool oneof msg
+message ControllerToTeam
+    1 controller_reply ControllerReply oneof msg
+enum Team
+    UNKNOWN=0 YELLOW=1 BLUE=2
+message Vector2
+    1 x float!
+    2 y float!
+enum GameEvent.Type
+    UNKNOWN_GAME_EVENT_TYPE=0 PLACEMENT_SUCCEEDED=5 BALL_LEFT_FIELD_TOUCH_LINE=6 BALL_LEFT_FIELD_GOAL_LINE=7
+    ATTACKER_DOUBLE_TOUCHED_BALL=14 ATTACKER_TOUCHED_BALL_IN_DEFENSE_AREA=15 BOT_KICKED_BALL_TOO_FAST=18
+    BOT_INTERFERED_PLACEMENT=20 BOT_TOO_FAST_IN_STOP=28 DEFENDER_TOO_CLOSE_TO_KICK_POINT=29
+    DEFENDER_IN_DEFENSE_AREA=31 POSSIBLE_GOAL=39
+message GameEvent
+    50 id string
+    40 type GameEvent.Type
+    41 origin string[]
+    49 created_timestamp uint64
+    5 placement_succeeded PlacementSucceeded oneof event
+    6 ball_left_field_touch_line ByRobot oneof event
+    7 ball_left_field_goal_line ByRobot oneof event
+    14 attacker_double_touched_ball ByRobot oneof event
+    15 attacker_touched_ball_in_defense_area ByRobot oneof event
+    18 bot_kicked_ball_too_fast ByRobot oneof event
+    20 bot_interfered_placement ByRobot oneof event
+    28 bot_too_fast_in_stop ByRobot oneof event
+    29 defender_too_close_to_kick_point ByRobot oneof event
+    31 defender_in_defense_area ByRobot oneof event
+    39 possible_goal Goal oneof event
+message ByRobot
+    1 by_team Team!
+    2 by_bot uint32
+    3 location Vector2
+    4 amount float
+message PlacementSucceeded
+    1 by_team Team!
+    2 time_taken float
+    3 precision float
+    4 distance float
+message Goal
+    1 by_team Team!
+    6 kicking_team Team
+    2 kicking_bot uint32
+    3 location Vector2
+    4 kick_location Vector2
+    5 max_ball_height float
+    7 num_robots_by_team uint32
+    8 last_touch_by_team uint64
+    9 message string
+"""
+
+TABLES = {"vision": VISION, "tracked": TRACKED, "referee": REFEREE, "simulation": SIMULATION, "controller": CONTROLLER}

@@ -15,6 +15,7 @@ from robocup_vision.ssl.requests import RobotClient
 from robocup_vision.ssl.sockets import LOOPBACK, SIMULATED_VISION_PORT
 from robocup_vision.ssl.subscriptions import RefereeClient, VisionClient
 from robocup_vision.ssl.values.simulation import Team
+from sim2d.network.team.desk import TeamDesk
 from sim2d.network.team.team import OverheadTeam, TeamSettings
 from sim2d.robot_link import CONTROL_PERIOD_S
 
@@ -47,6 +48,8 @@ class TeamClient(Closing):
         Where.
     robot_port : int, optional
         Default: the league's for that team.
+    controller_host : str, optional
+        Where a game controller runs that is told who keeps the goal.
 
     Attributes
     ----------
@@ -70,6 +73,7 @@ class TeamClient(Closing):
         vision_port: int = SIMULATED_VISION_PORT,
         referee_port: int = 10003,
         robot_port: int | None = None,
+        controller_host: str | None = None,
     ) -> None:
         self.team = OverheadTeam(team, field, settings)
         self.sent = 0
@@ -78,6 +82,9 @@ class TeamClient(Closing):
             self._vision = opened.enter_context(VisionClient(vision_port, interface))
             self._referee = opened.enter_context(RefereeClient(referee_port, interface))
             self._robots = opened.enter_context(RobotClient(team, host, robot_port))
+            self._desk: TeamDesk | None = None
+            if controller_host is not None:
+                self._desk = opened.enter_context(TeamDesk(team, controller_host, self.team.problems))
         except BaseException:
             opened.close()
             raise
@@ -135,6 +142,8 @@ class TeamClient(Closing):
         # the referee first: however much vision sends, a halt is obeyed
         for told in self._referee.receive_newest(_MAX_REFEREE_PACKETS):
             self.team.hear_referee(told, self._referee.sender)
+            if self._desk is not None:
+                self._desk.hear(told, self.team.intents, time.monotonic())
         if self._referee.is_silent:
             self.team.lose_referee()
         skipped = self._vision.skipped

@@ -1,0 +1,130 @@
+"""A TCP connection whose messages come after their size as a varint, as the league's game controller speaks."""
+
+from __future__ import annotations
+
+import select
+import socket
+import time
+
+from field_models.errors import ArgumentError, PacketError
+
+# no message of the league is nearly as large: whoever announces more is no peer
+MAX_FRAME_BYTES = 8 * 1024 * 1024
+_CHUNK_BYTES = 1 << 16
+
+
+def connect(name: str, host: str, port: int, timeout_s: float) -> socket.socket:
+    """Return a connection that sends at once.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none; `name` says to whom.
+    """
+    try:
+        made = socket.create_connection((host, port), timeout_s)
+    except (OSError, OverflowError) as error:
+        words = getattr(error, "strerror", None) or error
+        raise ArgumentError(f"cannot reach {name} at {host}:{port}: {words}") from None
+    made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return made
+
+
+class Framed:
+    """Sends and receives whole messages over a connected socket.
+
+    Parameters
+    ----------
+    name : str
+        Of the other side, for errors.
+    connected : socket.socket
+        The connection; it is closed with this.
+    """
+
+    def __init__(self, name: str, connected: socket.socket) -> None:
+        self._name, self._socket = name, connected
+        self._buffer = bytearray()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+    def fileno(self) -> int:
+        """Return the socket's number."""
+        return self._socket.fileno()
+
+    def send(self, data: bytes) -> None:
+        """Send a message.
+
+        Raises
+        ------
+        ArgumentError
+            If the connection is lost.
+        """
+        try:
+            self._socket.sendall(varint(len(data)) + data)
+        except OSError as error:
+            raise ArgumentError(f"{self._name} is gone: {error.strerror or error}") from None
+
+    def receive(self, wait_s: float) -> bytes | None:
+        """Return the next message, or None after a time.
+
+        Raises
+        ------
+        ArgumentError
+            If the connection is lost.
+        PacketError
+            If what comes is no message, or larger than 8 MB.
+        """
+        end_s = time.monotonic() + wait_s
+        while (frame := take_frame(self._buffer)) is None:
+            ready, _, _ = select.select([self._socket], [], [], max(end_s - time.monotonic(), 0.0))
+            if not ready:
+                return None
+            self._read()
+        return frame
+
+    def _read(self) -> None:
+        try:
+            data = self._socket.recv(_CHUNK_BYTES)
+        except OSError as error:
+            raise ArgumentError(f"{self._name} is gone: {error.strerror or error}") from None
+        if not data:
+            raise ArgumentError(f"{self._name} has closed the connection")
+        self._buffer += data
+
+
+def varint(number: int) -> bytes:
+    """Return a number of 0 or more as a varint: seven bits a byte, the lowest first."""
+    out = bytearray()
+    while number > 0x7F:
+        out.append(number & 0x7F | 0x80)
+        number >>= 7
+    out.append(number)
+    return bytes(out)
+
+
+def take_frame(buffer: bytearray, most_bytes: int = MAX_FRAME_BYTES) -> bytes | None:
+    """Take the first whole message off a buffer; None while it is not there yet.
+
+    Raises
+    ------
+    PacketError
+        If its size is no varint, or larger than allowed.
+    """
+    size = shift = 0
+    for place, byte in enumerate(buffer[:5]):
+        size |= (byte & 0x7F) << shift
+        shift += 7
+        if byte < 0x80:
+            if size > most_bytes:
+                raise PacketError(f"a message must have at most {most_bytes} bytes, announced are {size}")
+            end = place + 1 + size
+            if len(buffer) < end:
+                return None
+            frame = bytes(buffer[place + 1 : end])
+            del buffer[:end]
+            return frame
+    if len(buffer) >= 5:
+        raise PacketError("the size before a message is no varint of at most 5 bytes")
+    return None

@@ -1,0 +1,185 @@
+"""What an automatic referee and a team tell the game controller, and what it replies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from robocup_vision.ssl.protocol.mapping import Wire, message_value
+from robocup_vision.ssl.protocol.open_enum import OpenEnum
+from robocup_vision.ssl.values.simulation import Team
+
+
+class ReplyStatus(OpenEnum):
+    """Whether the game controller did what it was asked."""
+
+    UNKNOWN = 0
+    OK = 1
+    REJECTED = 2
+
+
+class EventKind(OpenEnum):
+    """What happened; those that an automatic referee here tells."""
+
+    UNKNOWN = 0
+    PLACEMENT_SUCCEEDED = 5
+    BALL_LEFT_FIELD_TOUCH_LINE = 6
+    BALL_LEFT_FIELD_GOAL_LINE = 7
+    ATTACKER_DOUBLE_TOUCHED_BALL = 14
+    ATTACKER_TOUCHED_BALL_IN_DEFENSE_AREA = 15
+    BOT_KICKED_BALL_TOO_FAST = 18
+    BOT_INTERFERED_PLACEMENT = 20
+    BOT_TOO_FAST_IN_STOP = 28
+    DEFENDER_TOO_CLOSE_TO_KICK_POINT = 29
+    DEFENDER_IN_DEFENSE_AREA = 31
+    POSSIBLE_GOAL = 39
+
+
+class AdvantageChoice(OpenEnum):
+    """What a team wants when the other one has fouled it."""
+
+    STOP = 0
+    CONTINUE = 1
+
+
+@message_value("controller.ControllerReply")
+@dataclass(frozen=True, slots=True)
+class ControllerReply:
+    """What the game controller replies to each message; `reason` says why it rejected one."""
+
+    status: Annotated[ReplyStatus | None, Wire("status_code")] = None
+    reason: str | None = None
+    next_token: str | None = None
+    unknown: bytes = b""
+
+
+@message_value("controller.Vector2")
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point of the floor, field frame, metres."""
+
+    x_m: Annotated[float, Wire("x")]
+    y_m: Annotated[float, Wire("y")]
+    unknown: bytes = b""
+
+
+@message_value("controller.ByRobot")
+@dataclass(frozen=True, slots=True)
+class ByRobot:
+    """Which robot did something, where, and by how much: m/s or metres."""
+
+    team: Annotated[Team, Wire("by_team")]
+    number: Annotated[int | None, Wire("by_bot")] = None
+    place: Annotated[Place | None, Wire("location")] = None
+    amount: float | None = None
+    unknown: bytes = b""
+
+
+@message_value("controller.PlacementSucceeded")
+@dataclass(frozen=True, slots=True)
+class PlacementSucceeded:
+    """A team has placed the ball: in which time, how near to its place, and how far it was."""
+
+    team: Annotated[Team, Wire("by_team")]
+    took_s: Annotated[float | None, Wire("time_taken")] = None
+    off_m: Annotated[float | None, Wire("precision")] = None
+    distance_m: Annotated[float | None, Wire("distance")] = None
+    unknown: bytes = b""
+
+
+@message_value("controller.Goal")
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """The ball is in a goal: for which team, kicked by whom, and how high it flew at most."""
+
+    team: Annotated[Team, Wire("by_team")]
+    kicking_team: Team | None = None
+    kicking_number: Annotated[int | None, Wire("kicking_bot")] = None
+    place: Annotated[Place | None, Wire("location")] = None
+    max_height_m: Annotated[float | None, Wire("max_ball_height")] = None
+    robots: Annotated[int | None, Wire("num_robots_by_team")] = None
+    unknown: bytes = b""
+
+
+@message_value("controller.GameEvent")
+@dataclass(frozen=True, slots=True)
+class RefereeEvent:
+    """Something that an automatic referee has seen: its kind, when (microseconds since 1970), and one of the fields."""
+
+    kind: Annotated[EventKind | None, Wire("type")] = None
+    time_us: Annotated[int | None, Wire("created_timestamp")] = None
+    placement_succeeded: PlacementSucceeded | None = None
+    ball_left_field_touch_line: ByRobot | None = None
+    ball_left_field_goal_line: ByRobot | None = None
+    attacker_double_touched_ball: ByRobot | None = None
+    attacker_touched_ball_in_defense_area: ByRobot | None = None
+    bot_kicked_ball_too_fast: ByRobot | None = None
+    bot_interfered_placement: ByRobot | None = None
+    bot_too_fast_in_stop: ByRobot | None = None
+    defender_too_close_to_kick_point: ByRobot | None = None
+    defender_in_defense_area: ByRobot | None = None
+    possible_goal: Goal | None = None
+    unknown: bytes = b""
+
+
+def referee_event(kind: EventKind, what: ByRobot | PlacementSucceeded | Goal, time_us: int) -> RefereeEvent:
+    """Return the event that tells what happened."""
+    return RefereeEvent(kind, time_us, **{kind.name.lower(): what})  # type: ignore[arg-type]
+
+
+@message_value("controller.AutoRefRegistration")
+@dataclass(frozen=True, slots=True)
+class AutoRefRegistration:
+    """The first message of an automatic referee."""
+
+    identifier: str
+    unknown: bytes = b""
+
+
+@message_value("controller.AutoRefToController")
+@dataclass(frozen=True, slots=True)
+class AutoRefMessage:
+    """A message of an automatic referee."""
+
+    event: Annotated[RefereeEvent | None, Wire("game_event")] = None
+    unknown: bytes = b""
+
+
+@message_value("controller.ControllerToAutoRef")
+@dataclass(frozen=True, slots=True)
+class AutoRefReply:
+    """A message to an automatic referee."""
+
+    reply: Annotated[ControllerReply | None, Wire("controller_reply")] = None
+    unknown: bytes = b""
+
+
+@message_value("controller.TeamRegistration")
+@dataclass(frozen=True, slots=True)
+class TeamRegistration:
+    """The first message of a team; its name as the game controller has it."""
+
+    team_name: str
+    team: Team | None = None
+    unknown: bytes = b""
+
+
+@message_value("controller.TeamToController")
+@dataclass(frozen=True, slots=True)
+class TeamMessage:
+    """A wish of a team: one of the fields."""
+
+    desired_keeper: int | None = None
+    advantage_choice: AdvantageChoice | None = None
+    substitute_robot: Annotated[bool | None, Wire("substitute_bot")] = None
+    ping: bool | None = None
+    unknown: bytes = b""
+
+
+@message_value("controller.ControllerToTeam")
+@dataclass(frozen=True, slots=True)
+class TeamReply:
+    """A message to a team."""
+
+    reply: Annotated[ControllerReply | None, Wire("controller_reply")] = None
+    unknown: bytes = b""

@@ -1,0 +1,124 @@
+"""The simulator's people at a running game controller: its automatic referee, and who sits at its keyboard.
+
+With them and two teams a game controller plays a whole match by itself.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from contextlib import ExitStack
+
+from field_models import Field
+from field_models.errors import ArgumentError, PacketError
+from robocup_vision.closing import Closing
+from robocup_vision.ssl.ci import CiClient
+from robocup_vision.ssl.controller_clients import AutoRefClient
+from robocup_vision.ssl.field import geometry_from_field
+from robocup_vision.ssl.operator import Operator
+from robocup_vision.ssl.problems import Problems
+from robocup_vision.ssl.values.referee import CiInput, Referee
+from sim2d.match.pitch_rules import kick_time_s
+from sim2d.network.autoref import Autoref
+from sim2d.network.packets import robot_states, tracker_packet
+from sim2d.network.world import STEPS_PER_S, LeagueState
+
+IDENTIFIER = "sim2d"
+_NS_PER_S = 1e9
+# a person's eyes and fingers are no faster
+_OPERATOR_S = 0.2
+_DIVISION_A_KICK_S = 5.0
+
+
+class ControllerLink(Closing):
+    """The connections to one game controller. Close it, or use it in a ``with``.
+
+    What is lost is said, and the simulator goes on without it.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    host : str
+        Name or IPv4 address of the machine the game controller runs on.
+    drives : bool
+        Whether it was started for continuous integration: it is told the time and the truth, and goes by them.
+
+    Attributes
+    ----------
+    drives : bool
+        As above.
+    problems : Problems
+        What went wrong.
+    events : int
+        How many events were told.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no connection.
+    """
+
+    def __init__(self, field: Field, host: str, *, drives: bool = False) -> None:
+        self._field, self.drives = field, drives
+        self._autoref = Autoref(field)
+        self.problems = Problems()
+        self.events = 0
+        self._looks_s = -math.inf
+        self._frames = 0
+        division = "DIV_A" if kick_time_s(field) == _DIVISION_A_KICK_S else "DIV_B"
+        opened = ExitStack()
+        try:
+            self._client: AutoRefClient | None = opened.enter_context(AutoRefClient(IDENTIFIER, host))
+            self._operator: Operator | None = opened.enter_context(Operator(host, division=division))
+            self._ci: CiClient | None = opened.enter_context(CiClient(host)) if drives else None
+        except BaseException:
+            opened.close()
+            raise
+        self._opened = opened
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._opened.close()
+
+    def hear(self, packet: Referee, state: LeagueState) -> None:
+        """Take in a packet of the game controller."""
+        self._autoref.hear(packet, state.t_s, state.ball)
+
+    def drive(self, state: LeagueState, epoch_s: float) -> list[Referee]:
+        """Tell a game controller that goes by the simulator's time what it is and what is true; return its packets."""
+        if self._ci is None:
+            return []
+        geometry = geometry_from_field(self._field) if self._frames % STEPS_PER_S == 0 else None
+        self._frames += 1
+        packet = tracker_packet(state, self._frames, epoch_s)
+        try:
+            return self._ci.exchange(CiInput(round(_NS_PER_S * (epoch_s + state.t_s)), packet, geometry=geometry), 0.0)
+        except (ArgumentError, PacketError) as error:
+            self.problems.add(str(error))
+            self._ci = None
+            return []
+
+    def judge(self, state: LeagueState, epoch_s: float) -> None:
+        """Tell the game controller what has happened, and press what is due."""
+        now_s = epoch_s + state.t_s
+        events = self._autoref.judge(state.t_s, robot_states(state), state.ball, now_s)
+        try:
+            if self._client is not None:
+                for event in events:
+                    self._client.tell(event)
+                    self.events += 1
+                self._client.listen()
+                for words in self._client.problems.take_new():
+                    self.problems.add(words)
+        except (ArgumentError, PacketError) as error:
+            self.problems.add(str(error))
+            self._client = None
+        if time.monotonic() - self._looks_s < _OPERATOR_S or self._operator is None:
+            return
+        self._looks_s = time.monotonic()
+        try:
+            self._operator.look(state.t_s if self.drives else None)
+        except (ArgumentError, ValueError) as error:
+            self.problems.add(str(error))
+            self._operator = None
