@@ -45,7 +45,8 @@ class _ControllerClient(Closing, Generic[R]):
     """
 
     def __init__(self, name: str, reply: type[R], registration: object, host: str, port: int) -> None:
-        self._name, self._reply = f"{name} of the game controller at {host}:{port}", reply
+        self._name = f"{name} of the game controller at {host}:{port}"
+        self._reply: type[R] = reply
         self.problems = Problems()
         self._connection = Framed(self._name, connect(name + " of a game controller", host, port, _TIMEOUT_S))
         try:

@@ -1,0 +1,234 @@
+"""Clients of the game controller's ports, against one of the test's own that speaks as the league's does."""
+
+import base64
+import hashlib
+import json
+import socket
+import struct
+import threading
+from contextlib import suppress
+
+import pytest
+from ssl_sockets import free_port
+
+from field_models.errors import ArgumentError
+from robocup_vision.ssl.controller_clients import AutoRefClient, TeamPortClient
+from robocup_vision.ssl.framed import take_frame, varint
+from robocup_vision.ssl.operator import Operator
+from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.values.controller import (
+    AdvantageChoice,
+    AutoRefMessage,
+    AutoRefRegistration,
+    AutoRefReply,
+    ByRobot,
+    ControllerReply,
+    EventKind,
+    Place,
+    ReplyStatus,
+    TeamMessage,
+    TeamRegistration,
+    TeamReply,
+    referee_event,
+)
+from robocup_vision.ssl.values.simulation import Team
+
+WAIT_S = 5.0
+OK = ControllerReply(ReplyStatus.OK)
+
+
+@pytest.fixture
+def controller():
+    """Return a function that answers one connection with given replies, and the messages it got."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen(1)
+        listening.settimeout(WAIT_S)
+        threads = []
+
+        def run(reply_type, replies):
+            heard = []
+
+            def serve():
+                connection, _ = listening.accept()
+                connection.settimeout(WAIT_S)
+                buffer = bytearray()
+                with connection:
+                    for place, reply in enumerate(replies):
+                        if place:
+                            while (frame := take_frame(buffer)) is None:
+                                data = connection.recv(4096)
+                                if not data:
+                                    return
+                                buffer += data
+                            heard.append(frame)
+                        data = encode(reply_type(reply))
+                        connection.sendall(varint(len(data)) + data)
+                    # until the client has read it
+                    with suppress(ConnectionError):
+                        connection.recv(1)
+
+            threads.append(threading.Thread(target=serve))
+            threads[-1].start()
+            return heard
+
+        yield listening.getsockname()[1], run
+        for thread in threads:
+            thread.join(WAIT_S)
+
+
+def test_an_automatic_referee_registers_and_tells_events(controller):
+    port, run = controller
+    heard = run(AutoRefReply, [OK, OK, OK, ControllerReply(ReplyStatus.REJECTED, "no such event")])
+    event = referee_event(
+        EventKind.BOT_TOO_FAST_IN_STOP, ByRobot(Team.BLUE, 3, Place(1.0, 2.0), 1.75), 1_700_000_000_000_000
+    )
+    with AutoRefClient("eyes", port=port) as client:
+        client.tell(event)
+        client.tell(event)
+        reply = client._next(WAIT_S)
+        while reply is not None and reply.status == ReplyStatus.OK:
+            reply = client._next(WAIT_S)
+        assert reply.reason == "no such event"
+    assert decode(AutoRefRegistration, heard[0]).identifier == "eyes"
+    assert decode(AutoRefMessage, heard[1]).event == event
+    # the league's numbers: type 40, bot_too_fast_in_stop 28
+    assert b"\xc0\x02\x1c" in heard[1]
+    assert b"\xe2\x01" in heard[1]
+
+
+def test_a_team_asks_and_what_is_rejected_is_said(controller):
+    port, run = controller
+    rejected = ControllerReply(ReplyStatus.REJECTED, "Ball is not in the opponents half")
+    heard = run(TeamReply, [OK, OK, rejected, OK, OK, OK])
+    with TeamPortClient("Test Team", Team.YELLOW, port=port) as client:
+        client.change_keeper(4)
+        while not client.problems.counts:
+            client.listen()
+        client.choose_advantage(goes_on=True)
+        client.ask_for_substitution()
+        client.ping()
+        assert "rejects: Ball is not in the opponents half" in client.problems.take_new()[0]
+    registration = decode(TeamRegistration, heard[0])
+    assert (registration.team_name, registration.team) == ("Test Team", Team.YELLOW)
+    told = [decode(TeamMessage, data) for data in heard[1:]]
+    assert told[0] == TeamMessage(desired_keeper=4)
+    assert told[1] == TeamMessage(advantage_choice=AdvantageChoice.CONTINUE)
+
+
+def test_who_is_refused_or_not_answered_is_told_why(controller):
+    port, run = controller
+    run(AutoRefReply, [OK, ControllerReply(ReplyStatus.REJECTED, "already registered")])
+    with pytest.raises(ArgumentError, match=r"the port for referees of the game controller at .* refuses: already"):
+        AutoRefClient("eyes", port=port)
+    with pytest.raises(ArgumentError, match="cannot reach the port for teams of a game controller at"):
+        TeamPortClient("x", Team.BLUE, port=free_port())
+
+
+class Page:
+    """A page of a game controller: a web socket's server for one connection."""
+
+    def __init__(self):
+        self.listening = socket.socket()
+        self.listening.bind(("127.0.0.1", 0))
+        self.listening.listen(1)
+        self.listening.settimeout(WAIT_S)
+        self.port = self.listening.getsockname()[1]
+        self.thread = threading.Thread(target=self.accept)
+        self.thread.start()
+
+    def accept(self):
+        """Shake hands."""
+        self.connection, _ = self.listening.accept()
+        self.connection.settimeout(WAIT_S)
+        request = self.connection.recv(4096).decode()
+        key = next(line for line in request.split("\r\n") if line.startswith("Sec-WebSocket-Key")).split(": ")[1]
+        digest = hashlib.sha1((key + "258EAFA5-E914-47DA-95CA-C5AB0DC85B11").encode()).digest()
+        answer = base64.b64encode(digest).decode()
+        head = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        self.connection.sendall(f"{head}Sec-WebSocket-Accept: {answer}\r\n\r\n".encode())
+
+    def say(self, value, kind=1):
+        """Send a frame."""
+        data = json.dumps(value).encode()
+        size = bytes([len(data)]) if len(data) < 126 else b"\x7e" + struct.pack(">H", len(data))
+        self.connection.sendall(bytes([0x80 | kind]) + size + data)
+
+    def hear(self):
+        """Return the next frame's kind and value."""
+        head = self.connection.recv(2)
+        size = head[1] & 0x7F
+        if size == 126:
+            size = struct.unpack(">H", self.connection.recv(2))[0]
+        mask, data = self.connection.recv(4), self.connection.recv(size)
+        return head[0] & 0x0F, json.loads(bytes(byte ^ mask[k % 4] for k, byte in enumerate(data)))
+
+    def close(self):
+        """Close all."""
+        self.thread.join(WAIT_S)
+        self.connection.close()
+        self.listening.close()
+
+
+@pytest.fixture
+def page():
+    """Return a page that an operator may connect to."""
+    made = Page()
+    yield made
+    made.close()
+
+
+def look(operator, now_s, *, until):
+    # what was sent is there a moment later
+    for _ in range(500):
+        operator.look(now_s)
+        if until():
+            return
+        threading.Event().wait(0.01)
+    raise AssertionError("nothing happened")
+
+
+def action(kind, state="READY_MANUAL", *issues):
+    return {"type": kind, "forTeam": "UNKNOWN", "state": state, "continuationIssues": list(issues)}
+
+
+def test_the_operator_sets_the_match_and_presses_what_a_person_would(page):
+    with Operator(port=page.port, division="DIV_B") as operator:
+        page.thread.join(WAIT_S)
+        page.say({"matchState": {"matchType": "UNKNOWN_MATCH", "teamState": {"YELLOW": {"name": ""}}}})
+        look(operator, 0.0, until=lambda: operator._is_set)
+        assert page.hear() == (1, {"change": {"updateConfigChange": {"matchType": "FRIENDLY", "division": "DIV_B"}}})
+        named = {"forTeam": "YELLOW", "teamName": "Yellow"}
+        assert page.hear() == (1, {"change": {"updateTeamStateChange": named}})
+        page.say({}, kind=9)
+        page.say({"gcState": {"continueActions": [action("STOP_GAME"), action("RESUME_FROM_HALT")]}})
+        look(operator, 1.0, until=lambda: operator._wish[0] == "RESUME_FROM_HALT")
+        assert page.hear()[0] == 10
+        operator.look(1.9)
+        assert operator.pressed == []
+        operator.look(2.0)
+        assert page.hear() == (1, {"continueAction": {"type": "RESUME_FROM_HALT", "forTeam": "UNKNOWN"}})
+        operator.look(3.0)
+        assert operator.pressed == ["RESUME_FROM_HALT"]
+
+
+def test_the_operator_leaves_play_alone_and_waits_for_what_is_in_the_way(page):
+    with Operator(port=page.port) as operator:
+        page.thread.join(WAIT_S)
+        page.say({"gcState": {"continueActions": [action("STOP_GAME"), action("BALL_PLACEMENT_CANCEL")]}})
+        look(operator, 0.0, until=lambda: len(operator._actions) == 2)
+        operator.look(100.0)
+        page.say({"gcState": {"continueActions": [action("NORMAL_START", "BLOCKED", "a robot is in the way")]}})
+        look(operator, 101.0, until=lambda: operator._wish[0] == "NORMAL_START")
+        operator.look(115.0)
+        assert operator.pressed == []
+        operator.look(116.5)
+        assert operator.pressed == ["NORMAL_START"]
+        page.connection.close()
+        with pytest.raises(ArgumentError, match="has closed the connection|is gone"):
+            look(operator, 117.0, until=lambda: False)
+
+
+def test_a_page_that_is_none_is_reported():
+    with pytest.raises(ArgumentError, match="cannot reach the game controller's page"):
+        Operator(port=free_port())
