@@ -225,7 +225,7 @@ def test_the_operator_leaves_play_alone_and_waits_for_what_is_in_the_way(page):
         operator.look(116.5)
         assert operator.pressed == ["NORMAL_START"]
         page.connection.close()
-        with pytest.raises(ArgumentError, match="has closed the connection|is gone"):
+        with pytest.raises(ArgumentError, match=r"has closed the connection|is gone"):
             look(operator, 117.0, until=lambda: False)
 
 

@@ -56,8 +56,8 @@ def test_before_a_game_controller_speaks_nothing_is_told():
 
 @pytest.mark.parametrize("blue_positive", [True, False])
 def test_a_goal_is_told_once_for_the_side_that_attacks_it(blue_positive):
-    game = Game().say(C.FORCE_START, blue_on_positive_half=blue_positive).go(ball=BallState(4.4, 0.0))
-    game.go(robots=[robot(1, 1, 4.29, 0.0)]).go(0.5, ball=BallState(4.6, 0.0))
+    game = Game().say(C.FORCE_START, blue_on_positive_half=blue_positive).go(ball=BallState(3.0, 0.0))
+    game.go(robots=[robot(1, 1, 2.89, 0.0)]).go(0.5, ball=BallState(4.6, 0.0))
     assert game.kinds == [K.POSSIBLE_GOAL]
     goal = game.told[0].possible_goal
     assert goal.team == (Team.YELLOW if blue_positive else Team.BLUE)

@@ -1,6 +1,7 @@
 """What a team tells the game controller: another keeper where its own is not there, and no more than it must."""
 
 import dataclasses
+from typing import ClassVar
 
 import pytest
 
@@ -15,7 +16,7 @@ from sim2d.network.team import desk
 class Client:
     """A game controller's port that takes everything."""
 
-    made = []
+    made: ClassVar[list] = []
 
     def __init__(self, name, team, host):
         if name == "refused":
