@@ -3,6 +3,7 @@ from .avoidance.steering_settings import SteeringSettings
 from .avoidance.wayfinder import Wayfinder
 from .belief import Belief
 from .camera.files import load_camera
+from .camera.mounting import Mounting
 from .errors import ArgumentError, FileError, FrameError, PacketError, RobocupVisionError
 from .estimates import NotLocated, PoseEstimate, SwappedChannels
 from .fields import Field, field_names, load_field
@@ -23,6 +24,7 @@ __all__ = [
     "FrameError",
     "Memory",
     "MotionLimits",
+    "Mounting",
     "NotLocated",
     "PacketError",
     "Pose2",

@@ -10,6 +10,7 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arguments import as_camera, as_count, as_field, as_number, as_pose, as_prior, as_time, require_kind
 from robocup_vision.arrays import Frame, UInt8Array
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
@@ -147,7 +148,7 @@ class Vision:
         self.fixed_colors, self.online = colors, online
         self.channels = channels
         self._is_fresh = True
-        self._takes_covariance = chosen.takes_covariance
+        self._takes_covariance, self._takes_mounting = chosen.takes_covariance, chosen.takes_mounting
 
     def look(
         self,
@@ -156,6 +157,7 @@ class Vision:
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
         pan_rad: float | None = None,
+        mounting: Mounting | None = None,
     ) -> View:
         """See what a frame shows.
 
@@ -175,6 +177,10 @@ class Vision:
         pan_rad : float, optional
             Where a pinhole camera's head looked when the frame was taken, from straight ahead, positive to the left;
             default: the camera file's. A camera file without pan and offset is the robot itself.
+        mounting : Mounting, optional
+            How neck and body held a pinhole camera when the frame was taken, by joints or an inertial sensor: pan,
+            tilt, roll and height, each with its standard deviation. What it leaves out is as in the camera file. All
+            but the pan is for method "edges".
 
         Raises
         ------
@@ -182,22 +188,23 @@ class Vision:
             If the frame has another size or type.
         ArgumentError
             With a memory: if `t_s` is missing, or runs backwards where odometry is handed over. If a mirror camera is
-            given a pan, an argument is of another type, or not finite.
+            given a pan or mounting, the method or `online` does not take a mounting, an argument is of another type,
+            or not finite.
         """
         t_s = None if t_s is None else as_time(t_s)
         odometry = None if odometry is None else as_pose("odometry", odometry)
         prior = None if prior is None else as_prior(prior)
-        pan_rad = None if pan_rad is None else as_number("pan_rad", pan_rad)
+        mounting = self._as_mounting(mounting, None if pan_rad is None else as_number("pan_rad", pan_rad))
         self._is_fresh = False
         if frame is None:
             return self._look_at_nothing(t_s, odometry)
         # the pipeline refuses what is not of bytes
         frame = cast("UInt8Array", frame)
         if self._memory is None:
-            view = self._look(frame, t_s, odometry, prior, pan_rad)
+            view = self._look(frame, t_s, odometry, prior, mounting)
             self._refine_camera(frame, view)
         else:
-            view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, pan_rad)
+            view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, mounting)
         return view
 
     def _refine_camera(self, frame: UInt8Array, view: View) -> bool:
@@ -215,13 +222,34 @@ class Vision:
         t_s: float | None,
         odometry: Pose2 | None,
         prior: PoseEstimate | Pose2 | None,
-        pan_rad: float | None,
+        mounting: Mounting | None,
     ) -> View:
         if isinstance(self._pipeline, PinholePipeline):
-            return self._pipeline.look(frame, t_s, odometry, prior, pan_rad)
-        if pan_rad is not None:
-            raise ArgumentError("pan_rad is for a pinhole camera on a head: a mirror camera has no pan")
+            return self._pipeline.look(frame, t_s, odometry, prior, mounting)
         return self._pipeline.look(frame, t_s, odometry, prior)
+
+    def _as_mounting(self, mounting: Mounting | None, pan_rad: float | None) -> Mounting | None:
+        """Return how the camera is held in a frame, by both arguments; None: as its file says."""
+        if mounting is None and pan_rad is None:
+            return None
+        if not isinstance(self.camera, PinholeCamera):
+            raise ArgumentError("pan_rad and mounting are for a pinhole camera on a head: a mirror camera has no pan")
+        if mounting is None:
+            return Mounting(pan_rad=pan_rad)
+        require_kind("mounting", mounting, Mounting, "a Mounting(tilt_rad=..., ...)")
+        if pan_rad is not None:
+            if mounting.pan_rad is not None:
+                raise ArgumentError("the pan is told twice, by pan_rad and by the mounting")
+            mounting = replace(mounting, pan_rad=pan_rad)
+        if not mounting.pans_only:
+            if not self._takes_mounting:
+                raise ArgumentError(
+                    f"method '{self.method}' takes no mounting but the pan: method 'edges' does, where the camera file"
+                    " has a tilt_rad"
+                )
+            if self.online is not None:
+                raise ArgumentError("online refines how the camera is held at rest: it takes no mounting but the pan")
+        return mounting
 
     def _look_at_nothing(self, t_s: float | None, odometry: Pose2 | None) -> View:
         """Return what is known without a frame: the last free space, and the memory's prediction."""
@@ -241,7 +269,7 @@ class Vision:
         t_s: float | None,
         odometry: Pose2 | None,
         prior: PoseEstimate | Pose2 | None,
-        pan_rad: float | None,
+        mounting: Mounting | None,
     ) -> View:
         if t_s is None:
             raise ArgumentError(_NO_TIME)
@@ -256,10 +284,10 @@ class Vision:
             if by_view and before is not None and odometry is not None and memory.can_move(odometry, t_s):
                 before = before.compose(odometry)
             prior = before
-        view = self._look(frame, t_s, odometry, prior, pan_rad)
+        view = self._look(frame, t_s, odometry, prior, mounting)
         if self._refine_camera(frame, view) and prior is not None:
             # the memory is not to believe what a camera shows that this very frame has found to be wrong
-            view = self._look(frame, t_s, None, prior, pan_rad)
+            view = self._look(frame, t_s, None, prior, mounting)
         if by_view:
             memory.predict_by_view(view, odometry)
         return replace(view, belief=memory.update(view))

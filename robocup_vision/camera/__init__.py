@@ -2,6 +2,7 @@
 
 from robocup_vision.camera.files import Camera, load_camera, save_camera
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
@@ -11,6 +12,7 @@ __all__ = [
     "Camera",
     "FloorRange",
     "Hyperboloid",
+    "Mounting",
     "OmniCamera",
     "PinholeCamera",
     "RollingShutter",

@@ -70,6 +70,8 @@ class _PinholeFile(StrictStruct):
     height_std_m: NotNegative = 0.01
     focal_std_px: NotNegative = 0.0
     roll_std_rad: NotNegative | None = None
+    tilt_std_rad: NotNegative | None = None
+    pan_std_rad: NotNegative = 0.0
     readout_s: NotNegative = 0.0
 
 
@@ -237,8 +239,8 @@ def _pinhole_lines(camera: PinholeCamera) -> list[str]:
     ]
     scalars = ("pan_rad", "tilt_rad", "roll_rad", "height_std_m", "focal_std_px", "roll_std_rad")
     known = [(key, getattr(camera, key)) for key in scalars]
-    if camera.readout_s:
-        known.append(("readout_s", camera.readout_s))
+    known.append(("tilt_std_rad", camera.tilt_std_rad))
+    known += [(key, getattr(camera, key)) for key in ("pan_std_rad", "readout_s") if getattr(camera, key)]
     return lines + [f"{key} = {float(value)}" for key, value in known if value is not None]
 
 

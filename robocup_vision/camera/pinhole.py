@@ -6,7 +6,7 @@ the camera's own frame still works. Only the mappings to and from the robot fram
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,12 +15,14 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.camera.mounting import MOUNTING_NAMES, Mounting
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.geometry import Pose2
 
 DISTORTION_LENGTHS = (0, 4, 5, 8)
 _WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
 _DISTORTED_STEP = 1e-12
+_MOUNTING_BUT_PAN = tuple(name for name in MOUNTING_NAMES if not name.startswith("pan_"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +53,10 @@ class PinholeCamera:
         How well `height_m` and `focal_px` are known (one standard deviation).
     roll_std_rad : float or None
         Standard deviation of the roll about `roll_rad` (0 where that is None); None: unknown.
+    tilt_std_rad : float or None
+        Standard deviation of the tilt about `tilt_rad`; None: that of the roll.
+    pan_std_rad : float
+        Standard deviation of the pan about `pan_rad`.
     readout_s : float
         Rolling shutter: how long after the first row the last one is read (`RollingShutter`).
     """
@@ -67,6 +73,8 @@ class PinholeCamera:
     height_std_m: float = 0.01
     focal_std_px: float = 0.0
     roll_std_rad: float | None = None
+    tilt_std_rad: float | None = None
+    pan_std_rad: float = 0.0
     readout_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -93,6 +101,26 @@ class PinholeCamera:
         vars(other).pop("camera_to_robot", None)
         return other
 
+    def held(self, mounting: Mounting) -> PinholeCamera:
+        """Return this camera as neck and body hold it in a frame."""
+        return self._with_mounting(mounting.known)
+
+    def held_as(self, other: PinholeCamera) -> PinholeCamera:
+        """Return this camera as another one is held: its pan, tilt, roll and height, and how well they are known."""
+        return self._with_mounting({name: getattr(other, name) for name in MOUNTING_NAMES})
+
+    def is_held_as(self, other: PinholeCamera) -> bool:
+        """Whether another camera's tilt, roll and height are these, and known as well; its pan may differ."""
+        return all(getattr(self, name) == getattr(other, name) for name in _MOUNTING_BUT_PAN)
+
+    def _with_mounting(self, values: Mapping[str, float | None]) -> PinholeCamera:
+        other = object.__new__(PinholeCamera)
+        vars(other).update(vars(self))
+        vars(other).update(values)
+        for name in ("camera_to_robot", "viewpoint_m"):
+            vars(other).pop(name, None)
+        return other
+
     def as_fitted(
         self, tilt_rad: float, roll_rad: float, height_m: float, focal_px: tuple[float, float]
     ) -> PinholeCamera:
@@ -102,9 +130,10 @@ class PinholeCamera:
         vars(other).pop("viewpoint_m", None)
         return other
 
-    def sway_std_rad(self, usual_rad: float) -> float:
-        """Return the standard deviation of tilt and roll while the robot moves: the file's, or else the usual one."""
-        return usual_rad if self.roll_std_rad is None else self.roll_std_rad
+    def sway_std_rad(self, usual_rad: float) -> tuple[float, float]:
+        """Return the standard deviations of tilt and roll: what is told of them, or else that of a body that moves."""
+        roll = usual_rad if self.roll_std_rad is None else self.roll_std_rad
+        return roll if self.tilt_std_rad is None else self.tilt_std_rad, roll
 
     @property
     def camera_in_robot(self) -> Pose2:

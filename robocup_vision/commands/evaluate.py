@@ -112,9 +112,9 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
 
 def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
     from field_models.errors import ArgumentError
+    from robocup_vision.evaluation.run import make_vision_with_memory
     from robocup_vision.recording.bags.bag_dataset import load_bag, recorded_steering
     from robocup_vision.recording.bags.bag_frames import BagTopics
-    from robocup_vision.recording.bags.stream import draw_panned, make_panned_vision, make_panned_vision_with_memory
 
     if options.map is not None:
         raise ArgumentError("--map is for folders of images, a recording or bag is not located by landmarks")
@@ -126,11 +126,11 @@ def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
         method=options.method,
         topics=BagTopics(options.image_topic, options.truth_topic, options.odometry_topic),
     )
+    remembering: dict[str, Any] = {"make_vision": make_vision_with_memory} if options.memory else {}
     summary = _score(
         options,
         dataset,
-        make_vision=make_panned_vision_with_memory if options.memory else make_panned_vision,
-        draw_overlay=draw_panned,
+        **remembering,
         moments=_moments(options.dataset, dataset.times or {}),
         recorded=recorded_steering(options.dataset) if options.steer else None,
     )

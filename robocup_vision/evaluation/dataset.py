@@ -24,8 +24,9 @@ from field_models.field import Field
 from field_models.near_names import did_you_mean
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
-from robocup_vision.files.csv_table import read_csv
+from robocup_vision.camera import Mounting, OmniCamera, PinholeCamera, load_camera
+from robocup_vision.camera.mounting import MOUNTING_NAMES
+from robocup_vision.files.csv_table import CsvRow, read_csv
 from robocup_vision.files.image_folder import no_pictures, picture_folder
 from robocup_vision.files.images import IMAGE_SUFFIXES, read_image, read_mask
 from robocup_vision.files.video import VideoInfo, read_video, video_info
@@ -68,10 +69,14 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class FrameTime:
-    """When a frame was taken, seconds, and how the robot moved since the frame before, in that frame's robot frame."""
+    """When a frame was taken, seconds, and how the robot moved since the frame before, in that frame's robot frame.
+
+    `mounting`: how neck and body held the camera; None: as the camera file says.
+    """
 
     t_s: float
     odometry: Pose2 | None
+    mounting: Mounting | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,6 +227,7 @@ def load_dataset(
     map_path = Path(landmark_map) if landmark_map is not None else _beside(folder, description.map)
     wanted = method or ("landmarks" if landmark_map is not None else description.method)
     chosen = _method(description_path, wanted, loaded_field, loaded_camera)
+    _check_mountings(_beside(folder, description.frames), times, loaded_camera, chosen)
     return Dataset(
         name=folder.resolve().name if folder.is_dir() else folder.stem,
         path=source,
@@ -342,7 +348,7 @@ def _times(path: Path | None, image_names: tuple[str, ...]) -> dict[str, FrameTi
     if path is None:
         return None
     motion = ("dx_m", "dy_m", "dtheta_rad")
-    rows = {row.entries["image"]: row for row in read_csv(path, ("image", "t_s"), motion)}
+    rows = {row.entries["image"]: row for row in read_csv(path, ("image", "t_s"), motion, single=MOUNTING_NAMES)}
     for image in rows.keys() - set(image_names):
         raise FileError(path, f"line {rows[image].line}: names an image that is not there", value=image)
     times: dict[str, FrameTime] = {}
@@ -355,12 +361,36 @@ def _times(path: Path | None, image_names: tuple[str, ...]) -> dict[str, FrameTi
         # all three empty: the motion is unknown, as before the first frame
         if any(row.entries.get(column) for column in motion):
             odometry = Pose2(*(row.number(column) for column in motion))
-        times[image] = FrameTime(row.number("t_s"), odometry)
+        times[image] = FrameTime(row.number("t_s"), odometry, _mounting(path, row))
         if times[image].t_s <= before_s:
             problem = f"line {row.line}: t_s must be later than in the image before ({before_s})"
             raise FileError(path, problem, value=times[image].t_s)
         before_s = times[image].t_s
     return times
+
+
+def _mounting(path: Path, row: CsvRow) -> Mounting | None:
+    told = {name: row.number(name) for name in MOUNTING_NAMES if row.entries.get(name)}
+    try:
+        return Mounting(**told) if told else None
+    except ArgumentError as error:
+        raise FileError(path, f"line {row.line}: {error}") from None
+
+
+def _check_mountings(
+    path: Path | None, times: Mapping[str, FrameTime] | None, camera: OmniCamera | PinholeCamera, method: str
+) -> None:
+    """Refuse mountings that would not be used."""
+    told = {name for time in (times or {}).values() if time.mounting is not None for name in time.mounting.known}
+    if path is None or not told:
+        return
+    if not isinstance(camera, PinholeCamera) or method == "landmarks":
+        whose = "a mirror camera" if not isinstance(camera, PinholeCamera) else "method 'landmarks'"
+        raise FileError(path, f"tells how a head holds the camera, which {whose} does not take", value=min(told))
+    others = sorted(told - {"pan_rad", "pan_std_rad"})
+    if others and (method != "edges" or not camera.known_orientation):
+        problem = f"is for method 'edges' and a camera file with tilt_rad; the method is '{method}'"
+        raise FileError(path, problem, key=others[0])
 
 
 def _mask(path: Path | None, size_px: tuple[int, int]) -> UInt8Array | None:

@@ -48,7 +48,10 @@ class VisionLike(Protocol):
     """What can be scored: `robocup_vision.Vision`, or a team's own localiser."""
 
     def look(self, frame: UInt8Array, t_s: float | None = None, odometry: Pose2 | None = None) -> ViewLike:
-        """Look at one frame, (H, W, 3) uint8 BGR, with its time and the motion since the frame before if known."""
+        """Look at one frame, (H, W, 3) uint8 BGR, with its time and the motion since the frame before if known.
+
+        Where the dataset tells how a head holds the camera, `mounting` is handed over by its name, too.
+        """
         ...
 
     def forget(self) -> None:
@@ -192,7 +195,7 @@ class FrameScorer:
             if self.plan.dataset.times is None:
                 self._vision.forget()
             started_s = time.perf_counter()
-            view = self._vision.look(frame, t_s=t_s, odometry=odometry)
+            view = self._vision.look(frame, t_s=t_s, odometry=odometry, **self._mounting(image))
             row = replace(row, time_s=time.perf_counter() - started_s)
             row = self._score(row, self._pose(view))
             if self._steering is not None:
@@ -202,6 +205,10 @@ class FrameScorer:
             with contextlib.suppress(Exception):
                 self._vision.forget()  # its state after an error is unknown
         return self._picture(job.number, row, view, frame)
+
+    def _mounting(self, image: str) -> dict[str, Any]:
+        time = None if self.plan.dataset.times is None else self.plan.dataset.times[image]
+        return {} if time is None or time.mounting is None else {"mounting": time.mounting}
 
     def _motion(self, image: str) -> tuple[float | None, Pose2 | None]:
         if self.plan.dataset.times is None:

@@ -52,7 +52,12 @@ class CsvRow:
 
 
 def read_csv(
-    path: str | Path, required: Sequence[str], optional: Sequence[str] = (), *, ignore_others: bool = False
+    path: str | Path,
+    required: Sequence[str],
+    optional: Sequence[str] = (),
+    *,
+    single: Sequence[str] = (),
+    ignore_others: bool = False,
 ) -> list[CsvRow]:
     """Read a table whose first column names an image, each image once.
 
@@ -64,6 +69,8 @@ def read_csv(
         Columns that must be there; the first of them names the image.
     optional : sequence of str
         Columns of which all or none must be there.
+    single : sequence of str
+        Columns of which any may be there.
     ignore_others : bool
         Whether further columns are ignored rather than refused.
 
@@ -89,7 +96,7 @@ def read_csv(
     if not lines:
         raise FileError(path, f"is empty, must begin with the line '{','.join(required)}'")
     (_, header), *body = lines
-    _check_header(path, header, required, optional, ignore_others)
+    _check_header(path, header, required, optional, single, ignore_others)
     rows: list[CsvRow] = []
     first_line: dict[str, int] = {}
     for number, cells in body:
@@ -105,7 +112,12 @@ def read_csv(
 
 
 def _check_header(
-    path: Path, header: list[str], required: Sequence[str], optional: Sequence[str], ignore_others: bool
+    path: Path,
+    header: list[str],
+    required: Sequence[str],
+    optional: Sequence[str],
+    single: Sequence[str],
+    ignore_others: bool,
 ) -> None:
     got = ",".join(header)
     for column in required:
@@ -115,7 +127,7 @@ def _check_header(
     if present and len(present) < len(optional):
         absent = next(column for column in optional if column not in header)
         raise FileError(path, f"line 1: column '{absent}' is missing beside '{present[0]}'", value=got)
-    known = (*required, *optional)
+    known = (*required, *optional, *single)
     for column in header:
         if column in known and header.count(column) > 1:
             raise FileError(path, f"line 1: column '{column}' is named twice", value=got)

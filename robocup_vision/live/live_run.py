@@ -239,7 +239,7 @@ class LiveRun(Controls):
         try:
             if frame.alone:
                 recorder.add_forget()
-            recorder.add_look(moment.view, frame.frame, frame.t_s, frame.odometry, frame.prior, frame.pan_rad)
+            recorder.add_look(moment.view, frame.frame, frame.t_s, frame.odometry, frame.prior, mounting=frame.mounting)
             if frame.truth is not None:
                 recorder.add_truth(frame.truth, frame.t_s)
         except RobocupVisionError as error:

@@ -45,6 +45,8 @@ class Method:
     needs_samples : bool
         Whether a pinhole camera's floor samples are needed before the pose: else they are taken as the pose says that
         the camera is tilted.
+    takes_mounting : bool
+        Whether tilt, roll and height of a pinhole camera may be told frame by frame.
     needs_map : bool
         Whether it needs a map of landmarks: `LandmarkVision` runs it, not `Vision`.
     """
@@ -56,6 +58,7 @@ class Method:
     takes_covariance: bool = False
     is_baseline: bool = False
     needs_samples: bool = False
+    takes_mounting: bool = False
     needs_map: bool = False
 
 
@@ -65,7 +68,12 @@ METHODS = (
     Method("floor", MIRROR, "walls or boards that bound the floor"),
     Method("hull", MIRROR, "walls or boards that bound a floor longer than wide", is_baseline=True),
     Method(
-        "edges", PINHOLE, "lines, goals, beacons or walls: everything in view", needs_tilt=True, takes_covariance=True
+        "edges",
+        PINHOLE,
+        "lines, goals, beacons or walls: everything in view",
+        needs_tilt=True,
+        takes_covariance=True,
+        takes_mounting=True,
     ),
     Method("goal", PINHOLE, "goals of posts and a bar"),
     Method("field", PINHOLE, "white lines", needs_tilt=True),

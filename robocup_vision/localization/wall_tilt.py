@@ -81,7 +81,7 @@ def tilt_by_walls(
     known = np.isfinite(past)
     if np.count_nonzero(known) < settings.min_bearings:
         return None
-    sway = camera.sway_std_rad(settings.sway_std_rad)
+    sway, _ = camera.sway_std_rad(settings.sway_std_rad)
     sway_px = sway * camera.focal_px[1]
     reach = settings.max_stds * sway_px
     if reach < settings.step_px:

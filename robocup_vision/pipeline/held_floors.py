@@ -17,14 +17,15 @@ from robocup_vision.perception.balls.search import SearchMemory
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FloorMarking, FreeSpaceGrid
 
-# where the file leaves the tilt open: steps of tilt and roll, of which half moves a picture's edge by no more than a
-# walking body does, and of the logarithms of height and focal length
+# where the file leaves the tilt open, or the frame's mounting tells it: steps of tilt and roll, of which half moves a
+# picture's edge by no more than a walking body does, and of the logarithms of height and focal length
 _STEP_RAD, _STEP_LOG = math.radians(2.0), 0.02
 # a camera beside the robot's centre moves about it where a head is panned: steps of its place, metres
 _STEP_M = 0.004
-# of pans, which share most of them, so many are kept: a head that looks all around takes some forty; of other
-# orientations those that a body's sway takes
-_MOST_PANS, _MOST = 64, 5
+# so many are kept of a head's orientations: one that looks all around takes some forty pans, which share most of their
+# tables, one that nods by 20 degrees up and down some sixty tilts and rolls; of cameras of unknown tilt those that a
+# body's sway takes
+_MOST_HELD, _MOST = 128, 5
 
 _Steps = tuple[int, ...]
 
@@ -46,8 +47,9 @@ class HeldFloor:
 
     def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> HeldFloor:
         """Return the same for a frame in which neck and body hold the camera in the orientation of `camera`."""
-        held = self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad)
-        view = self.view.held(held)
+        held = self.camera.held_as(camera)
+        # the tables are of their own height
+        view = self.view.held(self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad))
         grid, marking = self.grid.held(view), self.marking.held(view)
         return HeldFloor(held, view, grid, marking, self.finder, sway_std_rad)
 
@@ -103,14 +105,14 @@ class HeldFloors:
         Parameters
         ----------
         camera : PinholeCamera
-            The file's in another orientation; where the file leaves the tilt open, of another height or focal length,
-            too.
+            The file's as a frame's mounting tells that it is held; where the file leaves the tilt open, of another
+            focal length, too.
         """
         steps = self._steps(camera)
         made = self._made.pop(steps) if steps in self._made else self._make(steps)
         # the last used one is the last to go
         self._made[steps] = made
-        if len(self._made) > (_MOST_PANS if self._camera.known_orientation else _MOST):
+        if len(self._made) > (_MOST_HELD if self._camera.known_orientation else _MOST):
             del self._made[next(iter(self._made))]
         return made
 
@@ -120,12 +122,12 @@ class HeldFloors:
 
     def _steps(self, camera: PinholeCamera) -> _Steps:
         pan = round((camera.pan_rad or 0.0) / self._pan_step_rad)
-        if self._camera.known_orientation:
-            return (pan,)
         file = self._camera
+        tilt = (camera.tilt_rad or 0.0) - (file.tilt_rad or 0.0)
+        roll = (camera.roll_rad or 0.0) - (file.roll_rad or 0.0)
         height, focal = camera.height_m / file.height_m, camera.focal_px[0] / file.focal_px[0]
         logs = (round(math.log(ratio) / _STEP_LOG) for ratio in (height, focal))
-        return (pan, *(round((angle or 0.0) / _STEP_RAD) for angle in (camera.tilt_rad, camera.roll_rad)), *logs)
+        return (pan, *(round(angle / _STEP_RAD) for angle in (tilt, roll)), *logs)
 
     def _make(self, steps: _Steps) -> HeldFloor | None:
         # about the robot's centre any pan is as good as another
@@ -135,12 +137,13 @@ class HeldFloors:
                 return None if made is None else made.panned(pan_rad).prepared()
         file = self._camera
         camera = file.with_orientation(pan_rad, file.tilt_rad, file.roll_rad)
-        if not file.known_orientation:
+        if not file.known_orientation or any(steps[1:]):
             tilt, roll, height, focal = steps[1:]
             scale = math.exp(_STEP_LOG * focal)
             focal_px = file.focal_px[0] * scale, file.focal_px[1] * scale
             height_m = file.height_m * math.exp(_STEP_LOG * height)
-            camera = camera.as_fitted(_STEP_RAD * tilt, _STEP_RAD * roll, height_m, focal_px)
+            tilt_rad, roll_rad = (file.tilt_rad or 0.0) + _STEP_RAD * tilt, (file.roll_rad or 0.0) + _STEP_RAD * roll
+            camera = camera.as_fitted(tilt_rad, roll_rad, height_m, focal_px)
         view = FloorView(camera, max(BEARINGS, 2 * self._directions), self._mask)
         if not view.sees_floor:
             return None

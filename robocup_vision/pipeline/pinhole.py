@@ -14,6 +14,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.prepared_kernels import prepare
@@ -125,15 +126,13 @@ class PinholePipeline(FramePipeline):
         t_s: float | None = None,
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
-        pan_rad: float | None = None,
+        mounting: Mounting | None = None,
     ) -> View:
         """See `Vision.look`."""
         begin = perf_counter()
         frame = self._checked(frame)
         timings: dict[str, float] = {}
-        camera = self.camera
-        if pan_rad is not None:
-            camera = camera.with_orientation(pan_rad, camera.tilt_rad, camera.roll_rad)
+        camera = self.camera if mounting is None else self.camera.held(mounting)
         samples = made = None
         if camera.known_orientation:
             made = self._floors.about(camera)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol
 
 from field_models.errors import ArgumentError, RobocupVisionError
 from field_models.field import Field
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
@@ -57,7 +58,14 @@ class FrameStep(NamedTuple):
     t_s: float | None = None
     odometry: Pose2 | None = None
     prior: PoseEstimate | Pose2 | None = None
-    pan_rad: float | None = None
+    mounting: Mounting | None = None
+
+
+def mounting_of(pan_rad: float | None, mounting: Mounting | None = None) -> Mounting | None:
+    """Return how a head held the camera, by the two arguments of `Vision.look`."""
+    if pan_rad is None:
+        return mounting
+    return Mounting(pan_rad=pan_rad) if mounting is None else replace(mounting, pan_rad=pan_rad)
 
 
 class Loop(Protocol):
@@ -119,7 +127,8 @@ class VisionLoopKind:
             return FrameStep(False)
         if inputs.get(DROPPED):
             return FrameStep(False, odometry=inputs["odometry"])
-        return FrameStep(True, inputs["t_s"], inputs["odometry"], inputs["prior"], inputs["pan_rad"])
+        mounting = mounting_of(inputs["pan_rad"], inputs.get("mounting"))
+        return FrameStep(True, inputs["t_s"], inputs["odometry"], inputs["prior"], mounting)
 
 
 class _VisionLoop:

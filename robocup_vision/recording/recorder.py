@@ -22,6 +22,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Frame, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
 from robocup_vision.camera.files import save_camera
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.closing import Closing
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
@@ -254,11 +255,12 @@ class Recorder(Closing):
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
         pan_rad: float | None = None,
+        mounting: Mounting | None = None,
     ) -> View:
         """Look, and record it: `Vision.look`."""
         with self._calls.in_call:
-            view = self._vision.look(frame, t_s, odometry, prior, pan_rad)
-            self.add_look(view, frame, t_s, odometry, prior, pan_rad)
+            view = self._vision.look(frame, t_s, odometry, prior, pan_rad, mounting)
+            self.add_look(view, frame, t_s, odometry, prior, pan_rad, mounting)
         return view
 
     def add_look(
@@ -269,11 +271,14 @@ class Recorder(Closing):
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
         pan_rad: float | None = None,
+        mounting: Mounting | None = None,
     ) -> None:
         """Record a look that has been made: the view, and what `Vision.look` was called with."""
         self._view = view
         at_s = self._at(t_s)
         inputs: dict[str, Any] = {"t_s": t_s, "odometry": odometry, "prior": prior, "pan_rad": pan_rad}
+        if mounting is not None:
+            inputs["mounting"] = mounting
         # recordings hold BGR, whatever the camera gives
         kept = None if frame is None else own_frame(to_bgr(cast("UInt8Array", frame), self._vision.channels))
         if kept is None:

@@ -11,6 +11,7 @@ from typing import Any
 from field_models.errors import FileError, PacketError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
@@ -44,15 +45,15 @@ class RecordedFrame:
         The robot's motion since the frame before, in its frame then; None where nobody knows.
     prior : PoseEstimate, Pose2 or None
         As the call had it.
-    pan_rad : float or None
-        Of a head.
+    mounting : Mounting or None
+        How a head held the camera; None: as the camera file says.
     """
 
     t_s: float
     frame: UInt8Array
     odometry: Pose2 | None
     prior: PoseEstimate | Pose2 | None
-    pan_rad: float | None
+    mounting: Mounting | None
 
 
 class Recording:
@@ -150,7 +151,7 @@ class Recording:
             if call.frame is None or not step.looks:
                 continue
             t_s = call.t_s if step.t_s is None else step.t_s
-            yield RecordedFrame(t_s, call.frame, pending, step.prior, step.pan_rad)
+            yield RecordedFrame(t_s, call.frame, pending, step.prior, step.mounting)
             pending = None
 
     def truth(self) -> list[tuple[float, Pose2]]:

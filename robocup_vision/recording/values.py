@@ -30,6 +30,8 @@ VALUE_TYPES: Mapping[str, str] = {
     "Field": "field_models.field",
     "Goal": "field_models.field",
     "Beacon": "field_models.field",
+    "Net": "field_models.field",
+    "Mounting": "robocup_vision.camera.mounting",
     "OmniCamera": "robocup_vision.camera.omni",
     "PinholeCamera": "robocup_vision.camera.pinhole",
     "Hyperboloid": "robocup_vision.camera.floor_range",

@@ -12,6 +12,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import load_camera
 from robocup_vision.live.handover.moment import RobotPlan, RobotSetup
 from robocup_vision.live.sources.source import SourceFrame, SourceOptions
+from robocup_vision.recording.loops import mounting_of
 from robocup_vision.vision import Vision
 from sim2d.match.match import Match
 from sim2d.players.catalog import player_factory
@@ -117,7 +118,7 @@ class MatchSource:
             frame,
             frame_t_s,
             robot.senses.odometry,
-            robot.senses.frame_pan_rad,
+            mounting_of(robot.senses.frame_pan_rad),
             view=view,
             colors=robot.status.colors,
             plan=_plan(robot),

@@ -14,7 +14,7 @@ from typing import Any
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.messages.topics import Outgoing
 from robocup_vision.recording.calls import Call, view_digest
-from robocup_vision.recording.loops import Changes, FrameStep, Loop
+from robocup_vision.recording.loops import Changes, FrameStep, Loop, mounting_of
 from robocup_vision.recording.recorder import CallWriter, RecorderSettings
 from robocup_vision.recording.run import Run
 from robocup_vision.view import View
@@ -155,7 +155,8 @@ class PlayerLoopKind:
     def frame_step(self, kind: str, inputs: Mapping[str, Any]) -> FrameStep:
         """Return the results of a call for a frame; see `LoopKind`."""
         looks = inputs["frame_t_s"] is not None
-        return FrameStep(looks, inputs["frame_t_s"], inputs["odometry"], None, inputs["frame_pan_rad"])
+        mounting = mounting_of(inputs["frame_pan_rad"])
+        return FrameStep(looks, inputs["frame_t_s"], inputs["odometry"], None, mounting)
 
 
 class _PlayerLoop:

@@ -15,6 +15,7 @@ from field_models.errors import FileError
 from robocup_vision import load_camera, load_colors
 from robocup_vision.camera import files as camera_files
 from robocup_vision.camera import save_camera
+from robocup_vision.camera.mounting import MOUNTING_NAMES
 from robocup_vision.evaluation import dataset, result_files
 from robocup_vision.files.csv_table import read_csv
 from robocup_vision.landmarks.mapping import run_files
@@ -50,7 +51,7 @@ TABLE = PAIR.table_json([{**MATCH, "robots": []}] * 2)
 EXPECTED = {
     "dataset.toml": keys_of(dataset._DatasetFile),
     "truth.csv": {"image", "x_m", "y_m", "theta_rad"},
-    "frames.csv": {"image", "t_s", "dx_m", "dy_m", "dtheta_rad"},
+    "frames.csv": {"image", "t_s", "dx_m", "dy_m", "dtheta_rad", *MOUNTING_NAMES},
     "camera.toml omni": keys_of(camera_files._OmniFile),
     "camera.toml hyperboloid": keys_of(camera_files._HyperboloidFile),
     "camera.toml tangent": keys_of(camera_files._TangentFile),

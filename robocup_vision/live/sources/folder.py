@@ -90,7 +90,10 @@ class FolderSource:
             known = self._dataset.truth.get(self._paths[index].name)
             if known is not None and known.theta_rad is not None:
                 truth = Pose2(known.x_m, known.y_m, known.theta_rad)
-        return (SourceFrame(self.name, frame, self._t_s[index], odometry, alone=not self._is_sequence, truth=truth),)
+        times = None if self._dataset is None else self._dataset.times
+        mounting = None if times is None else times[self._paths[index].name].mounting
+        alone = not self._is_sequence
+        return (SourceFrame(self.name, frame, self._t_s[index], odometry, mounting, alone=alone, truth=truth),)
 
     def seek(self, t_s: float) -> None:
         """Go to the last image that is not later than a time."""

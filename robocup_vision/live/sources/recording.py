@@ -87,7 +87,7 @@ class RecordingSource:
                 recorded.frame,
                 t_s - self._begin_s,
                 recorded.odometry,
-                recorded.pan_rad,
+                recorded.mounting,
                 prior=recorded.prior,
                 plan=RobotPlan(_at(self._commands, t_s + _BESIDE_S, t_s)),
                 truth=_at(self._truth, t_s + 1e-6, t_s - 1e-6),

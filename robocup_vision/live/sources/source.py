@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotPlan, RobotSetup
@@ -28,8 +29,8 @@ class SourceFrame:
         When it was taken.
     odometry : Pose2 or None
         Motion since the frame before, in the robot frame of then; None: not known.
-    pan_rad : float or None
-        Of a head.
+    mounting : Mounting or None
+        How a head held the camera; None: as the camera file says.
     prior : PoseEstimate, Pose2 or None
         Where the robot probably is, beside what a memory knows.
     alone : bool
@@ -48,7 +49,7 @@ class SourceFrame:
     frame: UInt8Array
     t_s: float
     odometry: Pose2 | None = None
-    pan_rad: float | None = None
+    mounting: Mounting | None = None
     prior: PoseEstimate | Pose2 | None = None
     alone: bool = False
     view: View | None = None

@@ -248,7 +248,7 @@ class SourceLoop:
         if frame.alone:
             vision.forget()
         try:
-            view = vision.look(frame.frame, frame.t_s, frame.odometry, frame.prior, frame.pan_rad)
+            view = vision.look(frame.frame, frame.t_s, frame.odometry, frame.prior, mounting=frame.mounting)
         except RobocupVisionError as error:
             self._trouble(frame.robot, str(error))
             return replace(moment, problem=str(error))

@@ -96,7 +96,7 @@ def record_source(
                     if now.alone:
                         recorder.forget()
                     try:
-                        view = recorder.look(now.frame, now.t_s, moved, now.prior, now.pan_rad)
+                        view = recorder.look(now.frame, now.t_s, moved, now.prior, mounting=now.mounting)
                     except FrameError as error:
                         unusable, first_problem = unusable + 1, first_problem or str(error)
                         continue

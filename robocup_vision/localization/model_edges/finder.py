@@ -126,8 +126,6 @@ class EdgeFinder:
         self._aligned, self._costs = np.zeros((most, 5)), np.zeros(most)
         self._uprights = prepare_uprights(field, self._bank)
         self._sights = np.zeros((MAX_SIGHTINGS, SIGHT))
-        sway = follower.sway_std_rad
-        self._near = np.array([s.near_m, s.near_m, s.near_rad, sway, sway])
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         self._room_m2rad = math.tau * float(np.prod(high - low))
@@ -139,6 +137,12 @@ class EdgeFinder:
         other = copy(self)
         other.follower = follower
         return other
+
+    @property
+    def _near_std(self) -> FloatArray:
+        """(5,) float64: standard deviations of a pose of the bank, and of tilt and roll, as the prior of aligning."""
+        s = self.settings
+        return np.array([s.near_m, s.near_m, s.near_rad, *self.follower.sway_std_rad])
 
     @property
     def proposal_std(self) -> FloatArray:
@@ -180,14 +184,14 @@ class EdgeFinder:
         kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
         slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
         pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-        how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px, sights)
+        how = Alignment(slopes, tilt, roll, camera.height_m, self._near_std, pixel_rad, self._gates_px, sights)
         tried = self._tried
         tried[:kept] = self._starts[:kept, :3]
         kept += poses_around(sights, camera.focal_px[0], self._half_m, s.step_m, tried[kept:])
         starts = tried[:kept]
         poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
         align_likeliest(self._bank, how, seen, s.upright_weight, starts, s.likely, poses, costs)
-        sway = follower.sway_std_rad
+        sway, _ = follower.sway_std_rad
         # the nod is weighed as one from rest
         costs += 0.5 * ((poses[:, 3] + nod_rad) ** 2 - poses[:, 3] ** 2) / (sway * sway)
         ended = costs < 0.5 * LEFT_BEHIND
@@ -231,7 +235,7 @@ class EdgeFinder:
         if answer or not len(aligned):
             return answer
         # a body that nods sees far lines elsewhere than the bank: all is weighed again, with poses by other nods
-        nods = [self._aligned_poses(frame, ratio * self.follower.sway_std_rad) for ratio in self.settings.nods]
+        nods = [self._aligned_poses(frame, ratio * self.follower.sway_std_rad[0]) for ratio in self.settings.nods]
         return self.judge(frame, self._likeliest(np.vstack([aligned, *nods])), near)
 
     def _turned(self, near: Pose2) -> list[Pose2]:

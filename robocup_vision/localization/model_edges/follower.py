@@ -197,12 +197,11 @@ class EdgeFollower:
             np.zeros(LIT_CARPET if self.settings.in_sun_and_shade else CARPET),
             np.zeros(14),
         )
-        sway = camera.sway_std_rad(self.settings.sway_std_rad)
-        self.sway_std_rad = sway
         focal_std = camera.focal_std_px / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-        at_rest = [camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m, 0.0]
-        self._camera_prior = np.array([at_rest, [sway, sway, camera.height_std_m, focal_std]])
+        self._camera_prior = np.zeros((2, 4))
+        self._camera_prior[1, 3] = focal_std
         self._sway = np.zeros((2, 4))
+        self.hold(camera)
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
         # what is handed over at each call is plain, see `plain`
         self._plain = plain((self._scene, self._prior, self._room, self._fit))
@@ -223,10 +222,18 @@ class EdgeFollower:
         other._sway[1, 3] = other._camera_prior[1, 3] ** 2
         return other
 
-    def hold(self, tilt_rad: float, roll_rad: float, std_rad: float) -> None:
-        """Take a camera whose tilt nobody knows for held about so; what was carried from frames before is forgotten."""
-        self._camera_prior[:, :2] = (tilt_rad, roll_rad), (std_rad, std_rad)
-        self.forget()
+    def hold(self, camera: PinholeCamera) -> None:
+        """Take the camera for held at rest as `camera` is: by its tilt, roll and height, and how well they are known.
+
+        What is carried from frame to frame is how far it was off that; it is no less known than what is told now.
+        """
+        self.camera = camera = self.camera.held_as(camera)
+        self.sway_std_rad = tilt_std, roll_std = camera.sway_std_rad(self.settings.sway_std_rad)
+        self._camera_prior[0, :3] = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
+        at_rest = self._sway[1, :3] >= self._camera_prior[1, :3] ** 2
+        self._camera_prior[1, :3] = tilt_std, roll_std, camera.height_std_m
+        told, carried = self._camera_prior[1, :3] ** 2, self._sway[1, :3]
+        self._sway[1, :3] = np.where(at_rest, told, np.minimum(carried, told))
 
     @property
     def tilt_roll_rad(self) -> tuple[float, float]:

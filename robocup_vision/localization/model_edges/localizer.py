@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from copy import copy
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -27,8 +28,8 @@ from robocup_vision.localization.model_edges.wide_finder import WideFinder
 _Points = EdgePoints | Callable[[], EdgePoints]
 # between frames without times
 _USUAL_STEP_S = 1 / 30
-# a head's pan is known to no less, and a prior's heading never better than that
-_PAN_COVARIANCE = np.diag([0.0, 0.0, math.radians(0.1) ** 2])
+# a head's pan is known no better, nor a prior's heading
+_MIN_PAN_STD_RAD = math.radians(0.1)
 
 
 class EdgeLocalizer:
@@ -48,6 +49,7 @@ class EdgeLocalizer:
         self._has_copies = WideFinder.serves(*self._whose)
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
+        self._held = camera  # as in the last look
         self.forget()
 
     def forget(self) -> None:
@@ -65,18 +67,20 @@ class EdgeLocalizer:
         other._second_look = SecondLook(self.follower.field, camera, self.follower.settings)
         other._finder = None if self._finder is None else self._finder.with_follower(other.follower)
         other._goal = other._wide_finder = None
+        other._held = camera
         return other
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`."""
         camera = evidence.camera
         assert isinstance(camera, PinholeCamera)
+        self._hold(camera)
         answer: FollowedCamera | NotLocated
         points: _Points | None = None
         if prior is None:
             answer = self._find(evidence.frame)
         else:
-            near = _camera_prior(self._as_estimate(prior), camera.camera_in_robot)
+            near = _camera_prior(self._as_estimate(prior), camera)
             answer, points = self._follow(evidence, near)
             if isinstance(answer, NotLocated):
                 found = self._search_beside(evidence, near)
@@ -100,10 +104,22 @@ class EdgeLocalizer:
         if isinstance(answer, NotLocated):
             return Localization(answer, camera, edge_points=points or self.follower.edge_points_when_asked())
         back = camera.camera_in_robot.inverse()
-        oriented, measurement = answer.as_held(camera), partial(_measurement, answer, back)
+        oriented, measurement = answer.as_held(camera), partial(_measurement, answer, back, camera.pan_std_rad)
         seen, sway_std_rad = points or self.follower.edge_points_when_asked(), self.follower.tilt_roll_std_rad
-        pose, tells_half = answer.estimate.seen_from(back), answer.tells_half
+        pose, tells_half = _with_pan_error(answer.estimate.seen_from(back), camera.pan_std_rad), answer.tells_half
         return Localization(pose, oriented, None, measurement, seen, sway_std_rad, tells_half)
+
+    def _hold(self, camera: PinholeCamera) -> None:
+        """Take the camera for held at rest as joints or sensors say in this frame."""
+        if camera is self._held or camera.is_held_as(self._held):
+            return
+        if camera.height_m != self._held.height_m:
+            self._goal = None
+        self._held = camera
+        self.follower.hold(camera)
+        self._second_look.hold(camera)
+        if self._wide_finder is not None:
+            self._wide_finder.follower.hold(camera)
 
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate
@@ -233,17 +249,25 @@ def _squared_distance(estimate: PoseEstimate, other: PoseEstimate) -> float:
     return float(offset @ np.linalg.solve(estimate.covariance + other.covariance, offset))
 
 
-def _measurement(answer: FollowedCamera, robot_in_camera: Pose2) -> PoseEstimate:
+def _measurement(answer: FollowedCamera, robot_in_camera: Pose2, pan_std_rad: float) -> PoseEstimate:
     """Return the robot's pose by the frame alone."""
-    return answer.measurement.seen_from(robot_in_camera)
+    return _with_pan_error(answer.measurement.seen_from(robot_in_camera), pan_std_rad)
 
 
-def _camera_prior(robot: PoseEstimate, mount: Pose2) -> PoseEstimate:
+def _with_pan_error(robot: PoseEstimate, pan_std_rad: float) -> PoseEstimate:
+    if not pan_std_rad:
+        return robot
+    return replace(robot, covariance=robot.covariance + np.diag([0.0, 0.0, pan_std_rad**2]))
+
+
+def _camera_prior(robot: PoseEstimate, camera: PinholeCamera) -> PoseEstimate:
     """Return the camera's prior by the robot's, with the error of the pan."""
+    mount = camera.camera_in_robot
     if mount.x_m or mount.y_m:
         robot = robot.seen_from(mount)
         pose = robot.pose
     else:
         pose = robot.pose.compose(mount)
-    covariance: FloatArray = robot.covariance + _PAN_COVARIANCE
+    pan_std_rad = max(camera.pan_std_rad, _MIN_PAN_STD_RAD)
+    covariance: FloatArray = robot.covariance + np.diag([0.0, 0.0, pan_std_rad**2])
     return PoseEstimate(pose, covariance, robot.inlier_ratio, robot.residual_px)

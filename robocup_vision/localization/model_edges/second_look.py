@@ -37,6 +37,12 @@ class SecondLook:
         self._followers: dict[int, EdgeFollower] = {}
         self._last: EdgeFollower | None = None
 
+    def hold(self, camera: PinholeCamera) -> None:
+        """See `EdgeFollower.hold`."""
+        self._camera = self._camera.held_as(camera)
+        for follower in self._followers.values():
+            follower.hold(camera)
+
     def follow(
         self,
         frame: UInt8Array,

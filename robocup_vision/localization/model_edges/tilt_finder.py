@@ -14,6 +14,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -202,6 +203,9 @@ class TiltFinder(EdgeFinder):
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         s, near = self.settings, self._nearness
         if isinstance(pose, HeldPose):
-            self.follower.hold(pose.tilt_rad, pose.roll_rad, near * self._tilts.fit_std_rad)
+            std = near * self._tilts.fit_std_rad
+            about = Mounting(tilt_rad=pose.tilt_rad, roll_rad=pose.roll_rad, tilt_std_rad=std, roll_std_rad=std)
+            self.follower.hold(self.follower.camera.held(about))
+            self.follower.forget()
         covariance = np.diag([near * s.std_m, near * s.std_m, near * s.std_rad]) ** 2
         return self.follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1, is_proposal=True)

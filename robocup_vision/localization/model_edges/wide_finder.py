@@ -136,7 +136,7 @@ class WideFinder(EdgeFinder):
         kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
         slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
         pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-        how = Alignment(slopes, tilt, roll, camera.height_m, self._near, pixel_rad, self._gates_px, _NO_SIGHTS)
+        how = Alignment(slopes, tilt, roll, camera.height_m, self._near_std, pixel_rad, self._gates_px, _NO_SIGHTS)
         poses, costs = self._aligned[:kept], self._costs[:kept]
         starts = np.ascontiguousarray(self._starts[:kept, :3])
         align_all(self._bank, how, self._seen, s.upright_weight, starts, poses, costs)

@@ -53,8 +53,7 @@ class PinholeBallFinder(BallSearch):
 
     @property
     def _any_sway_rad(self) -> tuple[float, float]:
-        sway = self.camera.sway_std_rad(self.settings.sway_std_rad)
-        return sway, sway
+        return self.camera.sway_std_rad(self.settings.sway_std_rad)
 
     def hold(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> None:
         """Place the balls of the frames to come by the camera as it is held then.

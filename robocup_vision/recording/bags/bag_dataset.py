@@ -115,14 +115,8 @@ def _is_recording(path: Path) -> bool:
 
 
 def _of_recording(plain: StreamDataset, recording: Recording) -> StreamDataset:
-    times_s: list[float] = []
-    motions: list[Pose2 | None] = []
-    pans: dict[float, float] = {}
-    for frame in recording.frames():
-        times_s.append(frame.t_s)
-        motions.append(frame.odometry)
-        if frame.pan_rad is not None:
-            pans[frame.t_s] = frame.pan_rad
+    given = [FrameTime(frame.t_s, frame.odometry, frame.mounting) for frame in recording.frames()]
+    times_s, motions = [time.t_s for time in given], [time.odometry for time in given]
 
     def frames() -> Frames:
         return (frame.frame for frame in recording.frames())
@@ -134,8 +128,9 @@ def _of_recording(plain: StreamDataset, recording: Recording) -> StreamDataset:
         *order_note(name, times_s, kept),
     ]
     truth = [(t_s, Truth(pose.x_m, pose.y_m, pose.theta_rad)) for t_s, pose in recording.truth()]
-    times = [FrameTime(times_s[index], motion) for index, motion in zip(kept, _motions(motions, kept), strict=True)]
-    return replace(with_frames(plain, len(times_s), kept, times, frames, truth, notes), pans=pans)
+    moved = zip(kept, _motions(motions, kept), strict=True)
+    times = [replace(given[index], odometry=motion) for index, motion in moved]
+    return with_frames(plain, len(times_s), kept, times, frames, truth, notes)
 
 
 def _motions(motions: Sequence[Pose2 | None], kept: Sequence[int]) -> Iterator[Pose2 | None]:

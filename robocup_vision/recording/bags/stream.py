@@ -1,18 +1,15 @@
-"""A dataset whose frames are read in order, from a recording or a bag, and the `Vision` that looks at them."""
+"""A dataset whose frames are read in order, from a recording or a bag."""
 
 from __future__ import annotations
 
 import bisect
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 from field_models.errors import FileError, FrameError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.evaluation.dataset import Dataset, FrameTime, Truth
-from robocup_vision.evaluation.frame_scorer import make_vision_with_memory
-from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.view import View
-from robocup_vision.vision import Vision
+from robocup_vision.geometry import wrap_angle
 
 # poses farther apart than this do not tell where the robot was between them
 MAX_GAP_S = 0.5
@@ -33,12 +30,9 @@ class StreamDataset(Dataset):
     ----------
     open_frames : callable
         Returns the frames from the first on.
-    pans : mapping of float to float
-        Pan of the head by the frame's time, where there is one.
     """
 
     open_frames: Callable[[], Frames] = _nothing
-    pans: Mapping[float, float] = field(default_factory=dict)
 
     @property
     def is_video(self) -> bool:
@@ -54,48 +48,6 @@ class StreamDataset(Dataset):
             else:
                 got = f"{frame.shape[1]}x{frame.shape[0]}"
                 yield FrameError(f"{name}: is {got}, the camera file says {width}x{height}")
-
-
-class PannedVision:
-    """Looks with the head's pan of each frame: a `VisionLike` of `evaluation.run`.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Knows the pans.
-    vision : Vision
-        Looks.
-    """
-
-    def __init__(self, dataset: Dataset, vision: Vision) -> None:
-        self.vision = vision
-        self._pans = dataset.pans if isinstance(dataset, StreamDataset) else {}
-
-    def look(self, frame: UInt8Array, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
-        """See `Vision.look`."""
-        return self.vision.look(frame, t_s, odometry, pan_rad=None if t_s is None else self._pans.get(t_s))
-
-    def forget(self) -> None:
-        """See `Vision.forget`."""
-        self.vision.forget()
-
-
-def make_panned_vision(dataset: Dataset) -> PannedVision:
-    """Build the `Vision` of a dataset."""
-    vision = Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
-    return PannedVision(dataset, vision)
-
-
-def make_panned_vision_with_memory(dataset: Dataset) -> PannedVision:
-    """Build the `Vision` of a dataset with a memory: see `make_vision_with_memory`."""
-    return PannedVision(dataset, make_vision_with_memory(dataset))
-
-
-def draw_panned(view: View, frame: UInt8Array, vision: PannedVision) -> UInt8Array:
-    """Draw a frame with what was found in it."""
-    from robocup_vision.overlay import draw
-
-    return draw(view, frame, vision.vision)
 
 
 def with_frames(

@@ -1,6 +1,7 @@
 """A dataset is what its files say, and each way they can be wrong has one clear line."""
 
 import pickle
+import re
 from pathlib import Path
 
 import cv2
@@ -193,6 +194,33 @@ def test_truth_of_a_spreadsheet(folder: Path) -> None:
     (folder / "truth.csv").write_bytes(b"image,\xff\n")
     with pytest.raises(RobocupVisionError, match="is not UTF-8 text"):
         load_dataset(folder)
+
+
+@pytest.mark.parametrize(
+    ("camera", "method", "column", "problem"),
+    [
+        ("tilt_rad = -0.2", "edges", "tilt_rad", "line 2: a mounting's tilt_rad must be in radians"),
+        ("tilt_rad = -0.2", "edges", "height", "line 1: column 'height' is unknown"),
+        ("tilt_rad = -0.2", "field", "height_m", "key 'height_m': is for method 'edges' and a camera file with tilt_"),
+        ("", "goal", "roll_rad", "key 'roll_rad': is for method 'edges' and a camera file with tilt_rad"),
+        (None, "floor", "pan_rad", "tells how a head holds the camera, which a mirror camera does not take"),
+    ],
+)
+def test_a_mounting_that_cannot_be_used_is_refused(folder: Path, camera: str | None, method, column, problem) -> None:
+    add(folder, 'frames = "frames.csv"')
+    text = (folder / "dataset.toml").read_text()
+    (folder / "dataset.toml").write_text(re.sub(r'method = "\w+"\n', "", text) + f'method = "{method}"\n')
+    if camera is not None:
+        (folder / "camera.toml").write_text(
+            'format = 1\nmodel = "pinhole"\nsize_px = [64, 56]\nfocal_px = [60, 60]\ncenter_px = [31.5, 27.5]\n'
+            f"height_m = 0.4\n{camera}\n"
+        )
+    value = 2.0 if "radians" in problem else 0.3
+    lines = [f"{line},{value}" if number else f"{line},{column}" for number, line in enumerate(FRAMES.splitlines())]
+    (folder / "frames.csv").write_text("\n".join(lines) + "\n")
+    with pytest.raises(FileError) as caught:
+        load_dataset(folder)
+    assert str(caught.value).startswith(f"{folder / 'frames.csv'}: {problem}")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera import Mounting, PinholeCamera
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.pipeline import held_floors
@@ -53,34 +53,45 @@ def test_a_panned_camera_measures_as_by_tables_of_its_own(pan_rad, ahead_m, asid
 def test_tables_are_made_once_a_step():
     floors = floors_of(CAMERA)
     step_rad = floors._pan_step_rad
-    one, same, other = (floors.about(CAMERA.with_orientation(turn * step_rad, -0.2, 0.01)) for turn in (0.0, 0.4, 1.0))
+    one, same, other = (floors.about(CAMERA.with_orientation(turn * step_rad, -0.18, 0.01)) for turn in (0.0, 0.4, 1.0))
     assert one is same
     assert one is not other
     # neither a body's nod nor another pan is a reason to forget where a ball was
     assert (one.finder, one.marking) == (other.finder, other.marking)
     at_the_centre = floors_of(replace(CAMERA, offset_m=(0.0, 0.0)))
-    assert at_the_centre.about(CAMERA) is at_the_centre.about(CAMERA.with_orientation(1.0, -0.1, 0.0))
+    assert at_the_centre.about(CAMERA) is at_the_centre.about(CAMERA.with_orientation(1.0, -0.16, 0.0))
 
 
 @settings(deadline=None, max_examples=15)
-@given(st.floats(-0.6, 0.1), st.floats(-0.1, 0.1), st.floats(-0.03, 0.03))
-def test_an_open_tilt_gets_tables_of_about_that_tilt_and_height(tilt_rad, roll_rad, height):
-    held = replace(OPEN, tilt_rad=tilt_rad, roll_rad=roll_rad, height_m=OPEN.height_m * math.exp(height))
-    made = floors_of(OPEN).about(held)
+@given(st.booleans(), st.floats(-0.6, 0.1), st.floats(-0.1, 0.1), st.floats(-0.03, 0.03))
+def test_a_tilt_left_open_or_told_gets_tables_of_about_that_tilt_and_height(is_open, tilt_rad, roll_rad, height):
+    camera = OPEN if is_open else replace(OPEN, tilt_rad=-0.17, roll_rad=0.01)
+    told = Mounting(tilt_rad=tilt_rad, roll_rad=roll_rad, height_m=camera.height_m * math.exp(height))
+    held = camera.held(told)
+    made = floors_of(camera).about(held)
     assert made.camera.tilt_rad == pytest.approx(tilt_rad, abs=math.radians(1.0) + 1e-9)
     assert made.camera.roll_rad == pytest.approx(roll_rad, abs=math.radians(1.0) + 1e-9)
     assert made.camera.height_m == pytest.approx(held.height_m, rel=0.0101)
     floor = made.held(held)
     assert (floor.camera.tilt_rad, floor.camera.roll_rad) == (tilt_rad, roll_rad)
-    # samples of a place on the floor lie where that place is in this picture
+    assert floor.camera.height_m == held.height_m
+    # samples of a place on the floor lie where that place is in this picture, but for the height's step
     shown = np.hypot(*np.moveaxis(floor.view.floor_m, -1, 0)) < 50.0
-    expected = floor.camera.floor_to_pixel(floor.view.floor_m[shown])
+    expected = floor.view.camera.floor_to_pixel(floor.view.floor_m[shown])
     inside = ((expected >= 0) & (expected <= (207, 159))).all(axis=-1)
     np.testing.assert_allclose(floor.view.pixels[shown][inside], expected[inside], atol=1e-6)
 
 
+def test_a_head_that_nods_finds_its_tables_again():
+    floors = floors_of(CAMERA)
+    nod = [CAMERA.held(Mounting(tilt_rad=-0.17 + math.radians(20.0) * math.sin(0.2 * step))) for step in range(64)]
+    made = [floors.about(camera) for camera in nod]
+    assert 15 < len({id(floor) for floor in made}) < 25
+    assert all(floors.about(camera) is floor for camera, floor in zip(nod, made, strict=True))
+
+
 def test_no_more_are_kept_than_said(monkeypatch):
-    monkeypatch.setattr(held_floors, "_MOST_PANS", 3)
+    monkeypatch.setattr(held_floors, "_MOST_HELD", 3)
     floors = floors_of(CAMERA)
     made = [floors.about(CAMERA.with_orientation(0.2 * turn, -0.17, 0.0)) for turn in (0, 1, 2, 0, 3)]
     assert len(floors._made) == 3

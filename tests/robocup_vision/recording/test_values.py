@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recorded_runs import FIELD, is_same, make_steering, make_vision, run_frames
 
+from field_models import field_names, load_field
 from field_models.errors import ArgumentError, PacketError
 from robocup_vision.geometry import Pose2
 from robocup_vision.recording.calls import look_outputs
@@ -81,3 +82,9 @@ def test_the_digest_is_of_the_views_values() -> None:
     assert look_outputs(first)["digest"] != look_outputs(second)["digest"]
     again = make_vision().look(run_frames()[0].frame, run_frames()[0].t_s, run_frames()[0].odometry)
     assert look_outputs(first)["digest"] == look_outputs(again)["digest"]
+
+
+@pytest.mark.parametrize("name", field_names())
+def test_every_field_comes_back(name: str) -> None:
+    field = CODEC.unpack(CODEC.pack(load_field(name)))
+    assert (field.name, field.goals, field.beacons) == (name, load_field(name).goals, load_field(name).beacons)
