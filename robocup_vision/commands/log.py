@@ -25,6 +25,25 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
                 "--to", choices=("csv", "mcap"), default="csv", help="tables, or one file for MCAP viewers"
             )
             action.add_argument("--out", metavar="DIR", help="folder for the tables or the file (default: out/NAME)")
+    record = actions.add_parser(
+        "record",
+        help="record what is sent to everybody: vision, trackers and the referee",
+        description="Record what vision, trackers and the referee send to everybody. Ctrl-C ends it.",
+    )
+    add = record.add_argument
+    add("file", metavar="FILE", help="the log; compressed where its name ends in gz")
+    add("--network", default="loopback", metavar="I", help="loopback (default), or a network interface or its address")
+    add(
+        "--vision-port",
+        type=int,
+        action="append",
+        metavar="P",
+        help="may be given again (default: 10006, the league's vision, and 10020, simulators)",
+    )
+    add("--tracker-port", type=int, default=10010, metavar="P", help="default: 10010")
+    add("--referee-port", type=int, default=10003, metavar="P", help="default: 10003")
+    add("--seconds", type=float, metavar="T", help="end after so long (default: never)")
+    add("--force", action="store_true", help="replace a file that is there")
     parser.set_defaults(run=run_log)
     return parser
 
@@ -39,6 +58,8 @@ def run_log(args: argparse.Namespace) -> int:
     """
     from robocup_vision.ssl.log import SslLog
 
+    if args.action == "record":
+        return _record(args)
     with SslLog(args.file) as log:
         if args.action == "info":
             return _info(log)
@@ -47,6 +68,43 @@ def run_log(args: argparse.Namespace) -> int:
             out = Path(args.out) if args.out else Path("out") / name
             return _to_mcap(log, out / f"{name}.mcap") if args.to == "mcap" else _convert(log, out)
         return _score(log)
+
+
+def _record(args: argparse.Namespace) -> int:
+    import math
+    import time
+
+    from field_models.errors import ArgumentError
+    from robocup_vision.ssl.log_record import record_log
+
+    if args.seconds is not None and not 0 < args.seconds < math.inf:
+        raise ArgumentError(f"--seconds must be positive, got {args.seconds}")
+    ports = args.vision_port or [10006, 10020]
+    for port in (*ports, args.tracker_port, args.referee_port):
+        if not 1 <= port <= 65535:
+            raise ArgumentError(f"a port must be from 1 to 65535, got {port}")
+    begin_s = time.monotonic()
+    counts: dict[str, int] = {}
+
+    def goes_on(so_far: dict[str, int]) -> bool:
+        counts.update(so_far)
+        return args.seconds is None or time.monotonic() - begin_s < args.seconds
+
+    print(f"recording into {args.file}; Ctrl-C ends it", flush=True)
+    try:
+        record_log(
+            args.file,
+            goes_on,
+            interface=args.network,
+            vision_ports=ports,
+            tracker_port=args.tracker_port,
+            referee_port=args.referee_port,
+            replaces=args.force,
+        )
+    except KeyboardInterrupt:
+        print()
+    print(f"{args.file}: {', '.join(f'{count} {kind}' for kind, count in counts.items())}")
+    return 0
 
 
 def _info(log: Any) -> int:

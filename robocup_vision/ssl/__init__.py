@@ -12,7 +12,7 @@ from robocup_vision.ssl.game import Game, GameState
 from robocup_vision.ssl.log import LogEntry, LogKind, SslLog, SslLogWriter, log_entry
 from robocup_vision.ssl.overview import CameraMerge, MergeSettings, Overview, merge_frames
 from robocup_vision.ssl.protocol.mapping import decode, encode
-from robocup_vision.ssl.requests import RobotClient, SimulatorClient
+from robocup_vision.ssl.requests import RobotClient, SimulatorClient, SyncClient
 from robocup_vision.ssl.subscriptions import RefereeClient, TrackerClient, VisionClient
 from robocup_vision.ssl.values.simulation import GlobalVelocity, LocalVelocity, MoveCommand, RobotCommand, Team
 
@@ -33,6 +33,7 @@ __all__ = [
     "SimulatorClient",
     "SslLog",
     "SslLogWriter",
+    "SyncClient",
     "Team",
     "TrackerClient",
     "VisionClient",

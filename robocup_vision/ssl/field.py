@@ -40,13 +40,15 @@ def field_from_geometry(geometry: Geometry, name: str = "ssl_network") -> Field:
     Raises
     ------
     PacketError
-        If a length is not finite or not positive.
+        If a length is not finite or not positive, or there are no lines.
     """
     size = geometry.field
     for key in ("length_m", "width_m", "goal_width_m", "goal_depth_m"):
         value = getattr(size, key)
         if not (math.isfinite(value) and value > 0):
             raise PacketError(f"a geometry's {key} must be positive, got {value}")
+    if not size.lines:
+        raise PacketError("a geometry must have lines, got none")
     lines = [[line.start.x_m, line.start.y_m, line.end.x_m, line.end.y_m] for line in size.lines]
     arcs = [[a.center.x_m, a.center.y_m, a.radius_m, a.start_rad, a.end_rad - a.start_rad] for a in size.arcs]
     if not (np.isfinite(lines).all() and np.isfinite(arcs).all()):

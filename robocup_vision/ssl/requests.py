@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 
 from field_models.errors import ArgumentError, PacketError
 from robocup_vision.closing import Closing
+from robocup_vision.ssl.framed import Framed, connect
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.sockets import (
     BLUE_PORT,
@@ -33,6 +34,8 @@ from robocup_vision.ssl.values.simulation import (
     TeleportBall,
     TeleportRobot,
 )
+
+_CONNECT_S = 5.0
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -160,6 +163,59 @@ class RobotClient(_Client[RobotControlResponse]):
         """Let a simulator go on by a step with these commands; return what was seen, or None after a time."""
         self._send(SyncRequest(step_s, robot_control=RobotControl(tuple(commands))))
         return self._receive(SyncResponse, timeout_s)
+
+
+class SyncClient(Closing):
+    """Steps a simulator over a connection (TCP), as the league's draft has it. Close it, or use it in a ``with``.
+
+    Parameters
+    ----------
+    team : Team or None
+        Whose robots are commanded; None: the control's port, which commands none.
+    host : str
+        Name or IPv4 address of the machine.
+    port : int, optional
+        Default: the league's for that team.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no connection.
+    """
+
+    def __init__(self, team: Team | None = None, host: str = LOOPBACK, port: int | None = None) -> None:
+        usual = {Team.YELLOW: YELLOW_PORT, Team.BLUE: BLUE_PORT, None: SIMULATION_PORT}
+        if team not in usual:
+            raise ArgumentError(f"team must be yellow, blue or None, got {team!r}")
+        port = port or usual[team]
+        self._connection = Framed(f"the simulator at {host}:{port}", connect("a simulator", host, port, _CONNECT_S))
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._connection.close()
+
+    def step(
+        self,
+        step_s: float,
+        commands: Sequence[RobotCommand] = (),
+        command: SimulatorCommand | None = None,
+        timeout_s: float = 5.0,
+    ) -> SyncResponse:
+        """Let the simulator go on by a step; return what was seen then.
+
+        Raises
+        ------
+        ArgumentError
+            If it does not answer, or the connection is lost.
+        PacketError
+            If a number does not fit into its field, or what comes is no answer.
+        """
+        control = RobotControl(tuple(commands)) if commands else None
+        self._connection.send(encode(SyncRequest(step_s, command, control)))
+        data = self._connection.receive(timeout_s)
+        if data is None:
+            raise ArgumentError(f"the simulator has not answered for {timeout_s:g} s")
+        return decode(SyncResponse, data)
 
 
 class SimulatorClient(_Client[SimulatorResponse]):

@@ -20,10 +20,13 @@ from robocup_vision.ssl.sockets import SIMULATED_VISION_PORT
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import (
+    MOTION_TYPE,
+    AnyMessage,
     RobotCommand,
     RobotControl,
     RobotControlResponse,
     RobotFeedback,
+    RobotMotion,
     SimulatorCommand,
     SimulatorError,
     SimulatorResponse,
@@ -257,6 +260,14 @@ class LeagueSimulator:
             return None, []
         return encode(response), []
 
+    def answer_step(self, team: Team | None, data: bytes) -> tuple[bytes, list[tuple[Channel, bytes]]]:
+        """Take a SyncRequest that came over a connection of a team, or of the control (None); returns as others do."""
+        try:
+            self._check_size(data)
+            return self._answer_sync(decode(SyncRequest, data), team)
+        except PacketError as error:
+            return encode(SyncResponse(robots=RobotControlResponse((self._count_bad(error),)))), []
+
     def _answer_sync(self, request: SyncRequest, team: Team | None) -> tuple[bytes, list[tuple[Channel, bytes]]]:
         # whoever steps it wants it to stand still in between
         self.speed = 0.0
@@ -285,10 +296,7 @@ class LeagueSimulator:
             errors.append(SimulatorError("STEP_RANGE", message))
         frames: tuple[DetectionFrame, ...] = tuple(self._vision.capture(self.world.state, self.epoch_s))
         if feedback:
-            feedback = tuple(
-                RobotFeedback(known.number, team is not None and self.world.touches_ball(team, known.number))
-                for known in feedback
-            )
+            feedback = tuple(self._feel(team, known.number) for known in feedback if team is not None)
         return encode(SyncResponse(frames, RobotControlResponse(tuple(errors), feedback))), published
 
     def _command_robots(self, team: Team, control: RobotControl) -> RobotControlResponse:
@@ -308,8 +316,13 @@ class LeagueSimulator:
                 errors.append(SimulatorError("COMMAND_RANGE", f"robot {command.number}: {problem}"))
             elif not self._is_lost(self.realism.command_loss):
                 self.world.command(team, command)
-            feedback.append(RobotFeedback(command.number, self.world.touches_ball(team, command.number)))
+            feedback.append(self._feel(team, command.number))
         return RobotControlResponse(tuple(errors), tuple(feedback))
+
+    def _feel(self, team: Team, number: int) -> RobotFeedback:
+        """Return what a robot feels: the ball, and how its wheels turn."""
+        motion = AnyMessage(MOTION_TYPE, encode(RobotMotion(*self.world.robot(team, number).motion)))
+        return RobotFeedback(number, self.world.touches_ball(team, number), motion)
 
     def _is_lost(self, ratio: float) -> bool:
         return ratio > 0 and bool(self._rng.random() < ratio)

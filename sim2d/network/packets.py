@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from robocup_vision.ssl.values.referee import (
@@ -15,6 +16,7 @@ from robocup_vision.ssl.values.referee import (
 from robocup_vision.ssl.values.simulation import Team
 from robocup_vision.ssl.values.tracked import (
     Capability,
+    KickedBall,
     TeamColor,
     TrackedBall,
     TrackedFrame,
@@ -25,7 +27,8 @@ from robocup_vision.ssl.values.tracked import (
     Vector3,
 )
 from sim2d.match.league_referee import Command, LeagueReferee
-from sim2d.network.world import LeagueState
+from sim2d.network.world import Kick, LeagueState
+from sim2d.world.ball_physics import GRAVITY_MPS2, ROLLS_RATIO, BallSettings
 from sim2d.world.state import RobotState
 
 # the same in every run, so that a reader of a log identifies the truth
@@ -82,9 +85,32 @@ def tracker_packet(state: LeagueState, frame_number: int, epoch_s: float) -> Tra
         epoch_s + state.t_s,
         (tracked,),
         robots,
-        capabilities=(Capability.DETECT_FLYING_BALLS,),
+        kicked_ball=None if state.kick is None else _kicked_ball(state.kick, epoch_s),
+        capabilities=(Capability.DETECT_FLYING_BALLS, Capability.DETECT_KICKED_BALLS),
     )
     return TrackerPacket(TRUTH_UUID, TRUTH_SOURCE, frame)
+
+
+def _kicked_ball(kick: Kick, epoch_s: float) -> KickedBall:
+    """Return a kick, with where and when its ball would lie still: a straight one slides, then rolls."""
+    ball, carpet = kick.ball, BallSettings()
+    slide_mps2, roll_mps2 = carpet.sliding_friction * GRAVITY_MPS2, carpet.rolling_friction * GRAVITY_MPS2
+    speed = math.hypot(ball.vx_mps, ball.vy_mps)
+    stop_s, stop_m = None, None
+    if ball.vz_mps == 0 and speed > 0:
+        rolls_mps = ROLLS_RATIO * speed
+        slides_s, rolls_s = (speed - rolls_mps) / slide_mps2, rolls_mps / roll_mps2
+        way_m = (speed + rolls_mps) / 2 * slides_s + rolls_mps / 2 * rolls_s
+        stop_s = epoch_s + kick.t_s + slides_s + rolls_s
+        stop_m = Vector2(ball.x_m + way_m * ball.vx_mps / speed, ball.y_m + way_m * ball.vy_mps / speed)
+    return KickedBall(
+        Vector2(ball.x_m, ball.y_m),
+        Vector3(ball.vx_mps, ball.vy_mps, ball.vz_mps),
+        epoch_s + kick.t_s,
+        stop_s,
+        stop_m,
+        TrackedRobotId(kick.number, _COLORS[kick.team]),
+    )
 
 
 def referee_packet(epoch_s: float, t_s: float) -> Referee:

@@ -117,6 +117,12 @@ class LeagueRobot:
         x, y = self.body.position
         return Pose2(x, y, self.body.angle)
 
+    @property
+    def motion(self) -> tuple[float, float, float]:
+        """How it moves, robot frame: forward, left, turn."""
+        (vx, vy), c, s = self.body.velocity, math.cos(self.body.angle), math.sin(self.body.angle)
+        return c * vx + s * vy, c * vy - s * vx, self.body.angular_velocity
+
     def place(self, pose: Pose2, velocity_mps: tuple[float, float] = (0.0, 0.0), turn_rps: float = 0.0) -> None:
         """Put it somewhere, moving in the field frame."""
         self.body.position = (pose.x_m, pose.y_m)
@@ -197,11 +203,11 @@ class LeagueRobot:
         """Return whether the ball interrupts the light barrier across its mouth."""
         return self.mouth(ball).holds(self.body, ball)
 
-    def handle(self, ball: BallBody, t_s: float, dt_s: float) -> None:
-        """Kick, chip or dribble the ball, as commanded, if it lies in the mouth."""
+    def handle(self, ball: BallBody, t_s: float, dt_s: float) -> bool:
+        """Kick, chip or dribble the ball, as commanded, if it lies in the mouth; return whether it was kicked."""
         kicks = self._kick_mps > 0 and t_s >= self._kicks_again_s
         if not (kicks or self._dribbler_rps > 0) or not self.touches(ball):
-            return
+            return False
         if kicks:
             rise_rad = min(max(self._kick_angle_rad, 0.0), math.pi / 2)
             speed = min(self._kick_mps, self.spec.max_chip_mps if rise_rad > 0 else self.spec.max_kick_mps)
@@ -211,3 +217,4 @@ class LeagueRobot:
             self._kicks_again_s = t_s + KICK_AGAIN_S
         elif t_s >= self._kicks_again_s:
             self.mouth(ball).dribble(self.body, ball, dt_s)
+        return kicks

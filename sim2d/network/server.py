@@ -38,8 +38,9 @@ from robocup_vision.ssl.sockets import (
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.network.controller_link import ControllerLink
-from sim2d.network.league import STEPS_A_FRAME, STEPS_A_JUDGEMENT, Channel, LeagueSimulator
+from sim2d.network.league import MAX_REQUEST_BYTES, STEPS_A_FRAME, STEPS_A_JUDGEMENT, Channel, LeagueSimulator
 from sim2d.network.packets import REFEREE_SOURCE
+from sim2d.network.sync_server import SyncServer
 from sim2d.network.world import STEP_S
 
 # stamps are off this machine's clock by no more
@@ -159,12 +160,16 @@ class LeagueServer(Closing):
         self._anchor_s, self._anchor_step = time.monotonic(), simulator.world.steps
         self._sockets: dict[socket.socket, Team | None] = {}
         self._opened: list[socket.socket] = []
+        self._sync: SyncServer | None = None
         try:
             self._sender = self._open(multicast_sender(interface, VISION_GROUP, TRACKER_GROUP, REFEREE_GROUP))
             self._referee = self._open(multicast_receiver(REFEREE_GROUP, ports.referee, interface))
             for address in dict.fromkeys((LOOPBACK, interface_address(interface))):
                 for port, team in ((ports.control, None), (ports.blue, Team.BLUE), (ports.yellow, Team.YELLOW)):
                     self._sockets[self._open(server(port, address))] = team
+            teams = {ports.control: None, ports.blue: Team.BLUE, ports.yellow: Team.YELLOW}
+            addresses = dict.fromkeys((LOOPBACK, interface_address(interface)))
+            self._sync = SyncServer(addresses, teams, MAX_REQUEST_BYTES)
         except BaseException:
             self.close()
             raise
@@ -177,6 +182,8 @@ class LeagueServer(Closing):
         """Close all sockets."""
         for opened in self._opened:
             opened.close()
+        if self._sync is not None:
+            self._sync.close()
 
     def run(self, goes_on: Callable[[], bool]) -> None:
         """Serve for as long as a function, which is called before every step, returns true."""
@@ -269,13 +276,17 @@ class LeagueServer(Closing):
 
     def _answer(self, wait_s: float) -> None:
         """Wait for requests at most so long, and answer those that are there for a limited time."""
-        ready, _, _ = select.select([self._referee, *self._sockets], [], [], wait_s)
+        steps = () if self._sync is None else self._sync.sockets
+        ready, _, _ = select.select([self._referee, *self._sockets, *steps], [], [], wait_s)
         if not ready:
             return
         begin_s = time.monotonic()
         for place, listening in enumerate(ready, 1):
             # whoever floods one port leaves their time to the others
             end_s = begin_s + self._settings.request_time_s * place / len(ready)
+            if self._sync is not None and listening in steps:
+                self._sync.serve(listening, self._answer_step)
+                continue
             while time.monotonic() < end_s:
                 try:
                     data, peer = listening.recvfrom(MAX_DATAGRAM_BYTES)
@@ -292,6 +303,11 @@ class LeagueServer(Closing):
                 self._publish(published, None)
                 if answer is not None:
                     self._send_back(listening, answer, peer)
+
+    def _answer_step(self, team: Team | None, data: bytes) -> bytes:
+        answer, published = self.simulator.answer_step(team, data)
+        self._publish(published, None)
+        return answer
 
     def _hear_referee(self, data: bytes, sender: tuple[str, int]) -> None:
         try:

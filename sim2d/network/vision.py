@@ -19,7 +19,7 @@ from sim2d.network.cameras import OverheadCamera, camera_rig
 from sim2d.network.overhead_view import Mounting, OverheadView, camera_mounting
 from sim2d.network.realism import Realism
 from sim2d.network.world import LeagueRobotState, LeagueState
-from sim2d.world.ball_physics import GRAVITY_MPS2, BallSettings, Flight
+from sim2d.world.ball_physics import GRAVITY_MPS2, ROLLS_RATIO, BallSettings, Flight
 
 MAX_PACKET_BYTES = 1024
 # where on a ball its visible part is probed: its centre and two rings of equal areas
@@ -65,7 +65,7 @@ class OverheadVision:
         """Return field, ball models and cameras, as many cameras a packet as a client with a small buffer reads."""
         carpet = BallSettings()
         slide_mps2, roll_mps2 = carpet.sliding_friction * GRAVITY_MPS2, carpet.rolling_friction * GRAVITY_MPS2
-        rolling = RollingBall(-slide_mps2, -roll_mps2, 5 / 7)
+        rolling = RollingBall(-slide_mps2, -roll_mps2, ROLLS_RATIO)
         bouncing = BouncingBall(flight.first_floor_ratio, flight.later_floor_ratio, flight.up_ratio)
         geometry = geometry_from_field(self.field, (), BallModels(rolling, bouncing))
         return _geometry_packets(geometry, tuple(camera.calibration for camera in self.cameras))

@@ -24,6 +24,8 @@ STEP_S = 1 / STEPS_PER_S
 MAX_NUMBER = 15
 _FIXED, _BALL = 1, 2
 _APART_M = 0.002
+# a kicked ball is one until it is slower, or somebody else is as near
+_STILL_MPS, _TOUCH_M, _ROBOT_HEIGHT_M = 0.05, 0.005, 0.15
 
 RobotKey = tuple[Team, int]
 
@@ -42,12 +44,23 @@ class LeagueRobotState:
 
 
 @dataclass(frozen=True, slots=True)
+class Kick:
+    """Who has kicked the ball, when, and the ball then."""
+
+    team: Team
+    number: int
+    t_s: float
+    ball: BallState
+
+
+@dataclass(frozen=True, slots=True)
 class LeagueState:
-    """Everything at one moment: yellow robots first, each team in order of its numbers."""
+    """Everything at one moment: yellow robots first, each team in order of its numbers; a kick while the ball moves."""
 
     t_s: float
     robots: tuple[LeagueRobotState, ...]
     ball: BallState
+    kick: Kick | None = None
 
 
 class LeagueWorld:
@@ -74,6 +87,7 @@ class LeagueWorld:
         self._space.collision_slop = 1e-4  # pymunk thinks in pixels, this is metres
         add_ground(self._space, field, (), _FIXED)
         self._ball = BallBody(self._space, field.ball_radius_m, _BALL, flight=flight)
+        self._kick: Kick | None = None
 
     @property
     def t_s(self) -> float:
@@ -100,17 +114,33 @@ class LeagueWorld:
             (x, y), (vx, vy) = body.position, body.velocity
             pose, spec = Pose2(x, y, body.angle), robot.spec
             robots.append(LeagueRobotState(*key, pose, (vx, vy), body.angular_velocity, spec.height_m, spec.radius_m))
-        return LeagueState(self.t_s, tuple(robots), self._ball.state)
+        return LeagueState(self.t_s, tuple(robots), self._ball.state, self._kick_of(self._ball.state))
 
     def step(self) -> None:
         """Go on by one physics step."""
         t_s = self.t_s
         for robot in self._robots.values():
             robot.drive(t_s, STEP_S)
-            robot.handle(self._ball, t_s, STEP_S)
+            if robot.handle(self._ball, t_s, STEP_S):
+                self._kick = Kick(robot.team, robot.number, t_s, self._ball.state)
         self._ball.apply_friction(STEP_S)
         self._space.step(STEP_S)
         self._steps += 1
+
+    def _kick_of(self, ball: BallState) -> Kick | None:
+        """Return the last kick while its ball rolls or flies, and nobody else has touched it."""
+        kick = self._kick
+        if kick is None:
+            return None
+        touched = any(
+            math.hypot(robot.pose.x_m - ball.x_m, robot.pose.y_m - ball.y_m)
+            < robot.spec.radius_m + self.field.ball_radius_m + _TOUCH_M
+            for key, robot in self._robots.items()
+            if key != (kick.team, kick.number)
+        )
+        if math.hypot(ball.vx_mps, ball.vy_mps) < _STILL_MPS or (touched and ball.z_m < _ROBOT_HEIGHT_M):
+            self._kick = None
+        return self._kick
 
     def has(self, team: Team, number: int) -> bool:
         """Whether a robot is on the field."""
@@ -211,6 +241,7 @@ class LeagueWorld:
 
     def place_ball(self, state: BallState, *, rolls: bool = True) -> None:
         """Put the ball somewhere with a velocity: rolling, or sliding as if kicked."""
+        self._kick = None
         self._ball.place(state.x_m, state.y_m, state.vx_mps, state.vy_mps)
         if not rolls:
             self._ball.kick(state.vx_mps, state.vy_mps)

@@ -10,6 +10,8 @@ import pymunk
 from sim2d.world.state import BallState
 
 GRAVITY_MPS2 = 9.81
+# a ball that slides rolls once it has kept so much of its speed: that of a solid sphere
+ROLLS_RATIO = 5 / 7
 # a slower ball lies still
 _STILL_MPS = 1e-4
 

@@ -247,7 +247,7 @@ message GameEvent
 message Input
 """
 
-# What a simulator takes and answers. `Any` is laid out as google.protobuf.Any.
+# What a simulator takes and answers. `Any` is laid out as google.protobuf.Any; `RobotMotion` is this project's own.
 SIMULATION = """
 enum Team
     UNKNOWN=0 YELLOW=1 BLUE=2
@@ -376,6 +376,10 @@ message RealismConfigErForce
 message RobotSpecErForce
     1 shoot_radius float
     3 dribbler_width float
+message RobotMotion
+    1 forward float
+    2 left float
+    3 angular float
 message Any
     1 type_url string
     2 value bytes

@@ -301,6 +301,21 @@ class RobotFeedback:
     unknown: bytes = b""
 
 
+# how a `RobotMotion` is named in a feedback's `custom`
+MOTION_TYPE = "robocup_vision/RobotMotion"
+
+
+@message_value("simulation.RobotMotion")
+@dataclass(frozen=True, slots=True)
+class RobotMotion:
+    """How a robot of this project's simulator moves, as its wheels tell it: robot frame; a feedback's `custom`."""
+
+    forward_mps: Annotated[float | None, Wire("forward")] = None
+    left_mps: Annotated[float | None, Wire("left")] = None
+    turn_rps: Annotated[float | None, Wire("angular")] = None
+    unknown: bytes = b""
+
+
 @message_value("simulation.RobotControlResponse")
 @dataclass(frozen=True, slots=True)
 class RobotControlResponse:

@@ -10,7 +10,7 @@ from field_models.errors import PacketError
 from robocup_vision.ssl.field import field_from_geometry, geometry_from_field
 from robocup_vision.ssl.log import SslLog
 from robocup_vision.ssl.protocol.mapping import decode, encode
-from robocup_vision.ssl.values.geometry import Geometry, LineKind
+from robocup_vision.ssl.values.geometry import FieldSize, Geometry, LineKind
 
 LEAGUE = ["ssl_2001", "ssl_division_a", "ssl_division_b"]
 
@@ -117,3 +117,8 @@ def test_an_impossible_geometry_is_refused():
                 field_from_geometry(bad)
     with pytest.raises(PacketError, match="has no goals"):
         geometry_from_field(dataclasses.replace(load_field("ssl_division_b"), goals=()))
+
+
+def test_a_geometry_without_lines_is_refused():
+    with pytest.raises(PacketError, match="a geometry must have lines, got none"):
+        field_from_geometry(Geometry(FieldSize(9.0, 6.0, 1.0, 0.18, 0.3)))

@@ -23,9 +23,14 @@ def free_ports():
             with (
                 socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first,
                 socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second,
+                socket.socket() as tcp_control,
+                socket.socket() as tcp_first,
+                socket.socket() as tcp_second,
             ):
                 first.bind(("127.0.0.1", control + 1))
                 second.bind(("127.0.0.1", control + 2))
+                for place, tcp in enumerate((tcp_control, tcp_first, tcp_second)):
+                    tcp.bind(("127.0.0.1", control + place))
         except (OSError, OverflowError):
             continue
         return Ports(control, free_port(), free_port())

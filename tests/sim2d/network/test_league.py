@@ -410,3 +410,36 @@ def test_hours_neither_drift_nor_grow():
     gaps = np.diff(sorted({frame.t_capture_s for frame in frames if frame and frame.t_capture_s > day_s}))
     assert len(gaps) > 5
     np.testing.assert_allclose(gaps, 1 / 60, atol=1e-6)
+
+
+def tracked(made, steps):
+    frames = [decode(TrackerPacket, data) for channel, data in published(made, steps) if channel is Channel.TRACKER]
+    return frames[-1].frame
+
+
+def test_a_kicked_ball_is_told_with_where_it_will_lie():
+    made = simulator()
+    control(made, teleport(sim.TeleportRobot(sim.RobotId(0, BLUE), 2.0, 2.5, 0.0)))
+    control(made, teleport(sim.TeleportRobot(sim.RobotId(1, YELLOW), -3.0, -2.0, 0.0)))
+    control(made, teleport(ball=sim.TeleportBall(-2.9, -2.0, 0.0, 0.0, 0.0, 0.0)))
+    assert tracked(made, 10).kicked_ball is None
+    order(made, YELLOW, sim.RobotCommand(1, kick_mps=2.0))
+    kicked = tracked(made, 10).kicked_ball
+    assert (kicked.robot.number, int(kicked.robot.team)) == (1, int(YELLOW))
+    assert kicked.position_m.x == pytest.approx(-2.9, abs=0.02)
+    assert (kicked.velocity_mps.x, kicked.velocity_mps.z) == (pytest.approx(2.0, abs=0.01), 0.0)
+    assert kicked.start_s == pytest.approx(EPOCH_S + 10 / 300, abs=0.01)
+    steps = round(300 * (kicked.stop_s - EPOCH_S - made.world.t_s))
+    late = tracked(made, steps + 60)
+    assert late.balls[0].position_m.x == pytest.approx(kicked.stop_position_m.x, abs=0.05)
+    assert late.kicked_ball is None
+
+
+def test_a_kick_is_over_once_somebody_else_has_the_ball():
+    made = simulator()
+    control(made, teleport(sim.TeleportRobot(sim.RobotId(1, YELLOW), -3.0, -2.0, 0.0)))
+    control(made, teleport(sim.TeleportRobot(sim.RobotId(0, BLUE), -2.0, -2.0, math.pi)))
+    control(made, teleport(ball=sim.TeleportBall(-2.9, -2.0, 0.0, 0.0, 0.0, 0.0)))
+    order(made, YELLOW, sim.RobotCommand(1, kick_mps=3.0))
+    assert tracked(made, 30).kicked_ball is not None
+    assert tracked(made, 120).kicked_ball is None

@@ -17,8 +17,9 @@ from ssl_sockets import free_port
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.cli import main
-from robocup_vision.ssl.protocol.mapping import encode
-from robocup_vision.ssl.requests import RobotClient, SimulatorClient
+from robocup_vision.ssl.log import LogKind, SslLog
+from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.requests import RobotClient, SimulatorClient, SyncClient
 from robocup_vision.ssl.sockets import REFEREE_GROUP, multicast_sender
 from robocup_vision.ssl.subscriptions import RefereeClient, TrackerClient, VisionClient
 from robocup_vision.ssl.values import simulation as sim
@@ -230,3 +231,63 @@ def test_a_foreign_team_of_thirty_lines_drives_a_square_and_kicks(running):
     assert float(words["worst_corner_m"]) < 0.05
     assert float(words["ball_moved_m"]) > 0.3
     assert words["ball_contact"] == "1"
+
+
+def test_steps_over_a_connection_are_answered_as_the_draft_has_it(running):
+    move = sim.MoveCommand(local=sim.LocalVelocity(1.0, 0.0, 0.0))
+    with (
+        SyncClient(port=running.ports.control) as control,
+        SyncClient(sim.Team.YELLOW, port=running.ports.yellow) as yellow,
+    ):
+        placed = sim.TeleportRobot(sim.RobotId(2, sim.Team.YELLOW), 0.0, 2.0, 0.0)
+        control.step(0.0, command=sim.SimulatorCommand(sim.SimulatorControl(robots=(placed,))))
+        steps = running.simulator.world.steps
+        for _ in range(20):
+            answer = yellow.step(0.05, [sim.RobotCommand(2, move)])
+        assert running.simulator.world.steps == steps + 300
+        robot = next(robot for robot in answer.detections[0].yellow if robot.robot_id == 2)
+        assert robot.x_m == pytest.approx(0.9, abs=0.1)
+        (feedback,) = answer.robots.feedback
+        assert feedback.custom.kind == "RobotMotion"
+        assert decode(sim.RobotMotion, feedback.custom.value).forward_mps == pytest.approx(1.0, abs=0.05)
+        answer = control.step(5.0)
+        assert answer.robots.errors[0].code == "STEP_RANGE"
+
+
+def test_rubbish_over_a_connection_ends_it_and_nothing_else(running):
+    with socket.create_connection(("127.0.0.1", running.ports.control)) as rude:
+        rude.sendall(b"\xff" * 20)
+        rude.settimeout(WAIT_S)
+        assert rude.recv(10) == b""
+    with socket.create_connection(("127.0.0.1", running.ports.control)) as odd:
+        odd.sendall(b"\x03\xff\xff\xff")
+        odd.settimeout(WAIT_S)
+        assert b"UNREADABLE" in odd.recv(1000)
+    # more than it takes at once
+    crowd = [socket.create_connection(("127.0.0.1", running.ports.control)) for _ in range(12)]
+    for one in crowd:
+        one.close()
+    end_s = time.monotonic() + WAIT_S
+    while time.monotonic() < end_s:
+        try:
+            with SyncClient(port=running.ports.control) as client:
+                assert client.step(0.1).detections
+            break
+        except ArgumentError:
+            time.sleep(0.05)
+    else:
+        raise AssertionError("nobody is let in")
+
+
+def test_what_is_sent_to_everybody_is_recorded(running, tmp_path, capsys):
+    path = tmp_path / "match.log.gz"
+    options = [f"--vision-port={running.simulator.vision_port}", f"--tracker-port={running.ports.tracker}"]
+    arguments = ["log", "record", str(path), *options, f"--referee-port={running.ports.referee}", "--seconds=1"]
+    assert main(arguments) == 0
+    assert "vision" in capsys.readouterr().out
+    with SslLog(path) as log:
+        kinds = [entry.kind for entry in log]
+        assert all(entry.value is not None for entry in log)
+    assert {LogKind.VISION, LogKind.TRACKER, LogKind.REFEREE} <= set(kinds)
+    assert main(arguments) == 2
+    assert "is there already (use --force to replace it)" in capsys.readouterr().err

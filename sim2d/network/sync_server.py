@@ -1,0 +1,105 @@
+"""The simulator's TCP ports: synchronous steps as in the league's draft, a request and its answer at a time.
+
+Each message comes after its size as a varint. A client that sends rubbish, or does not read, loses its connection.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterable
+
+from field_models.errors import ArgumentError, PacketError
+from robocup_vision.ssl.framed import take_frame, varint
+from robocup_vision.ssl.values.simulation import Team
+
+# a team, its opponent and a referee need three
+_MAX_CONNECTIONS = 8
+_CHUNK_BYTES = 1 << 16
+_SEND_S = 0.2
+
+Answer = Callable[[Team | None, bytes], bytes]
+
+
+class SyncServer:
+    """Listens at the ports of control and robots, and answers at most eight connections.
+
+    Parameters
+    ----------
+    addresses : iterable of str
+        Where.
+    ports : dict of int to (Team or None)
+        Which port is whose; None: the control's.
+    most_bytes : int
+        A larger request is refused.
+
+    Raises
+    ------
+    ArgumentError
+        If a port cannot be had.
+    """
+
+    def __init__(self, addresses: Iterable[str], ports: dict[int, Team | None], most_bytes: int) -> None:
+        self._most_bytes = most_bytes
+        self._listening: dict[socket.socket, Team | None] = {}
+        self._connected: dict[socket.socket, tuple[Team | None, bytearray]] = {}
+        for address in addresses:
+            for port, team in ports.items():
+                made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+                self._listening[made] = team
+                made.setblocking(False)
+                made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                try:
+                    made.bind((address, port))
+                    made.listen(_MAX_CONNECTIONS)
+                except (OSError, OverflowError) as error:
+                    self.close()
+                    words = getattr(error, "strerror", None) or error
+                    raise ArgumentError(f"cannot listen on {address}:{port}: {words}") from None
+
+    @property
+    def sockets(self) -> tuple[socket.socket, ...]:
+        """What to wait for."""
+        return (*self._listening, *self._connected)
+
+    def close(self) -> None:
+        """Close all connections."""
+        for opened in self.sockets:
+            opened.close()
+        self._listening, self._connected = {}, {}
+
+    def serve(self, ready: socket.socket, answer: Answer) -> None:
+        """Take what a socket of `sockets` has: a connection, or one request, which is answered."""
+        if ready in self._listening:
+            self._accept(ready)
+            return
+        team, buffer = self._connected[ready]
+        try:
+            data = ready.recv(_CHUNK_BYTES)
+            if not data:
+                self._drop(ready)
+                return
+            buffer += data
+            # one that sends more than a request and its answer allow does not wait for answers
+            while (frame := take_frame(buffer, self._most_bytes)) is not None:
+                reply = answer(team, frame)
+                ready.sendall(varint(len(reply)) + reply)
+        except BlockingIOError:
+            return
+        except (OSError, PacketError):
+            self._drop(ready)
+
+    def _accept(self, listening: socket.socket) -> None:
+        try:
+            made, _ = listening.accept()
+        except OSError:
+            return
+        if len(self._connected) >= _MAX_CONNECTIONS:
+            made.close()
+            return
+        made.settimeout(_SEND_S)
+        made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._connected[made] = self._listening[listening], bytearray()
+
+    def _drop(self, connected: socket.socket) -> None:
+        connected.close()
+        del self._connected[connected]
