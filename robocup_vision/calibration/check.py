@@ -1,12 +1,12 @@
-"""Checks a set-up by its own images: sizes, field, mirroring, heading, centre, curve and colours.
+"""Checks a set-up by its own images: sizes, light, camera, field, mirroring, heading, centre, curve and colours.
 
-Each finding comes with its evidence. A finding is "unknown" where images do not decide it: a field looks the same in a
-mirror, so mirroring and heading need odometry or truth.
+Each finding comes with its evidence. Where few images are located, or their poses contradict truth or odometry, set-ups
+near this one are tried, and the one that fits is named. A finding is "unknown" where images do not decide it: a field
+looks the same in a mirror, so mirroring and heading need odometry or truth.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections import Counter
 from collections.abc import Iterator
@@ -16,13 +16,17 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from field_models.catalog import field_names, load_field
-from field_models.errors import ArgumentError, FrameError
-from field_models.field import Field
+from field_models.errors import FrameError
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.calibration.by_edges import calibrate_by_edges
 from robocup_vision.calibration.carpet import shows_carpet
+from robocup_vision.calibration.doctor import Doctor, Picture, make_vision
+from robocup_vision.calibration.near_set_ups import NearSetUp
+from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
+from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -32,6 +36,8 @@ from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
 State = Literal["ok", "wrong", "unknown"]
+# what a set-up near this one has wrong that all edges in view tell better
+_BY_EDGES = ("focal length", "height")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +47,8 @@ class Finding:
     Parameters
     ----------
     subject : str
-        "size", "channels", "field", "mirrored", "heading", "centre", "curve" or "colours".
+        "size", "pictures", "camera", "channels", "field", "mirrored", "heading", "centre", "curve", "lens", "colours",
+        "truth", "odometry", or what is wrong by a set-up near this one that fits.
     state : {"ok", "wrong", "unknown"}
         The result.
     evidence : str
@@ -59,17 +66,29 @@ class CheckSettings:
 
     Parameters
     ----------
-    max_images, max_tried : int
-        Images that are used, evenly spread; those that are tried on other fields and with newly learnt colours.
-    min_located_ratio : float
-        Of the images, those that must be located on the field.
+    max_images, max_tried, max_calibrated : int
+        Images that are used, evenly spread; those that are tried with newly learnt colours, and that calibrate a
+        pinhole camera.
+    min_located_ratio, min_some_ratio : float
+        Of the images, those that must be located on the field; with fewer than the second something is wrong, between
+        them they may just show too little.
+    min_some_agreeing : float
+        Of the located images, those that must agree with truth or odometry.
+    max_dark : float
+        Counts that a hundredth of a picture's pixels must exceed: below is the sensor's noise.
+    min_contrast : float
+        Counts between a picture's darkest and brightest hundredth, below which it shows nothing.
+    max_height_m, min_height_m : float
+        Robots' cameras are between these heights.
+    min_focal_ratio, max_focal_ratio : float
+        Lenses have focal lengths of so many picture widths.
+    max_way_m, max_way_rad, max_way_frames : float, float, int
+        Odometry is followed until the robot has gone or turned so far, or over so many frames: less tells little.
     max_stray_ratio, min_other_ratio : float
         Pictures of something else: no more of them are located, and at least so many show ground before the robot that
         is not green. Of 60 photographs of other things two thirds do, of those of fields none.
     min_agreement : float
         Mean inlier ratio of a right set-up.
-    min_improvement : float
-        Another field, or the mirrored image, is better if its figure is so many times as high.
     max_truth_error_m : float
         A pose so near to the truth is right.
     max_center_ratio, max_range_error : float
@@ -90,11 +109,22 @@ class CheckSettings:
 
     max_images: int = 24
     max_tried: int = 8
+    max_calibrated: int = 12
     min_located_ratio: float = 0.8
+    min_some_ratio: float = 0.3
+    min_some_agreeing: float = 0.5
+    max_dark: float = 16.0
+    min_contrast: float = 8.0
+    max_height_m: float = 3.0
+    min_height_m: float = 0.02
+    min_focal_ratio: float = 0.2
+    max_focal_ratio: float = 20.0
+    max_way_m: float = 0.5
+    max_way_rad: float = math.radians(15.0)
+    max_way_frames: int = 15
     max_stray_ratio: float = 0.1
     min_other_ratio: float = 0.5
     min_agreement: float = 0.6
-    min_improvement: float = 1.3
     max_truth_error_m: float = 0.1
     max_center_ratio: float = 0.0015
     max_range_error: float = 0.01
@@ -128,7 +158,11 @@ def check_dataset(dataset: Dataset, settings: CheckSettings = CheckSettings()) -
     findings = [_check_size(dataset, images)]
     good = [(name, frame) for name, frame in images if not isinstance(frame, FrameError)]
     if findings[0].state == "wrong" or not good:
-        return findings
+        return [*findings, *_other_size(dataset, images)]
+    hiding = [*_check_lens(dataset.camera, settings), *_check_light([frame for _, frame in good], settings)]
+    if hiding:
+        return [*findings, *hiding]
+    findings += _check_height(dataset.camera, settings)
     check = _Check(dataset, [name for name, _ in good], [frame for _, frame in good], settings)
     return [*findings, *check.run()]
 
@@ -152,21 +186,67 @@ def _check_size(dataset: Dataset, images: list[tuple[str, UInt8Array | FrameErro
     if not bad:
         return Finding("size", "ok", f"{len(images)} images read, all {width}x{height} as the camera file says")
     evidence = f"{len(bad)} of {len(images)} images cannot be used; {bad[0][1]}"
-    sizes = Counter(size for name, _ in bad if (size := _size_px(dataset, name)) is not None)
-    if sizes:
-        (own_width, own_height), _ = sizes.most_common(1)[0]
-        if own_width * height == own_height * width and own_width != width:
-            factor = own_width / width
-            evidence += (
-                f"; the images are {factor:g} times as large with the same shape: a mirror camera's centre and radii "
-                f"times {factor:g} would fit them"
-            )
     return Finding("size", "wrong", evidence)
 
 
-def _size_px(dataset: Dataset, name: str) -> tuple[int, int] | None:
-    image = None if dataset.is_video else cv2.imread(str(dataset.path / name), cv2.IMREAD_COLOR)
-    return None if image is None else (image.shape[1], image.shape[0])
+def _other_size(dataset: Dataset, images: list[tuple[str, UInt8Array | FrameError]]) -> list[Finding]:
+    """Look at pictures of another size than the camera's, as they are."""
+    if dataset.is_video:
+        return []
+    read = {name: cv2.imread(str(dataset.path / name), cv2.IMREAD_COLOR) for name, _ in images}
+    pictures = [Picture(name, np.asarray(image, np.uint8)) for name, image in read.items() if image is not None]
+    if not pictures or len({picture.frame.shape for picture in pictures}) > 1:
+        return []
+    doctor = Doctor(dataset, pictures)
+    found = doctor.find()
+    return [] if found is None else [_of_doctor(doctor, found, len(pictures))]
+
+
+def _of_doctor(doctor: Doctor, found: tuple[NearSetUp, int], count: int) -> Finding:
+    near, fitting = found
+    mend = f": {near.mend}" if near.mend else ""
+    evidence = (
+        f"with {near.words} {fitting} of {count} pictures {doctor.measure} "
+        f"({doctor.fitting()} of {count} as it is){mend}"
+    )
+    return Finding(near.subject, "wrong", evidence)
+
+
+def _check_light(frames: list[UInt8Array], settings: CheckSettings) -> list[Finding]:
+    """Find pictures that show nothing."""
+    count = len(frames)
+    levels = [np.percentile(frame[::4, ::4].max(axis=2), (1, 99)).tolist() for frame in frames]
+    dark = sum(high < settings.max_dark for _, high in levels)
+    even = sum(high - low < settings.min_contrast and high >= settings.max_dark for low, high in levels)
+    if max(dark, even) <= (1 - settings.min_located_ratio) * count:
+        return []
+    if dark >= even:
+        return [Finding("pictures", "wrong", f"{dark} of {count} are black or nearly so: is the lens covered?")]
+    return [Finding("pictures", "wrong", f"{even} of {count} have the same brightness all over, and show nothing")]
+
+
+def _check_height(camera: OmniCamera | PinholeCamera, settings: CheckSettings) -> list[Finding]:
+    """Find a height that no robot has."""
+    height_m = camera.height_m
+    if height_m is None or settings.min_height_m <= height_m <= settings.max_height_m:
+        return []
+    key = "height_m" if isinstance(camera, PinholeCamera) else "viewpoint_height_m"
+    evidence = f"it is {height_m:g} m above the floor by the camera file: {key} is in metres"
+    return [Finding("camera", "wrong", evidence)]
+
+
+def _check_lens(camera: OmniCamera | PinholeCamera, settings: CheckSettings) -> list[Finding]:
+    """Find a focal length that no lens has."""
+    if not isinstance(camera, PinholeCamera):
+        return []
+    ratio = camera.focal_px[0] / camera.size_px[0]
+    if settings.min_focal_ratio <= ratio <= settings.max_focal_ratio:
+        return []
+    evidence = (
+        f"no robot has this lens: with a focal length of {camera.focal_px[0]:g} pixels pictures "
+        f"{camera.size_px[0]} pixels wide show {2 * math.degrees(math.atan(0.5 / ratio)):.3g} degrees"
+    )
+    return [Finding("camera", "wrong", evidence)]
 
 
 class _Check:
@@ -175,7 +255,7 @@ class _Check:
     def __init__(self, dataset: Dataset, names: list[str], frames: list[UInt8Array], settings: CheckSettings) -> None:
         self.settings = settings
         self.dataset, self.names, self.frames = dataset, names, frames
-        vision = self._vision(dataset.field)
+        vision = make_vision(dataset, dataset.field, dataset.camera)
         self.views: list[View] = []
         self.channel_nats: list[float] = []
         for frame in progress(frames, len(frames), "looking"):
@@ -187,32 +267,61 @@ class _Check:
         channels = self._check_channels()
         if channels is not None and channels.state == "wrong":
             return [channels]
+        findings = [] if channels is None else [channels]
+        pictures = [self._picture(*one) for one in zip(self.names, self.frames, strict=True)]
+        doctor = Doctor(self.dataset, pictures, dict(zip(self.names, self.views, strict=True)))
+        if doctor.fitting() < self.settings.min_located_ratio * len(self.views):
+            found = doctor.find()
+            if found is not None:
+                camera = found[0].set_up.camera
+                by_edges = self._check_by_edges(camera) if found[0].subject in _BY_EDGES else []
+                return [*findings, _of_doctor(doctor, found, len(self.views)), *by_edges]
         other = self._other_pictures()
         if other is not None:
-            return [other] if channels is None else [channels, other]
+            return [*findings, other]
         field = self._check_field()
-        findings = [field] if channels is None else [channels, field]
+        findings.append(field)
         if isinstance(self.dataset.camera, OmniCamera):
             if field.state != "wrong":
                 findings += self._check_turning(self.dataset.camera)
             findings += self._check_camera(self.dataset.camera, field.state == "ok")
+        elif field.state == "ok":
+            findings += self._check_by_edges(self.dataset.camera)
         if self.dataset.colors is not None:
             findings.append(self._check_colors())
+        if all(finding.state != "wrong" for finding in findings):
+            findings += self._check_agreement(doctor)
         return findings
 
-    def _vision(
-        self,
-        field: Field,
-        *,
-        learnt: bool = False,
-        camera: OmniCamera | None = None,
-    ) -> Vision:
-        d = self.dataset
-        colors = None if learnt else d.colors
-        method = (
-            None if d.method == "landmarks" or (d.method in ("floor", "hull") and not field.is_bounded) else d.method
-        )
-        return Vision(field, camera or d.camera, colors, method=method, mask=d.mask)
+    def _check_agreement(self, doctor: Doctor) -> list[Finding]:
+        """Whether poses agree with truth or odometry, where there is any."""
+        placed, fitting = sum(bool(view.pose) for view in self.views), doctor.fitting()
+        if not doctor.compares or not placed:
+            return []
+        evidence = f"{fitting} of {placed} located pictures {doctor.measure}"
+        if fitting >= self.settings.min_some_agreeing * placed:
+            return [Finding(doctor.compares, "ok", evidence)]
+        return [Finding(doctor.compares, "wrong", f"{evidence}, and none of the slips tried explains that")]
+
+    def _picture(self, name: str, frame: UInt8Array) -> Picture:
+        """Return a picture with a later one to which odometry tells of a turn or a way, unless its pose is known."""
+        dataset, settings = self.dataset, self.settings
+        if dataset.times is None or dataset.is_video or name in dataset.truth:
+            return Picture(name, frame)
+        moved, way_m, way_rad = Pose2(0.0, 0.0, 0.0), 0.0, 0.0
+        first = dataset.image_names.index(name) + 1
+        for number in range(first, min(first + settings.max_way_frames, len(dataset.image_names))):
+            step = dataset.times[dataset.image_names[number]].odometry
+            if step is None:
+                break
+            moved = moved.compose(step)
+            way_m, way_rad = way_m + math.hypot(step.x_m, step.y_m), way_rad + step.theta_rad
+            if way_m >= settings.max_way_m or abs(way_rad) >= settings.max_way_rad:
+                try:
+                    return Picture(name, frame, dataset.read_frame(number), moved)
+                except FrameError:
+                    break
+        return Picture(name, frame)
 
     def _look(self, vision: Vision, frames: list[UInt8Array], label: str) -> list[View]:
         views = []
@@ -267,27 +376,13 @@ class _Check:
         evidence = f"{placed} of {len(self.views)} images can be located on '{name}'"
         if placed >= min_placed and _agreement(self.views) >= settings.min_agreement:
             return Finding("field", "ok", f"{evidence}, {_agreement(self.views):.0%} of their points agree")
-        chosen = slice(None, None, -(-len(self.frames) // settings.max_tried))
-        own = _agreement(self.views[chosen])
-        scores = {}
-        for other in field_names():
-            field = load_field(other)
-            if other == name or not (field.is_bounded or len(field.lines)):
-                continue
-            try:
-                vision = self._vision(field)
-            except ArgumentError:
-                # the dataset's method needs what that field has not: its goals are panels
-                continue
-            scores[other] = _agreement(self._look(vision, self.frames[chosen], other))
-        best = max(scores, key=lambda other: scores[other])
-        evidence += f" ({own:.0%} of their points agree)"
-        if scores[best] > settings.min_improvement * own and scores[best] > settings.min_agreement:
-            return Finding("field", "wrong", f"{evidence}, on '{best}' {scores[best]:.0%}: is it that field?")
         if placed >= min_placed:
             return Finding("field", "ok", evidence)
         reasons = Counter(view.pose.reason for view in self.views if isinstance(view.pose, NotLocated))
-        return Finding("field", "unknown", f"{evidence}; most often: {reasons.most_common(1)[0][0]}")
+        evidence += f"; most often: {reasons.most_common(1)[0][0]}"
+        if placed >= settings.min_some_ratio * len(self.views):
+            return Finding("field", "unknown", evidence)
+        return Finding("field", "wrong", f"{evidence}; nor with any slip in field, camera or pictures that was tried")
 
     def _check_turning(self, camera: OmniCamera) -> list[Finding]:
         """Mirroring and heading, by truth or else by odometry."""
@@ -305,25 +400,12 @@ class _Check:
         return [Finding("mirrored", state, evidence)]
 
     def _check_by_truth(self, camera: OmniCamera) -> list[Finding]:
-        flipped = dataclasses.replace(camera, mirrored=not camera.mirrored)
-        counts = []
-        for views in (
-            self.views,
-            self._look(self._vision(self.dataset.field, camera=flipped), self.frames, "mirrored"),
-        ):
-            pairs = self._pairs(views)
-            near = [pose.error_to(truth, symmetric=True)[0] < self.settings.max_truth_error_m for pose, truth in pairs]
-            counts.append((sum(near), len(near)))
-        (right, count), (mirrored, _) = counts
-        if not count:
+        pairs = self._pairs(self.views)
+        if not pairs:
             return [Finding("mirrored", "unknown", "no image with truth could be located")]
-        evidence = (
-            f"{right} of {count} poses lie within {100 * self.settings.max_truth_error_m:.0f} cm of the truth, "
-            f"{mirrored} with the image mirrored"
-        )
-        if mirrored > self.settings.min_improvement * right and mirrored > count / 3:
-            wanted = str(not camera.mirrored).lower()
-            return [Finding("mirrored", "wrong", f"{evidence}: mirrored = {wanted} in the camera file?")]
+        near_m = self.settings.max_truth_error_m
+        right = sum(pose.error_to(truth, symmetric=True)[0] < near_m for pose, truth in pairs)
+        evidence = f"{right} of {len(pairs)} poses lie within {100 * near_m:.0f} cm of the truth"
         return [Finding("mirrored", "ok" if right else "unknown", evidence), *self._check_heading(camera)]
 
     def _check_heading(self, camera: OmniCamera) -> list[Finding]:
@@ -356,7 +438,7 @@ class _Check:
         if times is None or self.dataset.is_video:
             return None
         order = {name: index for index, name in enumerate(self.dataset.image_names)}
-        vision = self._vision(self.dataset.field)
+        vision = make_vision(self.dataset, self.dataset.field, self.dataset.camera)
         agreeing, count = 0, 0
         for name, view in zip(self.names, self.views, strict=True):
             following = order[name] + 1
@@ -409,9 +491,40 @@ class _Check:
             return Finding("curve", "wrong", f"{evidence}: {mend}")
         return Finding("curve", "ok", evidence)
 
+    def _check_by_edges(self, start: OmniCamera | PinholeCamera) -> list[Finding]:
+        """Calibrate a pinhole camera of known tilt from a start, and compare its file with the result."""
+        camera, settings = self.dataset.camera, self.settings
+        if not isinstance(start, PinholeCamera) or not isinstance(camera, PinholeCamera) or camera.tilt_rad is None:
+            return []
+        some = dict(list(enumerate(self.frames))[:: -(-len(self.frames) // settings.max_calibrated)])
+        fit = calibrate_by_edges(self.dataset.field, some, [start], dict.fromkeys(some), StartTrials())
+        if isinstance(fit, NotCalibrated) or len(fit.views) < settings.min_turns:
+            return []
+        tilt_std, _, height_std, focal_std, *_ = np.sqrt(np.diag(fit.covariance)).tolist()
+        focal_px, height_m, tilt_rad = fit.camera.focal_px[0], fit.camera.height_m, fit.camera.tilt_rad or 0.0
+        evidence = (
+            f"by {len(fit.views)} images the focal length is {focal_px:.1f} +- {focal_std * focal_px:.1f} px, "
+            f"the height {height_m:.3f} +- {height_std:.3f} m, the tilt {math.degrees(tilt_rad):+.1f} +- "
+            f"{math.degrees(tilt_std):.1f} degrees"
+        )
+        off = [
+            name
+            for name, difference, std, least in (
+                ("focal_px", math.log(focal_px / camera.focal_px[0]), focal_std, settings.max_range_error),
+                ("height_m", height_m - camera.height_m, math.hypot(height_std, camera.height_std_m), 0.0),
+                ("tilt_rad", tilt_rad - camera.tilt_rad, tilt_std, 0.0),
+            )
+            if abs(difference) > max(settings.significance * std, least)
+        ]
+        if not off:
+            return [Finding("lens", "ok", f"{evidence}, as the camera file says")]
+        mend = "robocup-vision calibrate pinhole --start CAMERA corrects it"
+        return [Finding("lens", "wrong", f"{evidence}; not so {', '.join(off)} of the camera file: {mend}")]
+
     def _check_colors(self) -> Finding:
         chosen = slice(None, None, -(-len(self.frames) // self.settings.max_tried))
-        learnt = self._look(self._vision(self.dataset.field, learnt=True), self.frames[chosen], "colours")
+        vision = make_vision(self.dataset, self.dataset.field, self.dataset.camera, learnt=True)
+        learnt = self._look(vision, self.frames[chosen], "colours")
         agreements = []
         for fixed, own in zip(self.views[chosen], learnt, strict=True):
             if fixed.marks.shape != own.marks.shape or not own.marks.any():

@@ -1,6 +1,9 @@
-"""Estimates a pinhole camera's focal length, height and tilt from pictures of a goal and the lines around it.
+"""Estimates a pinhole camera's focal length, height and tilt from pictures of a field.
 
-Each picture is fitted with a focal length and a height of its own under wide priors, together with its pose
+All edges in view come first (`calibrate_by_edges`). Pictures of a goal and the lines around it are taken where edges
+fail, and where goals show the half and the start's tilt is unknown.
+
+There each picture is fitted with a focal length and a height of its own under wide priors, together with its pose
 (`GoalPoseEstimator`). The pictures' information on these two common numbers is added up, without the priors and each
 picture's own unknowns: one Gauss-Newton step of the joint fit. The pictures are fitted again about the result. Those
 that contradict the rest are left out.
@@ -17,6 +20,7 @@ import numpy as np
 from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
+from robocup_vision.calibration.by_edges import calibrate_by_edges
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import JsonForm, StartTrials
 from robocup_vision.camera import PinholeCamera
@@ -42,6 +46,7 @@ from robocup_vision.progress import progress
 
 _COMMON = (LOG_FOCAL, HEIGHT)
 _LOSS = FitLoss(np.ones(1), np.ones(1), False)
+_ONLY_ONE = "one image cannot be checked against others: use several"
 # median of chi-square with two degrees of freedom
 _MEDIAN_CHI2 = 1.386
 
@@ -152,17 +157,18 @@ def calibrate_pinhole(
     settings: PinholeCalibrationSettings = PinholeCalibrationSettings(),
     trials: StartTrials | None = None,
 ) -> PinholeCalibration | NotCalibrated:
-    """Calibrate a pinhole camera by pictures of a goal, taken anywhere.
+    """Calibrate a pinhole camera by pictures of a field, taken anywhere.
 
     Parameters
     ----------
     field : Field
-        With goals of posts and a bar.
+        With goals of posts and a bar, unless the start's tilt is known.
     images : sequence of (H, W, 3) uint8
         BGR, all of one size. Each is read when it is needed.
     start : PinholeCamera, optional
-        Within some 18 % in focal length and 5 cm in height. Its image centre and distortion are kept. Without it
-        several starts are tried, with the image's middle as centre and no distortion.
+        Within some 18 % in focal length and 5 cm in height. Its distortion is kept; its image centre is trusted. With
+        its tilt, known to some degrees, lines and walls do without a goal. Without a start several are tried, with the
+        image's middle as centre and no distortion.
     names : sequence of str, optional
         Of the images.
     poses : mapping of str to Pose2, optional
@@ -177,8 +183,9 @@ def calibrate_pinhole(
     Raises
     ------
     ArgumentError
-        If the field has no goals of posts and a bar.
+        If the field has no goals of posts and a bar, and the start's tilt is unknown.
     """
+    trials = trials or StartTrials()
     count = len(images)
     called = list(names) if names is not None else [str(index) for index in range(count)]
     chosen = [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, max_frames)).round())]
@@ -191,7 +198,14 @@ def calibrate_pinhole(
     if not frames:
         return NotCalibrated("none of the images can be read", tuple(notes))
     prior = {index: (poses or {}).get(called[index]) for index in frames}
-    cameras = _best_starts(field, frames, start, settings, trials or StartTrials())
+    starts = _starts(next(iter(frames.values())), start, settings)
+    is_tilt_known = start is not None and start.known_orientation
+    # where goals show the half, no tilt is told without one
+    if is_tilt_known or not field.shows_half:
+        by_edges = _by_edges(field, frames, starts, prior, called, tuple(notes), settings, trials)
+        if by_edges or not any(goal.kind == "posts" for goal in field.goals):
+            return by_edges
+    cameras = _best_starts(field, frames, starts, settings, trials)
     if not cameras and start is not None and any(pose is not None for pose in prior.values()):
         # with a pose, lines may be enough
         cameras = [_loosened(start, settings)]
@@ -202,7 +216,55 @@ def calibrate_pinhole(
             return results[-1]
     if results:
         return results[0]
-    return NotCalibrated("no goal is found in any of the images, whatever the focal length may be", tuple(notes))
+    reason = "no goal is found in any of the images, whatever the focal length may be"
+    if not poses:
+        tilted = "" if is_tilt_known else " a start with its tilt_rad (--start), or"
+        reason += f"; without a goal{tilted} rough poses of the images (--poses) may do"
+    return NotCalibrated(reason, tuple(notes))
+
+
+def _by_edges(
+    field: Field,
+    frames: Mapping[int, np.ndarray],
+    starts: Sequence[PinholeCamera],
+    prior: Mapping[int, Pose2 | None],
+    called: Sequence[str],
+    notes: tuple[str, ...],
+    settings: PinholeCalibrationSettings,
+    trials: StartTrials,
+) -> PinholeCalibration | NotCalibrated:
+    """Calibrate by all edges in view."""
+    found = calibrate_by_edges(field, frames, starts, prior, trials)
+    if isinstance(found, NotCalibrated):
+        return NotCalibrated(found.reason, notes)
+    tilt_std_rad, _, height_std_m, focal_std, *_ = np.sqrt(np.diag(found.covariance)).tolist()
+    refusal = _too_uncertain(len(found.views), focal_std, height_std_m, settings)
+    if refusal is not None:
+        return NotCalibrated(refusal, notes)
+    if len(found.views) < len(frames):
+        left_out = len(frames) - len(found.views)
+        notes = (*notes, f"{left_out} of {len(frames)} images show too little of the field: left out")
+    if len(found.views) == 1:
+        notes = (*notes, _ONLY_ONE)
+    std = {"focal_px": focal_std * found.camera.focal_px[0], "height_m": height_std_m, "tilt_rad": tilt_std_rad}
+    camera = replace(found.camera, height_std_m=max(height_std_m, 1e-4), focal_std_px=std["focal_px"])
+    used = tuple(
+        PinholeFrame(index, called[index], held.tilt_rad or 0.0, held.roll_rad or 0.0, True)
+        for index, held in found.held.items()
+    )
+    return PinholeCalibration(camera, std, float(found.covariance[2, 3] / (height_std_m * focal_std)), used, notes)
+
+
+def _too_uncertain(
+    count: int, focal_std: float, height_std_m: float, settings: PinholeCalibrationSettings
+) -> str | None:
+    for what, is_refused, size in (
+        ("focal length", focal_std > settings.max_result_focal_std, f"{100 * focal_std:.0f} %"),
+        ("height", height_std_m > settings.max_result_height_std_m, f"{height_std_m:.3f} m"),
+    ):
+        if is_refused:
+            return f"{count} usable images leave the {what} uncertain by {size}"
+    return None
 
 
 def _calibrated(
@@ -233,18 +295,15 @@ def _calibrated(
         )
     used = [index for index, agrees in zip(estimates, joint.agrees, strict=True) if agrees]
     focal_std, height_std_m = (float(s) for s in np.sqrt(np.diag(joint.covariance)))
-    for what, is_refused, size in (
-        ("focal length", focal_std > settings.max_result_focal_std, f"{100 * focal_std:.0f} %"),
-        ("height", height_std_m > settings.max_result_height_std_m, f"{height_std_m:.3f} m"),
-    ):
-        if is_refused:
-            return NotCalibrated(f"{len(used)} usable images leave the {what} uncertain by {size}", tuple(notes))
+    refusal = _too_uncertain(len(used), focal_std, height_std_m, settings)
+    if refusal is not None:
+        return NotCalibrated(refusal, tuple(notes))
     if len(used) < len(frames):
         notes.append(
             f"{len(frames) - len(used)} of {len(frames)} images show no goal, or contradict the rest: left out"
         )
     if len(used) == 1:
-        notes.append("one image cannot be checked against others: use several")
+        notes.append(_ONLY_ONE)
     return _result(camera, joint, {index: estimates[index] for index in used}, called, tuple(notes), settings)
 
 
@@ -296,25 +355,30 @@ def _loosened(camera: PinholeCamera, settings: PinholeCalibrationSettings) -> Pi
 def _best_starts(
     field: Field,
     frames: Mapping[int, np.ndarray],
-    given: PinholeCamera | None,
+    starts: Sequence[PinholeCamera],
     settings: PinholeCalibrationSettings,
     trials: StartTrials,
 ) -> list[PinholeCamera]:
-    """Return the most promising starts, best first."""
-    height, width = next(iter(frames.values())).shape[:2]
+    """Return the starts that find most goals, best first."""
     some = dict(list(frames.items())[:: -(-len(frames) // settings.start_frames)])
-    middle = (width - 1) / 2, (height - 1) / 2
-    if given is None:
-        focals = [width / 2 / math.tan(view / 2) for view in settings.views_rad]
-        starts = [PinholeCamera((width, height), (f, f), middle, up) for f in focals for up in settings.heights_m]
-    else:
-        (fu, fv), scales = given.focal_px, [math.exp(log) for log in settings.log_focals]
-        starts = [replace(given, focal_px=(fu * scale, fv * scale)) for scale in scales]
     cameras = [_loosened(start, settings) for start in starts]
     ranks = trials.results(_RankStart(field, some, settings), cameras, "starts", JsonForm(tuple, tuple))
     ranked = [(rank, camera) for rank, camera in zip(ranks, cameras, strict=True) if rank[0]]
     ranked.sort(key=lambda entry: entry[0], reverse=True)
     return [camera for _, camera in ranked[: settings.starts_tried]]
+
+
+def _starts(
+    frame: np.ndarray, given: PinholeCamera | None, settings: PinholeCalibrationSettings
+) -> list[PinholeCamera]:
+    """Return a start with the focal lengths that are tried about its own; without one, common lenses and heights."""
+    if given is not None:
+        (fu, fv), scales = given.focal_px, [math.exp(log) for log in settings.log_focals]
+        return [replace(given, focal_px=(fu * scale, fv * scale)) for scale in scales]
+    height, width = frame.shape[:2]
+    middle = (width - 1) / 2, (height - 1) / 2
+    focals = [width / 2 / math.tan(view / 2) for view in settings.views_rad]
+    return [PinholeCamera((width, height), (f, f), middle, up) for f in focals for up in settings.heights_m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -187,7 +187,8 @@ def _build_pinhole(path: str | Path, f: _PinholeFile) -> PinholeCamera:
     if len(f.distortion) not in DISTORTION_LENGTHS:
         raise FileError(path, "must have 0, 4, 5 or 8 coefficients", key="distortion", value=list(f.distortion))
     if f.tilt_rad is not None and not abs(f.tilt_rad) <= np.pi / 2:
-        raise FileError(path, "must lie between -pi/2 and pi/2", key="tilt_rad", value=f.tilt_rad)
+        degrees = f"; {f.tilt_rad:g} degrees are {np.radians(f.tilt_rad):.4f} rad"
+        raise FileError(path, "must lie between -pi/2 and pi/2", key="tilt_rad", value=f.tilt_rad, hint=degrees)
     return PinholeCamera(**{key: getattr(f, key) for key in f.__struct_fields__ if key not in ("format", "model")})
 
 
@@ -200,12 +201,12 @@ def _check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     if not error[worst] < 1e-3:
         u_worst, v_worst = pixels[worst]
-        back = (
-            f"and back {error[worst]:.3g} px away" if np.isfinite(error[worst]) else "but this lens shows nothing there"
-        )
+        where = f"pixel ({u_worst:.1f}, {v_worst:.1f})"
         raise FileError(
             path,
-            f"pixel ({u_worst:.1f}, {v_worst:.1f}) maps to a ray {back}",
+            f"{where} maps to a ray and back {error[worst]:.3g} px away"
+            if np.isfinite(error[worst])
+            else f"folds back within the picture: this lens shows nothing at {where}",
             key="distortion",
             value=list(camera.distortion),
         )

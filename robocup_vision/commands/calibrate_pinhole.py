@@ -14,14 +14,11 @@ def add_pinhole_parser(kinds: Any) -> None:
     pinhole: argparse.ArgumentParser = kinds.add_parser(
         "pinhole",
         help="a forward camera's focal length, height and tilt",
-        description="Calibrate a pinhole camera by pictures of a goal, with the field's lines where they are in view: "
-        "focal length, height, and tilt where it is the same in all. Some ten pictures from different places, nearer "
-        "and from the side, are enough.",
+        description="Calibrate a pinhole camera by pictures of lines, goals and walls: focal length, height, and tilt "
+        "where it is the same in all. Some ten pictures from different places are enough.",
     )
     add_calibration_options(pinhole, "camera file to write (.toml)")
-    pinhole.add_argument(
-        "--poses", metavar="CSV", help="roughly where the camera was: image,x_m,y_m,theta_rad; lines alone then do"
-    )
+    pinhole.add_argument("--poses", metavar="CSV", help="roughly where the camera was: image,x_m,y_m,theta_rad")
     pinhole.set_defaults(run=run_calibrate_pinhole)
 
 

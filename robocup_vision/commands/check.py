@@ -10,8 +10,10 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `check` to the subparsers of an argparse parser."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "check",
-        help="find errors in a set-up: size, field, mirroring, centre, colours",
-        description="Use some images of a dataset to find errors in its files, and print each with its evidence.",
+        help="find errors in a set-up: size, field, tilt, mirroring, lens, colours, units",
+        description="Use some images of a dataset to find errors in its files, and print each with its evidence. Where "
+        "few images are located, or poses contradict truth or odometry, set-ups near this one are tried. The exit "
+        "status is 1 if something is wrong.",
     )
     add = parser.add_argument
     add("dataset", help="folder with a dataset.toml, folder of images, or video file")

@@ -114,7 +114,6 @@ def test_the_command(samples, tmp_path, capsys):
     ("arguments", "said"),
     [
         (["--start", "MIRROR"], "must be a pinhole camera"),
-        (["--frames", "0"], "--frames must be at least 1"),
         (["--poses", "OTHER"], "names none of the images"),
         (["--out", "nowhere/c.toml"], "its folder does not exist"),
         ([], "no goal is found"),

@@ -258,7 +258,7 @@ BAD = [
     (
         "0.46",
         "0.46\ndistortion = [-2.0, 0.0, 0.0, 0.0]",
-        "key 'distortion': pixel (0.0, 0.0) maps to a ray but this lens shows nothing there",
+        "key 'distortion': folds back within the picture: this lens shows nothing at pixel (0.0, 0.0)",
     ),
 ]
 

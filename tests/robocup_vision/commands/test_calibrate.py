@@ -66,7 +66,6 @@ def test_a_refusal_is_one_line_and_writes_nothing(folder, capsys, tmp_path):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--frames", "0"], "--frames must be at least 1, got 0"),
         (["--start", "absent.toml"], "absent.toml"),
         (["--field", "nowhere"], "field 'nowhere' is neither"),
         (["--out", "absent_folder/camera.toml"], "its folder does not exist"),

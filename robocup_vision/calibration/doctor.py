@@ -1,0 +1,239 @@
+"""Looks at some pictures with set-ups near the one at hand, and says which one fits more of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.calibration.near_set_ups import NEAR, NearSetUp, SetUp
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.geometry import Pose2
+from robocup_vision.progress import progress
+from robocup_vision.view import View
+from robocup_vision.vision import Vision
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorSettings:
+    """Settings of the search for a set-up that fits.
+
+    Parameters
+    ----------
+    max_pictures : int
+        So many, evenly spread, are looked at with each set-up.
+    min_fitting : float
+        Of them, those that another set-up must fit.
+    min_more : float
+        Of them, those that it must fit beyond those that fit as it is.
+    enough : float
+        Of them: where so many fit, the kinds of slips that follow are not tried.
+    max_error_m, max_error_rad : float
+        Poses this near to truth or odometry agree with it, with three of the pose's own standard deviations on top.
+    odometry_error : float
+        Of the way between two pictures, what odometry may be off.
+    """
+
+    max_pictures: int = 8
+    min_fitting: float = 0.6
+    min_more: float = 0.3
+    enough: float = 0.8
+    max_error_m: float = 0.1
+    max_error_rad: float = math.radians(3.0)
+    odometry_error: float = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture as it is, and, where odometry tells of the way to it, a later one.
+
+    Parameters
+    ----------
+    name : str
+        Of the picture.
+    frame : (H, W, 3) uint8
+        BGR.
+    later : (H, W, 3) uint8 or None
+        A later picture.
+    moved : Pose2 or None
+        How the robot moved until then, by odometry.
+    """
+
+    name: str
+    frame: UInt8Array
+    later: UInt8Array | None = None
+    moved: Pose2 | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    fits: bool
+    residual_px: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Best:
+    near: NearSetUp
+    fitting: int
+    residual_px: float
+
+
+def make_vision(dataset: Dataset, field: Field, camera: OmniCamera | PinholeCamera, *, learnt: bool = False) -> Vision:
+    """Return what looks at a dataset's pictures by another field or camera, or by colours that it learns.
+
+    Raises
+    ------
+    ArgumentError
+        If the dataset's method needs what these have not.
+    """
+    colors = None if learnt else dataset.colors
+    needs_bounds = dataset.method in ("floor", "hull") and not field.is_bounded
+    method = None if dataset.method == "landmarks" or needs_bounds else dataset.method
+    return Vision(field, camera, colors, method=method, mask=dataset.mask)
+
+
+class Doctor:
+    """Tries set-ups on some pictures.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Says the set-up at hand.
+    pictures : sequence of Picture
+        All of one size, which need not be the camera's.
+    own_views : mapping of str to View, optional
+        What pictures show by the set-up at hand, where that is known.
+    settings : DoctorSettings, optional
+        Bounds of the search, and what fits.
+    """
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        pictures: Sequence[Picture],
+        own_views: Mapping[str, View] | None = None,
+        settings: DoctorSettings = DoctorSettings(),
+    ) -> None:
+        self._dataset, self._pictures, self._settings = dataset, pictures, settings
+        height, width = pictures[0].frame.shape[:2]
+        self.own = SetUp(dataset.field, dataset.camera, (width, height), dataset.truth)
+        # of the set-up at hand: other truth needs no other look
+        self._own_poses = {(name, False): self._pose(view) for name, view in (own_views or {}).items()}
+        self._own_vision: Vision | None = None
+
+    @property
+    def compares(self) -> str:
+        """What poses are compared with: "truth" or "odometry"; empty where there is nothing."""
+        if any(one.name in self.own.truth for one in self._pictures):
+            return "truth"
+        return "odometry" if any(one.later is not None for one in self._pictures) else ""
+
+    @property
+    def measure(self) -> str:
+        """What fitting means, to follow "pictures"."""
+        return f"agree with the {self.compares}" if self.compares else "are located"
+
+    def fitting(self, set_up: SetUp | None = None) -> int:
+        """Return how many of all pictures a set-up fits; unless given, that at hand."""
+        return sum(look.fits for look in self._looks(set_up or self.own, self._pictures, 0))
+
+    def find(self) -> tuple[NearSetUp, int] | None:
+        """Return the near set-up that fits most pictures, and how many of all; None if none fits clearly more."""
+        settings = self._settings
+        chosen = self._pictures[:: -(-len(self._pictures) // settings.max_pictures)]
+        count = len(chosen)
+        as_it_is = sum(look.fits for look in self._looks(self.own, chosen, 0))
+        needed = max(math.ceil(settings.min_fitting * count), as_it_is + max(1, math.ceil(settings.min_more * count)))
+        if needed > count:
+            return None
+        best: _Best | None = None
+        kinds = [(kind, near) for kind, tried in enumerate(NEAR) for near in tried(self.own)]
+        last = None
+        for kind, near in progress(kinds, len(kinds), "trying near set-ups"):
+            if kind != last and best is not None and best.fitting >= settings.enough * count:
+                break
+            last = kind
+            looks = self._looks(near.set_up, chosen, needed if best is None else best.fitting)
+            fitting = sum(look.fits for look in looks)
+            if fitting < needed:
+                continue
+            residual_px = float(np.median([look.residual_px for look in looks if look.fits]))
+            if best is None or (fitting, -residual_px) > (best.fitting, -best.residual_px):
+                best = _Best(near, fitting, residual_px)
+        return None if best is None else (best.near, self.fitting(best.near.set_up))
+
+    def _looks(self, set_up: SetUp, pictures: Sequence[Picture], needed: int) -> list[_Look]:
+        """Look at pictures as long as so many of them can still fit."""
+        own = self.own
+        is_own = (set_up.field, set_up.camera, set_up.seen) == (own.field, own.camera, own.seen)
+        try:
+            vision = self._vision_of_own() if is_own else make_vision(self._dataset, set_up.field, set_up.camera)
+        except ArgumentError:
+            # the dataset's method needs what this one has not
+            return []
+        looks: list[_Look] = []
+        missed = 0
+        for one in pictures:
+            known = self._own_poses if is_own else {}
+            for frame, is_later in ((one.frame, False), (one.later, True)):
+                if frame is not None and (one.name, is_later) not in known:
+                    known[one.name, is_later] = self._locate(vision, set_up, frame)
+            look = self._judge(set_up, one, known[one.name, False], known.get((one.name, True)))
+            looks.append(look)
+            missed += not look.fits
+            if len(pictures) - missed < needed:
+                break
+        return looks
+
+    def _vision_of_own(self) -> Vision:
+        if self._own_vision is None:
+            self._own_vision = make_vision(self._dataset, self.own.field, self.own.camera)
+        return self._own_vision
+
+    def _locate(self, vision: Vision, set_up: SetUp, frame: UInt8Array) -> PoseEstimate | None:
+        seen = np.ascontiguousarray(set_up.seen(frame))
+        width, height = set_up.camera.size_px
+        if seen.shape[:2] != (height, width):
+            return None
+        vision.forget()
+        return self._pose(vision.look(seen))
+
+    def _pose(self, view: View) -> PoseEstimate | None:
+        pose = view.pose if self._dataset.pose_of == "robot" else view.camera_pose
+        return pose if isinstance(pose, PoseEstimate) else None
+
+    def _judge(self, set_up: SetUp, picture: Picture, pose: PoseEstimate | None, later: PoseEstimate | None) -> _Look:
+        if pose is None:
+            return _Look(False, math.inf)
+        truth = set_up.truth.get(picture.name)
+        fits = True
+        if truth is not None:
+            fits = self._is_near(pose, [(truth.x_m, truth.y_m, truth.theta_rad)], 0.0)
+        elif picture.moved is not None and picture.later is not None:
+            if later is None:
+                return _Look(True, pose.residual_px)
+            way = math.hypot(picture.moved.x_m, picture.moved.y_m) + abs(picture.moved.theta_rad)
+            expected = [candidate.compose(picture.moved) for candidate in pose.candidates]
+            fits = self._is_near(later, [(one.x_m, one.y_m, one.theta_rad) for one in expected], way)
+        return _Look(fits, pose.residual_px)
+
+    def _is_near(self, pose: PoseEstimate, places: Sequence[tuple[float, float, float | None]], way: float) -> bool:
+        """Whether a candidate lies near one of these poses, as far as odometry over this way tells them."""
+        settings = self._settings
+        slack = 3 * pose.std + settings.odometry_error * way
+        symmetric = self._dataset.symmetry == "point"
+        for x_m, y_m, theta_rad in places:
+            for one in pose.candidates:
+                place = Pose2(x_m, y_m, one.theta_rad if theta_rad is None else theta_rad)
+                off_m, off_rad = one.error_to(place, symmetric=symmetric)
+                if off_m < settings.max_error_m + slack[:2].max() and off_rad < settings.max_error_rad + slack[2]:
+                    return True
+        return False

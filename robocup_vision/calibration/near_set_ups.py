@@ -1,0 +1,265 @@
+"""Set-ups near the one at hand: each differs from it by one slip that people make, and says which.
+
+`NEAR` is the table of them, gross slips first; each entry yields the set-ups of one kind that apply.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import cv2
+import numpy as np
+
+from field_models.catalog import field_names, load_field
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.evaluation.dataset import Truth
+
+# a tape measure, a data sheet or another lens: so far off, localisers find little or err much
+_RATIOS = (0.85, 0.9, 0.95, 1.05, 1.1, 1.15)
+# robots' cameras are lower
+_HIGHEST_M = 3.0
+
+
+def _as_it_is(picture: UInt8Array) -> UInt8Array:
+    return picture
+
+
+@dataclass(frozen=True, eq=False)
+class SetUp:
+    """What pictures are looked at with.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    camera : OmniCamera or PinholeCamera
+        The camera.
+    size_px : (int, int)
+        Width and height of the pictures as they are.
+    truth : mapping of str to Truth
+        Known poses, by picture.
+    seen : callable
+        Turns a picture as it is into one of the camera's.
+    """
+
+    field: Field
+    camera: OmniCamera | PinholeCamera
+    size_px: tuple[int, int]
+    truth: Mapping[str, Truth]
+    seen: Callable[[UInt8Array], UInt8Array] = _as_it_is
+
+
+@dataclass(frozen=True, eq=False)
+class NearSetUp:
+    """A set-up that differs by one slip.
+
+    Parameters
+    ----------
+    subject : str
+        What is wrong if it fits.
+    words : str
+        What it has instead of what, to follow "with".
+    set_up : SetUp
+        It.
+    mend : str
+        What to write where.
+    """
+
+    subject: str
+    words: str
+    set_up: SetUp
+    mend: str = ""
+
+
+def _truth_units(own: SetUp) -> Iterator[NearSetUp]:
+    """Try degrees for radians, and smaller units for metres."""
+    known = own.truth.values()
+    turns = [abs(one.theta_rad) for one in known if one.theta_rad is not None]
+    in_degrees = bool(turns) and max(turns) > math.tau
+    far_m = max((max(abs(one.x_m), abs(one.y_m)) for one in known), default=0.0)
+    units = [("millimetres", 1e-3), ("centimetres", 1e-2)] if far_m > own.field.length_m else []
+    for name, unit in [*units, ("", 1.0)]:
+        if not (unit != 1.0 or in_degrees):
+            continue
+        what = " and ".join(
+            [*([f"lengths in {name}"] if name else []), *(["headings in degrees"] if in_degrees else [])]
+        )
+        other = {
+            picture: Truth(
+                unit * one.x_m,
+                unit * one.y_m,
+                math.radians(one.theta_rad) if in_degrees and one.theta_rad is not None else one.theta_rad,
+            )
+            for picture, one in own.truth.items()
+        }
+        yield NearSetUp("truth", f"truth.csv read as {what}", replace(own, truth=other), "write metres and radians")
+
+
+def _picture(own: SetUp) -> Iterator[NearSetUp]:
+    """Turn, flip and resize pictures, and swap red and blue."""
+    size_px, shown_px = own.size_px, own.camera.size_px
+    changes: list[tuple[str, Callable[[UInt8Array], UInt8Array], str]] = []
+    if size_px == shown_px:
+        changes += [
+            ("the pictures turned by 180 degrees", _upside_down, "is the camera mounted upside down?"),
+            ("the pictures flipped left to right", _flipped, "does the driver mirror them?"),
+            ("red and blue of the pictures swapped", _red_for_blue, "were RGB arrays written as BGR?"),
+        ]
+    if size_px == shown_px[::-1]:
+        changes += [
+            (f"the pictures turned by 90 degrees to the {side}", partial(_quarter_turned, times=times), "")
+            for side, times in (("left", 1), ("right", -1))
+        ]
+    elif size_px[0] * shown_px[1] == size_px[1] * shown_px[0] and size_px != shown_px:
+        factor = size_px[0] / shown_px[0]
+        words = f"the pictures scaled from {size_px[0]}x{size_px[1]} to {shown_px[0]}x{shown_px[1]}"
+        mend = f"all pixels of the camera file (size, centre, focal length or radii) times {factor:g}"
+        changes.append((words, partial(_scaled_to, size_px=shown_px), mend))
+    for words, seen, mend in changes:
+        yield NearSetUp("pictures", words, replace(own, seen=seen), mend)
+
+
+def _upside_down(picture: UInt8Array) -> UInt8Array:
+    return picture[::-1, ::-1]
+
+
+def _flipped(picture: UInt8Array) -> UInt8Array:
+    return picture[:, ::-1]
+
+
+def _red_for_blue(picture: UInt8Array) -> UInt8Array:
+    return picture[..., ::-1]
+
+
+def _quarter_turned(picture: UInt8Array, times: int) -> UInt8Array:
+    return np.rot90(picture, times)
+
+
+def _scaled_to(picture: UInt8Array, size_px: tuple[int, int]) -> UInt8Array:
+    return np.asarray(cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _tilt(own: SetUp) -> Iterator[NearSetUp]:
+    """Try the other sign, and degrees for radians."""
+    camera = own.camera
+    if not isinstance(camera, PinholeCamera) or not camera.tilt_rad:
+        return
+    tilt_rad = camera.tilt_rad
+    degrees = math.degrees(tilt_rad)
+    for words, other in (
+        (f"tilt {-degrees:+.0f} instead of {degrees:+.0f} degrees", -tilt_rad),
+        (f"tilt {tilt_rad:+g} degrees instead of {tilt_rad:+g} radians", math.radians(tilt_rad)),
+    ):
+        yield NearSetUp("tilt", words, replace(own, camera=replace(camera, tilt_rad=other)), f"tilt_rad = {other:.4f}")
+
+
+def _height_units(own: SetUp) -> Iterator[NearSetUp]:
+    """Try millimetres and centimetres for metres."""
+    camera = own.camera
+    if not isinstance(camera, PinholeCamera) or camera.height_m <= _HIGHEST_M:
+        return
+    for name, unit in (("millimetres", 1e-3), ("centimetres", 1e-2)):
+        height_m = unit * camera.height_m
+        words = f"a height of {camera.height_m:g} {name} instead of {camera.height_m:g} m"
+        yield NearSetUp(
+            "height", words, replace(own, camera=replace(camera, height_m=height_m)), f"height_m = {height_m:g}"
+        )
+
+
+def _lens_of_other_size(own: SetUp) -> Iterator[NearSetUp]:
+    """Take focal length and centre for those of pictures of half or double the size."""
+    camera = own.camera
+    if not isinstance(camera, PinholeCamera):
+        return
+    for factor, name in ((2.0, "half"), (0.5, "double")):
+        focal_px = (factor * camera.focal_px[0], factor * camera.focal_px[1])
+        center_px = (factor * (camera.center_px[0] + 0.5) - 0.5, factor * (camera.center_px[1] + 0.5) - 0.5)
+        other = replace(camera, focal_px=focal_px, center_px=center_px)
+        yield NearSetUp(
+            "lens",
+            f"focal length and centre taken as those of pictures of {name} the size",
+            replace(own, camera=other),
+            f"focal_px and center_px times {factor:g}",
+        )
+
+
+def _mirroring(own: SetUp) -> Iterator[NearSetUp]:
+    """Look into the mirror the other way round."""
+    camera = own.camera
+    if isinstance(camera, OmniCamera):
+        other = replace(camera, mirrored=not camera.mirrored)
+        wanted = f"mirrored = {str(other.mirrored).lower()}"
+        yield NearSetUp("mirrored", f"{wanted} in the camera file", replace(own, camera=other))
+
+
+def _goals(own: SetUp) -> Iterator[NearSetUp]:
+    """Swap the goals' colours."""
+    first, *others = own.field.goals or (None,)
+    if first is not None and others and others[0].color != first.color:
+        swapped = tuple(
+            replace(goal, color=other.color) for goal, other in zip(own.field.goals, own.field.goals[::-1], strict=True)
+        )
+        yield NearSetUp(
+            "field",
+            "the goals' colours swapped in the field file",
+            replace(own, field=replace(own.field, goals=swapped)),
+        )
+
+
+def _fields(own: SetUp) -> Iterator[NearSetUp]:
+    """Try the other built-in fields."""
+    for name in field_names():
+        if name != own.field.name:
+            yield NearSetUp(
+                "field", f"field '{name}' instead of '{own.field.name}'", replace(own, field=load_field(name))
+            )
+
+
+def _sizes(own: SetUp) -> Iterator[NearSetUp]:
+    """Try focal lengths and heights, or ranges of a mirror, some percent off."""
+    camera = own.camera
+    if isinstance(camera, OmniCamera):
+        for ratio in _RATIOS:
+            other = replace(camera, floor_range=_longer(camera.floor_range, ratio))
+            words = f"floor ranges {ratio:g} times those of the camera file"
+            yield NearSetUp("range", words, replace(own, camera=other), "robocup-vision calibrate omni --start CAMERA")
+        return
+    focal_px, height_m = camera.focal_px, camera.height_m
+    mend = "robocup-vision calibrate pinhole --start CAMERA"
+    for ratio in _RATIOS:
+        longer = replace(camera, focal_px=(ratio * focal_px[0], ratio * focal_px[1]))
+        words = f"a focal length of {longer.focal_px[0]:.0f} instead of {focal_px[0]:.0f} pixels"
+        yield NearSetUp("focal length", words, replace(own, camera=longer), mend)
+        higher = replace(camera, height_m=ratio * height_m)
+        words = f"a height of {higher.height_m:.3f} instead of {height_m:.3f} m"
+        yield NearSetUp("height", words, replace(own, camera=higher), mend)
+
+
+def _longer(curve: FloorRange, ratio: float) -> FloorRange:
+    """Return a curve whose ranges are so many times as long."""
+    if isinstance(curve, Hyperboloid):
+        return replace(curve, A_px_per_m=curve.A_px_per_m / ratio, B_per_m=curve.B_per_m / ratio)
+    if isinstance(curve, Tangent):
+        return replace(curve, a_m=ratio * curve.a_m)
+    assert isinstance(curve, Table)
+    return Table(curve.table_radius_px, ratio * curve.table_range_m)
+
+
+NEAR: tuple[Callable[[SetUp], Iterator[NearSetUp]], ...] = (
+    _truth_units,
+    _goals,
+    _picture,
+    _tilt,
+    _height_units,
+    _lens_of_other_size,
+    _mirroring,
+    _sizes,
+    _fields,
+)

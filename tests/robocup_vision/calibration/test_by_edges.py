@@ -1,0 +1,124 @@
+"""Pinhole cameras by lines, goals and walls, from starts that are some percent off."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.calibration.not_calibrated import NotCalibrated
+from robocup_vision.calibration.pinhole import calibrate_pinhole
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.scene import Room, Scene
+from sim2d.rendering.sensor import Sensor
+
+TRUE = PinholeCamera(
+    (320, 240), (228.0, 228.0), (159.5, 119.5), 0.45, pan_rad=0.0, tilt_rad=math.radians(-15.0), roll_rad=0.0
+)
+# of no goal is any part in view
+PLACES = (
+    Pose2(1.5, -0.5, 1.75),
+    Pose2(-2.4, 1.2, -1.4),
+    Pose2(0.4, 1.4, -1.8),
+    Pose2(2.6, -1.6, 1.2),
+    Pose2(-1.0, -1.0, 1.5),
+    Pose2(-3.0, -1.5, 1.6),
+)
+
+
+def render(field, camera, places, seed):
+    rng = np.random.default_rng(seed)
+    scene, sensor = Scene(field, room=Room(seed=seed), carpet_margin_m=0.4), Sensor(noise_sigma=2.0, blur_px=0.5)
+    return [sensor.expose(render_pinhole(camera, scene, pose, supersample=3), rng) for pose in places]
+
+
+@pytest.fixture(scope="module")
+def spl():
+    return load_field("spl_2020")
+
+
+@pytest.fixture(scope="module")
+def frames(spl):
+    return render(spl, TRUE, PLACES, 8)
+
+
+def off(ratio, height_m=0.0, tilt_deg=0.0):
+    assert TRUE.tilt_rad is not None
+    return replace(
+        TRUE,
+        focal_px=(ratio * TRUE.focal_px[0], ratio * TRUE.focal_px[1]),
+        height_m=TRUE.height_m + height_m,
+        tilt_rad=TRUE.tilt_rad + math.radians(tilt_deg),
+    )
+
+
+def assert_is_true(result, camera=TRUE):
+    """Within what it states, and that is little."""
+    assert result, result.reason
+    std = result.std
+    assert std["focal_px"] < 0.03 * camera.focal_px[0]
+    assert abs(result.camera.focal_px[0] - camera.focal_px[0]) < 3 * std["focal_px"] + 0.003 * camera.focal_px[0]
+    assert abs(result.camera.height_m - camera.height_m) < 3 * std["height_m"] + 0.002
+    assert abs(result.camera.tilt_rad - camera.tilt_rad) < 3 * std["tilt_rad"]
+
+
+@pytest.mark.parametrize(
+    ("ratio", "height_m", "tilt_deg"),
+    [
+        (0.93, 0.0, 0.0),
+        *(pytest.param(*far, marks=pytest.mark.slow) for far in ((1.07, 0.03, 1.0), (1.15, -0.03, -1.0))),
+    ],
+)
+def test_lines_alone_correct_a_start(ratio, height_m, tilt_deg, spl, frames):
+    assert_is_true(calibrate_pinhole(spl, frames, off(ratio, height_m, tilt_deg)))
+
+
+@pytest.mark.slow
+def test_the_result_does_not_depend_on_the_start(spl, frames):
+    one, other = (calibrate_pinhole(spl, frames, off(ratio)) for ratio in (0.95, 1.05))
+    assert one
+    assert other
+    assert one.camera.focal_px[0] == pytest.approx(other.camera.focal_px[0], rel=1e-3)
+    assert one.camera.height_m == pytest.approx(other.camera.height_m, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_lines_do_without_any_start(spl, frames):
+    """Tilt, focal length and height are of no file."""
+    assert_is_true(calibrate_pinhole(spl, frames))
+
+
+@pytest.mark.slow
+def test_walls_serve_where_goals_have_no_posts():
+    field = load_field("ssl_2001")
+    camera = replace(TRUE, height_m=0.2, tilt_rad=math.radians(-12.0))
+    places = (
+        Pose2(0.3, 0.2, 1.1),
+        Pose2(-0.5, -0.2, 2.3),
+        Pose2(0.2, -0.3, -0.6),
+        Pose2(-0.2, 0.1, -2.2),
+        Pose2(0.6, 0.2, 2.9),
+    )
+    shown = render(field, camera, places, 9)
+    start = replace(camera, focal_px=(0.93 * camera.focal_px[0], 0.93 * camera.focal_px[1]))
+    assert_is_true(calibrate_pinhole(field, shown, start), camera)
+
+
+@pytest.mark.parametrize(
+    ("start", "ways"),
+    [
+        (TRUE, "; without a goal rough poses of the images (--poses) may do"),
+        pytest.param(
+            None,
+            "; without a goal a start with its tilt_rad (--start), or rough poses of the images (--poses) may do",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_what_would_do_is_said_where_nothing_is_in_view(start, ways, spl):
+    result = calibrate_pinhole(spl, [np.full((240, 320, 3), (50, 130, 45), np.uint8)], start)
+    assert isinstance(result, NotCalibrated)
+    assert result.reason == f"no goal is found in any of the images, whatever the focal length may be{ways}"

@@ -1,0 +1,206 @@
+"""Each slip that is put into a right set-up is named, with how many pictures it explains."""
+
+import math
+import re
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.camera import PinholeCamera, save_camera
+from robocup_vision.cli import main
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.scene import Room, Scene
+from sim2d.rendering.sensor import Sensor
+
+TILT_RAD = math.radians(-15.0)
+FORWARD = PinholeCamera(
+    (320, 240), (228.0, 228.0), (159.5, 119.5), 0.45, pan_rad=0.0, tilt_rad=TILT_RAD, roll_rad=0.0, roll_std_rad=0.01
+)
+PLACES = (Pose2(1.2, 0.6, -0.15), Pose2(-2.5, 1.5, 2.7), Pose2(0.5, -1.5, 1.9), Pose2(2.0, -1.0, 2.4))
+
+
+def render(field_name, seed=3):
+    field, rng = load_field(field_name), np.random.default_rng(seed)
+    scene = Scene(field, room=Room(seed=seed), carpet_margin_m=0.3)
+    sensor = Sensor(noise_sigma=2.0, blur_px=0.5)
+    return [sensor.expose(render_pinhole(FORWARD, scene, pose, supersample=3), rng) for pose in PLACES]
+
+
+@pytest.fixture(scope="module")
+def spl_frames():
+    return render("spl_2020")
+
+
+@pytest.fixture
+def told(tmp_path, capsys):
+    """Write a dataset of frames, and return what the command prints of it and its status."""
+
+    def check(frames, camera=FORWARD, field="spl_2020", *, truth=None, odometry=None, symmetry="point"):
+        (tmp_path / "images").mkdir()
+        for number, frame in enumerate(frames):
+            cv2.imwrite(str(tmp_path / "images" / f"{number}.png"), np.ascontiguousarray(frame))
+        save_camera(camera, tmp_path / "camera.toml")
+        lines = ["format = 1", f'field = "{field}"', 'camera = "camera.toml"', 'images = "images"']
+        lines += ['method = "edges"', f'symmetry = "{symmetry}"']
+        if truth is not None:
+            lines.append('truth = "truth.csv"')
+            rows = [f"{number}.png,{x},{y},{theta}" for number, (x, y, theta) in enumerate(truth)]
+            (tmp_path / "truth.csv").write_text("\n".join(["image,x_m,y_m,theta_rad", *rows]) + "\n")
+        if odometry is not None:
+            lines.append('frames = "frames.csv"')
+            rows = [f"{number}.png,{number},{step}" for number, step in enumerate(odometry)]
+            (tmp_path / "frames.csv").write_text("\n".join(["image,t_s,dx_m,dy_m,dtheta_rad", *rows]) + "\n")
+        (tmp_path / "dataset.toml").write_text("\n".join(lines) + "\n")
+        status = main(["check", str(tmp_path)])
+        return status, [line.strip() for line in capsys.readouterr().out.splitlines() if "WRONG" in line]
+
+    return check
+
+
+TRUTH = [(pose.x_m, pose.y_m, pose.theta_rad) for pose in PLACES]
+
+
+def test_nothing_is_wrong_with_a_right_set_up(told, spl_frames):
+    assert told(spl_frames, truth=TRUTH) == (0, [])
+
+
+SLIPS = {
+    "tilt": (
+        {"camera": replace(FORWARD, tilt_rad=-TILT_RAD)},
+        "tilt: with tilt -15 instead of +15 degrees 4 of 4 pictures are located (0 of 4 as it is): tilt_rad = -0.2618",
+    ),
+    "upside down": (
+        {"change": lambda frame: frame[::-1, ::-1]},
+        "pictures: with the pictures turned by 180 degrees 4 of 4 pictures are located (0 of 4 as it is)",
+    ),
+    "flipped": (
+        {"change": lambda frame: frame[:, ::-1], "truth": TRUTH},
+        "pictures: with the pictures flipped left to right 4 of 4 pictures agree with the truth (0 of 4 as it is)",
+    ),
+    "turned": (
+        {"change": np.rot90},
+        "pictures: with the pictures turned by 90 degrees to the right 4 of 4 pictures are located (0 of 4 as it is)",
+    ),
+    "half size": (
+        {"camera": replace(FORWARD, size_px=(640, 480), focal_px=(456.0, 456.0), center_px=(319.5, 239.5))},
+        "pictures: with the pictures scaled from 320x240 to 640x480 4 of 4 pictures are located (0 of 4 as it is)",
+    ),
+    "lens of half size": (
+        {"camera": replace(FORWARD, focal_px=(114.0, 114.0), center_px=(79.5, 59.5))},
+        "lens: with focal length and centre taken as those of pictures of half the size 4 of 4 pictures are located",
+    ),
+    "millimetres": (
+        {"camera": replace(FORWARD, height_m=450.0)},
+        "height: with a height of 450 millimetres instead of 450 m 4 of 4 pictures are located (0 of 4 as it is): "
+        "height_m = 0.45",
+    ),
+    "focal length": (
+        {"camera": replace(FORWARD, focal_px=(205.0, 205.0)), "truth": TRUTH},
+        re.compile(r"focal length: with a focal length of 2[23]\d instead of 205 pixels 4 of 4 pictures agree "),
+    ),
+    "height": (
+        {"camera": replace(FORWARD, height_m=0.39), "truth": TRUTH},
+        re.compile(r"height: with a height of 0\.4[2-4]\d instead of 0\.390 m 4 of 4 pictures agree "),
+    ),
+    "another field": (
+        {"field": "msl_18x12"},
+        "field: with field 'spl_2020' instead of 'msl_18x12' 4 of 4 pictures are located (1 of 4 as it is)",
+    ),
+    "truth in millimetres and degrees": (
+        {"truth": [(1e3 * x, 1e3 * y, math.degrees(theta)) for x, y, theta in TRUTH]},
+        "truth: with truth.csv read as lengths in millimetres and headings in degrees 4 of 4 pictures agree with the "
+        "truth (0 of 4 as it is)",
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    "slip", [slip if slip in ("tilt", "upside down") else pytest.param(slip, marks=pytest.mark.slow) for slip in SLIPS]
+)
+def test_a_slip_is_named_with_how_many_pictures_it_explains(slip, told, spl_frames):
+    what, line = SLIPS[slip]
+    frames = [what.get("change", np.asarray)(frame) for frame in spl_frames]
+    status, wrong = told(frames, **{key: value for key, value in what.items() if key != "change"})
+    assert status == 1
+    named = line if isinstance(line, re.Pattern) else re.compile(re.escape(line))
+    assert any(named.match(found.removeprefix("WRONG    ")) for found in wrong)
+
+
+def test_a_lens_that_no_robot_has_is_told_without_a_look(told, spl_frames):
+    status, wrong = told(spl_frames[:1], replace(FORWARD, focal_px=(9000.0, 9000.0)))
+    assert status == 1
+    assert wrong == [
+        "WRONG    camera: no robot has this lens: with a focal length of 9000 pixels pictures 320 pixels wide show "
+        "2.04 degrees"
+    ]
+
+
+@pytest.mark.slow
+def test_swapped_goals_are_named_by_truth(told):
+    """The other half of the pictures' places is theirs."""
+    field = load_field("four_legged_2007")
+    camera = replace(FORWARD, height_m=0.185, tilt_rad=math.radians(-10.0))
+    scene = Scene(field, room=Room(seed=4), carpet_margin_m=0.2)
+    rng = np.random.default_rng(4)
+    poses = (Pose2(-0.5, -0.2, 3.0), Pose2(0.3, 0.4, 2.9), Pose2(0.2, -0.3, 0.2), Pose2(-0.4, 0.5, -0.3))
+    frames = [Sensor(noise_sigma=2.0).expose(render_pinhole(camera, scene, pose, supersample=3), rng) for pose in poses]
+    truth = [(-pose.x_m, -pose.y_m, pose.theta_rad + math.pi) for pose in poses]
+    status, wrong = told(frames, camera, "four_legged_2007", truth=truth, symmetry="none")
+    assert status == 1
+    assert wrong == [
+        "WRONG    field: with the goals' colours swapped in the field file 4 of 4 pictures agree with the truth "
+        "(0 of 4 as it is)"
+    ]
+
+
+@pytest.mark.slow
+def test_odometry_tells_pictures_that_are_flipped(told):
+    """On a field that is its own mirror image every picture is located, and the robot turns the other way."""
+    field, rng = load_field("spl_2020"), np.random.default_rng(5)
+    scene, first = Scene(field, room=Room(seed=5), carpet_margin_m=0.3), PLACES[0]
+    step = Pose2(0.02, 0.0, math.radians(8.0))
+    poses = [first]
+    for _ in range(5):
+        poses.append(poses[-1].compose(step))
+    frames = [
+        Sensor(noise_sigma=2.0).expose(render_pinhole(FORWARD, scene, pose, supersample=3), rng) for pose in poses
+    ]
+    odometry = [",,", *[f"{step.x_m},{step.y_m},{step.theta_rad}"] * 5]
+    assert told([frame[:, ::-1] for frame in frames], odometry=odometry) == (
+        1,
+        [
+            "WRONG    pictures: with the pictures flipped left to right 6 of 6 pictures agree with the odometry "
+            "(2 of 6 as it is): does the driver mirror them?"
+        ],
+    )
+
+
+@pytest.mark.slow
+def test_truth_that_nothing_explains_is_wrong(told, spl_frames):
+    status, wrong = told(spl_frames, truth=[TRUTH[1], TRUTH[2], TRUTH[3], TRUTH[0]])
+    assert status == 1
+    assert wrong == [
+        "WRONG    truth: 0 of 4 located pictures agree with the truth, and none of the slips tried explains that"
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [0.85, 1.15])
+def test_a_mirror_whose_ranges_are_off_is_named(ratio, tmp_path, nominal_samples, paper_camera, capsys):
+    """By truth: walls as they should be are found nearer or farther."""
+    curve = paper_camera.floor_range
+    other = replace(curve, A_px_per_m=curve.A_px_per_m / ratio, B_per_m=curve.B_per_m / ratio)
+    for number, one in enumerate(nominal_samples[:4]):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), one.frame)
+    save_camera(replace(paper_camera, floor_range=other), tmp_path / "camera.toml")
+    assert main(["check", str(tmp_path), "--field", "ssl_2001", "--camera", str(tmp_path / "camera.toml")]) == 1
+    named = re.search(
+        r"range: with floor ranges (\S+) times those of the camera file (\d) of 4 ", capsys.readouterr().out
+    )
+    assert named is not None
+    assert float(named[1]) == pytest.approx(1 / ratio, abs=0.06)
+    assert int(named[2]) >= 3
