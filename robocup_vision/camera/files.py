@@ -97,7 +97,7 @@ def load_camera(path: str | Path) -> Camera:
         raise FileError(path, "is missing", key="model")
     if model == "pinhole":
         pinhole = _build_pinhole(path, convert(path, raw, _PinholeFile))
-        _check_pinhole(path, pinhole)
+        check_pinhole(path, pinhole)
         return pinhole
     if model != "omni":
         raise FileError(path, "must be 'omni' or 'pinhole'", key="model", value=model)
@@ -192,7 +192,14 @@ def _build_pinhole(path: str | Path, f: _PinholeFile) -> PinholeCamera:
     return PinholeCamera(**{key: getattr(f, key) for key in f.__struct_fields__ if key not in ("format", "model")})
 
 
-def _check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
+def check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
+    """Check that a pinhole camera's pixels come back from their rays.
+
+    Raises
+    ------
+    FileError
+        If they do not, or the optical axis lies outside the image; it names the file that the camera is of.
+    """
     _check_center(path, camera)
     width, height = camera.size_px
     u, v = np.meshgrid(np.linspace(0, width - 1, 41), np.linspace(0, height - 1, 31))

@@ -14,7 +14,20 @@ from importlib.metadata import entry_points
 from typing import Any
 
 GROUP = "robocup_vision.commands"
-_OWN = ("evaluate", "calibrate", "check", "live", "landmark_map", "log", "record", "replay", "ros", "fields", "warm_up")
+_OWN = (
+    "evaluate",
+    "calibrate",
+    "camera",
+    "check",
+    "live",
+    "landmark_map",
+    "log",
+    "record",
+    "replay",
+    "ros",
+    "fields",
+    "warm_up",
+)
 
 
 def registered() -> Iterator[Callable[[Any], object]]:

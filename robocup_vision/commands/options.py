@@ -1,4 +1,4 @@
-"""Numbers that several commands take: one rule and one wording wherever a count or a seed is asked for.
+"""Numbers that commands take: one rule and one wording wherever a count, a seed or an angle is asked for.
 
 They are refused while the command line is parsed, before a file is read. Loads nothing, so that --help answers at once.
 """
@@ -6,6 +6,7 @@ They are refused while the command line is parsed, before a file is read. Loads 
 from __future__ import annotations
 
 import argparse
+import math
 
 
 def count(text: str) -> int:
@@ -34,6 +35,40 @@ def seed(text: str) -> int:
     if value < 0:
         raise argparse.ArgumentTypeError(f"must not be negative, got {value}")
     return value
+
+
+def angle(text: str) -> float:
+    """Parse an angle, radians: a number of radians, or of degrees with "deg" behind it.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it is neither, or a number of radians that is more than a turn.
+    """
+    number, in_degrees = text.removesuffix("deg").removesuffix("rad"), text.endswith("deg")
+    try:
+        value = float(number)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"must be an angle, such as -0.26 or -15deg, got {text!r}")
+    if not in_degrees and abs(value) > math.tau:
+        raise argparse.ArgumentTypeError(f"{text} is more than a turn of radians: {number}deg?")
+    return math.radians(value) if in_degrees else value
+
+
+def size(text: str) -> tuple[int, int]:
+    """Parse the size of images, such as 640x480.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it is none.
+    """
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise argparse.ArgumentTypeError(f"must be width and height in pixels, such as 640x480, got {text!r}")
+    return int(width), int(height)
 
 
 def _whole(text: str) -> int:

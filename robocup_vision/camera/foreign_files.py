@@ -1,0 +1,229 @@
+"""Calibrations that other programs have written: ROS' camera_info, OpenCV's FileStorage and Kalibr's camchain, as YAML.
+
+They hold the lens; how the camera is mounted they do not know. OpenCV reads the text: its YAML is enough for all three.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from field_models.errors import FileError
+from field_models.near_names import did_you_mean
+from robocup_vision.camera.pinhole import DISTORTION_LENGTHS
+
+_BROWN_CONRADY = ("plumb_bob", "rational_polynomial", "radtan", "none")
+_HEADER = "%YAML:1.0\n---\n"
+# names of the same thing, in the order in which they are looked for
+_OPENCV_MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M1")
+_OPENCV_LENS = (
+    "distortion_coefficients",
+    "distCoeffs",
+    "dist_coeffs",
+    "Distortion_Coefficients",
+    "D",
+    "D1",
+)
+_OPENCV_SIZE = ("image_size", "imageSize", "size", "resolution")
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """A lens, as keys of a camera file."""
+
+    size_px: tuple[int, int]
+    focal_px: tuple[float, float]
+    center_px: tuple[float, float]
+    distortion: tuple[float, ...]
+
+
+def read_ros(path: str | Path, size_px: tuple[int, int] | None = None) -> Calibration:
+    """Read a camera_info file as camera_calibration writes it, or a message as `ros2 topic echo` prints it.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    size_px : (int, int), optional
+        Of the images, where the file does not say.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read, is of another program, or has a lens that no camera file describes.
+    """
+    raw = _Yaml.read(path)
+    matrix = raw.numbers(("camera_matrix", "k", "K"), "is no ROS camera_info", count=9)
+    lens = raw.numbers(("distortion_coefficients", "d", "D"), "is missing")
+    for key in ("binning_x", "binning_y"):
+        if raw.number(key, 1.0) > 1.0:
+            raise FileError(path, "images that are binned need a calibration of their own", key=key)
+    model = str(raw.values.get("distortion_model", "plumb_bob"))
+    size = raw.size((("image_width", "image_height"), ("width", "height")), (), size_px)
+    return raw.calibration(size, matrix, lens, model)
+
+
+def read_opencv(path: str | Path, size_px: tuple[int, int] | None = None) -> Calibration:
+    """Read a calibration that OpenCV's FileStorage has written; see `read_ros`."""
+    raw = _Yaml.read(path)
+    matrix = raw.numbers(_OPENCV_MATRIX, "is no calibration of OpenCV", count=9)
+    lens = raw.numbers(_OPENCV_LENS, "is missing")
+    if raw.number("fisheye_model", 0.0):
+        raw.refuse_model("fisheye", "fisheye_model")
+    size = raw.size((("image_width", "image_height"), ("width", "height")), _OPENCV_SIZE, size_px)
+    return raw.calibration(size, matrix, lens, "plumb_bob")
+
+
+def read_kalibr(path: str | Path, size_px: tuple[int, int] | None = None, name: str | None = None) -> Calibration:
+    """Read one camera, by default the only one, of Kalibr's camchain; see `read_ros`.
+
+    Parameters
+    ----------
+    path, size_px
+        As of `read_ros`.
+    name : str, optional
+        Of the camera in the file, such as "cam1".
+    """
+    chain = _Yaml.read(path)
+    names = [key for key, value in chain.values.items() if isinstance(value, dict) and "intrinsics" in value]
+    if not names:
+        raise FileError(path, f"is no camchain of Kalibr: no camera in it has intrinsics{chain.hint()}")
+    if name is None and len(names) > 1:
+        raise FileError(path, f"holds several cameras, choose one by --name: {', '.join(names)}")
+    chosen = names[0] if name is None else name
+    if chosen not in names:
+        raise FileError(path, f"has no such camera, only {', '.join(names)}{did_you_mean(chosen, names)}", value=chosen)
+    raw = _Yaml(Path(path), chain.values[chosen], f"{chosen}.")
+    kind = str(raw.values.get("camera_model", "pinhole"))
+    if kind != "pinhole":
+        raw.refuse_model(kind, "camera_model")
+    fu, fv, u, v = raw.numbers(("intrinsics",), "is missing", count=4)
+    lens = raw.numbers(("distortion_coeffs",), "is missing")
+    model = str(raw.values.get("distortion_model", "radtan"))
+    return raw.calibration(raw.size((), ("resolution",), size_px), [fu, 0, u, 0, fv, v, 0, 0, 1], lens, model)
+
+
+READERS: Mapping[str, Callable[..., Calibration]] = {"ros": read_ros, "opencv": read_opencv, "kalibr": read_kalibr}
+
+
+@dataclass(frozen=True, slots=True)
+class _Yaml:
+    path: Path
+    values: Mapping[str, Any]
+    prefix: str = ""
+
+    @classmethod
+    def read(cls, path: str | Path) -> _Yaml:
+        path = Path(path)
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except OSError as error:
+            raise FileError(path, f"cannot be read ({error.strerror or error})") from None
+        except UnicodeDecodeError:
+            raise FileError(path, "is not UTF-8 text") from None
+        own = text.lstrip().startswith("%YAML")
+        if not own:
+            # OpenCV wants lists deeper than their key, and one document
+            text = _HEADER + re.split(r"^---\s*$", text.lstrip().removeprefix("---"), flags=re.MULTILINE)[0]
+            text = re.sub(r"^(\s*)- ", r"\1  - ", text, flags=re.MULTILINE)
+        try:
+            storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+            root = storage.root()
+            values = _plain(root) if root.isMap() else {}
+        except (cv2.error, SystemError) as error:
+            # OpenCV's own error, with the line in brackets, is its cause
+            found = re.search(r"\((\d+)\): ([^\n]+)", str(error.__cause__ or error))
+            line = int(found[1]) - (0 if own else _HEADER.count("\n")) if found else 0
+            where = f" (line {line}: {found[2]})" if found else ""
+            raise FileError(path, f"is not YAML{where}") from None
+        if not values:
+            raise FileError(path, "is not YAML with keys and values")
+        return cls(path, values)
+
+    def hint(self) -> str:
+        """Return what the file rather is, by the names in it."""
+        names = self.values.keys()
+        if any(isinstance(value, dict) and "intrinsics" in value for value in self.values.values()):
+            kind = "kalibr"
+        elif names & {"distortion_model", "projection_matrix"}:
+            kind = "ros"
+        elif names & set(_OPENCV_MATRIX):
+            kind = "opencv"
+        else:
+            return ""
+        return f" (read it by from-{kind})"
+
+    def number(self, key: str, default: float) -> float:
+        value = self.values.get(key, default)
+        return float(value) if isinstance(value, int | float) else default
+
+    def numbers(self, names: tuple[str, ...], missing: str, count: int | None = None) -> list[float]:
+        """Return the numbers under the first of some names: a list, or a matrix with its data."""
+        key = next((name for name in names if name in self.values), None)
+        if key is None:
+            raise FileError(self.path, f"{missing}{self.hint()}", key=self.prefix + names[0])
+        value = self.values[key]
+        value = value.get("data") if isinstance(value, dict) else value
+        rows = [value] if not isinstance(value, list) else value
+        flat = [entry for row in rows for entry in (row if isinstance(row, list) else [row])]
+        found = [entry for entry in flat if isinstance(entry, float)]
+        if len(found) < len(flat) or (count is not None and len(found) != count):
+            wanted = "numbers" if count is None else f"{count} numbers"
+            raise FileError(self.path, f"must be {wanted}", key=self.prefix + key, value=value)
+        return found
+
+    def size(
+        self, pairs: tuple[tuple[str, str], ...], names: tuple[str, ...], given: tuple[int, int] | None
+    ) -> tuple[int, int]:
+        found = next(([self.number(x, 0.0), self.number(y, 0.0)] for x, y in pairs if x in self.values), None)
+        name = next((name for name in names if name in self.values), None)
+        if found is None and name is not None:
+            found = self.numbers((name,), "", count=2)
+        if found is None or min(found) < 1:
+            if given is None:
+                raise FileError(self.path, "does not say how large the images are: give --size, such as 640x480")
+            return given
+        size = (round(found[0]), round(found[1]))
+        if given is not None and given != size:
+            raise FileError(self.path, f"is of images of {size[0]}x{size[1]}, not {given[0]}x{given[1]}")
+        return size
+
+    def refuse_model(self, model: str, key: str) -> None:
+        raise FileError(
+            self.path,
+            "is a lens model that a camera file cannot hold: calibrate with plumb_bob or rational_polynomial (radtan)",
+            key=self.prefix + key,
+            value=model,
+        )
+
+    def calibration(self, size: tuple[int, int], matrix: list[float], lens: list[float], model: str) -> Calibration:
+        if model not in _BROWN_CONRADY:
+            self.refuse_model(model, "distortion_model")
+        fu, skew, u, _, fv, v, *_ = matrix
+        if fu <= 0.0 or fv <= 0.0:
+            raise FileError(self.path, "has no focal length: the camera is not calibrated", value=[fu, fv])
+        if abs(skew) > 1e-6 * fu:
+            raise FileError(self.path, "has a skew, which a camera file cannot hold", value=skew)
+        most = DISTORTION_LENGTHS[-1]
+        if any(lens[most:]):
+            raise FileError(self.path, f"has coefficients beyond the first {most} of OpenCV's model", value=lens)
+        lens = lens[:most]
+        while lens and lens[-1] == 0.0:
+            lens = lens[:-1]
+        length = next(length for length in DISTORTION_LENGTHS if length >= len(lens))
+        return Calibration(size, (fu, fv), (u, v), (*lens, *(0.0,) * (length - len(lens))))
+
+
+def _plain(node: Any) -> Any:
+    if node.isMap():
+        return {key: _plain(node.getNode(key)) for key in node.keys()}  # noqa: SIM118  (no mapping)
+    if node.isSeq():
+        return [_plain(node.at(index)) for index in range(node.size())]
+    if node.isInt() or node.isReal():
+        return float(node.real())
+    return node.string() if node.isString() else None
