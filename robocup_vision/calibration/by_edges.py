@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -111,10 +111,11 @@ def calibrate_by_edges(
         start = start.with_orientation(start.pan_rad, tilt, roll)
     camera, result = start, None
     for _ in progress(range(settings.rounds), settings.rounds, "by edges"):
-        told = _told(field, camera, frames, prior, settings)
+        maker = PinholeEvidence(field, camera, None, OnlineSettings())
+        told = _told(maker, _located(field, camera, frames, prior), frames, camera, settings)
         if not told:
             return NotCalibrated("too little of lines, goals and walls is in view in the images")
-        result = _joined(start, camera, told, settings)
+        result = _joined(maker, start, camera, told, settings)
         camera = result.camera
     assert result is not None
     return result
@@ -123,11 +124,6 @@ def calibrate_by_edges(
 def _held(view: View) -> PinholeCamera:
     assert isinstance(view.camera, PinholeCamera)
     return view.camera
-
-
-def _with_focal(camera: PinholeCamera, factor: float) -> PinholeCamera:
-    fu, fv = camera.focal_px
-    return replace(camera, focal_px=(factor * fu, factor * fv))
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,20 +165,15 @@ class _Told:
 
 
 def _told(
-    field: Field,
-    camera: PinholeCamera,
+    maker: PinholeEvidence,
+    views: Mapping[int, View],
     frames: Mapping[int, np.ndarray],
-    prior: Mapping[int, Pose2 | None],
+    camera: PinholeCamera,
     settings: EdgeCalibrationSettings,
 ) -> dict[int, _Told]:
-    maker = PinholeEvidence(field, camera, None, OnlineSettings())
     about, covariance = maker.vector(camera), np.diag(_std(camera, settings) ** 2)
-    told = {}
-    for index, view in _located(field, camera, frames, prior).items():
-        evidence = maker.of(frames[index], view, about, covariance, about)
-        if evidence is not None:
-            told[index] = _Told(evidence, view)
-    return told
+    evidence = {index: maker.of(frames[index], view, about, covariance, about) for index, view in views.items()}
+    return {index: _Told(one, views[index]) for index, one in evidence.items() if one is not None}
 
 
 def _std(camera: PinholeCamera, settings: EdgeCalibrationSettings) -> FloatArray:
@@ -192,12 +183,16 @@ def _std(camera: PinholeCamera, settings: EdgeCalibrationSettings) -> FloatArray
 
 
 def _joined(
-    start: PinholeCamera, camera: PinholeCamera, told: Mapping[int, _Told], settings: EdgeCalibrationSettings
+    maker: PinholeEvidence,
+    start: PinholeCamera,
+    camera: PinholeCamera,
+    told: Mapping[int, _Told],
+    settings: EdgeCalibrationSettings,
 ) -> EdgeCalibration:
     """Add up what pictures tell about a camera, with what is believed of the start."""
-    about = _vector(camera, camera)
+    about = maker.vector(camera)
     precision = np.diag(_std(camera, settings) ** -2.0)
-    before = precision @ (_vector(start, camera) - about)
+    before = precision @ (maker.vector(start) - about)
     information = np.array([one.evidence.information for one in told.values()])
     gradient = np.array([one.evidence.gradient for one in told.values()])
     total, pull = precision + information.sum(axis=0), before + gradient.sum(axis=0)
@@ -211,14 +206,4 @@ def _joined(
         )
         off = without - without.mean(axis=0)
         covariance = covariance + (count - 1) / count * off.T @ off
-    tilt, roll, height_m, log_focal, u, v = (about + step).tolist()
-    better = replace(
-        _with_focal(camera, math.exp(log_focal)), tilt_rad=tilt, roll_rad=roll, height_m=height_m, center_px=(u, v)
-    )
-    return EdgeCalibration(better, covariance, {index: one.view for index, one in told.items()})
-
-
-def _vector(camera: PinholeCamera, reference: PinholeCamera) -> FloatArray:
-    """(6,) float64: tilt, roll, height, logarithm of the focal length against a reference's, centre."""
-    log_focal = math.log(camera.focal_px[0] / reference.focal_px[0])
-    return np.array([camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m, log_focal, *camera.center_px])
+    return EdgeCalibration(maker.camera(about + step), covariance, {index: one.view for index, one in told.items()})
