@@ -89,8 +89,8 @@ def calibrate_by_edges(
     frames : mapping of int to (H, W, 3) uint8
         BGR, by index.
     starts : sequence of PinholeCamera
-        Of one of which focal length and height are known to some percent. Where the tilt is unknown, goals must be
-        posts.
+        Of one of which focal length and height are known to some percent. Where the tilt is unknown, it must be the
+        same in all pictures, and goals must be posts.
     prior : mapping of int to Pose2 or None
         Where the camera roughly was, by index.
     trials : StartTrials
@@ -107,7 +107,10 @@ def calibrate_by_edges(
     start = cameras[best]
     if not start.known_orientation:
         held = [_held(view) for view in _located(field, start, some, prior).values()]
-        tilt, roll = np.median([(one.tilt_rad or 0.0, one.roll_rad or 0.0) for one in held], axis=0).tolist()
+        tilts = np.array([one.tilt_rad or 0.0 for one in held])
+        tilt, roll = float(np.median(tilts)), float(np.median([one.roll_rad or 0.0 for one in held]))
+        if np.abs(tilts - tilt).max() > settings.angle_std_rad:
+            return NotCalibrated("the tilt differs between the images")
         start = start.with_orientation(start.pan_rad, tilt, roll)
     camera, result = start, None
     for _ in progress(range(settings.rounds), settings.rounds, "by edges"):

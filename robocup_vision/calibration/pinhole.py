@@ -200,22 +200,30 @@ def calibrate_pinhole(
     prior = {index: (poses or {}).get(called[index]) for index in frames}
     starts = _starts(next(iter(frames.values())), start, settings)
     is_tilt_known = start is not None and start.known_orientation
+    results: list[PinholeCalibration | NotCalibrated] = []
     # where goals show the half, no tilt is told without one
     if is_tilt_known or not field.shows_half:
         by_edges = _by_edges(field, frames, starts, prior, called, tuple(notes), settings, trials)
-        if by_edges or not any(goal.kind == "posts" for goal in field.goals):
+        # a tilt that differs between the pictures leaves few of them
+        if by_edges and 2 * len(by_edges.frames) >= len(frames):
             return by_edges
+        if not any(goal.kind == "posts" for goal in field.goals):
+            return by_edges
+        results.append(by_edges)
     cameras = _best_starts(field, frames, starts, settings, trials)
     if not cameras and start is not None and any(pose is not None for pose in prior.values()):
         # with a pose, lines may be enough
         cameras = [_loosened(start, settings)]
-    results = []
     for camera in cameras:
-        results.append(_calibrated(field, camera, frames, prior, called, tuple(notes), settings))
-        if results[-1]:
-            return results[-1]
-    if results:
-        return results[0]
+        by_goals = _calibrated(field, camera, frames, prior, called, tuple(notes), settings)
+        results.append(by_goals)
+        if by_goals:
+            break
+    good = [result for result in results if isinstance(result, PinholeCalibration)]
+    if good:
+        return max(good, key=lambda result: len(result.frames))
+    if cameras:
+        return results[-1]
     reason = "no goal is found in any of the images, whatever the focal length may be"
     if not poses:
         tilted = "" if is_tilt_known else " a start with its tilt_rad (--start), or"

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from field_models.errors import ArgumentError
+from field_models.near_names import did_you_mean
 from robocup_vision.camera import Hyperboloid, OmniCamera, load_camera
 
 _MAX_PX = 9999
@@ -34,7 +35,7 @@ def camera_by_name(name_or_path: str | Path) -> OmniCamera:
     Raises
     ------
     ArgumentError
-        If a name that starts with ``sekimori`` is not followed by a size, or the file describes another camera.
+        If it is no file and another name, a size does not follow, or the file describes another camera.
     FileError
         If the camera file is missing or wrong.
     """
@@ -49,6 +50,9 @@ def camera_by_name(name_or_path: str | Path) -> OmniCamera:
         if max(width, height) > _MAX_PX:
             raise ArgumentError(f"camera '{name}' has too large images: at most {_MAX_PX}x{_MAX_PX} pixels")
         return sekimori_camera(width, height)
+    if not name.endswith(".toml") and not Path(name).exists():
+        hint = did_you_mean(name.partition(":")[0], ["sekimori"])
+        raise ArgumentError(f"camera '{name}' is neither a .toml file nor sekimori[:WIDTHxHEIGHT]{hint}")
     camera = load_camera(name_or_path)
     if not isinstance(camera, OmniCamera):
         raise ArgumentError(f"camera '{name}' is no mirror camera")

@@ -109,6 +109,8 @@ def test_refusals():
 def test_cameras_by_name(tmp_path):
     assert camera_by_name("sekimori").size_px == (256, 220)
     assert camera_by_name("sekimori:640x480").usable_radius_px[1] == pytest.approx(112 * 480 / 220)
+    with pytest.raises(ArgumentError, match=r"is neither a \.toml file nor sekimori.*; did you mean 'sekimori'"):
+        camera_by_name("sekimroi")
     with pytest.raises(ArgumentError, match="sekimori:WIDTHxHEIGHT"):
         camera_by_name("sekimori:wide")
     with pytest.raises(ArgumentError, match="'sekimori:99999x99999' has too large images: at most 9999x9999 pixels"):
