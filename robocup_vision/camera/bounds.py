@@ -11,6 +11,7 @@ from robocup_vision.geometry import in_degrees
 
 # higher than any hall's cameras hang
 _MAX_LENGTH_M = 20.0
+_MAX_STD_RAD = 0.5
 _POSITIVE = ("height_m", "viewpoint_height_m")
 
 
@@ -38,6 +39,8 @@ def problem_of(name: str, value: float | tuple[float, ...] | None) -> Problem | 
             return Problem("must be positive")
         if name.endswith(("_std_m", "_std_rad", "_std_px", "_s")) and not 0 <= one < math.inf:
             return Problem("must not be negative")
+        if name.endswith("_std_rad") and one > _MAX_STD_RAD:
+            return Problem(f"must be in radians, at most {_MAX_STD_RAD:g}", in_degrees(one))
         if name.endswith("_m") and not abs(one) <= _MAX_LENGTH_M:
             return Problem(f"must be in metres, at most {_MAX_LENGTH_M:g}", f"; {one:g} mm are {1e-3 * one:g} m")
         if name == "tilt_rad" and not abs(one) <= math.pi / 2:

@@ -22,10 +22,7 @@ from robocup_vision.geometry import Pose2
 
 DISTORTION_LENGTHS = (0, 4, 5, 8)
 # lengths and angles, see `camera.bounds`
-BOUNDED_KEYS = (
-    "height_m", "offset_m", "pan_rad", "tilt_rad", "roll_rad",
-    "height_std_m", "focal_std_px", "roll_std_rad", "readout_s",
-)  # fmt: skip
+BOUNDED_KEYS = (*MOUNTING_NAMES, "offset_m", "focal_std_px", "readout_s")
 _WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
 _DISTORTED_STEP = 1e-12
 _MOUNTING_BUT_PAN = tuple(name for name in MOUNTING_NAMES if not name.startswith("pan_"))
