@@ -11,9 +11,13 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NoReturn
 
 from robocup_vision.commands.completion import complete
+
+# what a shell reports of a program that SIGPIPE has ended
+_BROKEN_PIPE = 141
 
 
 class _Parser(argparse.ArgumentParser):
@@ -82,8 +86,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0, or 2 after one line on standard error about something the user can mend, or 130 if interrupted.
+        Exit status: 0, or 2 after one line on standard error about something the user can mend, or 130 if interrupted,
+        or 141 if nobody reads the output any more.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            # a file's name may be no text, and a terminal may not have all signs
+            stream.reconfigure(errors="backslashreplace")
+    try:
+        return _run(arguments)
+    except BrokenPipeError:
+        # who read the output has read enough
+        return _BROKEN_PIPE
+    finally:
+        _flush()
+
+
+def _flush() -> None:
+    """Write what waits of the output; where that fails, keep the interpreter from telling so at its end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     parser = _parser()
     if "_ARGCOMPLETE" in os.environ:
         complete(parser)
@@ -95,8 +123,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     try:
         status: int = options.run(options)
+        sys.stdout.flush()
     except RobocupVisionError as error:
         print(f"robocup-vision {options.command}: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else "output cannot be written: "
+        print(f"robocup-vision {options.command}: {where}{error.strerror or error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as interrupt:
         from robocup_vision.progress import reached

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numpy as np
 
 from field_models.errors import FrameError
@@ -29,6 +29,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.files.images import read_image
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.swapped_channels import SWAPPED_BY_GOALS
 from robocup_vision.progress import progress
@@ -193,8 +194,11 @@ def _other_size(dataset: Dataset, images: list[tuple[str, UInt8Array | FrameErro
     """Look at pictures of another size than the camera's, as they are."""
     if dataset.is_video:
         return []
-    read = {name: cv2.imread(str(dataset.path / name), cv2.IMREAD_COLOR) for name, _ in images}
-    pictures = [Picture(name, np.asarray(image, np.uint8)) for name, image in read.items() if image is not None]
+    pictures = []
+    for name, _ in images:
+        # what cannot be read at all is told with its size
+        with suppress(FrameError):
+            pictures.append(Picture(name, read_image(dataset.path / name)))
     if not pictures or len({picture.frame.shape for picture in pictures}) > 1:
         return []
     doctor = Doctor(dataset, pictures)

@@ -71,6 +71,8 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
         raise FileError(args.start, "is a pinhole camera, must be a mirror camera", key="model", value="pinhole")
     require_folder(args.out)
     images = ImageFiles(args.images, None if start is None else start.size_px)
+    for note in images.notes:
+        print(f"note: {note}")
     mask = None if args.mask is None else read_mask(args.mask)
     with start_trials(args, images.paths) as trials:
         result = calibrate_omni(field, images, start, mask, names=images.names, max_frames=args.frames, trials=trials)

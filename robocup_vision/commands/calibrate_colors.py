@@ -66,6 +66,8 @@ def run_calibrate_colors(args: argparse.Namespace) -> int:
     out = Path(args.out)
     require_folder(args.out)
     images = ImageFiles(args.images, None if camera is None else camera.size_px)
+    for note in images.notes:
+        print(f"note: {note}")
     mask = None if args.mask is None else read_mask(args.mask)
     width, height = images.size_px
     if mask is not None and mask.shape != (height, width):

@@ -47,6 +47,8 @@ def run_calibrate_pinhole(args: argparse.Namespace) -> int:
         raise FileError(args.start, "is a mirror camera, must be a pinhole camera", key="model", value="omni")
     require_folder(args.out)
     images = ImageFiles(args.images, None if start is None else start.size_px)
+    for note in images.notes:
+        print(f"note: {note}")
     poses = None if args.poses is None else read_poses(args.poses, images.names)
     with start_trials(args, images.paths) as trials:
         result = calibrate_pinhole(

@@ -33,6 +33,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--method", metavar="M", help="floor, hull, field, edges or goal (default: by camera)")
     add("--memory", action="store_true", help="join the frames: pose filter, tracks and map")
     add("--record", metavar="FILE", help="record to this file (.mcap) from the first frame on")
+    add("--force", action="store_true", help="with --record: replace the file where there is one")
     add("--from", dest="from_s", type=float, metavar="T", help="go to this time, seconds, and stand still there")
     add("--out", default="out/live", metavar="DIR", help="folder for what the page saves (default: out/live)")
     add("--port", type=int, default=8090, metavar="P", help="port of the page (default: 8090; 0: any free one)")
@@ -60,6 +61,7 @@ def run_live(args: argparse.Namespace) -> int:
     import time
 
     from field_models.errors import ArgumentError
+    from robocup_vision.files.out_file import refuse_existing
     from robocup_vision.foxglove.server import FoxgloveServer
     from robocup_vision.live.handover.controls import Controls
     from robocup_vision.live.handover.moment import Moment
@@ -73,6 +75,8 @@ def run_live(args: argparse.Namespace) -> int:
     for option, value in (("--from", args.from_s), ("--seconds", args.seconds)):
         if value is not None and not (math.isfinite(value) and value >= 0):
             raise ArgumentError(f"{option} must be 0 or more, got {value!r}")
+    if args.record is not None:
+        refuse_existing(args.record, force=args.force)
     options = SourceOptions(args.field, args.camera, args.colors, args.method, args.memory)
     texts, folder = _sources(args.sources)
     out, sources, pages = Path(args.out), list[Source](), list[LivePage]()

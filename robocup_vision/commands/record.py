@@ -25,6 +25,7 @@ def add_parser(subparsers: Any) -> None:
     add("--seconds", metavar="T", type=float, help="end after so long (default: when the frames end)")
     add("--image-format", choices=("raw", "png", "jpeg"), default="raw", help="raw and png lose nothing (default: raw)")
     add("--compression", choices=("lz4", "zstd", "none"), default="lz4", help="of the file's chunks (default: lz4)")
+    add("--force", action="store_true", help="replace the file where there is one")
     add("--foxglove", metavar="PORT", type=int, help="serve the topics to Foxglove, too (extra foxglove)")
     parser.set_defaults(run=run_record)
 
@@ -37,9 +38,12 @@ def run_record(options: argparse.Namespace) -> int:
     RobocupVisionError
         If something in the files is wrong, or the source cannot be opened.
     """
+    import os
     import sys
     from contextlib import ExitStack, closing
 
+    from field_models.errors import ArgumentError
+    from robocup_vision.files.out_file import refuse_existing
     from robocup_vision.foxglove.server import FoxgloveServer
     from robocup_vision.live.sources.opening import open_source
     from robocup_vision.live.sources.source import SourceFrame, SourceOptions
@@ -47,6 +51,9 @@ def run_record(options: argparse.Namespace) -> int:
     from robocup_vision.recording.recorder import RecorderSettings
     from robocup_vision.view import View
 
+    refuse_existing(options.file, force=options.force)
+    if os.path.realpath(options.file) == os.path.realpath(options.source):
+        raise ArgumentError(f"{options.file} is the source itself, a recording needs another name")
     wanted = SourceOptions(options.field, options.camera, options.colors, options.method, options.memory)
     settings = RecorderSettings(options.image_format, options.compression)
     with ExitStack() as stack:

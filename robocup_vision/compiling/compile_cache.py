@@ -30,6 +30,10 @@ _IMPORT, _WORD = re.compile(rb"^from (\S+) import (\([^)]*\)|.*)", re.MULTILINE)
 _LOOPS = ("robocup_vision.kernels", "sim2d.kernels", "robocup_vision.compiling.loops")
 
 
+class JitStaysOnWarning(RuntimeWarning):
+    """`NUMBA_DISABLE_JIT` is not obeyed: uncompiled, a frame would take minutes."""
+
+
 class CompileCacheWarning(RuntimeWarning):
     """Compiled code is kept in a temporary folder: it will be compiled again when that is gone."""
 
@@ -44,6 +48,8 @@ def ensure_compile_cache(kernels: Path) -> None:
 
     Warns
     -----
+    JitStaysOnWarning
+        If compiling is disabled, which is then enabled for this process.
     CompileCacheWarning
         If a temporary folder is used. The process and those that it starts then use it for all loops.
 
@@ -54,6 +60,14 @@ def ensure_compile_cache(kernels: Path) -> None:
     """
     tell_of_compiling(kernels)
     config: Any = numba.config  # its names are set when it is loaded
+    if config.DISABLE_JIT:
+        config.DISABLE_JIT = 0
+        warnings.warn(
+            "NUMBA_DISABLE_JIT is not obeyed: robocup_vision's loops are compiled all the same, and debuggers and"
+            " coverage do not see into them",
+            JitStaysOnWarning,
+            stacklevel=2,
+        )
     given = config.CACHE_DIR
     if given and _is_writable(Path(given)):
         return

@@ -28,7 +28,7 @@ from robocup_vision.camera import Mounting, OmniCamera, PinholeCamera, load_came
 from robocup_vision.camera.mounting import MOUNTING_NAMES
 from robocup_vision.files.csv_table import CsvRow, read_csv
 from robocup_vision.files.image_folder import no_pictures, picture_folder
-from robocup_vision.files.images import IMAGE_SUFFIXES, read_image, read_mask
+from robocup_vision.files.images import IMAGE_SUFFIXES, orientation_note, other_pictures, read_image, read_mask
 from robocup_vision.files.video import VideoInfo, read_video, video_info
 from robocup_vision.geometry import Pose2
 
@@ -243,6 +243,7 @@ def load_dataset(
         pose_of=_one_of(description_path, "pose_of", description.pose_of, POSES_OF),
         notes=notes,
         landmarks=_landmarks(description_path, map_path, loaded_camera) if chosen == "landmarks" else None,
+        left_out=len(other_pictures(source)) if source.is_dir() else 0,
     )
 
 
@@ -315,7 +316,7 @@ def _find_images(
         )
         if not names:
             raise FileError(path, no_pictures(source), key=key, value=value)
-        return tuple(names), None, ()
+        return tuple(names), None, (*_left_out_note(source), *orientation_note(source, names))
     if source.suffix.lower() in IMAGE_SUFFIXES:
         raise FileError(path, "is a single image, must be a folder of images or a video", key=key, value=value)
     video = video_info(source)
@@ -325,9 +326,17 @@ def _find_images(
     note = f"{source.name}: {count} frames can be decoded, its header announces {announced}: is it cut off?"
     # a header may be off by a frame or by rounding
     notes: tuple[str, ...] = (note,) if announced - count > 1 + announced // 50 else ()
+    if video.turn_deg:
+        turn = f"its header says to turn the frames by {video.turn_deg} degrees"
+        notes += (f"{source.name}: {turn}, which is not done: they are taken as stored",)
     if not video.has_times:
         notes += (f"{source.name}: tells no times, so its frames are looked at one by one",)
     return tuple(f"frame_{index:06d}" for index in range(count)), video, notes
+
+
+def _left_out_note(source: Path) -> list[str]:
+    others = other_pictures(source)
+    return [f"{len(others)} pictures of kinds that are not read are left out, the first: {others[0]}"] if others else []
 
 
 def _truth(path: Path | None, image_names: tuple[str, ...]) -> dict[str, Truth]:

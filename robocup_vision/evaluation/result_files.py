@@ -104,7 +104,8 @@ class RowsFile(Closing):
     def __init__(self, path: Path, columns: Sequence[str], cells: Callable[[Row], Sequence[str]]) -> None:
         self._path, self._cells = path, cells
         with telling_write_errors(path):
-            self._stream = path.open("w", encoding="utf-8", newline="")
+            # the name of an image may be no text
+            self._stream = path.open("w", encoding="utf-8", errors="backslashreplace", newline="")
         self._writer = csv.writer(self._stream, lineterminator="\n")
         self._write(columns)
 

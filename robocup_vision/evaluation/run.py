@@ -246,7 +246,7 @@ def _write_files(
         write_trajectory(out / "trajectory.tum", rows, dataset.times)
         if page is not None:
             text = report.render_report(dataset, rows, summary.figures, notes, run.spread, run.worst.pictures, moments)
-            page.write_text(text, encoding="utf-8")
+            page.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise FileError(error.filename or out, f"cannot be written ({error.strerror or error})") from None
     return summary

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import overload
 
-import cv2
-
 from field_models.errors import FileError, FrameError
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.files.images import IMAGE_SUFFIXES, read_image
+from robocup_vision.files.images import IMAGE_SUFFIXES, orientation_note, other_pictures, read_image
 
 
 class ImageFiles(Sequence[UInt8Array]):
@@ -55,13 +53,22 @@ class ImageFiles(Sequence[UInt8Array]):
             return [read_image(path, self.size_px) for path in self.paths[index]]
         return read_image(self.paths[index], self.size_px)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of the files: an EXIF orientation."""
+        found = (orientation_note(path.parent, [path.name]) for path in self.paths)
+        return next((notes for notes in found if notes), ())
+
     def _first_size_px(self) -> tuple[int, int]:
+        problem = ""
         for path in self.paths:
-            image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-            if image is not None:
-                height, width = image.shape[:2]
-                return width, height
-        raise FrameError(f"{self.paths[0].name}: is not an image that can be decoded")
+            try:
+                height, width = read_image(path).shape[:2]
+            except FrameError as error:
+                problem = problem or str(error)
+                continue
+            return width, height
+        raise FrameError(problem)
 
 
 def _image_files(path: Path) -> list[Path]:
@@ -92,7 +99,9 @@ def no_pictures(folder: Path) -> str:
     kinds = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
     inner = [entry.name for entry in sorted(folder.iterdir()) if entry.is_dir() and _pictures(entry)]
     there = f"; there are some in {', '.join(inner[:3])}" if inner else ""
-    return f"no images found in this folder ({kinds}){there}"
+    others = other_pictures(folder)
+    left = f"; {len(others)} pictures of other kinds, the first: {others[0]}" if others else ""
+    return f"no images found in this folder ({kinds}){there}{left}"
 
 
 def _pictures(folder: Path) -> list[Path]:

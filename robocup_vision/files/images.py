@@ -2,12 +2,15 @@
 
 OpenCV returns the part of a truncated PNG or JPEG that it could decode, with the rest grey or black. A localiser must
 not be scored on such an image, so Pillow, which refuses it, reads the file first. OpenCV then decodes the pixels: its
-arrays keep 16 bits and alpha channels, which are refused by name.
+arrays keep 16 bits and alpha channels, which are refused by name unless they are opaque.
+
+Pixels are taken as they are stored: a camera file describes the sensor, so an EXIF orientation is not applied.
 """
 
 from __future__ import annotations
 
 import io
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -18,20 +21,24 @@ from PIL import Image, UnidentifiedImageError
 from field_models.errors import FrameError
 from robocup_vision.arrays import UInt8Array
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
-_SIGNATURES = {b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8": "JPEG", b"BM": "BMP"}
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
+# pictures of kinds that are not read
+OTHER_SUFFIXES = (".gif", ".heic", ".heif", ".avif", ".jxl", ".jp2", ".ppm", ".pgm", ".pnm", ".tga", ".dng", ".raw")
+_SIGNATURES = {b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8": "JPEG", b"BM": "BMP", b"II*\0": "TIFF", b"MM\0*": "TIFF"}
+_KINDS = "a PNG, JPEG, BMP, WebP or TIFF file"
 # a PNG's last chunk is empty, so its bytes are the same in every file; Pillow does not read its checksum
 _PNG_END = b"\x00\x00\x00\x00IEND\xaeB`\x82"
+_EXIF_ORIENTATION, _UPRIGHT = 0x0112, 1
 
 
-def read_image(path: str | Path, size_px: tuple[int, int]) -> UInt8Array:
-    """Read a colour image of exactly the given size.
+def read_image(path: str | Path, size_px: tuple[int, int] | None = None) -> UInt8Array:
+    """Read a colour image, its pixels as they are stored.
 
     Parameters
     ----------
     path : str or Path
-        A PNG, JPEG or BMP file.
-    size_px : (int, int)
+        A PNG, JPEG, BMP, WebP or TIFF file.
+    size_px : (int, int), optional
         Width and height it must have.
 
     Returns
@@ -42,7 +49,7 @@ def read_image(path: str | Path, size_px: tuple[int, int]) -> UInt8Array:
     Raises
     ------
     FrameError
-        If the file is missing, damaged or truncated, not 8-bit colour, has an alpha channel or another size.
+        If the file is missing, damaged or truncated, not 8-bit colour, not opaque or of another size.
     """
     return decode_image(file_bytes(path), Path(path).name, size_px)
 
@@ -61,34 +68,68 @@ def file_bytes(path: str | Path) -> bytes:
         raise FrameError(f"{Path(path).name}: cannot be read ({error.strerror or error})") from None
 
 
-def decode_image(data: bytes, name: str, size_px: tuple[int, int]) -> UInt8Array:
+def decode_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -> UInt8Array:
     """Decode what stands in an image file, as `read_image` does.
 
     Parameters
     ----------
     data : bytes
-        Of a PNG, JPEG or BMP file.
+        Of an image file.
     name : str
         For messages.
-    size_px : (int, int)
+    size_px : (int, int), optional
         Width and height it must have.
 
     Raises
     ------
     FrameError
-        If it is damaged or truncated, not 8-bit colour, has an alpha channel or another size.
+        If it is damaged or truncated, not 8-bit colour, not opaque or of another size.
     """
-    image = _decode(data, name)
+    image = opaque_bgr(_decode(data, name), name)
+    height, width = image.shape[:2]
+    if size_px is not None and (width, height) != tuple(size_px):
+        turned = "" if _orientation(data) == _UPRIGHT else " (its EXIF orientation is not applied)"
+        raise FrameError(f"{name}: is {width}x{height}{turned}, the camera file says {size_px[0]}x{size_px[1]}")
+    return image
+
+
+def opaque_bgr(image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16], name: str) -> UInt8Array:
+    """Return an image as OpenCV decodes it, (H, W, 3) uint8, without an alpha channel that hides nothing.
+
+    Raises
+    ------
+    FrameError
+        If it is not 8-bit colour, or not opaque.
+    """
     if image.dtype != np.uint8:
         raise FrameError(f"{name}: has {8 * image.itemsize} bits per channel, must have 8")
     if image.ndim == 2:
         raise FrameError(f"{name}: is a grey image, must be in colour")
-    if image.shape[2] != 3:
-        raise FrameError(f"{name}: has {image.shape[2]} channels (an alpha channel?), must have 3")
-    height, width = image.shape[:2]
-    if (width, height) != tuple(size_px):
-        raise FrameError(f"{name}: is {width}x{height}, the camera file says {size_px[0]}x{size_px[1]}")
-    return np.asarray(image, dtype=np.uint8)
+    pixels = np.asarray(image, dtype=np.uint8)
+    if pixels.shape[2] == 4 and (pixels[..., 3] == 255).all():
+        return np.ascontiguousarray(pixels[..., :3])
+    if pixels.shape[2] != 3:
+        kind = "an alpha channel that is not opaque" if pixels.shape[2] == 4 else f"{pixels.shape[2]} channels"
+        raise FrameError(f"{name}: has {kind}, must have 3 channels")
+    return pixels
+
+
+def other_pictures(folder: Path) -> list[str]:
+    """Return the names of pictures in a folder of kinds that are not read."""
+    return sorted(entry.name for entry in folder.iterdir() if entry.suffix.lower() in OTHER_SUFFIXES)
+
+
+def orientation_note(folder: Path, names: Iterable[str]) -> tuple[str, ...]:
+    """Say which image of a folder has an EXIF orientation, the first one; nothing where none has."""
+    for name in names:
+        try:
+            with (folder / name).open("rb") as stream, Image.open(stream) as image:
+                found = image.getexif().get(_EXIF_ORIENTATION, _UPRIGHT)
+        except Exception:  # what is no image is told when it is read
+            continue
+        if found != _UPRIGHT:
+            return (f"{name} has the EXIF orientation {found}, which is not applied: pixels are taken as stored",)
+    return ()
 
 
 def read_mask(path: str | Path) -> UInt8Array:
@@ -122,14 +163,25 @@ def _damage(data: bytes) -> str | None:
     if not data:
         return "is empty"
     kind = next((kind for signature, kind in _SIGNATURES.items() if data.startswith(signature)), None)
+    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
+        # OpenCV and Pillow repair a cut one
+        kind = "WEBP" if len(data) >= 8 + int.from_bytes(data[4:8], "little") else None
+        if kind is None:
+            return "is a truncated or damaged WEBP (its end is missing)"
     if kind is None:
-        return "is neither a PNG, a JPEG nor a BMP file"
+        return f"is not {_KINDS}"
     try:
         with Image.open(io.BytesIO(data), formats=[kind]) as image:
-            # a PNG's checksums reveal any damage; a JPEG or BMP must be decoded to its end
+            count = getattr(image, "n_frames", 1) if kind in ("WEBP", "TIFF") else 1
+            # every reader turns by it, and none can be told not to
+            if kind == "TIFF" and (turn := image.getexif().get(_EXIF_ORIENTATION, _UPRIGHT)) != _UPRIGHT:
+                return f"is a TIFF with the orientation {turn}, must be stored upright (1)"
+            # a PNG's checksums reveal any damage; others must be decoded to their end
             image.verify() if kind == "PNG" else image.load()
     except Exception as error:  # Pillow's readers raise errors of many kinds
         return f"is a truncated or damaged {kind} ({_reason(error)})"
+    if count != 1:
+        return f"holds {count} images, must hold one"
     if kind == "PNG" and _PNG_END not in data:
         return "is a truncated or damaged PNG (its end is missing)"
     return None
@@ -137,3 +189,11 @@ def _damage(data: bytes) -> str | None:
 
 def _reason(error: Exception) -> str:
     return "its header cannot be read" if isinstance(error, UnidentifiedImageError) else str(error)
+
+
+def _orientation(data: bytes) -> int:
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            return int(image.getexif().get(_EXIF_ORIENTATION, _UPRIGHT))
+    except Exception:  # of what Pillow cannot read nothing is known
+        return _UPRIGHT

@@ -21,6 +21,18 @@ def require_folder(out: str | Path) -> None:
         raise FileError(out, "cannot be written: its folder does not exist")
 
 
+def refuse_existing(out: str | Path, *, force: bool) -> None:
+    """Refuse to replace a file that is there, unless that is asked for.
+
+    Raises
+    ------
+    FileError
+        If it is there, and may not be replaced.
+    """
+    if not force and Path(out).exists():
+        raise FileError(out, "is there already, nothing was written: choose another name, or replace it with --force")
+
+
 @contextmanager
 def telling_write_errors(path: str | Path) -> Iterator[None]:
     """Turn the system's errors of a block into one that names what cannot be written.

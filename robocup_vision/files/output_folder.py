@@ -84,7 +84,12 @@ def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
     try:
         with telling_write_errors(folder):
             work.mkdir(parents=True)
-        yield work
+        try:
+            yield work
+        except OSError as error:
+            # named as the user knows it; what a block reads it tells by errors of its own
+            name = Path(error.filename).name if error.filename else ""
+            raise FileError(folder / name, f"cannot be written ({error.strerror or error})") from None
         with telling_write_errors(folder):
             if made:
                 work.rename(folder)

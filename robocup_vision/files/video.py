@@ -25,16 +25,26 @@ class VideoInfo:
         When each frame is shown, seconds from the beginning, strictly increasing; empty where it is no video.
     has_times : bool
         False where it tells no times: `times_s` then counts frames.
+    turn_deg : int
+        How far its header says that the frames are to be turned for people; it is not done.
     """
 
     announced: int
     times_s: tuple[float, ...]
     has_times: bool = True
+    turn_deg: int = 0
+
+
+def open_video(path: str | Path) -> cv2.VideoCapture:
+    """Open a video whose frames are taken as they are stored: an orientation in its header is not applied."""
+    capture = cv2.VideoCapture(str(path))
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0.0)
+    return capture
 
 
 def video_info(path: str | Path) -> VideoInfo:
     """Return how many frames of a file can be decoded, and when each is shown; none if it is no video."""
-    capture = cv2.VideoCapture(str(path))
+    capture = open_video(path)
     try:
         shown_s = []
         while capture.isOpened() and capture.grab():
@@ -42,18 +52,19 @@ def video_info(path: str | Path) -> VideoInfo:
         if not shown_s:
             return VideoInfo(0, ())
         announced, rate = int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), capture.get(cv2.CAP_PROP_FPS)
+        turn_deg = int(capture.get(cv2.CAP_PROP_ORIENTATION_META))
     finally:
         capture.release()
     if np.isfinite(shown_s).all() and (np.diff(shown_s) > 0).all():
-        return VideoInfo(announced, tuple(shown_s))
+        return VideoInfo(announced, tuple(shown_s), turn_deg=turn_deg)
     has_rate = bool(np.isfinite(rate) and rate > 0)
     period_s = 1.0 / rate if has_rate else 1.0
-    return VideoInfo(announced, tuple(index * period_s for index in range(len(shown_s))), has_rate)
+    return VideoInfo(announced, tuple(index * period_s for index in range(len(shown_s))), has_rate, turn_deg)
 
 
 def read_video(path: str | Path, count: int, size_px: tuple[int, int]) -> Iterator[UInt8Array | FrameError]:
     """Yield `count` frames, (H, W, 3) uint8 BGR, or the error in place of one that cannot be used."""
-    capture = cv2.VideoCapture(str(path))
+    capture = open_video(path)
     try:
         for index in range(count):
             name = f"frame_{index:06d}"

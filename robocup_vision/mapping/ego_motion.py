@@ -254,7 +254,9 @@ class EgoMotion:
         if covariance.shape != (3, 3) or not _is_definite(covariance):
             raise ArgumentError("odometry_covariance must be (3, 3) and positive definite")
         if not math.isfinite(t_s) or (self._t_s is not None and t_s <= self._t_s):
-            raise ArgumentError(f"t_s must be finite and later than the frame before, got {t_s!r}")
+            raise ArgumentError(
+                f"t_s must be finite and later than the frame before, got {t_s!r}: forget() begins a run anew"
+            )
         profile = _Profile.smooth(inverse, std, self.settings.reach)
         if self._t_s is None:
             motion = Motion(odometry, covariance, 0, 0.0, self._pose)

@@ -109,7 +109,9 @@ class ViewMotion:
             raise ArgumentError("motion from views needs the time of a frame: hand t_s to look")
         seconds = 1.0 if self._t_s is None else t_s - self._t_s
         if not seconds > 0.0:
-            raise ArgumentError(f"t_s must be later than that of the view before, got {t_s!r} after {self._t_s!r}")
+            raise ArgumentError(
+                f"t_s must be later than that of the view before, got {t_s!r} after {self._t_s!r}: forget() begins anew"
+            )
         expected, covariance = self._expected(odometry, seconds)
         inverse, std = self._profile(view, camera)
         if self.ego_motion is None:

@@ -9,9 +9,11 @@ import numpy as np
 
 from field_models.errors import FrameError
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.files.images import opaque_bgr
 from robocup_vision.messages.types import header, make
 
 ImageFormat = Literal["raw", "png", "jpeg"]
+_JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 IMAGE_FORMATS: tuple[ImageFormat, ...] = ("raw", "png", "jpeg")
 
 # by encoding: bytes a pixel, and OpenCV's conversion to BGR (None: it is BGR)
@@ -107,10 +109,10 @@ def _decompress(message: Any) -> UInt8Array:
             image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
         except cv2.error:
             image = None
+    name = f"a compressed image of format {message.format!r}"
     if image is None:
-        raise FrameError(f"a compressed image of format {message.format!r} cannot be decoded ({data.size} bytes)")
-    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-        raise FrameError(
-            f"a compressed image of format {message.format!r} must be in colour with 8 bits, got {image.shape}"
-        )
-    return np.ascontiguousarray(image[..., ::-1] if is_rgb_inside(message.format) else image, dtype=np.uint8)
+        raise FrameError(f"{name} cannot be decoded ({data.size} bytes)")
+    if data[:2].tobytes() == _JPEG_BEGIN and _JPEG_END not in data.tobytes():
+        raise FrameError(f"{name} is cut off: its end is missing ({data.size} bytes)")
+    image = opaque_bgr(image, name)  # type: ignore[arg-type]
+    return np.ascontiguousarray(image[..., ::-1]) if is_rgb_inside(message.format) else image

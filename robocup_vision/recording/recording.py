@@ -138,6 +138,10 @@ class Recording:
                 yield self._call(logged, image)
                 image = None
 
+    def call_times(self, from_s: float | None = None, to_s: float | None = None) -> Iterator[float]:
+        """Yield the times of the calls between two times, both included, in the order of the run; raises as `calls`."""
+        return (1e-9 * logged.time_ns for logged in self._messages(from_s, to_s) if logged.type_name == CALL)
+
     def frames(self, from_s: float | None = None, to_s: float | None = None) -> Iterator[RecordedFrame]:
         """Yield the frames between two times, both included, with the motion between them; raises as `calls`.
 

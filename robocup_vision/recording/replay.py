@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from field_models.errors import ArgumentError
+from field_models.errors import ArgumentError, FileError
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.perception.balls.ball import Ball
@@ -73,13 +73,30 @@ def replay(
     RobocupVisionError
         If the loop cannot be made again.
     """
+    for name, t_s in (("--from", from_s), ("--to", to_s)):
+        if t_s is not None and not math.isfinite(t_s):
+            raise ArgumentError(f"{name} must be a finite number of seconds, got {t_s}")
     if from_s is not None and to_s is not None and not from_s <= to_s:
         raise ArgumentError(f"--to must not be before --from, got {to_s:g} before {from_s:g}")
+    _require_calls(recording, from_s, to_s)
     loop = loop_kind(recording.run.loop).make(recording.run, changes)
     for call in recording.calls(to_s=to_s):
         replayed = loop.call(call)
         if from_s is None or call.t_s >= from_s:
             yield ReplayedCall(call.number, call.kind, call.t_s, call.outputs, replayed)
+
+
+def _require_calls(recording: Recording, from_s: float | None, to_s: float | None) -> None:
+    """Refuse a span that no call is in: comparing nothing would say that all is the same."""
+    if next(recording.call_times(from_s, to_s), None) is not None:
+        return
+    times = list(recording.call_times())
+    if not times:
+        raise FileError(recording.path, "holds no call, there is nothing to replay")
+    asked = " ".join(f"{name} {t_s:g}" for name, t_s in (("--from", from_s), ("--to", to_s)) if t_s is not None)
+    raise ArgumentError(
+        f"{recording.path}: no call is in {asked}, they are from {min(times):.3f} s to {max(times):.3f} s"
+    )
 
 
 @dataclass(slots=True)

@@ -80,7 +80,7 @@ class MovingObjects:
             If time does not advance.
         """
         if self._t_s is not None and not t_s > self._t_s:
-            raise ArgumentError(f"t_s must advance, got {t_s} after {self._t_s}")
+            raise ArgumentError(f"t_s must advance, got {t_s} after {self._t_s}: forget() begins a run anew")
         seconds = 0.0 if self._t_s is None else t_s - self._t_s
         self._t_s = t_s
         places, spreads = in_field(detections, robot, robot_covariance)

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+
+_NO_GUARD = (
+    'a script whose own functions work in several processes must start them below `if __name__ == "__main__":`, as each'
+    " process reads the script once more"
+)
+# what pickles of a script's own functions and classes name
+_MAIN = b"__main__"
 
 # a worker that has not ended so long after it was asked to is killed
 _END_S = 0.5
@@ -34,6 +43,9 @@ def worker_processes(
     initializer, initargs
         What each calls first.
     """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        # in a process that is being started, which runs the script's own lines: one line in place of a traceback
+        raise SystemExit(_NO_GUARD)
     executor = _Processes(jobs, multiprocessing.get_context("spawn"), _begin, (initializer, initargs))
     try:
         yield executor
@@ -56,18 +68,38 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Start processes that do not read the program's script once more: they need nothing of it."""
+    main: Any = sys.modules["__main__"]
+    kept = {name: getattr(main, name) for name in ("__file__", "__spec__") if hasattr(main, name)}
+    try:
+        for name in kept:
+            setattr(main, name, None)
+        yield
+    finally:
+        for name, value in kept.items():
+            setattr(main, name, value)
+
+
 class _Processes(ProcessPoolExecutor):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
+        # what each process calls first
+        self._first = arguments[2:]
         self._started: set[Any] = set()
+        self._needs_main: bool | None = None
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        if self._needs_main is None:
+            self._needs_main = _MAIN in pickle.dumps((self._first, fn, args, kwargs))
         before = set(multiprocessing.active_children())
         can_block = hasattr(signal, "pthread_sigmask")
         # a process inherits which signals are blocked: from its first moment on, while it imports, too
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,)) if can_block else ()
         try:
-            return super().submit(fn, *args, **kwargs)
+            with nullcontext() if self._needs_main else _without_main():
+                return super().submit(fn, *args, **kwargs)
         finally:
             self._started |= set(multiprocessing.active_children()) - before
             if can_block:

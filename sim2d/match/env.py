@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import cv2
@@ -182,13 +182,18 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
         Raises
         ------
         ArgumentError
-            If an action is not finite, or no match has begun.
+            If an action is not finite or of another shape, an agent is unknown, or no match has begun.
         """
         arena = self._begun()
         if not self.agents:
             return {}, {}, {}, {}, {}
         before = arena.state.score
-        commands = {self.possible_agents.index(agent): _command(action) for agent, action in actions.items()}
+        if not isinstance(actions, Mapping):
+            raise ArgumentError(f"actions must be a dict of actions by agent, got {type(actions).__name__}")
+        for agent in actions:
+            if agent not in self.possible_agents:
+                raise ArgumentError(f"there is no agent {agent!r}, only {', '.join(self.possible_agents)}")
+        commands = {self.possible_agents.index(agent): _command(agent, action) for agent, action in actions.items()}
         state = arena.step(commands)
         self._step += 1
         gain = float((state.score[0] - before[0]) - (state.score[1] - before[1]))
@@ -344,14 +349,31 @@ def _fitted(space: spaces.Space[Any], value: Any) -> Any:
     return value
 
 
-def _command(action: Action) -> Command:
-    forward_mps, left_mps, turn_rps = (float(value) for value in action["velocity"])
-    pan = action.get("pan_rad")
-    return Command(
-        forward_mps,
-        left_mps,
-        turn_rps,
-        float(action["kick_mps"][0]),
-        bool(action["dribble"]),
-        None if pan is None else float(pan[0]),
-    )
+def _command(agent: str, action: Action) -> Command:
+    forward_mps, left_mps, turn_rps = _values(agent, action, "velocity", 3)
+    [kick_mps] = _values(agent, action, "kick_mps", 1)
+    [dribble] = _values(agent, action, "dribble", 1)
+    pan = _values(agent, action, "pan_rad", 1) if isinstance(action, Mapping) and "pan_rad" in action else None
+    return Command(forward_mps, left_mps, turn_rps, kick_mps, bool(dribble), None if pan is None else pan[0])
+
+
+def _values(agent: str, action: Action, key: str, count: int) -> list[float]:
+    """Return the numbers of a part of an action.
+
+    Raises
+    ------
+    ArgumentError
+        If it is missing, or of another shape.
+    """
+    if not isinstance(action, Mapping) or key not in action:
+        got = ", ".join(map(str, action)) if isinstance(action, Mapping) else type(action).__name__
+        raise ArgumentError(
+            f"the action of {agent} must be a dict with the keys of its action space, got {got or '{}'}"
+        )
+    try:
+        values = np.asarray(action[key], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"the action of {agent}: {key} must be numbers, got {action[key]!r}") from None
+    if values.size != count or values.ndim > 1:
+        raise ArgumentError(f"the action of {agent}: {key} must have the shape ({count},), got {values.shape}")
+    return [float(value) for value in values.reshape(-1)]

@@ -173,5 +173,6 @@ def _write(
             with telling_write_errors(root / "images" / picture.name):
                 (root / "images" / picture.name).write_bytes(picture.content)
                 rows.writerow(picture.truth)
+                file.flush()
             count += 1
     return count

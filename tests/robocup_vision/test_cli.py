@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from field_models import field_names
 from robocup_vision import cli
@@ -155,7 +156,8 @@ def test_an_unreadable_image_is_one_line_and_status_2(
         ),
         (
             ["evaluate", ".", "--field", "ssl_2001", "--camera", "camera.toml"],
-            "robocup-vision evaluate: .: no images found in this folder (png, jpg, jpeg, bmp); there are some in drive",
+            "robocup-vision evaluate: .: no images found in this folder (png, jpg, jpeg, bmp, webp, tif, tiff);"
+            " there are some in drive",
         ),
         ([], "robocup-vision: the following arguments are required: COMMAND (see robocup-vision --help)"),
     ],
@@ -246,3 +248,38 @@ def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "usage: robocup-vision" in done.stdout
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+def test_output_that_nobody_takes_ends_in_at_most_one_line() -> None:
+    command = [sys.executable, "-m", "robocup_vision.cli", "fields"]
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open(writer, "wb") as closed, Path("/dev/full").open("wb") as full:
+        unread = subprocess.run(command, stdout=closed, stderr=subprocess.PIPE, check=False)
+        unwritten = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (unread.returncode, unread.stderr) == (141, b"")
+    assert unwritten.returncode == 2
+    assert unwritten.stderr == "robocup-vision fields: output cannot be written: No space left on device\n"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names that are no text are of Linux")
+def test_an_image_whose_name_is_no_text_is_scored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "2.png").rename(folder / os.fsdecode(b"2\xfc.png"))
+    assert evaluate("--out", "out") == 0
+    rows = Path("out/results.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[3].startswith(r"2\udcfc.png,located,0.1,0.2,0.3,")
+    assert r"2\udcfc.png" in Path("out/report.html").read_text(encoding="utf-8")
+
+
+def test_pictures_that_are_left_out_and_turned_are_said(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.open(folder / "2.png").save(folder / "3.jpg", exif=exif)
+    (folder / "4.heic").write_bytes(b"")
+    assert evaluate("--out", "out") == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[0] == "drive: 1 of 5 left out"
+    assert "note: 1 pictures of kinds that are not read are left out, the first: 4.heic" in out
+    assert "note: 3.jpg has the EXIF orientation 6, which is not applied: pixels are taken as stored" in out
+    assert '"left_out": 1,' in Path("out/summary.json").read_text()

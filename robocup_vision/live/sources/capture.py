@@ -17,6 +17,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.files.video import open_video
 from robocup_vision.live.handover.moment import RobotSetup
 from robocup_vision.live.sources.newest import Newest
 from robocup_vision.live.sources.setup import setup_by_options, vision_by_options
@@ -149,7 +150,7 @@ class VideoSource:
         self.name = str(path)
         self._options = options
         self.setups = (setup_by_options(self.name, options),)
-        self._capture = cv2.VideoCapture(str(path))
+        self._capture = open_video(path)
         if not self._capture.isOpened():
             self._capture.release()
             raise FileError(path, "is no video that can be read")

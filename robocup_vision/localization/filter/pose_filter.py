@@ -145,7 +145,9 @@ class PoseFilter:
         if not all(map(math.isfinite, (odometry.x_m, odometry.y_m, odometry.theta_rad, t_s))):
             raise ArgumentError(f"odometry and its time must be finite, got {odometry} at {t_s!r} s")
         if self._now_s is not None and t_s < self._now_s:
-            raise ArgumentError(f"time must not run backwards, got {t_s!r} s after {self._now_s!r} s")
+            raise ArgumentError(
+                f"time must not run backwards, got {t_s!r} s after {self._now_s!r} s: forget() begins a run anew"
+            )
         if not self._moments:
             # there is nothing yet to move
             self._moments.append(_Moment(t_s, _ORIGIN, None, self._mixture))

@@ -16,7 +16,12 @@ import field_models
 import robocup_vision
 from field_models.errors import RobocupVisionError
 from robocup_vision.compiling import compile_cache
-from robocup_vision.compiling.compile_cache import CompileCacheWarning, ensure_compile_cache, source_digest
+from robocup_vision.compiling.compile_cache import (
+    CompileCacheWarning,
+    JitStaysOnWarning,
+    ensure_compile_cache,
+    source_digest,
+)
 
 LOOP = """
 import numpy as np
@@ -232,3 +237,10 @@ def test_loops_compile_in_a_read_only_installation(tmp_path, homeless):
     assert done.stdout == "1.0\n", done.stderr
     assert done.stderr.count("CompileCacheWarning") == 1
     assert list(homeless.glob("robocup_vision-compiled-*/*/*.nbc"))
+
+
+def test_compiling_that_is_disabled_is_enabled_and_told(kernels, monkeypatch):
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    with pytest.warns(JitStaysOnWarning, match="NUMBA_DISABLE_JIT is not obeyed"):
+        ensure_compile_cache(kernels)
+    assert not numba.config.DISABLE_JIT

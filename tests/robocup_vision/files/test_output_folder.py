@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import pytest
@@ -75,3 +76,12 @@ def test_what_is_in_the_way_is_named(tmp_path: Path) -> None:
     (tmp_path / "figures.json").mkdir()
     with pytest.raises(FileError, match=r"cannot be written \(.+\)"), written_at_once(tmp_path, OWN) as work:
         (work / "figures.json").touch()
+
+
+def test_a_full_disk_is_told_with_the_file(tmp_path):
+    with (
+        pytest.raises(FileError, match=r"out/truth\.csv: cannot be written \(No space left on device\)"),
+        written_at_once(tmp_path / "out", OWN) as work,
+    ):
+        raise OSError(errno.ENOSPC, "No space left on device", str(work / "truth.csv"))
+    assert list(tmp_path.iterdir()) == []

@@ -156,3 +156,20 @@ def test_rgb_frames_and_dropped_ones_are_replayed(tmp_path: Path) -> None:
     frames = list(Recording(tmp_path / "rgb.mcap").frames())
     assert len(frames) == looks - 1
     np.testing.assert_array_equal(frames[0].frame, run_frames()[0].frame)
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--from", "500"], "no call is in --from 500, they are from 0.000 s to"),
+        (["--from", "500", "--to", "600"], "no call is in --from 500 --to 600, they are from 0.000 s to"),
+        (["--to", "-1"], "no call is in --to -1, they are from 0.000 s to"),
+        (["--from", "nan"], "--from must be a finite number of seconds, got nan"),
+        (["--to", "inf"], "--to must be a finite number of seconds, got inf"),
+    ],
+)
+def test_a_span_without_a_call_is_refused(
+    words: list[str], problem: str, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["replay", str(recorded), *words, "--out", str(tmp_path / "out")]) == 2
+    assert problem in capsys.readouterr().err

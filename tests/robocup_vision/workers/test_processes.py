@@ -52,3 +52,34 @@ def test_workers_end_when_their_parent_is_killed(tmp_path):
         for pid in left:
             os.kill(pid, signal.SIGKILL)
         assert not left
+
+
+UNGUARDED = """
+import operator
+from robocup_vision.workers import worker_processes
+
+with worker_processes(2) as executor:
+    print(sorted(executor.map(operator.neg, (1, 2, 3))), flush=True)
+"""
+OWN_FUNCTION = """
+from robocup_vision.workers import worker_processes
+
+def work(number):
+    return -number
+
+with worker_processes(1) as executor:
+    print(executor.submit(work, 1).exception(), flush=True)
+"""
+
+
+def test_a_script_without_a_guard_works_where_nothing_of_it_is_needed(tmp_path):
+    (tmp_path / "script.py").write_text(UNGUARDED)
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (done.stdout, done.stderr) == ("[-3, -2, -1]\n", "")
+
+
+def test_a_script_whose_functions_are_needed_is_told_of_its_guard(tmp_path):
+    (tmp_path / "script.py").write_text(OWN_FUNCTION)
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.stderr.splitlines()[0].startswith("a script whose own functions work in several processes must start")
+    assert "Traceback" not in done.stderr

@@ -191,3 +191,33 @@ def test_steps_need_a_match_and_finite_actions():
     env.reset(seed=0)
     with pytest.raises(ArgumentError, match="forward_mps must be finite, got nan"):
         env.step({"plus_0": {**ONWARD, "velocity": np.array([math.nan, 0.0, 0.0])}})
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"velocity": np.zeros(2)}, r"the action of plus_0: velocity must have the shape \(3,\), got \(2,\)"),
+        ({"velocity": np.zeros((3, 1))}, r"velocity must have the shape \(3,\), got \(3, 1\)"),
+        ({"velocity": None}, "velocity must have the shape"),
+        ({"velocity": "fast"}, "velocity must be numbers, got 'fast'"),
+        ({"kick_mps": np.zeros(2)}, r"kick_mps must have the shape \(1,\), got \(2,\)"),
+    ],
+)
+def test_an_action_of_another_shape_is_named(change, problem):
+    env = image_env()
+    env.reset(seed=0)
+    with pytest.raises(ArgumentError, match=problem):
+        env.step({"plus_0": {**ONWARD, **change}})
+
+
+def test_an_action_or_agent_that_is_none_is_named():
+    env = image_env()
+    env.reset(seed=0)
+    with pytest.raises(ArgumentError, match="must be a dict with the keys of its action space, got ndarray"):
+        env.step({"plus_0": np.zeros(3)})
+    with pytest.raises(ArgumentError, match="must be a dict with the keys of its action space, got velocity"):
+        env.step({"plus_0": {"velocity": np.zeros(3)}})
+    with pytest.raises(ArgumentError, match="there is no agent 'plus_9', only plus_0"):
+        env.step({"plus_9": ONWARD})
+    with pytest.raises(ArgumentError, match="actions must be a dict of actions by agent, got ndarray"):
+        env.step(np.zeros(3))

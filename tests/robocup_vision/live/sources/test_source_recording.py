@@ -76,6 +76,15 @@ def test_a_folder_is_recorded_by_the_command(folder: Path, capsys: pytest.Captur
     assert len(frames) == 4
     assert np.array_equal(frames[3].frame, run_frames()[3].frame)
     assert cli.main(["replay", out, "--out", str(folder / "replay")]) == 0
+    options = ["--field", "ssl_2001", "--camera", camera, "--memory"]
+    before = Path(out).read_bytes()
+    assert cli.main(["record", source, out, *options]) == 2
+    assert "run.mcap: is there already, nothing was written" in capsys.readouterr().err
+    assert Path(out).read_bytes() == before
+    assert cli.main(["record", source, out, *options, "--force"]) == 0
+    assert cli.main(["record", out, out, "--force"]) == 2
+    assert "run.mcap is the source itself" in capsys.readouterr().err
+    assert len(list(Recording(out).frames())) == 4
 
 
 def test_a_frame_that_cannot_be_used_is_counted(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
