@@ -19,8 +19,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     """Add the command `render` to the subparsers of an argparse parser; `run_render` runs what it parses."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "render",
-        help="write a dataset folder of rendered mirror-camera images with truth",
-        description="Write a dataset folder of rendered mirror-camera images with truth. "
+        help="write a dataset folder of rendered images of any camera with truth",
+        description="Write a dataset folder of rendered images of any camera with truth. "
         "Options after --condition override its values.",
     )
     add = parser.add_argument
@@ -29,6 +29,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--count", type=count, default=100, metavar="N", help="number of images (default: 100)")
     add("--seed", type=seed, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
     add("--condition", choices=CONDITION_NAMES, default="nominal", help="what disturbs the images (default: nominal)")
+    add("--robots", type=int, metavar="N", help="number of robots that stand on the field (default: none)")
     add("--obstacles", type=int, nargs=2, metavar=("LO", "HI"), help="smallest and greatest number of boxes")
     add("--noise", dest="noise_sigma", type=float, metavar="S", help="sensor noise, grey levels")
     add("--blur", dest="blur_px", type=float, metavar="PX", help="standard deviation of the blur, pixels")
@@ -64,26 +65,42 @@ def run_render(args: argparse.Namespace) -> int:
 
     from field_models import load_field
     from field_models.errors import FileError
+    from robocup_vision.camera import PinholeCamera
     from robocup_vision.commands.worker_options import chosen_workers
     from robocup_vision.progress import progress
     from robocup_vision.workers import in_order, run_pieces
+    from sim2d.match.setups import setup_for
     from sim2d.rendering.cameras import camera_by_name
     from sim2d.rendering.dataset import DrawPictures, write_dataset
     from sim2d.rendering.random_scenes import CONDITIONS, sample
 
     changes: dict[str, Any] = {}
-    for name in ("noise_sigma", "blur_px", "vignette", "light_gradient", "gain", "texture", "shadow", "highlights"):
+    for name in (
+        "noise_sigma",
+        "blur_px",
+        "vignette",
+        "light_gradient",
+        "gain",
+        "texture",
+        "shadow",
+        "highlights",
+        "robots",
+    ):
         changes[name] = getattr(args, name)
-    changes |= {"jpeg_quality": args.jpeg_quality, "ball_rate": args.ball_rate}
+    changes |= {"jpeg_quality": args.jpeg_quality, "ball_rate": args.ball_rate, "robots": args.robots}
     changes["spin_rad"] = None if args.spin is None else math.radians(args.spin)
     for name, values in (("obstacles", args.obstacles), ("cast_bgr", args.cast_bgr)):
         changes[name] = None if values is None else tuple(values)
     changes["center_offset_px"] = None if args.center_offset is None else tuple(args.center_offset)
     changes["tilt_rad"] = None if args.tilt is None else tuple(math.radians(v) for v in args.tilt)
     given = {name: value for name, value in changes.items() if value is not None}
+    field, camera = load_field(args.field), camera_by_name(args.camera)
+    if args.robots and not field.is_half:
+        given["robot_height_m"] = setup_for(field).robot.limits.height_m
     condition = dataclasses.replace(CONDITIONS[args.condition], **given)
 
-    field, camera = load_field(args.field), camera_by_name(args.camera)
+    if isinstance(camera, PinholeCamera) and not camera.known_orientation:
+        raise FileError(args.camera, "is needed to render: where does the camera look?", key="tilt_rad")
     if camera.height_m is None:
         raise FileError(args.camera, "is needed to render what stands on the floor", key="viewpoint_height_m")
     symmetry: Literal["none", "point"] = args.symmetry or "point"
@@ -106,6 +123,7 @@ def _command(args: argparse.Namespace) -> str:
     words = ["robocup-vision", "render", "--field", args.field, "--camera", args.camera]
     words += ["--count", args.count, "--seed", args.seed, "--condition", args.condition]
     for option, name in (
+        ("--robots", "robots"),
         ("--obstacles", "obstacles"),
         ("--noise", "noise_sigma"),
         ("--blur", "blur_px"),

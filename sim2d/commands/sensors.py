@@ -46,6 +46,7 @@ def run_sensors(args: argparse.Namespace) -> int:
     """
     from field_models import load_field
     from field_models.errors import ArgumentError
+    from robocup_vision.camera import OmniCamera
     from robocup_vision.files.out_file import require_folder
     from robocup_vision.mapping.sensor_model import write_sensors
     from robocup_vision.progress import progress
@@ -55,10 +56,13 @@ def run_sensors(args: argparse.Namespace) -> int:
 
     if not 0 < args.cell < 1:
         raise ArgumentError(f"--cell must be within 0 to 1 m, got {args.cell}")
+    camera = camera_by_name(args.camera)
+    if not isinstance(camera, OmniCamera):
+        raise ArgumentError(f"camera '{args.camera}' is no mirror camera")
     require_folder(args.out)
     learnt = learn_sensors(
         load_field(args.field),
-        camera_by_name(args.camera),
+        camera,
         args.seed,
         runs=args.runs,
         frames=args.frames,

@@ -1,4 +1,4 @@
-"""Mirror cameras by name, so that pictures can be rendered before any camera is calibrated."""
+"""Cameras by name or file, so that pictures can be rendered before any camera is calibrated."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from field_models.errors import ArgumentError
 from field_models.near_names import did_you_mean
-from robocup_vision.camera import Hyperboloid, OmniCamera, load_camera
+from robocup_vision.camera import Camera, Hyperboloid, OmniCamera, load_camera
 
 _MAX_PX = 9999
 
@@ -29,13 +29,13 @@ def sekimori_camera(width: int = 256, height: int = 220) -> OmniCamera:
     )
 
 
-def camera_by_name(name_or_path: str | Path) -> OmniCamera:
+def camera_by_name(name_or_path: str | Path) -> Camera:
     """Return ``sekimori``, ``sekimori:WIDTHxHEIGHT`` or the camera of a ``camera.toml``.
 
     Raises
     ------
     ArgumentError
-        If it is no file and another name, a size does not follow, or the file describes another camera.
+        If it is no file and another name, or a size does not follow.
     FileError
         If the camera file is missing or wrong.
     """
@@ -53,7 +53,4 @@ def camera_by_name(name_or_path: str | Path) -> OmniCamera:
     if not name.endswith(".toml") and not Path(name).exists():
         hint = did_you_mean(name.partition(":")[0], ["sekimori"])
         raise ArgumentError(f"camera '{name}' is neither a .toml file nor sekimori[:WIDTHxHEIGHT]{hint}")
-    camera = load_camera(name_or_path)
-    if not isinstance(camera, OmniCamera):
-        raise ArgumentError(f"camera '{name}' is no mirror camera")
-    return camera
+    return load_camera(name_or_path)

@@ -118,7 +118,7 @@ def write_dataset(
         Made if absent; must be empty.
     field_name_or_path : str or Path
         Built-in field; or a field file, which is copied into the folder.
-    camera : OmniCamera
+    camera : OmniCamera or PinholeCamera
         The camera handed to the localiser.
     samples : iterable of Sample or EncodedPicture
         The pictures, drawn one at a time.

@@ -6,16 +6,18 @@ import dataclasses
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 import numpy.typing as npt
 
 from field_models import COLOR_NAMES, Field
 from field_models.errors import ArgumentError
-from robocup_vision.camera import OmniCamera
+from robocup_vision.camera import Camera, OmniCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.mirror import MirrorRenderer
-from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Highlight, Light, Room, Scene, Shadow
+from sim2d.rendering.pinhole import render_pinhole, smear
+from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Highlight, Light, Robot, Room, Scene, Shadow
 from sim2d.rendering.sensor import Sensor
 
 BALL_RANGE_M = 1.5  # a ball lies at most this far from the robot
@@ -55,7 +57,10 @@ class Condition:
     center_offset_px : (float, float)
         True image centre minus the given camera's.
     tilt_rad : (float, float)
-        True tilt minus the given camera's.
+        True tilt minus the given camera's, about the robot's x and y axis: of a pinhole camera its roll, and its tilt
+        downwards.
+    robots : int
+        Number of robots, and `robot_height_m` how tall they are.
     """
 
     noise_sigma: float = 8.0
@@ -74,13 +79,15 @@ class Condition:
     ball_rate: float = 0.5
     center_offset_px: tuple[float, float] = (0.0, 0.0)
     tilt_rad: tuple[float, float] = (0.0, 0.0)
+    robots: int = 0
+    robot_height_m: float = 0.14
 
     def __post_init__(self) -> None:
         if not 0 <= self.obstacles[0] <= self.obstacles[1]:
             raise ArgumentError(f"obstacles must be 0 <= low <= high, got {list(self.obstacles)}")
         if not 0 <= self.ball_rate <= 1:
             raise ArgumentError(f"ball_rate must be within 0 to 1, got {self.ball_rate}")
-        for name in ("texture", "light_gradient", "highlights"):
+        for name in ("texture", "light_gradient", "highlights", "robots"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
         _ = self.sensor
@@ -90,11 +97,19 @@ class Condition:
         """The sensor these pictures are taken with."""
         return Sensor(self.noise_sigma, self.blur_px, self.vignette, self.cast_bgr, self.gain, self.jpeg_quality)
 
-    def true_camera(self, camera: OmniCamera) -> OmniCamera:
+    @overload
+    def true_camera(self, camera: OmniCamera) -> OmniCamera: ...
+    @overload
+    def true_camera(self, camera: Camera) -> Camera: ...
+    def true_camera(self, camera: Camera) -> Camera:
         """Return the camera that takes the pictures when `camera` is the one handed out."""
         (u, v), (du, dv) = camera.center_px, self.center_offset_px
-        (tx, ty), (dtx, dty) = camera.tilt_rad, self.tilt_rad
-        return dataclasses.replace(camera, center_px=(u + du, v + dv), tilt_rad=(tx + dtx, ty + dty))
+        center_px, (dtx, dty) = (u + du, v + dv), self.tilt_rad
+        if isinstance(camera, PinholeCamera):
+            tilt, roll = (camera.tilt_rad or 0.0) - dty, (camera.roll_rad or 0.0) + dtx
+            return dataclasses.replace(camera, center_px=center_px, tilt_rad=tilt, roll_rad=roll)
+        tx, ty = camera.tilt_rad
+        return dataclasses.replace(camera, center_px=center_px, tilt_rad=(tx + dtx, ty + dty))
 
 
 CONDITIONS: dict[str, Condition] = {
@@ -123,7 +138,7 @@ class Sample:
 
 def sample(
     field: Field,
-    camera: OmniCamera,
+    camera: Camera,
     condition: Condition,
     seed: int,
     count: int,
@@ -137,8 +152,9 @@ def sample(
     ----------
     field : Field
         The pitch.
-    camera : OmniCamera
-        The camera handed to the localiser; pictures are taken with `condition.true_camera(camera)`.
+    camera : OmniCamera or PinholeCamera
+        The camera handed to the localiser; pictures are taken with `condition.true_camera(camera)`. A pinhole camera's
+        tilt must be known; the ball then lies where it looks.
     condition : Condition
         Disturbances and obstacles.
     seed : int
@@ -150,15 +166,44 @@ def sample(
     supersample : int
         Rays a pixel along each image axis.
     """
-    renderer = MirrorRenderer(condition.true_camera(camera), supersample)
+    true, sight = condition.true_camera(camera), Sight.of(camera)
+    renderer = MirrorRenderer(true, supersample) if isinstance(true, OmniCamera) else None
     for index in range(count) if indices is None else indices:
         rng = np.random.default_rng([seed, index])
-        scene, pose = random_scene(field, condition, rng)
-        light = renderer.render(scene, pose, spin_rad=condition.spin_rad)
+        scene, pose = random_scene(field, condition, rng, sight)
+        if isinstance(true, PinholeCamera):
+            light = render_pinhole(true, scene, pose, supersample=supersample)
+            light = smear(light, abs(condition.spin_rad) * true.focal_px[0])
+        else:
+            assert renderer is not None
+            light = renderer.render(scene, pose, spin_rad=condition.spin_rad)
         yield Sample(condition.sensor.expose(light, rng), scene, pose, index)
 
 
-def random_scene(field: Field, condition: Condition, rng: np.random.Generator) -> tuple[Scene, Pose2]:
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """Where a camera sees a ball: bearings about `middle_rad` by `half_rad`, from a range on; whether with patches."""
+
+    middle_rad: float = 0.0
+    half_rad: float = math.pi
+    nearest_m: float = 0.0
+    shows_patches: bool = False
+
+    @classmethod
+    def of(cls, camera: Camera) -> Sight:
+        """Return where a camera sees a ball."""
+        if not isinstance(camera, PinholeCamera):
+            return cls()
+        (width, height), (u, _) = camera.size_px, camera.center_px
+        half = min(math.atan2(min(u, width - 1 - u), camera.focal_px[0]), math.pi / 3)
+        foot = camera.pixel_to_floor((u, height - 1.0))
+        nearest = float(np.hypot(*foot)) if np.isfinite(foot).all() else 0.0
+        return cls(camera.pan_rad or 0.0, 0.9 * half, nearest, shows_patches=True)
+
+
+def random_scene(
+    field: Field, condition: Condition, rng: np.random.Generator, sight: Sight = Sight()
+) -> tuple[Scene, Pose2]:
     """Draw a robot's pose anywhere on the floor, at any heading, and what stands around it."""
     bare = Scene(field)
     x, y = _place(bare, field.robot_radius_m, rng)
@@ -168,11 +213,12 @@ def random_scene(field: Field, condition: Condition, rng: np.random.Generator) -
     if condition.ring:
         _add_ring(bare, pose, count, boxes, rng)
     _add_anywhere(bare, pose, count, boxes, rng)
-    ball = _ball(bare, pose, boxes, rng) if rng.random() < condition.ball_rate else None
+    ball = _ball(bare, pose, boxes, rng, sight) if rng.random() < condition.ball_rate else None
     margin = float(rng.uniform(0.0, 1.0))
     scene = Scene(
         field=field,
         boxes=tuple(boxes),
+        robots=_robots(bare, pose, boxes, ball, condition, rng),
         ball=ball,
         light=_light(field, condition, rng),
         room=Room(int(rng.integers(2**31)), float(rng.uniform(0.8, 2.0)), bystanders=int(rng.integers(4, 17))),
@@ -254,19 +300,45 @@ def _add_ring(scene: Scene, pose: Pose2, count: int, boxes: list[Box], rng: np.r
             boxes.append(box)
 
 
-def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator) -> Ball | None:
+def _robots(
+    scene: Scene, pose: Pose2, boxes: list[Box], ball: Ball | None, condition: Condition, rng: np.random.Generator
+) -> tuple[Robot, ...]:
+    """Draw robots that stand clear of everything else."""
+    radius, robots = scene.field.robot_radius_m, list[Robot]()
+    for _ in range(TRIES):
+        if len(robots) == condition.robots:
+            break
+        x, y = _place(scene, radius, rng)
+        apart = [math.hypot(x - pose.x_m, y - pose.y_m) - radius]
+        apart += [math.hypot(x - other.x_m, y - other.y_m) - radius for other in robots]
+        apart += [box.distance_m(x, y) for box in boxes]
+        apart += [] if ball is None else [math.hypot(x - ball.x_m, y - ball.y_m) - ball.radius_m]
+        if min(apart) > radius + CLEARANCE_M:
+            marker = COLOR_NAMES["yellow" if len(robots) % 2 else "blue"]
+            robots.append(Robot(x, y, radius, condition.robot_height_m, marker_bgr=marker))
+    if len(robots) < condition.robots:
+        raise ArgumentError(f"field '{scene.field.name}' has no room for {condition.robots} robots")
+    return tuple(robots)
+
+
+def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator, sight: Sight) -> Ball | None:
     """Place a ball in the open: on the floor, in the robot's sight, clear of everything; None if nothing was found."""
     field = scene.field
     radius = field.ball_radius_m
     with_boxes = Scene(field, boxes=tuple(boxes))
     for _ in range(TRIES):
-        bearing = rng.uniform(-math.pi, math.pi)
-        range_m = rng.uniform(field.robot_radius_m + 2 * radius + 0.05, max(BALL_RANGE_M, 4 * field.robot_radius_m))
+        bearing = sight.middle_rad + rng.uniform(-sight.half_rad, sight.half_rad)
+        nearest_m = max(field.robot_radius_m + 2 * radius + 0.05, sight.nearest_m)
+        range_m = rng.uniform(nearest_m, max(BALL_RANGE_M, 4 * field.robot_radius_m, 2 * sight.nearest_m))
         x, y = pose.compose(Pose2(range_m * math.cos(bearing), range_m * math.sin(bearing), 0.0)).array[:2]
         if not field.contains([x, y]) or with_boxes.clearance_m(x, y) < radius + OPEN_M:
             continue
         spread = math.atan2(1.5 * radius, range_m)
         ahead = with_boxes.free_range_m(pose, bearing + np.linspace(-spread, spread, 5))
         if ahead.min() > range_m + radius:
-            return Ball(float(x), float(y), radius, COLOR_NAMES[field.ball_color])
+            ball = Ball(float(x), float(y), radius, COLOR_NAMES[field.ball_color])
+            if not (field.ball_patches and sight.shows_patches):
+                return ball
+            turn = tuple(rng.uniform(-math.pi, math.pi, 3).tolist())
+            return dataclasses.replace(ball, patches_bgr=COLOR_NAMES[field.ball_patches], turn_rad=turn)
     return None

@@ -16,7 +16,9 @@ import pytest
 from field_models import load_field
 from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import read_toml
-from robocup_vision.camera import Tangent, load_camera, save_camera
+from robocup_vision.camera import PinholeCamera, Tangent, load_camera, save_camera
+from robocup_vision.evaluation.dataset import load_dataset
+from robocup_vision.geometry import Pose2
 from sim2d.commands.render import add_parser, run_render
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.dataset import write_dataset
@@ -95,6 +97,53 @@ def test_camera_from_a_file_and_field_from_a_file(tmp_path: Path):
     render("--field", field, "--camera", tmp_path / "mirror.toml", "--count", 1, tmp_path / "out")
     assert read_toml(tmp_path / "out" / "dataset.toml")["field"] == "field.toml"
     assert (tmp_path / "out" / "field.toml").read_text() == field.read_text()
+
+
+def pinhole(tmp_path: Path, **changes: object) -> Path:
+    camera = PinholeCamera(
+        (160, 120), (150.0, 150.0), (79.5, 59.5), 0.3, offset_m=(0.04, 0.01), pan_rad=0.1, tilt_rad=-0.3, roll_rad=0.0
+    )
+    save_camera(dataclasses.replace(camera, **changes), tmp_path / "head.toml")
+    return tmp_path / "head.toml"
+
+
+def test_a_forward_camera_with_robots_and_a_ball_in_sight(tmp_path: Path):
+    camera, out = pinhole(tmp_path), tmp_path / "out"
+    words = ["--count", 3, "--seed", 4, "--robots", 5, "--obstacles", 0, 0, "--ball", 1]
+    words += ["--noise", 2, "--tilt", 0.2, -0.3, "--spin", 0.5]
+    render("--field", "humanoid_kid_2025", "--camera", camera, *words, out)
+    held, field = load_camera(out / "camera.toml"), load_field("humanoid_kid_2025")
+    assert held.tilt_rad == -0.3
+    true = Condition(tilt_rad=(math.radians(0.2), math.radians(-0.3))).true_camera(held)
+    assert (true.tilt_rad, true.roll_rad) == pytest.approx((-0.3 + math.radians(0.3), math.radians(0.2)))
+    noted = (out / "dataset.toml").read_text().splitlines()[0]
+    assert "--robots 5" in noted
+    condition = Condition(robots=5, robot_height_m=0.65, obstacles=(0, 0), ball_rate=1.0)
+    for row, drawn in zip(rows_of(out), sample(field, held, condition, 4, 3), strict=True):
+        pose = Pose2(*(float(row[key]) for key in ("x_m", "y_m", "theta_rad")))
+        assert pose.array == pytest.approx(drawn.pose.array, abs=1e-6)
+        robots, ball = drawn.scene.robots, drawn.scene.ball
+        assert len(robots) == 5
+        places = np.array([(pose.x_m, pose.y_m), *((robot.x_m, robot.y_m) for robot in robots)])
+        apart = np.hypot(*np.moveaxis(places[:, None] - places, -1, 0)) + np.eye(6)
+        assert apart.min() > 2 * field.robot_radius_m
+        assert ball is not None
+        assert ball.patches_bgr is not None
+        # where the ball is, the camera looks
+        in_robot = pose.inverse().transform([ball.x_m, ball.y_m])
+        u, v = held.floor_to_pixel(in_robot)
+        assert 0 <= u < 160
+        assert -60 < v < 140
+    dataset = load_dataset(out)
+    assert dataset.method == "edges"
+    assert len(dataset.truth) == 3
+
+
+def test_what_a_forward_camera_cannot_render_is_named(tmp_path: Path):
+    with pytest.raises(FileError, match=r"head\.toml: key 'tilt_rad': is needed to render"):
+        render("--field", "ssl_2001", "--camera", pinhole(tmp_path, tilt_rad=None), tmp_path / "out")
+    with pytest.raises(ArgumentError, match="field 'ssl_2001' has no room for 200 robots"):
+        render("--field", "ssl_2001", "--camera", SMALL, "--robots", 200, "--count", 1, tmp_path / "out")
 
 
 def test_full_folder_is_refused_and_left_alone(tmp_path: Path):
