@@ -15,10 +15,10 @@ from field_models.field import Field
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2
+from robocup_vision.geometry import Pose2, in_degrees
 
-# a thousand kilometres: beyond that sums of squares lose what the picture says
-_MAX_AWAY_M = 1e6
+# no field and no robot's step is longer: what is farther is in millimetres
+_MAX_AWAY_M = 100.0
 # thirty thousand years: what is larger counts milliseconds or nanoseconds, or nothing
 _MAX_TIME_S = 1e12
 
@@ -66,7 +66,7 @@ def as_pose(name: str, value: object) -> Pose2:
     if not (_is_finite(value.x_m) and _is_finite(value.y_m) and _is_finite(value.theta_rad)):
         raise ArgumentError(f"{name} must be finite, got {value}")
     if max(abs(value.x_m), abs(value.y_m)) > _MAX_AWAY_M:
-        raise ArgumentError(f"{name} must lie within {_MAX_AWAY_M:g} m, got {value}")
+        raise ArgumentError(f"{name} must be in metres, within {_MAX_AWAY_M:g} m, got {value}")
     return value
 
 
@@ -141,6 +141,20 @@ def as_number(name: str, value: object) -> float:
     if not math.isfinite(value):
         raise ArgumentError(f"{name} must be finite, got {value!r}")
     return float(value)
+
+
+def as_angle(name: str, value: object) -> float:
+    """Return a finite angle, radians.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none, or more than a turn.
+    """
+    angle_rad = as_number(name, value)
+    if abs(angle_rad) > math.tau:
+        raise ArgumentError(f"{name} must be in radians, within one turn, got {angle_rad!r}{in_degrees(angle_rad)}")
+    return angle_rad
 
 
 def as_count(name: str, value: object, low: int, high: int) -> int:

@@ -20,6 +20,11 @@ def wrap_angle(angle_rad: float) -> float:
     return math.pi if wrapped <= -math.pi else wrapped
 
 
+def in_degrees(angle: float) -> str:
+    """Return the end of a message about an angle that is too large: what it is in radians if it is in degrees."""
+    return f"; {angle:g} degrees are {math.radians(angle):.4f} rad"
+
+
 @dataclass(frozen=True, slots=True)
 class Pose2:
     """A rigid pose in the plane, or the transform from the moving frame into the reference frame.

@@ -91,7 +91,8 @@ class View:
     edge_points : EdgePoints or None
         Where edges of the field were predicted and what the frame shows there, with method "edges"; else None.
     warnings : tuple of str
-        What seems to be wrong with the set-up, each told once: red and blue swapped. Empty in almost every view.
+        What seems to be wrong with the set-up: red and blue swapped, told once, and odometry up to this frame that no
+        robot can do. Empty in almost every view.
     """
 
     pose: PoseEstimate | NotLocated

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, Protocol, cast
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.arguments import as_camera, as_count, as_field, as_number, as_pose, as_prior, as_time, require_kind
+from robocup_vision.arguments import as_angle, as_camera, as_count, as_field, as_pose, as_prior, as_time, require_kind
 from robocup_vision.arrays import Frame, UInt8Array
 from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.settings import PoseFilterSettings
 from robocup_vision.localization.methods import choose_method
 from robocup_vision.memory import Memory
 from robocup_vision.perception.color_table import Colors
@@ -148,6 +150,9 @@ class Vision:
         self.fixed_colors, self.online = colors, online
         self.channels = channels
         self._is_fresh = True
+        # of odometry since the last view
+        self._doubts: list[str] = []
+        self._looked_s: float | None = None
         self._takes_covariance, self._takes_mounting = chosen.takes_covariance, chosen.takes_mounting
 
     def look(
@@ -170,7 +175,8 @@ class Vision:
         t_s : float, optional
             When it was taken; stands in the view. Needed with a memory.
         odometry : Pose2, optional
-            The robot's motion since the frame before, in its frame then; with the last pose it makes a prior.
+            The robot's motion since the frame before, in its frame then; with the last pose it makes a prior. What no
+            robot can do in that time (`PoseFilterSettings`) is not believed, and the view has a warning.
         prior : PoseEstimate or Pose2, optional
             Where the robot probably is: saves time, and orders candidates that the frame itself does not separate; a
             pinhole camera refines it where the frame alone would not do.
@@ -194,18 +200,42 @@ class Vision:
         t_s = None if t_s is None else as_time(t_s)
         odometry = None if odometry is None else as_pose("odometry", odometry)
         prior = None if prior is None else as_prior(prior)
-        mounting = self._as_mounting(mounting, None if pan_rad is None else as_number("pan_rad", pan_rad))
+        mounting = self._as_mounting(mounting, None if pan_rad is None else as_angle("pan_rad", pan_rad))
         self._is_fresh = False
+        self._doubt(odometry, t_s)
+        if self._memory is None and self._doubts:
+            odometry = None
+        self._looked_s = t_s
         if frame is None:
-            return self._look_at_nothing(t_s, odometry)
-        # the pipeline refuses what is not of bytes
-        frame = cast("UInt8Array", frame)
-        if self._memory is None:
-            view = self._look(frame, t_s, odometry, prior, mounting)
-            self._refine_camera(frame, view)
+            view = self._look_at_nothing(t_s, odometry)
         else:
-            view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, mounting)
+            # the pipeline refuses what is not of bytes
+            frame = cast("UInt8Array", frame)
+            if self._memory is None:
+                view = self._look(frame, t_s, odometry, prior, mounting)
+                self._refine_camera(frame, view)
+            else:
+                view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, mounting)
+        if self._doubts:
+            view = replace(view, warnings=(*view.warnings, *self._doubts))
+            self._doubts.clear()
         return view
+
+    def _doubt(self, odometry: Pose2 | None, t_s: float | None) -> None:
+        """Note, for the next view, odometry that no robot can do in the time since the call before."""
+        if odometry is None or t_s is None:
+            return
+        if self._memory is not None:
+            can_move = self._memory.can_move(odometry, t_s)
+        elif self._looked_s is not None:
+            can_move = PoseFilterSettings().is_possible(odometry, max(t_s - self._looked_s, 0.0))
+        else:
+            return
+        if not can_move:
+            way_m, turn_rad = math.hypot(odometry.x_m, odometry.y_m), odometry.theta_rad
+            self._doubts.append(
+                f"odometry of {way_m:.3g} m and {turn_rad:.3g} rad at {t_s:g} s is not believed: no robot moves so fast"
+            )
 
     def _refine_camera(self, frame: UInt8Array, view: View) -> bool:
         """Refine the camera by a frame and its view; whether it is now another one."""
@@ -310,11 +340,15 @@ class Vision:
         if self._memory is None:
             raise ArgumentError("predict needs a memory: Vision(..., memory=Memory(field))")
         self._is_fresh = False
-        self._memory.predict(as_pose("odometry", odometry), as_time(t_s))
+        odometry, t_s = as_pose("odometry", odometry), as_time(t_s)
+        self._doubt(odometry, t_s)
+        self._memory.predict(odometry, t_s)
 
     def forget(self) -> None:
         """Forget learnt colours, the last pose and what memory holds: the next frame stands alone."""
         self._pipeline.forget()
+        self._doubts.clear()
+        self._looked_s = None
         if self._memory is not None:
             self._memory.forget()
         # what a camera has been refined to stays

@@ -16,22 +16,19 @@ from typing import Protocol, cast
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.arguments import as_number, require_kind
+from robocup_vision.arguments import as_angle, as_number, require_kind
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
 from robocup_vision.avoidance.steering_settings import SteeringSettings
 from robocup_vision.compiling.loops import plain
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.disc import Disc
-from robocup_vision.geometry import wrap_angle
 from robocup_vision.kernels.mapping import grown_profile
 from robocup_vision.kernels.motion import steering as kernel
 from robocup_vision.motion_limits import MotionLimits
 
 # no robot drives so fast: a wrong unit. The way until it would stand again is looked at step by step
 _MAX_SPEED_MPS = 100.0
-# turns are taken off one by one in compiled code
-_MANY_TURNS_RAD = 1e3
 _REASONS = (
     "no safe direction: braking",
     "no safe direction, braking would touch: latest contact",
@@ -222,8 +219,8 @@ class Steering:
         Raises
         ------
         ArgumentError
-            Shapes do not fit, velocities, target bearing or target distance are not finite, or a velocity is over
-            100 m/s.
+            Shapes do not fit, velocities, target bearing or target distance are not finite, the bearing is more than a
+            turn, or a velocity over 100 m/s.
         """
         if not hasattr(free_space, "bearing_rad"):
             raise ArgumentError(_not_free(free_space))
@@ -236,9 +233,7 @@ class Steering:
             )
         velocity = _pair("velocity_mps", velocity_mps)
         pending = velocity if pending_mps is None else _pair("pending_mps", pending_mps)
-        target_bearing_rad = as_number("target_bearing_rad", target_bearing_rad)
-        if abs(target_bearing_rad) > _MANY_TURNS_RAD:
-            target_bearing_rad = wrap_angle(target_bearing_rad)
+        target_bearing_rad = as_angle("target_bearing_rad", target_bearing_rad)
         distance = math.inf if target_distance_m is None else _number("target_distance_m", target_distance_m)
         if not distance >= 0.0:
             raise ArgumentError(f"target_distance_m must not be negative, got {target_distance_m!r}")

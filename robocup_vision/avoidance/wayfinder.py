@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.arguments import as_number, as_pose
+from robocup_vision.arguments import as_angle, as_number, as_pose
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.compiling.prepared_kernels import prepare
@@ -242,13 +242,12 @@ class Wayfinder:
         Raises
         ------
         ArgumentError
-            The target is not finite, or its distance is negative.
+            The target is not finite, its bearing more than a turn, or its distance negative.
         """
-        if not (math.isfinite(target_bearing_rad) and math.isfinite(target_distance_m) and target_distance_m >= 0.0):
-            raise ArgumentError(
-                "the target must be finite and not at a negative distance, "
-                f"got {target_bearing_rad!r}, {target_distance_m!r}"
-            )
+        target_bearing_rad = as_angle("target_bearing_rad", target_bearing_rad)
+        target_distance_m = as_number("target_distance_m", target_distance_m)
+        if target_distance_m < 0.0:
+            raise ArgumentError(f"target_distance_m must not be negative, got {target_distance_m!r}")
         is_new = self._is_due
         target = self._in_grid(target_bearing_rad, target_distance_m)
         # a robot's radius is how far a target moves before it is another one

@@ -23,8 +23,6 @@ from robocup_vision.evaluation.dataset import Truth
 
 # a tape measure, a data sheet or another lens: so far off, localisers find little or err much
 _RATIOS = (0.85, 0.9, 0.95, 1.05, 1.1, 1.15)
-# robots' cameras are lower
-_HIGHEST_M = 3.0
 
 
 def _as_it_is(picture: UInt8Array) -> UInt8Array:
@@ -160,19 +158,6 @@ def _tilt(own: SetUp) -> Iterator[NearSetUp]:
         yield NearSetUp("tilt", words, replace(own, camera=replace(camera, tilt_rad=other)), f"tilt_rad = {other:.4f}")
 
 
-def _height_units(own: SetUp) -> Iterator[NearSetUp]:
-    """Try millimetres and centimetres for metres."""
-    camera = own.camera
-    if not isinstance(camera, PinholeCamera) or camera.height_m <= _HIGHEST_M:
-        return
-    for name, unit in (("millimetres", 1e-3), ("centimetres", 1e-2)):
-        height_m = unit * camera.height_m
-        words = f"a height of {camera.height_m:g} {name} instead of {camera.height_m:g} m"
-        yield NearSetUp(
-            "height", words, replace(own, camera=replace(camera, height_m=height_m)), f"height_m = {height_m:g}"
-        )
-
-
 def _lens_of_other_size(own: SetUp) -> Iterator[NearSetUp]:
     """Take focal length and centre for those of pictures of half or double the size."""
     camera = own.camera
@@ -257,7 +242,6 @@ NEAR: tuple[Callable[[SetUp], Iterator[NearSetUp]], ...] = (
     _goals,
     _picture,
     _tilt,
-    _height_units,
     _lens_of_other_size,
     _mirroring,
     _sizes,

@@ -10,8 +10,11 @@ import numpy as np
 
 from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, read_toml, refuse_other_kind
+from robocup_vision.camera.bounds import problem_of
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
+from robocup_vision.camera.omni import BOUNDED_KEYS as OMNI_KEYS
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import BOUNDED_KEYS as PINHOLE_KEYS
 from robocup_vision.camera.pinhole import DISTORTION_LENGTHS, PinholeCamera
 from robocup_vision.files.out_file import telling_write_errors
 
@@ -96,14 +99,27 @@ def load_camera(path: str | Path) -> Camera:
         refuse_other_kind(path, raw, _PinholeFile)
         raise FileError(path, "is missing", key="model")
     if model == "pinhole":
-        pinhole = _build_pinhole(path, convert(path, raw, _PinholeFile))
+        described = convert(path, raw, _PinholeFile)
+        _check_bounds(path, described, PINHOLE_KEYS)
+        pinhole = _build_pinhole(path, described)
         check_pinhole(path, pinhole)
         return pinhole
     if model != "omni":
         raise FileError(path, "must be 'omni' or 'pinhole'", key="model", value=model)
-    omni = _build_omni(path, convert(path, raw, _OmniFile))
+    mirror = convert(path, raw, _OmniFile)
+    _check_bounds(path, mirror, OMNI_KEYS)
+    omni = _build_omni(path, mirror)
     _check_omni(path, omni)
     return omni
+
+
+def _check_bounds(path: str | Path, described: _OmniFile | _PinholeFile, keys: tuple[str, ...]) -> None:
+    for key in keys:
+        value = getattr(described, key)
+        problem = problem_of(key, value)
+        if problem is not None:
+            value = list(value) if isinstance(value, tuple) else value
+            raise FileError(path, problem.what, key=key, value=value, hint=problem.hint)
 
 
 def _build_omni(path: str | Path, f: _OmniFile) -> OmniCamera:
@@ -186,9 +202,6 @@ def _check_center(path: str | Path, camera: Camera) -> None:
 def _build_pinhole(path: str | Path, f: _PinholeFile) -> PinholeCamera:
     if len(f.distortion) not in DISTORTION_LENGTHS:
         raise FileError(path, "must have 0, 4, 5 or 8 coefficients", key="distortion", value=list(f.distortion))
-    if f.tilt_rad is not None and not abs(f.tilt_rad) <= np.pi / 2:
-        degrees = f"; {f.tilt_rad:g} degrees are {np.radians(f.tilt_rad):.4f} rad"
-        raise FileError(path, "must lie between -pi/2 and pi/2", key="tilt_rad", value=f.tilt_rad, hint=degrees)
     return PinholeCamera(**{key: getattr(f, key) for key in f.__struct_fields__ if key not in ("format", "model")})
 
 

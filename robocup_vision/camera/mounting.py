@@ -7,9 +7,7 @@ import math
 from dataclasses import dataclass
 
 from field_models.errors import ArgumentError
-
-# an angle beyond a turn, or a deviation beyond half a radian, is in degrees
-_MAX_ANGLE_RAD, _MAX_STD_RAD = math.tau, 0.5
+from robocup_vision.camera.bounds import problem_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,17 +46,9 @@ class Mounting:
         for name, value in self.known.items():
             if isinstance(value, bool) or not isinstance(value, float | int) or not math.isfinite(value):
                 raise ArgumentError(f"a mounting's {name} must be a finite number, got {value!r}")
-            if name.endswith(("_std_rad", "_std_m")):
-                problem = "must not be negative" if value < 0.0 else ""
-                if name.endswith("_rad") and value > _MAX_STD_RAD:
-                    problem = f"must be in radians, at most {_MAX_STD_RAD}"
-            elif name == "height_m":
-                problem = "must be positive" if value <= 0.0 else ""
-            else:
-                limit = math.pi / 2 if name == "tilt_rad" else _MAX_ANGLE_RAD
-                problem = f"must be in radians, within {limit:.4g} of 0" if abs(value) > limit else ""
-            if problem:
-                raise ArgumentError(f"a mounting's {name} {problem}, got {value!r}")
+            problem = problem_of(name, value)
+            if problem is not None:
+                raise ArgumentError(f"a mounting's {name} {problem.what}, got {value!r}{problem.hint}")
 
     @property
     def known(self) -> dict[str, float]:

@@ -11,8 +11,12 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.camera.bounds import require_bounds
 from robocup_vision.camera.floor_range import FloorRange
 from robocup_vision.geometry import Pose2
+
+# lengths and angles, see `camera.bounds`
+BOUNDED_KEYS = ("offset_m", "heading_rad", "tilt_rad", "viewpoint_height_m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,7 @@ class OmniCamera:
     def __post_init__(self) -> None:
         if self.viewpoint_height_m is None and self.floor_range.implied_height_m is None and any(self.tilt_rad):
             raise ArgumentError("viewpoint_height_m is needed when the camera is tilted")
+        require_bounds({name: getattr(self, name) for name in BOUNDED_KEYS})
 
     @cached_property
     def height_m(self) -> float | None:

@@ -15,11 +15,14 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.camera.bounds import require_bounds
 from robocup_vision.camera.mounting import MOUNTING_NAMES, Mounting
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.geometry import Pose2
 
 DISTORTION_LENGTHS = (0, 4, 5, 8)
+# lengths and angles, see `camera.bounds`
+BOUNDED_KEYS = (*MOUNTING_NAMES, "offset_m", "focal_std_px", "readout_s")
 _WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
 _DISTORTED_STEP = 1e-12
 _MOUNTING_BUT_PAN = tuple(name for name in MOUNTING_NAMES if not name.startswith("pan_"))
@@ -81,12 +84,12 @@ class PinholeCamera:
         for name, values in (
             ("size_px", self.size_px),
             ("focal_px", self.focal_px),
-            ("height_m", (self.height_m,)),
         ):
             if not all(value > 0 for value in values):
                 raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
         if len(self.distortion) not in DISTORTION_LENGTHS:
             raise ArgumentError(f"distortion must have 0, 4, 5 or 8 coefficients, got {len(self.distortion)}")
+        require_bounds({name: getattr(self, name) for name in BOUNDED_KEYS})
 
     @property
     def known_orientation(self) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import platform
+import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from robocup_vision.evaluation.scoring import FAIR_M, Figures, Row
 
 # a longer table opens in no browser
 _MAX_LISTED = 5000
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,8 +230,10 @@ def _overlay(row: Row, jpeg: bytes) -> _Overlay:
 
 
 def _reasons(rows: Sequence[Row]) -> list[tuple[str, int]]:
+    """Reasons and how many rows have them, the most frequent first; those that differ by numbers alone are one."""
     counts: dict[str, int] = {}
     for row in rows:
         if row.reason:
-            counts[row.reason] = counts.get(row.reason, 0) + 1
+            alike = _NUMBER.sub("…", row.reason)
+            counts[alike] = counts.get(alike, 0) + 1
     return sorted(counts.items(), key=lambda item: -item[1])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -86,14 +86,7 @@ class GoalLocalizer(FrameByFrame):
         p = [float(value) for value in placed.unknowns]
         fu, fv = camera.focal_px
         scale = math.exp(p[LOG_FOCAL])
-        oriented = replace(
-            camera,
-            focal_px=(fu * scale, fv * scale),
-            height_m=p[HEIGHT],
-            pan_rad=camera.pan_rad or 0.0,
-            tilt_rad=p[TILT],
-            roll_rad=p[ROLL],
-        )
+        oriented = camera.as_fitted(p[TILT], p[ROLL], p[HEIGHT], (fu * scale, fv * scale))
         pose = placed.estimate(near).seen_from(oriented.camera_in_robot.inverse())
         return Localization(pose, oriented, tells_half=len(pose.candidates) == 1)
 
@@ -170,7 +163,7 @@ class WallLocalizer(FrameByFrame):
         camera, view = evidence.camera, evidence.view
         assert isinstance(camera, PinholeCamera)
         if evidence.table is None or not isinstance(view, FloorView):
-            return Localization(NotLocated("no floor in view"), camera)
+            return Localization(NotLocated("no floor is found: nothing below the horizon looks like carpet"), camera)
         if prior is None:
             # a sway of half a degree makes three walls fit elsewhere, and fit well
             return Localization(

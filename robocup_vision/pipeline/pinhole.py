@@ -43,6 +43,8 @@ from robocup_vision.view import View
 
 # logarithm of the strongest cast of light: white beyond it is some paint
 _MAX_LOG_CAST = math.log(2.0)
+# of pixels whose mean is the picture's brightness
+_LIGHT_STEP = 4
 # a camera of unknown tilt is tried out at this tilt before the first frame, so that its kernels are compiled
 _WARM_UP_TILT_RAD = -0.3
 
@@ -143,6 +145,10 @@ class PinholePipeline(FramePipeline):
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
         answer = self._localizer.locate(self._evidence(frame, camera, samples, t_s), prior)
+        if isinstance(answer.pose, NotLocated):
+            # whatever is missing: a dark picture is why
+            light = f"mean brightness {frame[::_LIGHT_STEP, ::_LIGHT_STEP].mean():.0f} of 255"
+            answer = answer._replace(pose=replace(answer.pose, reason=f"{answer.pose.reason} ({light})"))
         answer = self._in_open_halves(answer, prior)
         pose = answer.pose
         self._last_pose = pose.pose if pose else None

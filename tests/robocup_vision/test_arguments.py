@@ -85,7 +85,9 @@ def test_memory_of_another_field_is_refused(ssl_field, paper_camera):
         ({"odometry": NAN_POSE}, "odometry must be finite, got Pose2"),
         ({"odometry": Pose2(0.0, None, 0.0)}, "odometry must be finite, got Pose2"),
         ({"prior": [0.0, 0.0, 0.0]}, r"prior must be a Pose2\(x_m, y_m, theta_rad\), got list"),
-        ({"odometry": Pose2(1e9, 0.0, 0.0)}, "odometry must lie within 1e\\+06 m"),
+        ({"odometry": Pose2(1e9, 0.0, 0.0)}, "odometry must be in metres, within 100 m"),
+        ({"prior": Pose2(-1250.0, 300.0, 0.0)}, "prior must be in metres, within 100 m"),
+        ({"pan_rad": -30.0}, "pan_rad must be in radians, within one turn, got -30.0; -30 degrees are -0.5236 rad"),
         ({"prior": NAN_POSE}, "prior must be finite"),
         ({"prior": PoseEstimate(NAN_POSE, np.eye(3), 1.0, 0.0)}, "prior must be finite"),
         ({"prior": PoseEstimate(Pose2(0, 0, 0), np.full((3, 3), np.nan), 1.0, 0.0)}, "covariance must be finite"),
@@ -176,3 +178,28 @@ def test_what_steers_is_made_of_what_belongs_there(view):
 def test_files_are_named_by_paths(load, path):
     with pytest.raises(RobocupVisionError, match="the path of a file must be a str or Path, got"):
         load(path)
+
+
+@pytest.mark.parametrize("step", [Pose2(3.0, 0.0, 0.0), Pose2(0.0, 0.0, 2.5), Pose2(0.0, -900.0 / 10, 0.0)])
+@pytest.mark.parametrize("remembers", [True, False])
+def test_odometry_that_no_robot_can_do_is_told(ssl_field, paper_camera, nominal_samples, step, remembers):
+    vision = Vision(ssl_field, paper_camera, memory=Memory(ssl_field) if remembers else None)
+    frame = nominal_samples[0].frame
+    still = vision.look(frame, 0.0)
+    assert still.warnings == vision.look(frame, 0.04, odometry=Pose2(0.02, 0.0, 0.01)).warnings == ()
+    view = vision.look(frame, 0.08, odometry=step)
+    (warning,) = view.warnings
+    assert "is not believed: no robot moves so fast" in warning
+    assert f"{math.hypot(step.x_m, step.y_m):.3g} m and {step.theta_rad:.3g} rad at 0.08 s" in warning
+    assert view.pose.pose.error_to(still.pose.pose, symmetric=True)[0] < 0.01
+    assert vision.look(frame, 0.12, odometry=Pose2(0.0, 0.0, 0.0)).warnings == ()
+    # in as much time it may have been
+    assert vision.look(frame, 60.0, odometry=step).warnings == ()
+
+
+def test_a_control_step_that_no_robot_can_do_is_told_by_the_next_view(ssl_field, paper_camera, nominal_samples):
+    vision = Vision(ssl_field, paper_camera, memory=Memory(ssl_field))
+    vision.look(nominal_samples[0].frame, 0.0)
+    vision.predict(Pose2(3.0, 0.0, 0.0), 0.01)
+    assert len(vision.look(None, 0.02).warnings) == 1
+    assert vision.look(None, 0.03).warnings == ()

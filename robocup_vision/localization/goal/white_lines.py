@@ -149,6 +149,7 @@ class WhiteGoalLines:
         self, line_map: LineMap, camera: PinholeCamera, settings: WhiteLineSettings = WhiteLineSettings()
     ) -> None:
         self._line_map, self._camera, self._settings = line_map, camera, settings
+        self._level = replace(camera, pan_rad=0.0, offset_m=(0.0, 0.0))
         self._marks = LineMarks(line_map, camera, settings.marks)
         bits = max(0, (camera.size_px[0] // settings.cells_across).bit_length() - 1)
         self._finder_settings = LineSettings(cell_bits=bits)
@@ -161,14 +162,7 @@ class WhiteGoalLines:
 
     def points(self, frame: UInt8Array, p: FloatArray) -> LinePoints:
         """White line points of a frame, through a camera of the tilt, roll and height of (8,) unknowns."""
-        camera = replace(
-            self._camera,
-            pan_rad=0.0,
-            offset_m=(0.0, 0.0),
-            tilt_rad=float(p[TILT]),
-            roll_rad=float(p[ROLL]),
-            height_m=float(p[HEIGHT]),
-        )
+        camera = self._level.as_fitted(float(p[TILT]), float(p[ROLL]), float(p[HEIGHT]), self._camera.focal_px)
         floor_m = np.empty(self._slopes.shape)
         turn, offset_m = camera.camera_to_robot, (0.0, 0.0)
         slopes_to_floor(self._slopes.reshape(-1, 2), turn, camera.height_m, offset_m, floor_m.reshape(-1, 2))

@@ -37,6 +37,14 @@ class Evidence(NamedTuple):
         """Fraction of the samples predicted that are not hidden."""
         return self.found / max(self.found + self.missing, 1.0)
 
+    @property
+    def in_words(self) -> str:
+        """What a frame shows of what the pose predicts in it."""
+        places = f"{self.found:.0f} of {self.found + self.missing:.0f} visible places on edges are found"
+        hidden = self.looked_for - self.found - self.missing
+        hidden_too = f" ({hidden:.0f} more are hidden)" if hidden >= 1 else ""
+        return f"{places}{hidden_too}, {self.explained:.0f} of {self.points:.0f} line points are explained"
+
     def log_odds(self, settings: EdgeSettings) -> float:
         """Logarithm of the odds that the pose is right; see `EdgeSettings` for the weights' origin."""
         return self._log_odds(settings, self._against(settings))[0]
@@ -63,11 +71,12 @@ class Evidence(NamedTuple):
         """Return what in the frame contradicts the pose, None where nothing does."""
         s = settings
         if self.found_ratio < s.min_found_ratio and self.missing > 0:
-            return f"{self.missing:.0f} places on edges are missing, {self.found:.0f} are there"
+            return f"too many edges are missing: {self.in_words}"
         if self.points >= s.min_points and self.explained < s.min_explained_ratio * self.points:
-            return f"only {self.explained:.0f} of {self.points:.0f} line points are explained"
+            return f"too many lines are where the pose has none: {self.in_words}"
         if self.prior_distance2 > s.max_prior_distance2:
-            return "what is in view lies too far from where the prior puts it"
+            away = math.sqrt(self.prior_distance2)
+            return f"what is in view lies {away:.1f} standard deviations from where the prior puts it: {self.in_words}"
         return None
 
 
@@ -109,11 +118,13 @@ def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.
     else:
         ratio = max(odds, min(whatever_is_open, 0.0))
     if e.inliers < (s.min_inliers if prior_log_odds <= 0.0 else s.min_inliers_followed):
-        return Verdict(f"only {e.inliers:.0f} places on edges agree", ratio)
+        return Verdict(f"only {e.inliers:.0f} of {e.looked_for:.0f} places on edges agree", ratio)
     if contradiction is not None:
         return Verdict(contradiction, ratio)
     if prior_log_odds > 0.0:
         odds = prior_log_odds + ratio
     if odds < s.min_log_odds:
-        return Verdict(f"the picture does not confirm the pose: odds {math.exp(odds):.2g} to 1", ratio)
+        return Verdict(
+            f"the picture does not confirm the pose, by odds of {math.exp(odds):.2g} to 1: {e.in_words}", ratio
+        )
     return Verdict(None, ratio)

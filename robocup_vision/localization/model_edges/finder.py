@@ -272,33 +272,49 @@ class EdgeFinder:
         """
         s, follower = self.settings, self.follower
         self._is_same_frame = False
+        proposals = list(proposals)
+        if not proposals:
+            camera = follower.camera
+            horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(camera.tilt_rad or 0.0)
+            return NotLocated(
+                "no lines, goals or beacons stand out in this frame"
+                f" (the tilt puts the horizon at row {horizon:.0f} of {camera.size_px[1]})"
+            )
         places = self._places(frame, proposals, near)
+        if not places:
+            tried = len(proposals)
+            return NotLocated(f"none of the {tried} likeliest poses has {s.min_inliers} places on edges in this frame")
         if follower.field.shows_half:
             # lines alone look alike from both halves, whichever of them was proposed
             for pose in [one.half_turn() for one in places[: s.turned]]:
                 if not any(self._is_same(pose, other) for other in places):
                     places.append(pose)
         answers: list[FollowedCamera] = []
+        likeliest = ""
         for pose in places:
             answer = self._settle(frame, pose)
+            likeliest = likeliest or (answer.reason if isinstance(answer, NotLocated) else answer.evidence.in_words)
             if answer and not any(self._is_same(answer.estimate.pose, other.estimate.pose) for other in answers):
                 answers.append(answer)
         follower.forget()
         if not answers:
-            return NotLocated("no pose on the field explains what is in view")
+            return NotLocated(f"no pose on the field explains what is in view; by the likeliest: {likeliest}")
         probabilities = posterior(
             [log_weight(one.evidence, s.candidates) + self._log_prior(one.estimate.pose, near) for one in answers]
         )
         order = accepted(probabilities, s.candidates)
         if not order:
-            best = float(probabilities.max())
+            first = int(probabilities.argmax())
+            several = f" of {len(answers)} that fit" if len(answers) > 1 else ""
             return NotLocated(
-                f"too open which of {len(answers)} poses is right: the likeliest has a probability of {best:.0%}"
+                f"the likeliest pose{several} has a probability of {probabilities[first]:.1%} only:"
+                f" {answers[first].evidence.in_words}"
             )
         best_answer = answers[order[0]]
         open_m = best_answer.evidence.position_std_m
         if open_m > s.max_std_m:
-            return NotLocated(f"what is in view leaves the position open by {open_m:.2f} m")
+            seen = best_answer.evidence.in_words
+            return NotLocated(f"what is in view leaves the position open by {open_m:.2f} m: {seen}")
         if len(order) == 1:
             follower.resume(best_answer)
         others = tuple(answers[index].estimate.pose for index in order[1:])

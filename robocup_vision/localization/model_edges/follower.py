@@ -373,7 +373,8 @@ class EdgeFollower:
             is_same_frame,
         ):
             self._log_ratio = 0.0
-            return NotLocated("no edge of the field file is in view")
+            place = f"({pose.x_m:.2f}, {pose.y_m:.2f}) m, {math.degrees(pose.theta_rad):.0f} degrees"
+            return NotLocated(f"no edge of the field is in view from where the camera is looked for, {place}")
         evidence = self.evidence
         settings = self._for_proposals if is_proposal else self.settings
         reason, log_ratio = weigh(evidence, settings, prior_log_odds)

@@ -161,7 +161,9 @@ class EdgeLocalizer:
             return slipped, follower.edge_points_when_asked()
         follower.state = after
         if first and slipped and _squared_distance(slipped.estimate, near) > follower.settings.max_same_distance2:
-            return NotLocated("what is in view confirms another place near by as well"), points
+            away_m, turn_rad = slipped.estimate.pose.error_to(near.pose)
+            place = f"a place {away_m:.2f} m and {math.degrees(turn_rad):.0f} degrees from the prior"
+            return NotLocated(f"what is in view confirms {place} as well: {slipped.evidence.in_words}"), points
         return first, points
 
     def _was_near(self, t_s: float | None, lately_s: float) -> bool:
@@ -184,7 +186,7 @@ class EdgeLocalizer:
                 self.follower.state = state
             return found
         if not self._may_search(evidence.t_s):
-            return NotLocated("the last search found nothing")
+            return NotLocated("the last search, moments ago, found nothing")
         is_near = self._was_near(evidence.t_s, self.follower.settings.near_s)
         found = self._find(evidence.frame, near.pose if is_near else None)
         self._failed_s = evidence.t_s if isinstance(found, NotLocated) else None

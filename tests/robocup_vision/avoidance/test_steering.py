@@ -235,7 +235,12 @@ def test_a_robot_among_posts_never_touches_and_arrives(speed, acceleration):
         assert arrived
 
 
-def test_a_target_many_turns_away_is_steered_to_at_once():
-    near = steering().steer(facing(0.5), (0.0, 0.0), math.remainder(1e9, math.tau))
-    far = steering().steer(facing(0.5), (0.0, 0.0), 1e9)
+def test_a_target_in_degrees_is_refused():
+    with pytest.raises(
+        ArgumentError,
+        match=r"target_bearing_rad must be in radians, within one turn, got 90.0; 90 degrees are 1.5708 rad",
+    ):
+        steering().steer(facing(0.5), (0.0, 0.0), 90.0)
+    # what two directions may differ by is an angle
+    near, far = (steering().steer(facing(0.5), (0.0, 0.0), one) for one in (0.3, 0.3 - math.tau))
     np.testing.assert_allclose(far.velocity_mps, near.velocity_mps)

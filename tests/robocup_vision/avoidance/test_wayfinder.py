@@ -167,6 +167,11 @@ def test_bad_views_and_goals_are_named():
     for bearing, reach in ((np.zeros(1), np.zeros(1)), (np.zeros(4), np.zeros(3))):
         with pytest.raises(ArgumentError, match="free space needs"):
             way.update(SimpleNamespace(bearing_rad=bearing, range_m=reach), STILL)
-    for bearing, distance in ((math.nan, 1.0), (0.0, -1.0), (0.0, math.inf)):
-        with pytest.raises(ArgumentError, match="the target must be finite"):
+    for bearing, distance, message in (
+        (math.nan, 1.0, "target_bearing_rad must be finite"),
+        (45.0, 1.0, "45 degrees are 0.7854 rad"),
+        (0.0, -1.0, "target_distance_m must not be negative"),
+        (0.0, math.inf, "target_distance_m must be finite"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
             way.head(bearing, distance)

@@ -93,11 +93,6 @@ SLIPS = {
         {"camera": replace(FORWARD, focal_px=(114.0, 114.0), center_px=(79.5, 59.5))},
         "lens: with focal length and centre taken as those of pictures of half the size 4 of 4 pictures are located",
     ),
-    "millimetres": (
-        {"camera": replace(FORWARD, height_m=450.0)},
-        "height: with a height of 450 millimetres instead of 450 m 4 of 4 pictures are located (0 of 4 as it is): "
-        "height_m = 0.45",
-    ),
     "focal length": (
         {"camera": replace(FORWARD, focal_px=(205.0, 205.0)), "truth": TRUTH},
         re.compile(r"focal length: with a focal length of 2[23]\d instead of 205 pixels 4 of 4 pictures agree "),

@@ -189,7 +189,7 @@ def test_the_command_writes_a_camera_file(write, tmp_path, capsys):
     [
         (["--height", "0.4", "--tilt", "-15"], "--tilt: -15 is more than a turn of radians: -15deg?"),
         (["--height", "0.4", "--tilt", "down"], "--tilt: must be an angle, such as -0.26 or -15deg, got 'down'"),
-        (["--height", "0.4", "--tilt", "-100deg"], "the camera's tilt_rad must be in radians, within 1.571 of 0"),
+        (["--height", "0.4", "--tilt", "-100deg"], "the camera's tilt_rad must lie between -pi/2 and pi/2"),
         (["--height", "0.4", "--size", "640"], "--size: must be width and height in pixels, such as 640x480"),
         (["--height", "-1"], "the camera's height_m must be positive, got -1.0"),
         ([], "--height"),

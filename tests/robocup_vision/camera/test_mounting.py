@@ -38,9 +38,9 @@ def test_a_camera_is_held_as_a_file_with_those_values_says():
 @pytest.mark.parametrize(
     ("told", "message"),
     [
-        ({"tilt_rad": -15.0}, "tilt_rad must be in radians, within 1.571 of 0, got -15.0"),
-        ({"pan_rad": 90.0}, "pan_rad must be in radians, within 6.283 of 0, got 90.0"),
-        ({"tilt_std_rad": 2.0}, "tilt_std_rad must be in radians, at most 0.5, got 2.0"),
+        ({"tilt_rad": -15.0}, "tilt_rad must lie between -pi/2 and pi/2, got -15.0; -15 degrees are -0.2618 rad"),
+        ({"pan_rad": 90.0}, "pan_rad must be in radians, within one turn, got 90.0; 90 degrees are 1.5708 rad"),
+        ({"tilt_std_rad": 2.0}, "tilt_std_rad must be in radians, at most 0.5, got 2.0; 2 degrees are 0.0349 rad"),
         ({"roll_std_rad": -0.1}, "roll_std_rad must not be negative, got -0.1"),
         ({"height_std_m": -1.0}, "height_std_m must not be negative, got -1.0"),
         ({"height_m": 0.0}, "height_m must be positive, got 0.0"),

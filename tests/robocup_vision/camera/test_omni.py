@@ -192,3 +192,26 @@ def test_given_height_wins_over_the_implied_one():
 def test_cached_arrays_are_read_only(name: str):
     with pytest.raises(ValueError, match="read-only"):
         getattr(PAPER, name)[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"tilt_rad": (0.0, -2.0)},
+            r"tilt_rad must lie between -pi/2 and pi/2, got \(0.0, -2.0\); -2 degrees are -0.0349",
+        ),
+        ({"heading_rad": 90.0}, "heading_rad must be in radians, within one turn, got 90.0; 90 degrees are 1.5708 rad"),
+        (
+            {"viewpoint_height_m": 205.0},
+            "viewpoint_height_m must be in metres, at most 3, got 205.0; in millimetres it is 0.205 m",
+        ),
+        (
+            {"offset_m": (30.0, 0.0)},
+            r"offset_m must be in metres, at most 3, got \(30.0, 0.0\); in millimetres it is 0.03 m",
+        ),
+    ],
+)
+def test_numbers_in_degrees_or_millimetres_are_refused(paper_camera, changes, message):
+    with pytest.raises(ArgumentError, match=message):
+        dataclasses.replace(paper_camera, **changes)

@@ -181,6 +181,15 @@ def test_unknown_pan_and_roll_count_as_none_but_tilt_is_needed():
         ({"focal_px": (-1.0, 600.0)}, "focal_px must be positive"),
         ({"height_m": 0.0}, "height_m must be positive"),
         ({"height_m": math.nan}, "height_m must be positive"),
+        (
+            {"height_m": 450.0},
+            "height_m must be in metres, at most 3, got 450.0; in millimetres it is 0.45 m, in centimetres 4.5 m",
+        ),
+        ({"height_std_m": -0.01}, "height_std_m must not be negative, got -0.01"),
+        ({"offset_m": (0.0, 60.0)}, "offset_m must be in metres, at most 3"),
+        ({"tilt_rad": -15.0}, "tilt_rad must lie between -pi/2 and pi/2, got -15.0; -15 degrees are -0.2618 rad"),
+        ({"pan_rad": 30.0}, "pan_rad must be in radians, within one turn, got 30.0"),
+        ({"roll_rad": -10.0}, "roll_rad must be in radians, within one turn, got -10.0"),
         ({"distortion": (0.1,)}, "distortion must have 0, 4, 5 or 8 coefficients, got 1"),
     ],
 )
@@ -218,7 +227,7 @@ def write(tmp_path: Path) -> Write:
     return _write
 
 
-@given(pinholes(), st.none() | numbers(0, 1))
+@given(pinholes(), st.none() | numbers(0, 0.5))
 @settings(deadline=None)
 def test_saved_camera_loads_back_to_the_last_bit(
     tmp_path_factory: pytest.TempPathFactory, camera: PinholeCamera, roll_std: float | None
@@ -252,7 +261,17 @@ BAD = [
     ("0.46", "nan", "key 'height_m': must be a finite number, got nan"),
     ("0.46", "0.46\nfloor_range = 1", "key 'floor_range': is unknown, got 1"),
     ("320.0", "640.5", "key 'center_px': lies outside the 640x480 image, got [640.5, 240.0]"),
-    ("0.46", "0.46\ntilt_rad = -16.7", "key 'tilt_rad': must lie between -pi/2 and pi/2, got -16.7"),
+    ("0.46", "0.46\ntilt_rad = -16.7", "key 'tilt_rad': must lie between -pi/2 and pi/2, got -16.7; -16.7 degrees are"),
+    (
+        "0.46",
+        "460",
+        "key 'height_m': must be in metres, at most 3, got 460.0; in millimetres it is 0.46 m, in centimetres 4.6 m",
+    ),
+    (
+        "0.46",
+        "0.46\noffset_m = [60, 0]",
+        "key 'offset_m': must be in metres, at most 3, got [60.0, 0.0]; in millimetres",
+    ),
     ("0.46", "0.46\nheight_std_m = -1", "key 'height_std_m': must be at least 0.0, got -1"),
     ("0.46", "0.46\ndistortion = [0.1]", "key 'distortion': must have 0, 4, 5 or 8 coefficients, got [0.1]"),
     (

@@ -199,7 +199,7 @@ def test_truth_of_a_spreadsheet(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("camera", "method", "column", "problem"),
     [
-        ("tilt_rad = -0.2", "edges", "tilt_rad", "line 2: a mounting's tilt_rad must be in radians"),
+        ("tilt_rad = -0.2", "edges", "tilt_rad", "line 2: a mounting's tilt_rad must lie between -pi/2 and pi/2"),
         ("tilt_rad = -0.2", "edges", "height", "line 1: column 'height' is unknown"),
         ("tilt_rad = -0.2", "field", "height_m", "key 'height_m': is for method 'edges' and a camera file with tilt_"),
         ("", "goal", "roll_rad", "key 'roll_rad': is for method 'edges' and a camera file with tilt_rad"),
@@ -215,7 +215,7 @@ def test_a_mounting_that_cannot_be_used_is_refused(folder: Path, camera: str | N
             'format = 1\nmodel = "pinhole"\nsize_px = [64, 56]\nfocal_px = [60, 60]\ncenter_px = [31.5, 27.5]\n'
             f"height_m = 0.4\n{camera}\n"
         )
-    value = 2.0 if "radians" in problem else 0.3
+    value = 2.0 if "pi/2" in problem else 0.3
     lines = [f"{line},{value}" if number else f"{line},{column}" for number, line in enumerate(FRAMES.splitlines())]
     (folder / "frames.csv").write_text("\n".join(lines) + "\n")
     with pytest.raises(FileError) as caught:

@@ -55,6 +55,15 @@ def test_the_page_is_escaped(page: str) -> None:
     assert "torn &amp; lost.png" in page
 
 
+def test_reasons_that_differ_by_numbers_alone_are_counted_as_one(folder: Path) -> None:
+    reasons = ("only 3 of 40 places agree", "only 12 of 38 places agree", "too dark: brightness 1.5")
+    rows = [Row(f"{number}.png", time_s=0.002, reason=reason) for number, reason in enumerate(reasons)]
+    page = report.render_report(load_dataset(folder), rows, figures(rows), [], {}, [])
+    counted = page[: page.index("<details")]
+    assert re.search(r"only … of … places agree</td>\s*<td[^>]*>2<", counted)
+    assert re.search(r"too dark: brightness …</td>\s*<td[^>]*>1<", counted)
+
+
 def test_the_page_shows_each_image(page: str) -> None:
     everything = page[page.index("<details") :]
     assert len(re.findall(r"<tr class=", everything)) == len(ROWS)

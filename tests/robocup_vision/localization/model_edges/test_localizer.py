@@ -1,7 +1,9 @@
 """Method "edges" as `Vision` uses it: chosen by itself, followed with priors, found without."""
 
 import math
+import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -365,3 +367,22 @@ def test_photographs_without_a_field_tell_no_pose(name, fl_shot):
     for proposal in (fl_shot.pose, fl_shot.pose.half_turn()):
         both = finder.judge(lines, [proposal])
         assert not both or len(both.estimate.candidates) == 2
+
+
+def _upside_down(frame):
+    return np.ascontiguousarray(frame[::-1, ::-1])
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (np.zeros_like, r"^no lines, goals or beacons stand out .* row 41 of 240\) \(mean brightness 0 of 255\)$"),
+        (partial(np.full_like, fill_value=120), r"^no lines, goals .* \(mean brightness 120 of 255\)$"),
+        (_upside_down, r"\d+ of \d+ visible places on edges are found.*, \d+ of \d+ line points are explained"),
+    ],
+)
+def test_a_reason_names_what_was_seen_and_what_is_missing(change, reason, spl_shot):
+    vision = Vision(spl_shot.field, spl_shot.camera)
+    assert re.search(reason, vision.look(change(spl_shot.frame)).pose.reason)
+    by_prior = vision.look(change(spl_shot.frame), prior=spl_shot.pose).pose.reason
+    assert re.search(r"\d+ of \d+ (visible )?places on edges .* \(mean brightness \d+ of 255\)$", by_prior)

@@ -1,0 +1,65 @@
+"""What the lengths and angles of a camera can be: numbers beyond are in millimetres, or in degrees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from field_models.errors import ArgumentError
+from robocup_vision.geometry import in_degrees
+
+# no robot carries its camera higher
+_MAX_LENGTH_M = 3.0
+_MAX_STD_RAD = 0.5
+_POSITIVE = ("height_m", "viewpoint_height_m")
+
+
+class Problem(NamedTuple):
+    """What is wrong with a value of a camera, and what may have been meant."""
+
+    what: str
+    hint: str = ""
+
+
+def problem_of(name: str, value: float | tuple[float, ...] | None) -> Problem | None:
+    """Return what is wrong with a camera's length or angle; None where nothing is, or nothing is known of it.
+
+    Parameters
+    ----------
+    name : str
+        Of the key: "_m" ends a length, "_rad" an angle; "_std_m" and such a standard deviation.
+    value : float, tuple of float or None
+        Of the key.
+    """
+    for one in value if isinstance(value, tuple) else (value,):
+        if one is None:
+            continue
+        if name in _POSITIVE and not one > 0:
+            return Problem("must be positive")
+        if name.endswith(("_std_m", "_std_rad", "_std_px", "_s")) and not 0 <= one < math.inf:
+            return Problem("must not be negative")
+        if name.endswith("_std_rad") and one > _MAX_STD_RAD:
+            return Problem(f"must be in radians, at most {_MAX_STD_RAD:g}", in_degrees(one))
+        if name.endswith("_m") and not abs(one) <= _MAX_LENGTH_M:
+            meant = f"; in millimetres it is {1e-3 * one:g} m, in centimetres {1e-2 * one:g} m"
+            return Problem(f"must be in metres, at most {_MAX_LENGTH_M:g}", meant)
+        if name == "tilt_rad" and not abs(one) <= math.pi / 2:
+            return Problem("must lie between -pi/2 and pi/2", in_degrees(one))
+        if name.endswith("_rad") and not abs(one) <= math.tau:
+            return Problem("must be in radians, within one turn", in_degrees(one))
+    return None
+
+
+def require_bounds(values: Mapping[str, float | tuple[float, ...] | None]) -> None:
+    """Check lengths and angles of a camera by their names.
+
+    Raises
+    ------
+    ArgumentError
+        If one is out of its bounds.
+    """
+    for name, value in values.items():
+        problem = problem_of(name, value)
+        if problem is not None:
+            raise ArgumentError(f"{name} {problem.what}, got {value!r}{problem.hint}")
