@@ -62,8 +62,8 @@ class Halts:
 
 
 def _moves(command: RobotCommand) -> bool:
-    velocity = None if command.move is None else command.move.world
-    return velocity is not None and any((velocity.x_mps, velocity.y_mps, velocity.turn_rps))
+    velocity = None if command.move is None else command.move.local
+    return velocity is not None and any((velocity.forward_mps, velocity.left_mps, velocity.turn_rps))
 
 
 def play(opponents: str, seconds: float, seed: int) -> tuple[LeagueReferee, Halts, list[LogEntry]]:
