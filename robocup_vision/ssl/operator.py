@@ -113,7 +113,8 @@ class Operator(Closing):
                 self._send({"change": {"updateTeamStateChange": {"forTeam": team, "teamName": team.capitalize()}}})
 
     def _wanted(self) -> tuple[dict[str, str], float]:
-        for action in self._actions:
+        # where a match can end, it ends, instead of going on into overtime
+        for action in sorted(self._actions, key=lambda action: action.get("type") != "END_GAME"):
             kind, is_offered = action.get("type", ""), action.get("state") not in _NOT_OFFERED
             wish = {"type": kind, "forTeam": action.get("forTeam", "UNKNOWN")}
             if kind == "ACCEPT_GOAL" and action.get("continuationIssues"):

@@ -224,9 +224,13 @@ def test_the_operator_leaves_play_alone_and_waits_for_what_is_in_the_way(page):
         assert operator.pressed == []
         operator.look(116.5)
         assert operator.pressed == ["NORMAL_START"]
+        page.say({"gcState": {"continueActions": [action("NEXT_STAGE"), action("END_GAME")]}})
+        look(operator, 116.5, until=lambda: operator._wish[0] == "END_GAME")
+        operator.look(118.0)
+        assert operator.pressed == ["NORMAL_START", "END_GAME"]
         page.connection.close()
         with pytest.raises(ArgumentError, match=r"has closed the connection|is gone"):
-            look(operator, 117.0, until=lambda: False)
+            look(operator, 119.0, until=lambda: False)
 
 
 def test_a_page_that_is_none_is_reported():
