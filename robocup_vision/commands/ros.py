@@ -11,6 +11,7 @@ _TEXTS = (
     ("camera", "camera file", ""),
     ("colors", "colour file (default: learnt)", ""),
     ("method", "how the pose is found (default: by camera)", ""),
+    ("half", "own: the robot begins in its own half, x < 0 (default: not known)", ""),
     ("image_topic", "topic of images, raw or .../compressed", "camera/image"),
     ("camera_info_topic", "topic of sensor_msgs/CameraInfo", "camera/camera_info"),
     ("odometry_topic", "topic of nav_msgs/Odometry", "odometry"),

@@ -17,6 +17,7 @@ from robocup_vision.avoidance.steering import Steering
 from robocup_vision.camera.files import load_camera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.settings import Half
 from robocup_vision.memory import Memory
 from robocup_vision.messages.camera_infos import camera_info_problem
 from robocup_vision.messages.images import frame_of
@@ -53,7 +54,8 @@ class VisionNode:
         self.settings = settings
         field, camera = load_field(settings.field), load_camera(settings.camera)
         colors = load_colors(settings.colors) if settings.colors else None
-        self._memory = Memory.of_everything(field) if settings.memory else None
+        half: Half | None = "own" if settings.half else None
+        self._memory = Memory.of_everything(field, half=half) if settings.memory else None
         self.vision = Vision(field, camera, colors, method=settings.method or None, memory=self._memory)
         names = FrameNames(settings.map_frame, settings.odom_frame, settings.robot_frame, settings.camera_frame)
         # the image is there already

@@ -25,6 +25,8 @@ class NodeSettings:
         How the pose is found; empty: the camera's default.
     memory : bool
         Join frames over time: tracks, map, and a pose that odometry carries on.
+    half : str
+        "own": the robot begins in its own half, x < 0 (`Memory`); empty: frames decide, where they can.
     image_topic, camera_info_topic, odometry_topic : str
         What is listened to. An image topic that ends in ``/compressed`` has compressed images.
     prefix : str
@@ -51,6 +53,7 @@ class NodeSettings:
     colors: str = ""
     method: str = ""
     memory: bool = True
+    half: str = ""
     image_topic: str = "camera/image"
     camera_info_topic: str = "camera/camera_info"
     odometry_topic: str = "odometry"
@@ -69,6 +72,10 @@ class NodeSettings:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.robot_radius_m) and self.robot_radius_m >= 0.0):
             raise ArgumentError(f"robot_radius_m must not be negative, got {self.robot_radius_m!r}")
+        if self.half not in ("", "own"):
+            raise ArgumentError(f"half must be 'own' or empty, got {self.half!r}")
+        if self.half and not self.memory:
+            raise ArgumentError("half is for the memory, which is off")
         for name in ("image_topic", "camera_info_topic", "odometry_topic"):
             if not getattr(self, name):
                 raise ArgumentError(f"{name} must not be empty")

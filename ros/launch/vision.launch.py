@@ -11,6 +11,7 @@ TEXTS = {
     "camera": "",
     "colors": "",
     "method": "",
+    "half": "",
     "image_topic": "camera/image",
     "camera_info_topic": "camera/camera_info",
     "odometry_topic": "odometry",

@@ -181,6 +181,12 @@ def test_odometry_that_is_not_finite_is_left_out(node: VisionNode) -> None:
     assert "odometry: the position is not finite" in _status(node, 0.0).message
 
 
+def test_a_robot_may_be_known_to_begin_in_its_own_half(camera: str) -> None:
+    node = VisionNode(NodeSettings("ssl_2001", camera, half="own"))
+    assert node.vision.memory is not None
+    assert node.vision.memory.poses.half == "own"
+
+
 def test_options_are_the_settings() -> None:
     parser = argparse.ArgumentParser()
     ros_command.add_parser(parser.add_subparsers())
@@ -197,5 +203,9 @@ def test_settings_that_are_missing_or_out_of_range_are_refused(tmp_path: Path) -
         VisionNode(NodeSettings("ssl_2001", str(tmp_path / "none.toml")))
     with pytest.raises(ArgumentError, match="robot_radius_m"):
         NodeSettings(robot_radius_m=-1.0)
+    with pytest.raises(ArgumentError, match="half must be 'own' or empty, got 'left'"):
+        NodeSettings(half="left")
+    with pytest.raises(ArgumentError, match="half is for the memory, which is off"):
+        NodeSettings(half="own", memory=False)
     with pytest.raises(ArgumentError, match="image_topic"):
         NodeSettings(image_topic="")
