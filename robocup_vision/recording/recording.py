@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -159,12 +160,13 @@ class Recording:
             pending = None
 
     def truth(self) -> list[tuple[float, Pose2]]:
-        """Return where the robot truly was, by time; empty where nobody knew."""
-        return [
-            (1e-9 * logged.time_ns, pose_of(decode(logged.data, logged.type_name).pose))
-            for logged in self._log.messages()
-            if logged.topic.endswith(_TRUTH)
-        ]
+        """Return where the robot truly was, by time; empty where nobody knew, as where a pose is not finite."""
+        found = []
+        for logged in self._log.messages():
+            if logged.topic.endswith(_TRUTH):
+                with suppress(PacketError):
+                    found.append((1e-9 * logged.time_ns, pose_of(decode(logged.data, logged.type_name).pose)))
+        return found
 
     def commands(self) -> list[tuple[float, tuple[float, float, float]]]:
         """Return the commanded velocities by time, robot frame: forward and left in m/s, turn in rad/s."""

@@ -10,6 +10,7 @@ import pytest
 from recorded_runs import make_steering, make_vision, record_run, run_frames
 
 from field_models.errors import ArgumentError, FileError, RobocupVisionError
+from robocup_vision.geometry import Pose2
 from robocup_vision.messages.types import decode, encode
 from robocup_vision.recording import Recorder, RecorderSettings, Recording
 from robocup_vision.recording.log_reader import LogReader
@@ -122,6 +123,13 @@ def test_a_file_cut_in_its_head_says_so(recorded: tuple[Path, list[str]], tmp_pa
     path.write_bytes(recorded[0].read_bytes()[:cut])
     with pytest.raises(FileError, match=r"is not an MCAP file|no recording of robocup-vision"):
         Recording(path)
+
+
+def test_a_truth_that_is_not_finite_is_none(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "run.mcap", make_vision()) as recorder:
+        for t_s, x_m in ((0.0, 0.5), (0.1, float("nan")), (0.2, 0.7)):
+            recorder.add_truth(Pose2(x_m, 0.0, 0.0), t_s)
+    assert [(t_s, pose.x_m) for t_s, pose in Recording(tmp_path / "run.mcap").truth()] == [(0.0, 0.5), (0.2, 0.7)]
 
 
 def test_a_damaged_chunk_is_named_by_its_time(recorded: tuple[Path, list[str]], tmp_path: Path) -> None:
