@@ -29,6 +29,7 @@ _NUMBERS = (
 )
 _SWITCHES = (
     ("memory", "join frames over time", True),
+    ("use_tf", "camera's pan, tilt, roll and height by tf at each image's stamp", False),
     ("publish_tf", "publish map -> odom", True),
     ("cmd_vel", "drive to goal_pose", False),
 )

@@ -92,13 +92,16 @@ class _Bridge:
         self._listen(settings.odometry_topic, "nav_msgs/msg/Odometry", self._vision.on_odometry, depth=50)
         pose = "geometry_msgs/msg/PoseWithCovarianceStamped"
         self._listen("initialpose", pose, self._vision.on_initial_pose, depth=1)
+        if settings.use_tf:
+            self._listen("/tf", "tf2_msgs/msg/TFMessage", self._vision.on_tf, depth=100)
+            self._listen("/tf_static", "tf2_msgs/msg/TFMessage", self._vision.on_tf_static, depth=100)
         if settings.cmd_vel:
             self._listen("goal_pose", "geometry_msgs/msg/PoseStamped", self._vision.on_goal, depth=1)
         node.create_timer(_DIAGNOSTICS_S, self._tell_diagnostics)
         node.get_logger().info(f"listening to {settings.image_topic}; field {settings.field}, camera {settings.camera}")
 
     def _listen(self, topic: str, name: str, handler: Handler, depth: int) -> None:
-        from rclpy.qos import QoSProfile, ReliabilityPolicy
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
         kind = message_class(name)
         if kind is None:
@@ -106,6 +109,9 @@ class _Bridge:
         prepare([name])
         # best effort hears reliable publishers, too
         quality = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        if topic == "/tf_static":
+            # what was published once, before the node came
+            quality = QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
         def on_bytes(data: bytes) -> None:
             try:

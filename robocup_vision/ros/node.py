@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from field_models.catalog import load_field
-from field_models.errors import FrameError, PacketError, RobocupVisionError
+from field_models.errors import ArgumentError, FrameError, PacketError, RobocupVisionError
 from robocup_vision.avoidance.steering import Steering
 from robocup_vision.camera.files import load_camera
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.settings import Half
@@ -27,11 +28,14 @@ from robocup_vision.messages.types import header, make, to_seconds
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import load_colors
 from robocup_vision.ros.settings import NodeSettings
+from robocup_vision.ros.transforms import Transforms, mounting_of
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
 # without an image for so long the diagnostics warn
 _SILENT_S = 1.0
+# a head that nods moves its camera so far: farther off, the camera file is of another place on the robot
+_SAME_PLACE_M = 0.05
 _OK, _WARN, _ERROR = 0, 1, 2
 
 
@@ -72,6 +76,9 @@ class VisionNode:
         self._problems: dict[str, str] = {}
         self._frames = self._located = 0
         self._reason, self._took_s = "", 0.0
+        self._transforms = Transforms()
+        # an image whose transforms have not come yet
+        self._waiting: tuple[Any, float] | None = None
 
     def on_image(self, message: Any, now_s: float) -> list[Outgoing]:
         """Look at an Image or CompressedImage; return what is to be published.
@@ -86,9 +93,54 @@ class VisionNode:
         self._last_image_s = now_s
         t_s = _time_of(message, now_s)
         self._note_time(t_s)
+        if not self.settings.use_tf:
+            return self._look_at(message, t_s, None)
+        if self._waiting is not None:
+            self._problems["tf"] = (
+                f"tf does not tell how the camera was held at {self._waiting[1]:.3f} s: not looked at"
+            )
+        self._waiting = (message, t_s)
+        return self._look_when_told()
+
+    def on_tf(self, message: Any, now_s: float) -> list[Outgoing]:
+        """Take tf2_msgs/TFMessage in, with `use_tf`: an image that waits for it is looked at."""
+        self._transforms.add(message, is_static=False)
+        return self._look_when_told()
+
+    def on_tf_static(self, message: Any, now_s: float) -> list[Outgoing]:
+        """Take tf2_msgs/TFMessage in, of what does not move."""
+        self._transforms.add(message, is_static=True)
+        return self._look_when_told()
+
+    def _look_when_told(self) -> list[Outgoing]:
+        """Look at the image that waits for tf, where that has come."""
+        if self._waiting is None:
+            return []
+        message, t_s = self._waiting
+        frame = message.header.frame_id.lstrip("/") or self.settings.camera_frame
+        found = self._transforms.lookup(self.settings.robot_frame, frame, t_s)
+        if found is None:
+            return []
+        self._waiting = None
+        try:
+            mounting = mounting_of(*found)
+        except ArgumentError as error:
+            self._problems["tf"] = f"tf: {error}"
+            return []
+        off_m = math.dist(found[1][:2].tolist(), self.vision.camera.offset_m)
+        if off_m > _SAME_PLACE_M:
+            self._problems["tf"] = (
+                f"tf puts the camera at {found[1][0]:.3f}, {found[1][1]:.3f} m, the camera file's offset_m is"
+                f" {self.vision.camera.offset_m}: the file's is taken"
+            )
+        else:
+            self._problems.pop("tf", None)
+        return self._look_at(message, t_s, mounting)
+
+    def _look_at(self, message: Any, t_s: float, mounting: Mounting | None) -> list[Outgoing]:
         try:
             frame = frame_of(message)
-            view = self._look(frame, t_s)
+            view = self._look(frame, t_s, mounting)
         except (FrameError, RobocupVisionError) as error:
             self._problems["image"] = str(error)
             return []
@@ -98,6 +150,9 @@ class VisionNode:
         self._reason = "" if isinstance(view.pose, PoseEstimate) else view.pose.reason
         self._took_s = float(view.timings_s["total"])
         out = list(self._topics.of_look(view, t_s))
+        if self.settings.use_tf:
+            # the robot's own tree has the camera
+            out = [outgoing for outgoing in out if outgoing.topic != "/tf_static"]
         if not self.settings.publish_tf:
             out = [outgoing for outgoing in out if outgoing.topic != "/tf"]
         return [*out, *self._steer(view, t_s)]
@@ -203,14 +258,14 @@ class VisionNode:
             self._problems[topic] = f"{topic}: {error}: left out"
             return None
 
-    def _look(self, frame: Any, t_s: float) -> View:
+    def _look(self, frame: Any, t_s: float, mounting: Mounting | None) -> View:
         initial, self._initial = self._initial, None
         motion = None
         if self._memory is None and self._odometry is not None:
             if self._at_last_frame is not None:
                 motion = self._at_last_frame.inverse().compose(self._odometry)
             self._at_last_frame = self._odometry
-        return self.vision.look(frame, t_s, motion, initial)
+        return self.vision.look(frame, t_s, motion, initial, mounting=mounting)
 
     def _note_time(self, t_s: float) -> None:
         """Forget all where time goes back, as when a bag is played again: filters cannot go back."""

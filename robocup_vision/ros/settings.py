@@ -33,6 +33,9 @@ class NodeSettings:
         Before every published topic, such as ``/robot1``; remappings do, too.
     map_frame, odom_frame, robot_frame, camera_frame : str
         Names of the coordinate frames.
+    use_tf : bool
+        Take pan, tilt, roll and height of the camera from tf at each image's stamp: `camera_frame`, or the image's own
+        frame, in `robot_frame`. How well they are known is as the camera file says.
     publish_tf : bool
         Whether map -> odom is published; odom -> robot_frame is whoever publishes the odometry's.
     cmd_vel : bool
@@ -62,6 +65,7 @@ class NodeSettings:
     odom_frame: str = "odom"
     robot_frame: str = "base_footprint"
     camera_frame: str = "camera_optical_frame"
+    use_tf: bool = False
     publish_tf: bool = True
     cmd_vel: bool = False
     robot_radius_m: float = 0.0

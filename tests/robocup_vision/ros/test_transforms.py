@@ -1,0 +1,92 @@
+"""How tf tells the node where a head holds its camera: looked up at the image's stamp."""
+
+import math
+
+import numpy as np
+import pytest
+
+from robocup_vision.camera import PinholeCamera, camera_rotation, save_camera
+from robocup_vision.messages.images import image_message
+from robocup_vision.messages.types import header, make
+from robocup_vision.ros.node import VisionNode
+from robocup_vision.ros.settings import NodeSettings
+from robocup_vision.ros.transforms import Transforms, mounting_of
+
+HALF = math.sqrt(0.5)
+# the optical frame (right, down, ahead) in the head's (ahead, left, up), as every ROS robot has it: w, x, y, z
+OPTICAL = (0.5, -0.5, 0.5, -0.5)
+
+
+def about(axis, angle):
+    return (math.cos(angle / 2), *(math.sin(angle / 2) * np.array(axis)).tolist())
+
+
+def tf(*steps):
+    made = []
+    for t_s, parent, child, place, (w, x, y, z) in steps:
+        turn = make("geometry_msgs/msg/Quaternion", float(x), float(y), float(z), float(w))
+        transform = make("geometry_msgs/msg/Transform", make("geometry_msgs/msg/Vector3", *map(float, place)), turn)
+        made.append(make("geometry_msgs/msg/TransformStamped", header(t_s, parent), child, transform))
+    return make("tf2_msgs/msg/TFMessage", made)
+
+
+STATIC = tf(
+    (0.0, "head", "optical", (0.05, 0.0, 0.1), OPTICAL), (0.0, "base_footprint", "neck", (0, 0, 0.35), (1, 0, 0, 0))
+)
+
+
+def nod(t_s, pan, tilt):
+    """Return the neck's pan, and the head's tilt: a joint about the left axis that turns down is positive."""
+    return tf(
+        (t_s, "neck", "yaw", (0, 0, 0), about((0, 0, 1), pan)), (t_s, "yaw", "head", (0, 0, 0), about((0, 1, 0), -tilt))
+    )
+
+
+@pytest.mark.parametrize(("pan", "tilt"), [(0.0, 0.0), (0.4, -0.3), (-0.7, 0.2)])
+def test_a_mounting_is_that_of_the_joints(pan, tilt):
+    transforms = Transforms()
+    transforms.add(STATIC, is_static=True)
+    transforms.add(nod(1.0, pan, tilt), is_static=False)
+    rotation, place = transforms.lookup("base_footprint", "optical", 1.0)
+    told = mounting_of(rotation, place)
+    assert (told.pan_rad, told.tilt_rad, told.roll_rad) == pytest.approx((pan, tilt, 0.0), abs=1e-12)
+    assert told.height_m == pytest.approx(0.35 + 0.05 * math.sin(tilt) + 0.1 * math.cos(tilt))
+    axes = camera_rotation(told.pan_rad, told.tilt_rad, told.roll_rad)
+    # ahead of the camera is the optical frame's z, left of it -x
+    np.testing.assert_allclose(axes[:, 0], rotation[:, 2], atol=1e-12)
+    np.testing.assert_allclose(axes[:, 1], -rotation[:, 0], atol=1e-12)
+
+
+def test_between_two_times_it_is_interpolated_and_beyond_them_unknown():
+    transforms = Transforms()
+    transforms.add(STATIC, is_static=True)
+    # where the robot stands is not asked for
+    transforms.add(tf((0.2, "odom", "base_footprint", (1, 2, 0), about((0, 0, 1), 0.3))), is_static=False)
+    for t_s, tilt in ((1.0, -0.2), (1.1, -0.4), (3.0, 0.0)):
+        transforms.add(nod(t_s, 0.1, tilt), is_static=False)
+    assert mounting_of(*transforms.lookup("base_footprint", "optical", 1.025)).tilt_rad == pytest.approx(
+        -0.25, abs=1e-3
+    )
+    for t_s in (0.9, 2.0, 3.1):
+        assert transforms.lookup("base_footprint", "optical", t_s) is None
+    assert transforms.lookup("base_footprint", "arm", 1.0) is None
+
+
+def test_an_image_waits_for_its_transforms(tmp_path):
+    camera = PinholeCamera(
+        (64, 48), (60.0, 60.0), (31.5, 23.5), 0.45, offset_m=(0.05, 0.0), pan_rad=0.0, tilt_rad=-0.3, roll_rad=0.0
+    )
+    save_camera(camera, tmp_path / "camera.toml")
+    node = VisionNode(NodeSettings("humanoid_kid_2025", str(tmp_path / "camera.toml"), use_tf=True, memory=False))
+    frame = np.full((48, 64, 3), (50, 130, 45), dtype=np.uint8)
+    assert node.on_tf_static(STATIC, 1.0) == []
+    assert node.on_tf(nod(1.0, 0.0, -0.3), 1.0) == []
+    assert node.on_image(image_message(frame, 1.02, "optical"), 1.02) == []
+    sent = node.on_tf(nod(1.04, 0.0, -0.5), 1.04)
+    assert sent
+    assert "/tf_static" not in {outgoing.topic for outgoing in sent}
+    assert "tf" not in node._problems
+    node.on_image(image_message(frame, 1.1, "optical"), 1.1)
+    node.on_image(image_message(frame, 1.2, "optical"), 1.2)
+    [outgoing] = node.diagnostics(1.2)
+    assert "tf does not tell how the camera was held at 1.100 s: not looked at" in outgoing.message.status[0].message
