@@ -289,7 +289,7 @@ class _Check:
             if field.state != "wrong":
                 findings += self._check_turning(self.dataset.camera)
             findings += self._check_camera(self.dataset.camera, field.state == "ok")
-        elif field.state == "ok":
+        elif field.state != "wrong":
             findings += self._check_by_edges(self.dataset.camera)
         if self.dataset.colors is not None:
             findings.append(self._check_colors())

@@ -199,3 +199,14 @@ def test_a_mirror_whose_ranges_are_off_is_named(ratio, tmp_path, nominal_samples
     assert named is not None
     assert float(named[1]) == pytest.approx(1 / ratio, abs=0.06)
     assert int(named[2]) >= 3
+
+
+@pytest.mark.slow
+def test_a_focal_length_with_which_every_picture_is_located_is_corrected(told, spl_frames):
+    status, wrong = told(spl_frames, replace(FORWARD, focal_px=(235.0, 235.0)))
+    assert status == 1
+    named = re.match(
+        r"WRONG    lens: by 4 images the focal length is (\S+) \+- (\S+) px, .*; not so focal_px", wrong[0]
+    )
+    assert named is not None
+    assert abs(float(named[1]) - FORWARD.focal_px[0]) < 3 * float(named[2])
