@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from field_models.catalog import load_field
-from field_models.errors import ArgumentError
+from field_models.errors import ArgumentError, FileError
 from robocup_vision.camera import load_camera
 from robocup_vision.evaluation.dataset import FrameTime, Truth
 from robocup_vision.evaluation.steering import SteerPlan
@@ -83,6 +83,7 @@ def load_bag(
         If `field` or `camera` is needed, or the method does not fit.
     """
     path = Path(path)
+    _refuse_several(path)
     own = Recording(path) if _is_recording(path) else None
     for name, value in (("field", field), ("camera", camera)):
         if value is None and own is None:
@@ -112,6 +113,14 @@ def load_bag(
 
 def _is_recording(path: Path) -> bool:
     return path.suffix.lower() == ".mcap" and path.is_file() and RUN_ATTACHMENT in LogReader(path).attachments
+
+
+def _refuse_several(path: Path) -> None:
+    """Refuse a folder of recordings, each of which is a run of its own, and no part of one bag."""
+    if path.is_dir():
+        found = sorted(entry.name for entry in path.iterdir() if _is_recording(entry))
+        if found:
+            raise FileError(path, f"is a folder of recordings, name one of them: {', '.join(found)}")
 
 
 def _of_recording(plain: StreamDataset, recording: Recording) -> StreamDataset:

@@ -159,6 +159,11 @@ def test_what_is_missing_is_named(recorded: Path, camera: Path, tmp_path: Path) 
     assert not is_bag(tmp_path / "none")
 
 
+def test_a_folder_of_recordings_is_no_bag(recorded: Path) -> None:
+    with pytest.raises(FileError, match=r"is a folder of recordings, name one of them: run\.mcap"):
+        load_bag(recorded.parent)
+
+
 def test_a_folder_of_images_has_no_topics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["evaluate", str(tmp_path), "--truth-topic", "/x"]) == 2
     assert "--truth-topic is for recordings and bags" in capsys.readouterr().err
