@@ -14,18 +14,12 @@ from robocup_vision.belief import Belief
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
-from robocup_vision.kernels.floor import free_floor, free_ranges
-from robocup_vision.kernels.floor.stretches import stands_free
+from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
-from robocup_vision.perception.obstacles import Obstacle, join_places
-from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
-
-# blocked samples in a row that make an obstacle
-_BLOCKED_RUN = 2
-# a blocked sample within this many columns of the wall that the pose predicts is that wall
-_WALL_COLUMNS = 3.0
+from robocup_vision.perception.obstacles import Obstacle, ObstacleFinder
+from robocup_vision.perception.polar_view import PolarView
 
 Value = TypeVar("Value")
 
@@ -90,6 +84,8 @@ class View:
         Estimate by the frame without the prior, where `pose` includes the prior; None: `pose` does not.
     edge_points : EdgePoints or None
         Where edges of the field were predicted and what the frame shows there, with method "edges"; else None.
+    obstacle_finder : ObstacleFinder or None
+        What `obstacles` are found by; None: there are none.
     warnings : tuple of str
         What seems to be wrong with the set-up: red and blue swapped, told once, and odometry up to this frame that no
         robot can do. Empty in almost every view.
@@ -109,6 +105,7 @@ class View:
     belief: Belief | None = None
     measurement: WhenAsked[PoseEstimate] = WhenAsked()
     edge_points: WhenAsked[EdgePoints] = WhenAsked()
+    obstacle_finder: ObstacleFinder | None = None
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -129,17 +126,14 @@ class View:
 
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """Things that stand on the floor; without the field's walls where the pose is known. Worked out when asked."""
-        polar, marks = self.polar, self.marks
+        """One for each thing that stands on the floor and is no part of the field, the nearest first.
+
+        See `ObstacleFinder`. Worked out when asked.
+        """
         # the largest is found several at a time, unlike any
-        if polar is None or not (marks.size and marks.max()):
+        if self.polar is None or self.obstacle_finder is None or not (self.marks.size and self.marks.max()):
             return ()
-        bearings, radius_px = polar.bearings, polar.radius_px
-        blocked, free = np.empty(bearings, dtype=np.int64), np.empty(bearings, dtype=bool)
-        free_ranges.first_blocked(marks, polar.shown, BODY_COLUMNS, polar.columns_in_use, _BLOCKED_RUN, blocked)
-        places = polar.floor_at(blocked)
-        stands_free(blocked, radius_px, self.wall_radius_px, _WALL_COLUMNS * polar.step_px, places, free)
-        return join_places(places, free, gap_m=0.05, step_rad=polar.row_step_rad)
+        return self.obstacle_finder.find(self.polar, self.marks, self.pose)
 
     @cached_property
     def boundary_px(self) -> FloatArray:

@@ -1,7 +1,8 @@
-"""Blocked stretches of the surroundings as things with a place and a width."""
+"""Things that stand on the floor, each with a place and a width."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple, cast
@@ -9,8 +10,22 @@ from typing import NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.kernels.floor.stretches import join_bearings
+from robocup_vision.kernels.floor.things import (
+    FieldFeet,
+    blocked_feet,
+    drop_narrow,
+    find_things,
+)
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
+
+# paint that leads up to a thing, and posts, are narrower than this part of a robot's radius
+_NARROW_RATIO = 0.5
+_NO_POSE = read_only(np.empty((0, 0)))
 
 
 class Obstacle(NamedTuple):
@@ -32,22 +47,107 @@ class Obstacle(NamedTuple):
     bearing_rad: float
     range_m: float
 
+    @property
+    def interval_rad(self) -> tuple[float, float]:
+        """Bearings of its right and its left end; the left one is the greater, by less than a turn."""
+        half = math.atan2(self.width_m / 2, self.range_m)
+        return self.bearing_rad - half, self.bearing_rad + half
+
 
 # what `Obstacle._make` does, without a call of Python for each
 _made = cast("Callable[[list[float]], Obstacle]", partial(tuple.__new__, Obstacle))
 
 
+class ObstacleFinder:
+    """Finds what stands on a field's floor and is no part of the field, one obstacle for each thing.
+
+    A thing hides the floor behind it, is at least half a robot wide, and stands out before what is behind it on at
+    least one side: its feet are nearer than the next ones by half a robot's radius, or these are the field's own. Where
+    a pose is known, feet on the field's walls, boards, goals and beacons, and beyond where its floor is sure to reach,
+    are the field's own. Where none is known, a floor that ends gradually farther away ends at a wall or a carpet's end.
+    Things are left out where the error of a range, a step of the samples, is larger than a robot.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    """
+
+    def __init__(self, field: Field) -> None:
+        self._radius_m = field.robot_radius_m
+        panels = [goal.panels for goal in field.goals if goal.kind == "panels"]
+        posts = [
+            (goal.line_x_m, side * goal.width_m / 2, goal.post_radius_m)
+            for goal in field.goals
+            if goal.kind == "posts"
+            for side in (-1, 1)
+        ]
+        posts += [(beacon.x_m, beacon.y_m, beacon.radius_m) for beacon in field.beacons]
+        nets = [
+            (goal.side, abs(goal.line_x_m), abs(goal.back_x_m), goal.width_m / 2)
+            for goal in field.goals
+            if goal.net is not None
+        ]
+        self._feet = FieldFeet(
+            np.array(field.floor_polygon, dtype=np.float64),
+            np.vstack([*panels, np.empty((0, 4))]),
+            np.array(posts, dtype=np.float64).reshape(-1, 3),
+            np.array(nets, dtype=np.float64).reshape(-1, 4),
+        )
+
+    def find(
+        self, view: PolarView | FloorView, marks: UInt8Array, pose: PoseEstimate | NotLocated
+    ) -> tuple[Obstacle, ...]:
+        """Return the obstacles, the nearest first.
+
+        Parameters
+        ----------
+        view : PolarView or FloorView
+            Where the samples lie.
+        marks : (K, M) uint8
+            What they show: 0 blocked, else floor, line or ball.
+        pose : PoseEstimate or NotLocated
+            The robot on the field.
+        """
+        eye_m, used, step_rad = float(view.camera.viewpoint_m[2]), view.columns_in_use, view.row_step_rad
+        columns = np.empty(view.bearings, dtype=np.int64)
+        blocked_feet(marks, view.shown, view.range_m, BODY_COLUMNS, used, eye_m, self._radius_m, columns)
+        drop_narrow(columns, view.range_m, used, _NARROW_RATIO * self._radius_m, step_rad, view.is_ring)
+        places = view.floor_at(columns)
+        robot, covariance = (0.0, 0.0, 0.0), _NO_POSE
+        if isinstance(pose, PoseEstimate):
+            robot, covariance = (pose.pose.x_m, pose.pose.y_m, pose.pose.theta_rad), pose.covariance
+        # rows that see nothing follow those in view of a camera that looks ahead
+        seen = view.bearings if isinstance(view, PolarView) else view.seen_bearings
+        found = np.empty((seen, 5))
+        count = find_things(
+            columns[:seen],
+            places[:seen],
+            view.range_m,
+            used,
+            self._radius_m,
+            step_rad,
+            view.is_ring,
+            view.camera.offset_m,
+            robot,
+            covariance,
+            self._feet,
+            found,
+        )
+        return tuple(map(_made, found[:count].tolist()))
+
+
 def join_places(
     places_m: FloatArray, seen: npt.NDArray[np.bool_], gap_m: float, step_rad: float
 ) -> tuple[Obstacle, ...]:
-    """Join neighbouring bearings whose blocked places lie close together.
+    """Join neighbouring bearings whose places lie close together.
 
     Parameters
     ----------
     places_m : (K, 2) float64
-        What blocks each bearing, robot frame.
+        What is met on each bearing, robot frame.
     seen : (K,) bool
-        Bearings that are blocked by what is no wall.
+        Bearings on which anything is.
     gap_m : float
         Neighbours farther apart than this are different things, beyond what their bearings' spacing explains.
     step_rad : float

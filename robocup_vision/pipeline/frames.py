@@ -27,6 +27,7 @@ from robocup_vision.perception.color_memory import ColorMemory
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.perception.obstacles import ObstacleFinder
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.pipeline.channel_order import ChannelOrder
 
@@ -123,6 +124,7 @@ class FramePipeline:
         self._size_px = size_px
         self._has_warned = False
         self._channel_order = ChannelOrder(field)
+        self._obstacle_finder = ObstacleFinder(field)
         width, height = size_px
         mask = options.mask
         if mask is not None:

@@ -201,8 +201,9 @@ class PinholePipeline(FramePipeline):
             floor.grid,
             t_s,
             measurement=self._measurement_as_told(answer.measurement),
-            warnings=self._warnings(told),
             edge_points=answer.edge_points,
+            obstacle_finder=self._obstacle_finder,
+            warnings=self._warnings(told),
         )
 
     def _judge_channels(

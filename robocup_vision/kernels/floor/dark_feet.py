@@ -1,4 +1,4 @@
-"""Compiled loops that find the foot of dark things among blurred floor samples.
+"""Compiled loops that find the foot and the sides of dark things among blurred floor samples.
 
 A sample that shows part floor and part black has the floor's colour: black adds nothing to it. By colour alone, the
 floor goes on until hardly any of it is left in a sample, so that black boards stand too far away. The foot lies where
@@ -74,6 +74,40 @@ def block_dark_feet(samples: UInt8Array, valid: UInt8Array, columns_in_use: int,
                 while at > first and row[at] == FLOOR and 2 * _brightness(samples, k, at) < floor + behind:
                     row[at] = BLOCKED
                     at -= 1
+
+
+@compiled
+def block_dark_sides(samples: UInt8Array, valid: UInt8Array, columns_in_use: int, marks: UInt8Array) -> None:
+    """Block the floor samples beside something blocked, in a ring, that show less than half floor.
+
+    Of a dark thing that is only a few bearings wide all but the middle has the floor's colour.
+
+    Parameters
+    ----------
+    samples, valid, columns_in_use, marks
+        As those of `block_dark_feet`; the last bearing is next to the first.
+    """
+    rows = len(marks)
+    to_block = np.zeros(marks.shape, np.bool_)
+    for k in range(rows):
+        for way in (-1, 1):
+            beside = marks[(k + way) % rows]
+            for m in range(columns_in_use):
+                if (marks[k, m] != BLOCKED) | (beside[m] != FLOOR) or not valid[k, m]:
+                    continue
+                behind, floor = _brightness(samples, k, m), 0
+                for step in range(1, SPREAD + 1):
+                    floor = max(floor, _brightness(samples, (k + way * step) % rows, m))
+                if behind >= floor:
+                    continue
+                for step in range(1, SPREAD + 1):
+                    at = (k + way * step) % rows
+                    if marks[at, m] != FLOOR or 2 * _brightness(samples, at, m) >= floor + behind:
+                        break
+                    to_block[at, m] = True
+    for k in range(rows):
+        for m in range(columns_in_use):
+            marks[k, m] = BLOCKED if to_block[k, m] else marks[k, m]
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Compiled loops over marked floor: how much of each cell is free, and where bearings end."""
+"""Compiled loops over marked floor: how much of each cell is free."""
 
 from __future__ import annotations
 
@@ -17,9 +17,6 @@ from robocup_vision.arrays import (
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.bits import NO_BITS, ONE, eight_equal, lowest
 from robocup_vision.kernels.floor.free_floor import BLOCKED
-
-# in each byte of a word of eight marks its lowest and its highest bit
-EACH_BYTE, HIGH_BITS = np.uint64(0x0101010101010101), np.uint64(0x8080808080808080)
 
 
 class FreeCells(NamedTuple):
@@ -110,41 +107,3 @@ def sum_near(llr: Int8Array, columns: int) -> int:
         for m in range(columns):
             total += llr[k, m]
     return total
-
-
-@compiled(inline="always")
-def _has_blocked(eight: np.uint64) -> bool:
-    """Whether any of eight marks is BLOCKED, 0: the first such byte borrows from the bit above it."""
-    return bool((eight - EACH_BYTE) & ~eight & HIGH_BITS)
-
-
-@compiled
-def first_blocked(
-    passable_mask: UInt8Array, valid: UInt8Array, first_column: int, columns_in_use: int, run: int, out: Int64Array
-) -> None:
-    """Find the first of `run` blocked samples in a row on each bearing, from `first_column` on.
-
-    Writes out (K,) int64: its column; `columns_in_use` where nothing blocks.
-    """
-    rows, columns = passable_mask.shape
-    flat, count = passable_mask.reshape(-1), rows * columns
-    eights = flat[: count - count % 8].view(np.uint64)
-    for k in range(rows):
-        out[k] = columns_in_use
-        blocked = 0
-        m = first_column
-        while m < columns_in_use:
-            at = k * columns + m
-            # most of a row is floor: eight samples at once
-            if blocked == 0 and at % 8 == 0 and m + 8 <= columns_in_use and not _has_blocked(eights[at // 8]):
-                m += 8
-                continue
-            if valid[k, m]:
-                blocked = 0 if passable_mask[k, m] else blocked + 1
-                if blocked == run:
-                    first = m
-                    while first > first_column and not passable_mask[k, first - 1] and valid[k, first - 1]:
-                        first -= 1
-                    out[k] = first
-                    break
-            m += 1

@@ -7,43 +7,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.loops import compiled, variable
 
 BoolArray = npt.NDArray[np.bool_]
-
-
-@compiled(error_model="numpy")
-def stands_free(
-    column: Int64Array,
-    radius_px: FloatArray,
-    wall_px: FloatArray,
-    margin_px: float,
-    places_m: FloatArray,
-    out: BoolArray,
-) -> None:
-    """Tell of each bearing whether what blocks it stands on the floor and is no wall that the pose predicts.
-
-    Parameters
-    ----------
-    column : (K,) int64
-        First blocked column; M where none.
-    radius_px : (M,) float64
-        Of the columns.
-    wall_px : (K,) float64
-        Of the wall; NaN where none is predicted.
-    margin_px : float
-        What blocks is the wall from so far before it on.
-    places_m : (K, 2) float64
-        What blocks; NaN where that is no place on the floor.
-    out : (K,) bool
-        Filled.
-    """
-    columns = radius_px.shape[0]
-    for k in range(column.shape[0]):
-        out[k] = False
-        if column[k] < columns and math.isfinite(places_m[k, 0]) and math.isfinite(places_m[k, 1]):
-            out[k] = not radius_px[column[k]] - wall_px[k] > -margin_px
 
 
 @compiled(error_model="numpy", inline="always")

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.floor.free_ranges import FreeCells, first_blocked, measure_ranges, sum_near
+from robocup_vision.kernels.floor.free_ranges import FreeCells, measure_ranges, sum_near
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -38,23 +38,3 @@ def test_ranges_are_those_of_numpy(seed, is_ring, columns):
 def test_the_nearest_columns_are_summed():
     llr = np.random.default_rng(0).integers(-128, 128, (30, 20)).astype(np.int8)
     assert sum_near(llr, 7) == llr[:, :7].sum(dtype=int)
-
-
-@settings(deadline=None, max_examples=60)
-@given(seeds, st.integers(0, 3), st.integers(1, 4))
-def test_first_blocked_agrees_with_its_twin(seed, first, run):
-    rng = np.random.default_rng(seed)
-    mask = (rng.random((15, 20)) < 0.6).astype(np.uint8)
-    valid = (rng.random((15, 20)) < 0.9).astype(np.uint8)
-    in_use = int(rng.integers(first, 21))
-    out = np.empty(15, dtype=np.int64)
-    first_blocked(mask, valid, first, in_use, run, out)
-    for k in range(15):
-        looked_at = [m for m in range(first, in_use) if valid[k, m]]
-        ends = [i for i in range(run - 1, len(looked_at)) if not mask[k, looked_at[i - run + 1 : i + 1]].any()]
-        expected = in_use
-        if ends:
-            expected = looked_at[ends[0]]
-            while expected > first and valid[k, expected - 1] and not mask[k, expected - 1]:
-                expected -= 1
-        assert out[k] == expected

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from robocup_vision.kernels.floor.stretches import join_bearings, stands_free
+from robocup_vision.kernels.floor.stretches import join_bearings
 
 GAP_M, COUNT = 0.05, 60
 
@@ -48,20 +48,3 @@ def test_bearings_are_joined_as_plainly(seed):
 
 def test_open_floor_shows_nothing():
     assert join_bearings(np.zeros((COUNT, 2)), np.zeros(COUNT, dtype=bool), GAP_M, 0.1, np.empty((COUNT, 5))) == 0
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_what_stands_free_is_told_as_plainly(seed):
-    rng = np.random.default_rng(seed)
-    radius_px = np.arange(30) * 1.5
-    column = rng.integers(0, 31, COUNT)
-    wall_px = np.where(rng.random(COUNT) < 0.7, rng.uniform(0, 45, COUNT), np.nan)
-    places = np.where(rng.random((COUNT, 2)) < 0.9, rng.uniform(-1, 1, (COUNT, 2)), np.nan)
-    out = np.empty(COUNT, dtype=bool)
-    stands_free(column, radius_px, wall_px, 4.5, places, out)
-    expected = [
-        c < 30 and bool(np.isfinite(place).all()) and (math.isnan(wall) or radius_px[c] <= wall - 4.5)
-        for c, wall, place in zip(column, wall_px, places, strict=True)
-    ]
-    np.testing.assert_array_equal(out, expected)
-    assert 0 < out.sum() < COUNT
