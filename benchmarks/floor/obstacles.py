@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -23,15 +23,15 @@ from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.scores.obstacle_score import CAUSES, Listed, judge
-from benchmarks.worlds.standing_robots import forward_camera, mirror_camera, standing_frames
-from field_models import field_names, load_field
+from benchmarks.worlds.standing_robots import Camera, forward_camera, mirror_camera, standing_frames
+from field_models import Field, field_names, load_field
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.vision import Vision
 
 START_STD = np.array([0.05, 0.05, math.radians(3.0)])
 MIN_WITHIN_ONE = 0.90
-CAMERAS = {"forward": forward_camera, "mirror": mirror_camera}
+CAMERAS: dict[str, Callable[[Field], Camera]] = {"forward": forward_camera, "mirror": mirror_camera}
 LOOKS = ("alone", "near a pose")
 
 

@@ -193,9 +193,9 @@ def seen_robots(scene: Scene, camera: Camera, pose: Pose2) -> tuple[SeenRobot, .
         in_view &= ~_hidden(others, foot, bearing + turn, near_m, height_m)
         if not in_view.any():
             continue
-        place = pose.inverse().transform((robot.x_m, robot.y_m)).tolist()
+        ahead_m, left_m = pose.inverse().transform((robot.x_m, robot.y_m)).tolist()
         error_m = pixel_on_floor_m(camera, bearing, max(away_m - radius_m, 1e-3))
-        found.append(SeenRobot(*place, radius_m, float(in_view.mean()), error_m))
+        found.append(SeenRobot(ahead_m, left_m, radius_m, float(in_view.mean()), error_m))
     return tuple(found)
 
 
@@ -210,7 +210,8 @@ def _hidden(
     """Return which places on the floor are hidden: before where the line of sight over a thing meets the floor."""
     hidden = np.zeros(len(bearing_rad), dtype=bool)
     bare = replace(scene, robots=())
-    for top_m in sorted({thing.height_m for thing in (*scene.walls(), *scene.posts())}):
+    heights_m = {wall.height_m for wall in scene.walls()} | {post.height_m for post in scene.posts()}
+    for top_m in sorted(heights_m):
         near_m = bare.free_range_m(foot, bearing_rad, above_m=top_m - 1e-6)
         hidden |= (near_m < range_m) & (near_m * _reach(top_m, height_m) > range_m)
     for robot in scene.robots:
