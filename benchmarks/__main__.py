@@ -22,7 +22,8 @@ from benchmarks.harness.figures import FOLDER, QUICK_FOLDER, FigureError, read_f
 from benchmarks.harness.markdown import render_page
 from benchmarks.harness.programs import ROOT, program_names, run_program
 
-PAGES = ("README.md", "benchmarks/README.md")
+PAPERS = ("sekimori", "yako", "ogawa", "miura")
+PAGES = ("README.md", "benchmarks/README.md", *(f"docs/papers/{name}.md" for name in PAPERS))
 Run = Callable[[str, Sequence[str]], "tuple[int, str]"]
 
 

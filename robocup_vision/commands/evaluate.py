@@ -35,7 +35,9 @@ def add_parser(subparsers: Any) -> None:
     evaluate.add_argument("--camera", metavar="C", help="camera file (needed without a dataset.toml)")
     evaluate.add_argument("--colors", metavar="K", help="colour file (default: learnt from the images)")
     evaluate.add_argument(
-        "--method", metavar="M", help="field, floor, edges, goal, landmarks or hull (default: by camera)"
+        "--method",
+        metavar="M",
+        help="field, floor, edges, goal, landmarks; published ones: hull, angles (default: by camera)",
     )
     evaluate.add_argument("--map", metavar="MAP", help="landmark map (.npz), for method landmarks")
     evaluate.add_argument("--image-topic", metavar="T", help="topic of the images of a bag that has several")

@@ -30,7 +30,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--field", metavar="F", help="built-in field or field file (needed where the source does not say)")
     add("--camera", metavar="C", help="camera file")
     add("--colors", metavar="K", help="colour file (default: learnt from the frames)")
-    add("--method", metavar="M", help="floor, hull, field, edges or goal (default: by camera)")
+    add("--method", metavar="M", help="field, floor, edges, goal; published ones: hull, angles (default: by camera)")
     add("--memory", action="store_true", help="join the frames: pose filter, tracks and map")
     add("--record", metavar="FILE", help="record to this file (.mcap) from the first frame on")
     add("--force", action="store_true", help="with --record: replace the file where there is one")

@@ -21,7 +21,7 @@ from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
 from robocup_vision.perception.polar_view import PolarView
 
 MIRROR, PINHOLE = "mirror", "pinhole"
-_HULL = "robocup_vision.localization.baselines.hull_localizer"
+_BASELINES = "robocup_vision.localization.baselines"
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +78,7 @@ METHODS = (
     Method("goal", PINHOLE, "goals of posts and a bar"),
     Method("field", PINHOLE, "white lines", needs_tilt=True),
     Method("floor", PINHOLE, "walls or boards that bound the floor, and a prior", needs_tilt=True, needs_samples=True),
+    Method("angles", PINHOLE, "goals of posts and a bar, in colours of a hue", is_baseline=True),
     Method("landmarks", PINHOLE, "a map of landmarks", needs_tilt=True, needs_map=True),
 )
 
@@ -125,14 +126,15 @@ def make_mirror_localizer(
         If the method does not fit the field.
     """
     if method.is_baseline:
-        make = cast("Callable[..., Localizer]", importlib.import_module(_HULL).HullLocalizer)
-        return make(field, camera, view, mask)
+        return _baseline("hull_localizer.HullLocalizer")(field, camera, view, mask)
     assert not isinstance(camera, PinholeCamera)
     return MirrorLocalizer(field, camera, view, mask, use_lines=method.name == "field")
 
 
 def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera, mask: UInt8Array | None) -> Localizer:
     """Make the localiser of a pinhole camera; raises as `make_mirror_localizer` does."""
+    if method.is_baseline:
+        return _baseline("angles_localizer.AnglesLocalizer")(field, camera)
     makers: dict[str, Callable[..., Localizer]] = {
         "edges": EdgeLocalizer,
         "goal": GoalLocalizer,
@@ -140,6 +142,11 @@ def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera, 
         "floor": WallLocalizer,
     }
     return makers[method.name](field, camera, mask)
+
+
+def _baseline(name: str) -> Callable[..., Localizer]:
+    module, _, maker = name.partition(".")
+    return cast("Callable[..., Localizer]", getattr(importlib.import_module(f"{_BASELINES}.{module}"), maker))
 
 
 def calibrated_localizer(

@@ -151,8 +151,8 @@ def test_an_unreadable_image_is_one_line_and_status_2(
         ),
         (
             ["evaluate", "drive", "--field", "ssl_2001", "--camera", "camera.toml", "--method", "egdes"],
-            "robocup-vision evaluate: method must be one of field, floor, hull, edges, goal, landmarks, got 'egdes'; "
-            "did you mean 'edges'?",
+            "robocup-vision evaluate: method must be one of field, floor, hull, edges, goal, angles, landmarks, "
+            "got 'egdes'; did you mean 'edges'?",
         ),
         (
             ["evaluate", ".", "--field", "ssl_2001", "--camera", "camera.toml"],

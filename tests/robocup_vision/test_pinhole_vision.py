@@ -299,7 +299,7 @@ def test_a_camera_that_looks_up_reports_no_floor(field, camera):
 
 
 def test_what_does_not_fit_is_refused(field, camera):
-    with pytest.raises(ArgumentError, match="'edges', 'goal', 'field' or 'floor' for a pinhole camera, got 'hull'"):
+    with pytest.raises(ArgumentError, match="'field', 'floor' or 'angles' for a pinhole camera, got 'hull'"):
         Vision(field, camera, method="hull")
     with pytest.raises(ArgumentError, match="tilt_rad"):
         Vision(field, camera.with_orientation(None, None, None), method="field")

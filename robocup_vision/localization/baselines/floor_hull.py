@@ -1,8 +1,8 @@
 """Pose from the convex hull of the whole floor mask: Sekimori et al. 2001, section 4, as printed.
 
 The published reference that `localization.floor` is compared with. Corrected errata: the two headings of eq. 23 are
--psi' and pi - psi', and eqs. 20-21 turn by psi'. The paper leaves open, and this file chooses: blur, erosions and
-dilations of Step 1, the use of points at the end of the view, and the covariance.
+-psi' and pi - psi', and eqs. 20-21 turn by psi'. The paper leaves open, and this file chooses: how many erosions and
+dilations Step 1 has, the use of points at the end of the view, when a fit is refused, and the covariance.
 """
 
 from __future__ import annotations
@@ -152,13 +152,12 @@ class HullFitter:
     def floor_mask(self, frame: UInt8Array, colors: ColorTable) -> UInt8Array:
         """Step 1: floor (H, W) uint8, 1 or 0, of a frame (H, W, 3), freed of specks, joined across painted lines."""
         usable = self._view[0]
-        reach = round(self._unit_px)
-        smooth: UInt8Array = np.asarray(cv2.blur(frame, (2 * reach + 1, 2 * reach + 1)), dtype=np.uint8)
-        floor = (colors.floor_llr[colors.pack(smooth)] > 0).astype(np.uint8) & usable
-        floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_CLOSE, _disc(2 * reach)), dtype=np.uint8)
-        floor = np.asarray(cv2.morphologyEx(floor, cv2.MORPH_OPEN, _disc(reach)), dtype=np.uint8)
-        # the blur mixes the wall into the outermost floor, which is lost by it: add it again
-        floor = np.asarray(cv2.dilate(floor, _disc(reach)), dtype=np.uint8)
+        disc = _disc(round(self._unit_px))
+        floor = (colors.floor_llr[colors.pack(frame)] > 0).astype(np.uint8) & usable
+        for operation in (cv2.MORPH_CLOSE, cv2.MORPH_OPEN):
+            floor = np.asarray(cv2.morphologyEx(floor, operation, disc), dtype=np.uint8)
+        # the outermost pixel shows wall as well, and counts as wall
+        floor = np.asarray(cv2.dilate(floor, _disc(1)), dtype=np.uint8)
         return _without_specks(floor & usable, self.settings.min_piece_ratio)
 
     def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:

@@ -1,8 +1,10 @@
 """Yako et al.'s method as printed: colour region, axes by regression, three angles, a table of angles over the field.
 
-The published reference to compare the direct fit with; no production module imports it. Its thresholds are automatic
-(the paper tuned them to each picture's truth and names their automation as future work): the tightest ones that still
-leave a common region, doubled.
+The published reference that the direct fit is compared with. The paper leaves open, and this file chooses: the bounds
+of hue and brightness, which are those of `perception.goal_color`; the picture instead of the region as what the
+bilateral filter smooths, for it leaves a region of two values as it is; the rows and columns that enter a regression;
+and the thresholds of the common region, which the paper tuned to each picture's truth: here the tightest ones that
+still leave a common region, doubled. Tilt, roll and covariance are not the paper's.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
+from skimage.measure import label, regionprops
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
@@ -25,6 +28,13 @@ from robocup_vision.perception.goal_color import hue_families, hue_masks
 
 GRID_M = 0.01  # paper, section 3.3 (1)
 _LOOSENING = 2.0
+_MIN_SIZE_PX = 8
+# least rows of a post, and columns of the bar, that make a line
+_MIN_ROWS, _MIN_COLUMNS = 6, 4
+# a run this much wider or narrower than the median one is cut, or has another member running into it
+_MAX_WIDTH_CHANGE = 0.15
+# the columns nearest to the posts, of the goal's width in the picture, show the joints
+_JOINT_WIDTH = 0.12
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,54 +133,79 @@ def position_from_angles(shape: GoalShape, angles: GoalAngles) -> tuple[float, f
 
 def goal_region(mask: UInt8Array) -> UInt8Array | None:
     """Largest connected region of a mask with its holes filled (section 3.2, 1 and 2), or None if there is none."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    if count < 2:
+    largest = max(regionprops(label(mask > 0)), key=lambda region: region.area, default=None)
+    if largest is None:
         return None
-    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    region = np.asarray(labels == largest, dtype=np.uint8)
-    return np.asarray(cv2.morphologyEx(region, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) * 255, dtype=np.uint8)
+    region = np.zeros(mask.shape, dtype=np.uint8)
+    region[largest.slice] = largest.image_filled
+    return region
 
 
 def axes_by_regression(region: UInt8Array) -> GoalAxes | None:
     """Middle axes of posts and bar by regression (section 3.2, 3), or None where the region has not that shape.
 
-    Rows with two runs are posts, columns between the posts with one run are the bar.
+    Rows with two runs are posts, columns between the posts with one run are the bar. A slanted bar runs into a post for
+    some rows, and a post into the bar: those rows and columns, whose runs are wider than the rest, are left out.
     """
-    rows = np.flatnonzero(region.any(axis=1))
-    columns = np.flatnonzero(region.any(axis=0))
-    if len(rows) < 8 or len(columns) < 8:
+    rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
+    if len(rows) < _MIN_SIZE_PX or len(columns) < _MIN_SIZE_PX:
         return None
     middle = (columns[0] + columns[-1]) / 2
-    left, right = [], []
-    for v in rows:
-        run = np.flatnonzero(region[v])
-        gaps = np.flatnonzero(np.diff(run) > 1)
-        if len(gaps) == 1:
-            first, second = run[: gaps[0] + 1], run[gaps[0] + 1 :]
-            if first[-1] < middle < second[0]:
-                left.append((float(v), float(first.mean())))
-                right.append((float(v), float(second.mean())))
-    if len(left) < 6:
+    crossings = [(v, run) for v in rows if len(run := _runs(region[v])) == 2 and run[0, 1] < middle < run[1, 0]]
+    posts = [_regular([(v, *run[side]) for v, run in crossings]) for side in (0, 1)]
+    if min(len(post) for post in posts) < _MIN_ROWS:
         return None
-    inner = (max(u for _, u in left), min(u for _, u in right))
-    margin = 0.12 * (inner[1] - inner[0])
-    bar = []
-    for u in range(math.ceil(inner[0] + margin), math.floor(inner[1] - margin) + 1):
-        run = np.flatnonzero(region[:, u])
-        if len(run):
-            bar.append((float(u), float(run.mean())))
-    if len(bar) < 4:
+    first, last = posts[0][:, 1].max(), posts[1][:, 1].min()
+    joint = _JOINT_WIDTH * (last - first)
+    between = range(math.ceil(first + joint), math.floor(last - joint) + 1)
+    bar = _regular([(u, *run[0]) for u in between if len(run := _runs(region[:, u])) == 1])
+    if len(bar) < _MIN_COLUMNS:
         return None
+    return GoalAxes(_regress(posts[0]), _regress(posts[1]), _regress(bar))
 
-    def regress(points: list[tuple[float, float]]) -> tuple[float, float]:
-        lean, at = np.polyfit([p[0] for p in points], [p[1] for p in points], 1)
-        return float(at), float(lean)
 
-    return GoalAxes(regress(left), regress(right), regress(bar))
+def _runs(line: UInt8Array) -> npt.NDArray[np.int64]:
+    """Find the first and last pixel (N, 2) of each run of a row or column of a region."""
+    ends = np.flatnonzero(np.diff(line > 0, prepend=False, append=False)).reshape(-1, 2)
+    return np.asarray(ends - (0, 1), dtype=np.int64)
+
+
+def _regular(runs: list[tuple[int, int, int]]) -> FloatArray:
+    """Place and middle (M, 2) of those runs, given by place, first and last pixel, that are about as wide as most."""
+    place, first, last = np.array(runs, dtype=np.float64).reshape(-1, 3).T
+    width = last - first + 1
+    usual = float(np.median(width)) if len(width) else 0.0
+    kept = np.abs(width - usual) <= max(_MAX_WIDTH_CHANGE * usual, 0.5)
+    return np.column_stack([place[kept], (first + last)[kept] / 2])
+
+
+def _regress(points: FloatArray) -> tuple[float, float]:
+    lean, at = np.polyfit(points[:, 0], points[:, 1], 1)
+    return float(at), float(lean)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalSighting:
+    """A camera placed by a goal's angles.
+
+    Parameters
+    ----------
+    estimate : PoseEstimate
+        The camera's foot on the floor and the heading of its optical axis.
+    tilt_rad, roll_rad : float
+        How it is held, by the direction in which both posts rise.
+    """
+
+    estimate: PoseEstimate
+    tilt_rad: float
+    roll_rad: float
 
 
 class GoalAnglesEstimator:
-    """Locates a camera by a goal of a hue, as the paper does; the goal with the larger region is the one in view.
+    """Locates a camera by a goal of a hue, as the paper does.
+
+    The paper knows the goal's colour. Of a field's goals of several hues the one in view is that with the largest
+    region which has the shape of two posts and a bar.
 
     Parameters
     ----------
@@ -188,96 +223,77 @@ class GoalAnglesEstimator:
     """
 
     def __init__(self, field: Field, camera: PinholeCamera, *, closed_form: bool = False) -> None:
+        self._shape = goal_shape(field)
         self._families = hue_families(field)
-        shape = goal_shape(field)
         if not self._families:
-            raise ArgumentError(f"Yako's method finds goals by their hue, but those of '{field.name}' are white")
-        self._field, self._closed_form = field, closed_form
-        self._mask_estimator = GoalMaskEstimator(shape, camera, np.abs(field.floor_polygon).max(axis=0))
-
-    def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
-        """Locate the camera by one frame (H, W, 3) uint8 BGR; the method takes no prior, which is ignored."""
-        smooth = np.asarray(cv2.bilateralFilter(frame, 5, 30, 3), np.uint8)
-        masks = hue_masks(smooth, self._families)
-        color = max(masks, key=lambda name: int(cv2.countNonZero(masks[name])))
-        estimate = self._mask_estimator.locate(masks[color], closed_form=self._closed_form)
-        at_positive = any(goal.side > 0 for goal in self._field.goals if goal.color == color)
-        return estimate if isinstance(estimate, NotLocated) or at_positive else estimate.half_turn()
-
-
-class GoalMaskEstimator:
-    """Locates a camera from a mask of goal paint by the paper's angles.
-
-    Parameters
-    ----------
-    shape : GoalShape
-        The goal at +x.
-    camera : PinholeCamera
-        Only its optics and height count.
-    extent_m : (2,) float64
-        Half length and half width of the floor on which candidates are looked for.
-    """
-
-    def __init__(self, shape: GoalShape, camera: PinholeCamera, extent_m: FloatArray) -> None:
-        self.shape = shape
-        self.camera = camera
-        x = np.arange(-extent_m[0], shape.line_x_m - 0.05, GRID_M)
-        y = np.arange(-extent_m[1], extent_m[1] + GRID_M / 2, GRID_M)
+            raise ArgumentError(f"method 'angles' finds goals by their hue, but those of '{field.name}' are white")
+        self._field, self._camera, self._closed_form = field, camera, closed_form
+        half_length_m, half_width_m = np.abs(field.floor_polygon).max(axis=0)
+        x = np.arange(-half_length_m, self._shape.line_x_m - 0.05, GRID_M)
+        y = np.arange(-half_width_m, half_width_m + GRID_M / 2, GRID_M)
         self._x, self._y = np.meshgrid(x, y)
-        self._table = theoretical_angles(shape, self._x, self._y, camera.height_m).astype(np.float32)
+        self._table = theoretical_angles(self._shape, self._x, self._y, camera.height_m).astype(np.float32)
 
-    def angles(self, axes: GoalAxes) -> tuple[GoalAngles, FloatArray, FloatArray]:
-        """Compute the three angles of measured axes, and the planes' normals R and L in the camera frame."""
-        ray = self.camera.pixel_to_camera_ray(axes.pixels(self.camera.size_px[1]))
+    def locate(self, frame: UInt8Array) -> PoseEstimate | NotLocated:
+        """Locate the camera by one frame (H, W, 3) uint8 BGR; the method takes no prior."""
+        found = self.sight(frame)
+        return found if isinstance(found, NotLocated) else found.estimate
+
+    def sight(self, frame: UInt8Array) -> GoalSighting | NotLocated:
+        """Locate the camera as `locate` does, and tell how it is held."""
+        masks = hue_masks(np.asarray(cv2.bilateralFilter(frame, 5, 30, 3), np.uint8), self._families)
+        regions = [(color, region) for color, mask in masks.items() if (region := goal_region(mask)) is not None]
+        for color, region in sorted(regions, key=lambda item: -np.count_nonzero(item[1])):
+            axes = axes_by_regression(region)
+            if axes is not None:
+                return self._place(axes, [goal.side for goal in self._field.goals if goal.color == color])
+        return NotLocated("no region of a goal's hue has the shape of two posts and a bar")
+
+    def _place(self, axes: GoalAxes, sides: list[int]) -> GoalSighting | NotLocated:
+        """Place the camera before a goal of a field; of two alike it may be either."""
+        ray = self._camera.pixel_to_camera_ray(axes.pixels(self._camera.size_px[1]))
         left, right, bar = (np.cross(ray[k], ray[k + 1]) for k in (0, 2, 4))
-        gamma, phi_right, phi_left = (float(a) for a in angles_between(right, left, bar))
-        return GoalAngles(gamma, phi_right, phi_left), right, left
-
-    def locate(self, mask: UInt8Array, *, closed_form: bool = False) -> PoseEstimate | NotLocated:
-        """Locate the camera from a mask of goal paint of the camera's size.
-
-        Parameters
-        ----------
-        mask : (H, W) uint8
-            Non-zero on paint.
-        closed_form : bool
-            Take the position from `position_from_angles` instead of the table's common region.
-        """
-        region = goal_region(mask)
-        axes = None if region is None else axes_by_regression(region)
-        if axes is None:
-            return NotLocated("the goal's region has not the shape of two posts and a bar")
-        angles, right, left = self.angles(axes)
-        if closed_form:
-            position = position_from_angles(self.shape, angles)
-            if position is None:
-                return NotLocated("no point in front of the goal sees these angles")
-            x, y = position
-            spread = np.diag([0.1**2, 0.1**2])
-        else:
-            seen = np.array([angles.gamma, angles.phi_right, angles.phi_left], dtype=np.float32)
-            worst = np.abs(self._table - seen).max(axis=-1)
-            inside = worst <= max(_LOOSENING * float(worst.min()), 1e-4)
-            x, y = float(self._x[inside].mean()), float(self._y[inside].mean())
-            spread = np.cov(np.stack([self._x[inside], self._y[inside]])) if inside.sum() > 2 else np.zeros((2, 2))
-            spread = spread + np.eye(2) * GRID_M**2
-        heading = self._heading(x, y, right, left)
-        distance = math.hypot(self.shape.line_x_m - x, y)
+        angles = GoalAngles(*angles_between(right, left, bar).tolist())
+        located = self._by_closed_form(angles) if self._closed_form else self._by_table(angles)
+        if isinstance(located, NotLocated):
+            return located
+        x, y, spread = located
+        up = np.cross(left, right)
+        up = up / np.copysign(np.linalg.norm(up), up[2])
+        distance = math.hypot(self._shape.line_x_m - x, y)
         covariance = np.zeros((3, 3))
         covariance[:2, :2] = spread
         covariance[2, 2] = float(np.trace(spread)) / max(distance, 0.1) ** 2
-        return PoseEstimate(Pose2(x, y, heading), covariance, 1.0, 0.0)
+        pose = Pose2(x, y, self._heading(x, y, right, left, up))
+        candidates = (pose, pose.half_turn()) if len(sides) > 1 else (pose,)
+        estimate = PoseEstimate(pose, covariance, 1.0, 0.0, candidates)
+        if sides == [-1]:
+            estimate = estimate.half_turn()
+        # `up` is the last row of the rotation from the camera to the robot
+        return GoalSighting(estimate, math.asin(min(max(up[0], -1.0), 1.0)), math.atan2(up[1], up[2]))
 
-    def _heading(self, x: float, y: float, right: FloatArray, left: FloatArray) -> float:
+    def _by_closed_form(self, angles: GoalAngles) -> tuple[float, float, FloatArray] | NotLocated:
+        position = position_from_angles(self._shape, angles)
+        if position is None:
+            return NotLocated("no point in front of the goal sees these angles")
+        return *position, np.diag([0.1**2, 0.1**2])
+
+    def _by_table(self, angles: GoalAngles) -> tuple[float, float, FloatArray]:
+        """Centre of the common region, and how it is spread (section 3.3, 2 and 3; eqs. 7-9)."""
+        seen = np.array([angles.gamma, angles.phi_right, angles.phi_left], dtype=np.float32)
+        worst = np.abs(self._table - seen).max(axis=-1)
+        inside = worst <= max(_LOOSENING * float(worst.min()), 1e-4)
+        x, y = self._x[inside], self._y[inside]
+        spread = np.cov(np.stack([x, y])) if len(x) > 2 else np.zeros((2, 2))
+        return float(x.mean()), float(y.mean()), spread + np.eye(2) * GRID_M**2
+
+    def _heading(self, x: float, y: float, right: FloatArray, left: FloatArray, up: FloatArray) -> float:
         """Heading of the optical axis: both posts' planes meet in the vertical, from which bearings are counted."""
-        up = np.cross(left, right)
-        up = up / np.linalg.norm(up)
-        up = up if up[2] > 0 else -up
         axis = np.array([1.0, 0.0, 0.0]) - up[0] * up
         headings = []
-        for normal, post_y in ((left, self.shape.post_y_m[0]), (right, self.shape.post_y_m[1])):
+        for normal, post_y in ((left, self._shape.post_y_m[0]), (right, self._shape.post_y_m[1])):
             towards = np.cross(up, normal)
             towards = towards if towards[0] > 0 else -towards
             seen = math.atan2(float(np.cross(axis, towards) @ up), float(axis @ towards))
-            headings.append(math.atan2(post_y - y, self.shape.line_x_m - x) - seen)
+            headings.append(math.atan2(post_y - y, self._shape.line_x_m - x) - seen)
         return math.atan2(sum(math.sin(h) for h in headings), sum(math.cos(h) for h in headings))

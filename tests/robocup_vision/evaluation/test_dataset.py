@@ -254,7 +254,7 @@ def test_wrong_frames(folder: Path, old: str, new: str, problem: str) -> None:
         (
             "format = 1",
             'format = 1\nmethod = "magic"',
-            "key 'method': must be one of field, floor, hull, edges, goal, landmarks, got 'magic'",
+            "key 'method': must be one of field, floor, hull, edges, goal, angles, landmarks, got 'magic'",
         ),
         ('images = "images"', 'images = "pictures"', "key 'images': does not exist, got 'pictures'"),
         (

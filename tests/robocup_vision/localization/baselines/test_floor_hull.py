@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from strategies import cameras, numbers
 
+from benchmarks.mirror.paper_table1 import PRINTED, errors, pictures
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision import Vision
@@ -178,6 +179,38 @@ def test_a_frame_is_located_across_the_centre_line(frame_and_pose) -> None:
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.05
     for prior in (pose, pose.half_turn()):
         assert estimator.locate(frame, prior).pose.error_to(prior)[0] < 0.05
+
+
+@pytest.mark.parametrize("pose", [Pose2(-0.5, 0.2, 2.4), Pose2(0.7, -0.3, 0.4)])
+def test_the_floor_is_seen_to_its_edge_and_no_farther(pose: Pose2) -> None:
+    # each pixel shows the mean of 5 x 5 rays
+    steps = np.linspace(-0.4, 0.4, 5)
+    v, u = np.mgrid[:220, :256]
+    share = np.zeros((220, 256))
+    for du in steps:
+        for dv in steps:
+            floor_m = CAMERA.pixel_to_floor(np.stack([u + du, v + dv], axis=-1))
+            share += FIELD.contains(pose.transform(np.nan_to_num(floor_m, nan=1e3))) / 25
+    frame = share[..., None] * CARPET_BGR + (1 - share[..., None]) * WALL_BGR
+    frame += np.random.default_rng(7).normal(0, 3, frame.shape)
+    frame = np.clip(frame, 0, 255).astype(np.uint8)
+    view = PolarView(CAMERA)
+    colors = learn_colors(view.sample(frame), view.valid, FIELD)
+    assert colors is not None
+    floor = HullFitter(FIELD, CAMERA).floor_mask(frame, build_color_table(colors))
+    seen = (np.hypot(u - 127.5, v - 109.5) >= 26) & (np.hypot(u - 127.5, v - 109.5) <= 112)
+    edge_px = np.count_nonzero((share > 0.02) & (share < 0.98) & seen)
+    # the centres of the outermost pixels, of which the hull is made, lie on the edge: half a pixel of each is beyond it
+    assert 0.2 < (floor[seen].sum() - share[seen].sum()) / edge_px < 0.7
+
+
+@pytest.mark.slow  # renders pictures at the paper's six places
+def test_as_good_as_printed_at_the_papers_places() -> None:
+    vision = Vision(FIELD, CAMERA, method="hull")
+    for place, (_, printed) in enumerate(PRINTED):
+        found = errors(vision, list(pictures(place, 4, seed=5)))
+        assert len(found) == 4
+        assert np.all(np.sqrt(np.mean(found**2, axis=0)) <= printed)
 
 
 def test_colours_are_learnt_from_the_frame_where_none_are_given(frame_and_pose) -> None:
