@@ -30,11 +30,11 @@ import numpy.typing as npt  # noqa: E402
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: E402
 from benchmarks.harness import columns as col  # noqa: E402
-from benchmarks.worlds.no_field import no_field_picture  # noqa: E402
 from field_models import load_field  # noqa: E402
 from field_models.errors import FrameError  # noqa: E402
 from robocup_vision import Memory, MotionLimits, Pose2, Steering, Vision, draw, load_camera  # noqa: E402
 from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
+from sim2d.rendering.no_field import no_field_picture  # noqa: E402
 from sim2d.rendering.random_scenes import CONDITIONS, sample  # noqa: E402
 
 FRAME_S = 1 / 15

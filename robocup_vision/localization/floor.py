@@ -6,6 +6,7 @@ the measurement's error is uniform, written in q = 1/range, where every wall is 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,12 +15,20 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.fit import Vector
 from robocup_vision.kernels.walls.hull import hull_moments
+from robocup_vision.localization.evidence import (
+    LineOdds,
+    OutlineEvidence,
+    OutlineTally,
+    PoseEvidence,
+    default_evidence,
+    odds_text,
+)
 from robocup_vision.localization.outline_camera import OutlineCamera
 from robocup_vision.localization.outline_model import (
     OutlineCameraSettings,
@@ -27,8 +36,13 @@ from robocup_vision.localization.outline_model import (
     OutlineModel,
     OutlineNoise,
 )
-from robocup_vision.localization.outline_search import Arbiter, OutlineSearch, OutlineSearchSettings
+from robocup_vision.localization.outline_search import OutlineSearch, OutlineSearchSettings
+from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.perception.polar_view import PolarView
+
+# of a pose's three unknowns each takes one
+_MIN_EDGES = 3
+_OPEN = "the part of the floor's edge in view does not fix the pose in every direction"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +56,6 @@ class OutlineSettings:
     scales, prior_scales : tuple of float
         Widths of the redescending weights, units: from the first guess down to the edges' own accuracy, and from a
         prior.
-    tight : float
-        RMS residual, units, above which a start from nowhere may have ended beside the right place.
-    certain_cost, max_cost, max_cost_at_prior : float
-        Truncated mean cost up to which a fit is taken without a search: three bearings in four fit; three in five, or,
-        near a prior, two, while hardly any bearing shows floor beyond a wall.
-    max_beyond : float
-        Bearings that may show floor beyond a wall, of all.
-    min_inlier_ratio, min_bearings : float, int
-        Below these the outline does not determine a pose.
     max_std_m : float
         A pose more uncertain than this is refused.
     sliding_std_m : float
@@ -62,13 +67,6 @@ class OutlineSettings:
     camera: OutlineCameraSettings = OutlineCameraSettings()
     scales: tuple[float, ...] = (8.0, 5.0, 3.0, 2.0, 1.0)
     prior_scales: tuple[float, ...] = (2.0,)
-    tight: float = 0.5
-    certain_cost: float = 0.25
-    max_cost: float = 0.4
-    max_cost_at_prior: float = 0.6
-    max_beyond: float = 0.01
-    min_inlier_ratio: float = 0.3
-    min_bearings: int = 20
     max_std_m: float = 0.05
     sliding_std_m: float = 0.008
 
@@ -87,6 +85,8 @@ class OutlineFitter:
         Defines the bearings of the outline.
     settings : OutlineSettings, optional
         Of the fit and the search.
+    evidence : PoseEvidence, optional
+        What decides whether a pose is believed; default: as it comes with the package.
 
     Raises
     ------
@@ -98,6 +98,7 @@ class OutlineFitter:
     camera: OmniCamera
     view: PolarView
     settings: OutlineSettings = OutlineSettings()
+    evidence: PoseEvidence = dataclasses.field(default_factory=default_evidence)
 
     def __post_init__(self) -> None:
         if not self.field.is_bounded:
@@ -106,24 +107,30 @@ class OutlineFitter:
             )
 
     @cached_property
-    def _model(self) -> OutlineModel:
+    def model(self) -> OutlineModel:
+        """What an outline is compared with."""
         return OutlineModel(self.field, self.camera, self.view, self.settings.noise, self.settings.camera)
 
     @cached_property
-    def _search(self) -> OutlineSearch:
-        return OutlineSearch(self._model, self.settings.search)
+    def search(self) -> OutlineSearch:
+        """Of the whole field."""
+        return OutlineSearch(self.model, self.settings.search)
 
     @cached_property
     def _camera(self) -> OutlineCamera:
-        return OutlineCamera(self._model, self.settings.camera)
+        return OutlineCamera(self.model, self.settings.camera)
+
+    @cached_property
+    def _outline_evidence(self) -> OutlineEvidence:
+        return OutlineEvidence(self.view, self.model.unit_px, self.evidence.outline)
 
     @cached_property
     def _scales(self) -> FloatArray:
-        return self._model.scales(self.settings.scales)
+        return self.model.scales(self.settings.scales)
 
     @cached_property
     def _prior_scales(self) -> FloatArray:
-        return self._model.scales(self.settings.prior_scales)
+        return self.model.scales(self.settings.prior_scales)
 
     def first_guess(self, radius_px: FloatArray) -> Pose2 | None:
         """Pose from the outline's convex hull, taken in the image, by its centroid and principal axis (paper, step 5).
@@ -139,33 +146,69 @@ class OutlineFitter:
             One of the two headings, or None with fewer than three points.
         """
         bearings, guess = self._guess(radius_px)
-        return None if bearings < 3 else Pose2(*guess)
+        return None if bearings < _MIN_EDGES else Pose2(*guess)
 
     def _guess(self, radius_px: FloatArray) -> tuple[int, Vector]:
         """Return how many bearings have an edge, and the first guess's x, y and theta; zeros with fewer than three."""
-        model = self._model
+        model = self.model
         known, x, y, axis = hull_moments(model.scene.cos_b, model.scene.sin_b, radius_px, *model.q_of_radius)
         c, s = math.cos(axis), math.sin(axis)
         return known, (-c * x - s * y, s * x - c * y, -axis)
 
-    def _too_little(self, radius_px: FloatArray, bearings: int) -> tuple[NotLocated, FloatArray]:
-        reason = f"the floor's edge is seen in only {bearings} of {len(radius_px)} directions"
-        return NotLocated(reason), _nothing(radius_px)
+    def likeliest(self, radius_px: FloatArray) -> Pose2 | None:
+        """Return the pose that fits an outline (K,) best, believed or not; None with fewer than three edges."""
+        fit = self.from_guess(radius_px)
+        if fit is None:
+            return None
+        fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one, self.settings.max_std_m)]
+        return Pose2(*min(fits, key=lambda one: one.cost).pose) if fits else self.first_guess(radius_px)
+
+    def from_guess(self, radius_px: FloatArray) -> OutlineFit | None:
+        """Fit an outline (K,) from the first guess; None with fewer than three edges."""
+        bearings, guess = self._guess(radius_px)
+        return None if bearings < _MIN_EDGES else self.from_start(guess, radius_px)
+
+    def from_start(self, start: Vector, radius_px: FloatArray) -> OutlineFit:
+        """Fit an outline (K,) from x, y, theta of a pose that may be far off."""
+        return self.model.fit(start, radius_px, self._scales)[0]
+
+    def from_prior(self, prior: Pose2, radius_px: FloatArray) -> OutlineFit | None:
+        """Fit an outline (K,) from a prior; None with fewer than three edges."""
+        fit, bearings = self.model.fit((prior.x_m, prior.y_m, prior.theta_rad), radius_px, self._prior_scales)
+        return None if bearings < _MIN_EDGES else fit
+
+    def fixes_pose(self, fit: OutlineFit) -> bool:
+        """Whether the inliers of a fit fix the pose: without an end of the field it slides along its sides."""
+        return fit.along_m <= self.settings.sliding_std_m
+
+    def weigh(self, fit: OutlineFit, floor_column: Int64Array) -> OutlineTally:
+        """Weigh a fit by the outline alone, given each bearing's outermost floor sample (K,), -1 where none."""
+        return self._outline_evidence.weigh(fit, floor_column)
+
+    def weigh_pose(self, pose: Pose2, radius_px: FloatArray, floor_column: Int64Array) -> OutlineTally:
+        """Weigh a pose that something else gave, by an outline (K,) alone."""
+        walls = wall_px(self.field.walls, pose, self.view)
+        return self._outline_evidence.weigh_walls(radius_px - walls, walls, floor_column)
 
     def locate(
-        self, radius_px: FloatArray, prior: Pose2 | None = None, arbiter: Arbiter | None = None
+        self,
+        radius_px: FloatArray,
+        floor_column: Int64Array,
+        prior: Pose2 | None = None,
+        line_odds: LineOdds | None = None,
     ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
-        """Fit the outline.
+        """Fit the outline, and judge the fit.
 
         Parameters
         ----------
         radius_px : (K,) float64
             Image radius of the floor's edge at each of the view's bearings, NaN where none.
+        floor_column : (K,) int64
+            Each bearing's outermost floor sample; -1 where none.
         prior : Pose2, optional
-            Where the robot probably is: a start, and, if the outline agrees with it, the only one.
-        arbiter : callable, optional
-            Takes the index of the right one of several poses that explain the outline about equally well, the best
-            first, by other evidence; None: undecided. Without it the best is taken.
+            Where the robot probably is: a start, and, if the outline surely agrees with it, the only one.
+        line_odds : callable, optional
+            A pose's log odds by the lines, where the outline leaves something open.
 
         Returns
         -------
@@ -174,66 +217,86 @@ class OutlineFitter:
         (K,) float64
             Image radius at which the pose predicts the walls; NaN where it predicts none.
         """
-        settings, model = self.settings, self._model
+        settings, evidence = self.settings, self.evidence
         fit: OutlineFit | None = None
-        is_good = False
         if prior is not None:
-            start = prior.x_m, prior.y_m, prior.theta_rad
-            fit, bearings = model.fit(start, radius_px, self._prior_scales)
-            if bearings < settings.min_bearings:
-                return self._too_little(radius_px, bearings)
+            fit = self.from_prior(prior, radius_px)
+            if fit is None:
+                return self._too_little(radius_px)
             fit = self._camera.leaned(fit, radius_px)
-            is_good = self._is_good(fit, settings.max_cost_at_prior)
-            if not is_good:
-                leaning = self._camera.leaning((fit.pose, start), radius_px)
-                if leaning is not None:
-                    return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
-        if fit is None or not is_good:
-            bearings, guess = self._guess(radius_px)
-            if bearings < settings.min_bearings:
-                return self._too_little(radius_px, bearings)
-            fit, _ = model.fit(guess, radius_px, self._scales)
-            # a start from nowhere may have ended beside the right place: then even what agrees agrees badly
-            if not self._is_good(fit, settings.max_cost) or fit.rms_px > settings.tight * model.unit_px:
-                fit = self._search.improve(fit, radius_px, arbiter)
+            if self._is_sure(fit, floor_column, evidence.sure_log_odds_at_prior):
+                return self._answer(fit, radius_px)
+            leaning = self._camera.leaning((fit.pose, (prior.x_m, prior.y_m, prior.theta_rad)), radius_px)
+            if leaning is not None and self.weigh(leaning, floor_column).log_odds >= evidence.sure_log_odds_at_prior:
+                return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
+        fit = self.from_guess(radius_px)
         if fit is None:
-            return NotLocated("several places explain the floor's edge equally well"), _nothing(radius_px)
-        if prior is not None and fit.along_m > settings.sliding_std_m and not any(fit.lean_rad):
+            return self._too_little(radius_px)
+        if self._is_sure(fit, floor_column, evidence.sure_log_odds):
+            return self._answer(fit, radius_px)
+        max_std_m = settings.max_std_m if prior is None else settings.camera.max_open_std_m
+        fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one, max_std_m)]
+        found = self._choose(fits, floor_column, line_odds)
+        if isinstance(found, NotLocated):
+            return found, _nothing(radius_px)
+        if prior is not None and not self.fixes_pose(found):
             # found as an upright body sees it: one that moves may lean, and on a far field that is half a metre
-            leaning = self._camera.leaning((fit.pose,), radius_px)
+            leaning = self._camera.leaning((found.pose,), radius_px)
             if leaning is None:
                 return NotLocated("the floor's edge does not fix the pose of a body that may lean"), _nothing(radius_px)
             return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
-        estimate = self._judge(fit, settings.max_std_m)
+        if self._is_sure(found, floor_column, evidence.sure_log_odds):
+            return self._answer(found, radius_px)
+        estimate = self._judge(found, settings.max_std_m)
+        return estimate, found.predicted_px if estimate else _nothing(radius_px)
+
+    def _is_place(self, fit: OutlineFit, max_std_m: float) -> bool:
+        """Whether a fit is a place on the field, and fixed in every direction."""
+        return fit.along_m <= max_std_m and self.field.is_on_floor(*fit.pose[:2])
+
+    def _is_sure(self, fit: OutlineFit, floor_column: Int64Array, log_odds: float) -> bool:
+        return self.fixes_pose(fit) and self.weigh(fit, floor_column).log_odds >= log_odds
+
+    def _answer(self, fit: OutlineFit, radius_px: FloatArray) -> tuple[PoseEstimate | NotLocated, FloatArray]:
+        """Return what a sure fit gives, with the camera's centre and tilt fitted too where the outline asks for it."""
+        estimate = self._judge(fit, self.settings.max_std_m)
         if isinstance(estimate, NotLocated):
             return estimate, _nothing(radius_px)
-        return self._camera.corrected(estimate, fit, radius_px, settings.sliding_std_m)
+        return self._camera.corrected(estimate, fit, radius_px, self.settings.sliding_std_m)
 
-    def _is_good(self, fit: OutlineFit, good_cost: float) -> bool:
-        """Whether a fit needs no search.
-
-        Most of the outline agrees, hardly any floor shows beyond a wall, and the inliers fix the pose: a fit without an
-        end of the field slides along its sides.
-        """
-        if fit.along_m > self.settings.sliding_std_m:
-            return False
-        if fit.cost <= self.settings.certain_cost:
-            return True
-        if fit.cost > good_cost:
-            return False
-        beyond = np.count_nonzero(fit.residual_px > 2.0 * self._model.unit_px)
-        return bool(beyond < self.settings.max_beyond * len(fit.residual_px))
+    def _choose(
+        self, fits: list[OutlineFit], floor_column: Int64Array, line_odds: LineOdds | None
+    ) -> OutlineFit | NotLocated:
+        """Return the fit that the evidence favours over clutter and over every other one."""
+        if not fits:
+            return NotLocated(_OPEN)
+        tallies = [self.weigh(fit, floor_column) for fit in fits]
+        odds = [tally.log_odds for tally in tallies]
+        if line_odds is not None:
+            odds = [by_outline + line_odds(Pose2(*fit.pose)) for by_outline, fit in zip(odds, fits, strict=True)]
+        best = int(np.argmax(odds))
+        if odds[best] < self.evidence.min_log_odds:
+            return NotLocated(tallies[best].reason(odds[best]))
+        rival = max((odds[n] for n in self.search.apart_from(best, fits)), default=-math.inf)
+        if odds[best] < rival + self.evidence.min_log_odds:
+            lead = odds_text(odds[best] - rival)
+            return NotLocated(f"two places explain the floor's edge about equally well, odds {lead}")
+        return fits[best]
 
     def _judge(self, fit: OutlineFit, max_std_m: float) -> PoseEstimate | NotLocated:
-        if fit.inlier_ratio < self.settings.min_inlier_ratio:
-            return NotLocated(f"only {fit.inlier_ratio:.0%} of the floor's edge agrees with the field's walls")
+        """Return the estimate of a fit that is believed, if it is a place on the field and fixed in every direction."""
         if fit.along_m > max_std_m:
-            return NotLocated("the part of the floor's edge in view does not fix the pose in every direction")
+            return NotLocated(_OPEN)
         x, y, theta = fit.pose
         pose = Pose2(x, y, theta)
         if not self.field.is_on_floor(x, y):
             return NotLocated(f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m")
         return PoseEstimate(pose, fit.covariance, fit.inlier_ratio, fit.rms_px, (pose, pose.half_turn()))
+
+    def _too_little(self, radius_px: FloatArray) -> tuple[NotLocated, FloatArray]:
+        seen = np.count_nonzero(radius_px > 0.0)
+        reason = f"the floor's edge is seen in only {seen} of {len(radius_px)} directions"
+        return NotLocated(reason), _nothing(radius_px)
 
 
 def _nothing(radius_px: FloatArray) -> FloatArray:

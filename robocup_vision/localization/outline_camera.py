@@ -76,7 +76,7 @@ class OutlineCamera:
                 if not math.isfinite(fitted[0].cost):
                     break
             summary, unknowns, covariance, residual, predicted = fitted
-            if not (summary.cost <= self.settings.max_open_cost and summary.along_m <= self.settings.max_open_std_m):
+            if not summary.along_m <= self.settings.max_open_std_m:
                 continue
             # where a direction is not told at all, rounding makes its variance anything
             own = covariance[_POSE, _POSE]
@@ -94,8 +94,6 @@ class OutlineCamera:
         Not where the outline does not fix the pose then, to `max_std_m`.
         """
         model, settings = self.model, self.settings
-        if estimate.inlier_ratio < settings.min_inlier_ratio:
-            return estimate, fit.predicted_px
         gain = self._file_gain(fit, radius_px) if fit.file_gain is None else fit.file_gain
         if gain < settings.min_gain * settings.alike_bearings:
             return estimate, fit.predicted_px

@@ -70,28 +70,24 @@ class OutlineCameraSettings:
     open_scales : tuple of float
         Widths of the redescending weights, units, where pose and lean are fitted together from a prior: a body that
         brakes hard moves far boards by two units.
-    max_open_cost, max_open_std_m : float, float
-        A fit of pose and lean that costs more, or leaves the position more open, is none: a far field lies open in
-        some direction before it is known how the body leans.
+    max_open_std_m : float
+        A fit of pose and lean that leaves the position more open is none: a far field lies open in some direction
+        before it is known how the body leans.
     center_std_units, tilt_std_rad : float
         Of centre and tilt in a camera file that is doubted.
     min_gain, alike_bearings : float
         Gain per independent bearing by which another centre and tilt must explain the outline better, and how many
         neighbouring bearings err alike.
-    min_inlier_ratio : float
-        A file is doubted only where so much of the outline agrees.
     """
 
     sway_std_rad: float = 0.01
     lean_gate: float = 13.8
     open_scales: tuple[float, ...] = (4.0, 2.0, 1.0)
-    max_open_cost: float = 0.25
     max_open_std_m: float = 0.15
     center_std_units: float = 0.5
     tilt_std_rad: float = 0.004
     min_gain: float = 8.0
     alike_bearings: float = 3.0
-    min_inlier_ratio: float = 0.65
 
 
 class OutlineFit(NamedTuple):

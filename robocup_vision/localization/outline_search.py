@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,8 +14,6 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls import fit as kernels
 from robocup_vision.kernels.walls import search as wall_search
 from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
-
-Arbiter = Callable[[list[Pose2]], int | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +33,6 @@ class OutlineSearchSettings:
         How many starts go on to `coarse_scales`, and how many of those to `fine_scales`.
     hopeless_cost : float
         A coarse fit costlier by so much than the best is not refined.
-    rival_cost, equal_cost : float
-        Fits whose costs differ less than this explain the outline about equally well; so close, none is preferred.
     """
 
     bank_bearings: int = 80
@@ -52,8 +47,6 @@ class OutlineSearchSettings:
     likely: int = 24
     refined: int = 8
     hopeless_cost: float = 0.3
-    rival_cost: float = 0.08
-    equal_cost: float = 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,34 +64,19 @@ class OutlineSearch:
     model: OutlineModel
     settings: OutlineSearchSettings
 
-    def improve(self, fit: OutlineFit, radius_px: FloatArray, arbiter: Arbiter | None) -> OutlineFit | None:
-        """Look for a better fit over the whole field, and by sliding along the walls that already agree.
-
-        None where several places explain the outline (K,) equally well; see `OutlineFitter.locate` for the arbiter.
-        """
+    def candidates(self, fit: OutlineFit, radius_px: FloatArray) -> list[OutlineFit]:
+        """Return a fit of an outline (K,), and those found over the whole field and by sliding along its walls."""
         refined = self.settings.refined
         begun, poses, costs = np.empty((refined, 3)), np.empty((refined, 3)), np.empty(refined)
         count = wall_search.search_outline(fit.pose, radius_px, self._rules, begun, poses, costs)
-        every = np.vstack([fit.pose, poses[:count]]), np.append(fit.cost, costs[:count])
-        chosen = self._choose(*every, arbiter)
-        if not chosen:
-            return fit if chosen == 0 else None
-        x, y, theta = begun[chosen - 1].tolist()
-        model, scales = self.model, self.settings.fine_scales
-        return model.fit((x, y, theta), radius_px, model.scales(scales))[0]
+        model = self.model
+        scales = model.scales(self.settings.fine_scales)
+        return [fit, *(model.fit((x, y, theta), radius_px, scales)[0] for x, y, theta in begun[:count].tolist())]
 
-    def _choose(self, poses: FloatArray, costs: FloatArray, arbiter: Arbiter | None) -> int | None:
-        """Return the index of the right one of some fits (N, 3); None where several explain the outline as well."""
-        settings, most = self.settings, costs.min() + self.settings.rival_cost
-        order = np.argsort(costs, kind="stable")
-        order = order[costs[order] < most]
-        rivals: list[int] = order[_spread(poses[order], settings.rival_apart, len(order))].tolist()
-        if len(rivals) == 1:
-            return rivals[0]
-        chosen = None if arbiter is None else arbiter([Pose2(*poses[n].tolist()) for n in rivals])
-        if chosen is not None:
-            return rivals[chosen]
-        return None if costs[rivals[1]] < costs[rivals[0]] + settings.equal_cost else rivals[0]
+    def apart_from(self, best: int, fits: list[OutlineFit]) -> list[int]:
+        """Return the indices of the fits that are another place than the best one's, or its half turn."""
+        pose, apart = Pose2(*fits[best].pose), self.settings.rival_apart
+        return [n for n, fit in enumerate(fits) if sum(Pose2(*fit.pose).error_to(pose, symmetric=True)) > apart]
 
     @cached_property
     def _rules(self) -> wall_search.SearchRules:
@@ -171,9 +149,3 @@ class OutlineSearch:
         # clockwise, as `score_bank` takes them
         profiles = np.roll(profiles[:, ::-1], 1, axis=1)
         return places, np.hstack([profiles, profiles])
-
-
-def _spread(poses: FloatArray, apart: float, most: int) -> Int64Array:
-    """Return the indices (N,) of some poses, the best first, that are not what a better one is."""
-    picked = np.empty(most, dtype=np.int64)
-    return picked[: wall_search.spread_poses(poses, apart, picked)]

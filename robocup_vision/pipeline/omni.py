@@ -101,20 +101,14 @@ class OmniPipeline(FramePipeline):
         frame = self._checked(frame)
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
-        before = table = self._color_memory.table
-        if before is None:
-            table, _ = self._color_memory.classify(self.polar.sample(frame), self.polar)
-        if table is None:
+        measured = self._measure(frame, t_s)
+        if measured is None:
             return self._blind(begin, t_s, "no floor is found around the robot: too dark, or none in view")
-        known = perf_counter()
-        edge, outermost, marks, near, ring = self._read_floor(frame, table)
-        read = perf_counter()
-        if before is not None:
-            table = self._color_memory.follow(self._samples, self.polar, self._llr, ring)
-            if table is not before:
-                edge, outermost, marks, near, _ = self._read_floor(frame, table)
+        evidence, near, outline_s = measured
+        table, edge, marks = evidence.table, evidence.edge_px, evidence.marks
+        assert table is not None
+        assert marks is not None
         outlined = perf_counter()
-        evidence = FrameEvidence(frame, self.camera, table, self.polar, edge, outermost, marks, t_s)
         answer = self._localizer.locate(evidence, prior)
         pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
         located = perf_counter()
@@ -125,7 +119,7 @@ class OmniPipeline(FramePipeline):
         for ball in balls:
             self._ball_finder.clear(ball, self.polar, marks)
         free_space = self.grid.measure(marks)
-        measured = perf_counter()
+        free = perf_counter()
         self._last_pose = robot
         self._channel_order.judge(
             balls,
@@ -137,12 +131,12 @@ class OmniPipeline(FramePipeline):
         self._keep_floor(free_space, t_s)
         end = perf_counter()
         timings = {
-            "colors": known - begin + outlined - read,
-            "outline": read - known,
+            "colors": outlined - begin - outline_s,
+            "outline": outline_s,
             "pose": located - outlined,
             "ball": balled - located,
-            "free_space": measured - balled,
-            "channels": end - measured,
+            "free_space": free - balled,
+            "channels": end - free,
             "total": end - begin,
         }
         return View(
@@ -160,6 +154,27 @@ class OmniPipeline(FramePipeline):
             obstacle_finder=self._obstacle_finder,
             warnings=self._warnings(pose),
         )
+
+    def measure(self, frame: UInt8Array) -> FrameEvidence | None:
+        """Return what a frame (H, W, 3) shows to a localiser; None where no floor is found around the robot."""
+        measured = self._measure(self._checked(frame), None)
+        return None if measured is None else measured[0]
+
+    def _measure(self, frame: UInt8Array, t_s: float | None) -> tuple[FrameEvidence, float, float] | None:
+        """Return the evidence of a frame, its mean floor ratio near the robot, and the outline's seconds."""
+        before = table = self._color_memory.table
+        if before is None:
+            table, _ = self._color_memory.classify(self.polar.sample(frame), self.polar)
+        if table is None:
+            return None
+        known = perf_counter()
+        edge, outermost, marks, near, ring = self._read_floor(frame, table)
+        outline_s = perf_counter() - known
+        if before is not None:
+            table = self._color_memory.follow(self._samples, self.polar, self._llr, ring)
+            if table is not before:
+                edge, outermost, marks, near, _ = self._read_floor(frame, table)
+        return FrameEvidence(frame, self.camera, table, self.polar, edge, outermost, marks, t_s), near, outline_s
 
     def _goal_nats(self, pose: PoseEstimate | NotLocated, table: ColorTable) -> float:
         """Return what the goals' verdict on the half tells of swapped red and blue, nats."""

@@ -19,6 +19,7 @@ from robocup_vision.camera.mounting import MOUNTING_NAMES
 from robocup_vision.evaluation import dataset, result_files
 from robocup_vision.files.csv_table import read_csv
 from robocup_vision.landmarks.mapping import run_files
+from robocup_vision.localization import evidence as pose_evidence
 from robocup_vision.mapping import sensor_model
 from robocup_vision.perception import color_table
 from robocup_vision.planning.gaze import goal_evidence
@@ -79,6 +80,8 @@ EXPECTED = {
     "sensors.toml": keys_of(sensor_model._SensorFile),
     "sensors.toml sensor": keys_of(sensor_model._Sensor),
     "goal evidence": keys_of(goal_evidence._EvidenceFile),
+    "evidence.toml": keys_of(pose_evidence._EvidenceFile),
+    "evidence.toml cue": keys_of(pose_evidence._Cue),
 }
 
 

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.worlds.no_field import PAINTERS, crop_to, no_field_picture
 from field_models import load_field
 from robocup_vision import Pose2, Vision, load_camera
 from robocup_vision.camera import PinholeCamera
 from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.no_field import PAINTERS, crop_to, no_field_picture
 
 IMAGES = Path(__file__).resolve().parents[2] / "images"
 NEGATIVES = Path(__file__).resolve().parents[3] / "shared" / "real" / "negatives" / "images"

@@ -181,8 +181,7 @@ class Search:
         for sighting in sightings:
             pose = None
             if fitter is not None:
-                estimate, _ = fitter.locate(sighting.radius_px)
-                pose = estimate.pose if estimate else fitter.first_guess(sighting.radius_px)
+                pose = fitter.likeliest(sighting.radius_px)
             if pose is None:
                 pose = self.pose_by_lines(camera, sighting)
             if pose is None:

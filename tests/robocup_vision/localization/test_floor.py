@@ -25,6 +25,16 @@ BARE = Scene(FIELD)
 places = st.builds(Pose2, numbers(-1.25, 1.25), numbers(-0.65, 0.65), numbers(-3.1, 3.1))
 
 
+def floor_columns(radius, view=VIEW):
+    """Return each bearing's outermost floor sample: at its edge, or right at the robot where something hides it."""
+    at_edge = np.searchsorted(view.radius_px, np.nan_to_num(radius, nan=-1.0)) - 1
+    return np.clip(at_edge, 0, len(view.radius_px) - 1).astype(np.int64)
+
+
+def locate(radius, prior=None, fitter=FITTER):
+    return fitter.locate(radius, floor_columns(radius, fitter.view), prior)
+
+
 def outline(pose, rng=None, noise_px=0.0, hidden=0.0):
     """Image radius of the walls' feet, as the scene's own geometry has them, not the localiser's."""
     range_m = BARE.free_range_m(pose, VIEW.bearing_rad)
@@ -42,7 +52,7 @@ def outline(pose, rng=None, noise_px=0.0, hidden=0.0):
 @example(Pose2(-1.0, -0.6259765625, 0.0), 113)
 def test_an_outline_gives_its_pose_without_any_prior(pose, seed):
     rng = np.random.default_rng(seed)
-    estimate, walls = FITTER.locate(outline(pose, rng, 0.15, 0.2))
+    estimate, walls = locate(outline(pose, rng, 0.15, 0.2))
     assert isinstance(estimate, PoseEstimate)
     distance, angle = estimate.pose.error_to(pose, symmetric=True)
     assert distance < 0.02
@@ -58,10 +68,10 @@ def test_an_outline_gives_its_pose_without_any_prior(pose, seed):
 def test_a_prior_leads_to_the_same_pose(pose, seed):
     radius = outline(pose, np.random.default_rng(seed), 0.15)
     near = Pose2(pose.x_m + 0.01, pose.y_m - 0.01, pose.theta_rad + 0.02)
-    cold, warm = (FITTER.locate(radius, prior)[0] for prior in (None, near))
+    cold, warm = (locate(radius, prior)[0] for prior in (None, near))
     assert sum(warm.pose.error_to(cold.pose, symmetric=True)) < 0.01
     # a prior in the other half keeps its half
-    other = FITTER.locate(radius, near.half_turn())[0]
+    other = locate(radius, near.half_turn())[0]
     assert sum(other.pose.error_to(warm.pose.half_turn())) < 0.01
 
 
@@ -74,7 +84,7 @@ def test_boxes_nearer_than_the_walls_do_not_move_the_pose(pose, seed):
         first, length = rng.integers(0, len(radius)), rng.integers(4, 12)
         where = (first + np.arange(length)) % len(radius)
         radius[where] = np.minimum(radius[where], rng.uniform(40.0, 80.0))
-    estimate, _ = FITTER.locate(radius)
+    estimate, _ = locate(radius)
     assume(bool(estimate))
     distance, angle = estimate.pose.error_to(pose, symmetric=True)
     assert distance < 0.03
@@ -95,12 +105,12 @@ def test_what_cannot_be_located_is_reported():
     count = len(VIEW.bearing_rad)
     nothing = np.full(count, np.nan)
     few = nothing.copy()
-    few[:10] = 60.0
+    few[:2] = 60.0
     for radius, reason in (
         (nothing, f"the floor's edge is seen in only 0 of {count} directions"),
-        (few, f"the floor's edge is seen in only 10 of {count} directions"),
+        (few, f"the floor's edge is seen in only 2 of {count} directions"),
     ):
-        estimate, walls = FITTER.locate(radius)
+        estimate, walls = locate(radius)
         assert isinstance(estimate, NotLocated)
         assert estimate.reason == reason
         assert np.isnan(walls).all()
@@ -120,7 +130,7 @@ def test_what_cannot_be_located_is_reported():
 )
 def test_outlines_of_nothing_are_not_located(radius):
     for prior in (None, Pose2(0.1, 0.2, 0.3), Pose2(math.nan, 0.0, 0.0), Pose2(1e9, 0.0, 0.0)):
-        estimate, walls = FITTER.locate(radius, prior)
+        estimate, walls = locate(radius, prior)
         assert isinstance(estimate, NotLocated)
         assert len(estimate.reason) > 10
         assert np.isnan(walls).all()
@@ -131,7 +141,7 @@ def test_one_wall_alone_does_not_fix_the_pose():
     radius = outline(pose)
     bearing = (VIEW.bearing_rad + math.pi) % math.tau - math.pi
     radius[np.abs(bearing - math.pi / 2) > 0.8] = np.nan
-    estimate, _ = FITTER.locate(radius, pose)
+    estimate, _ = locate(radius, pose)
     assert isinstance(estimate, NotLocated)
     assert "does not fix the pose" in estimate.reason or "equally well" in estimate.reason
 
@@ -149,7 +159,7 @@ def test_other_fields(name):
     pose = Pose2(field.length_m / 2 - 1.1, 1.0 - field.width_m / 2, 0.6)
     range_m = Scene(field).free_range_m(pose, view.bearing_rad)
     radius = camera.floor_range.radius_px(1.0 / range_m)
-    estimate, _ = OutlineFitter(field, camera, view).locate(radius)
+    estimate, _ = locate(radius, fitter=OutlineFitter(field, camera, view))
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.05
 
 
@@ -172,7 +182,7 @@ def test_a_centre_that_is_off_costs_less_where_the_outline_tells_it():
     for _ in range(20):
         pose = Pose2(*rng.uniform((-1.0, -0.5, -3.1), (1.0, 0.5, 3.1)).tolist())
         radius = off_outline(pose, rng)
-        found = [fitter.locate(radius)[0] for fitter in (trusting, FITTER)]
+        found = [locate(radius, fitter=fitter)[0] for fitter in (trusting, FITTER)]
         nearest = [min(one.candidates, key=lambda c, truth=pose: c.error_to(truth)[0]) for one in found]
         errors.append([one.error_to(pose)[0] for one in nearest])
         off = [one.array - pose.array for one in nearest]
@@ -181,7 +191,7 @@ def test_a_centre_that_is_off_costs_less_where_the_outline_tells_it():
     assert doubted < 0.6 * trusted
     assert np.median(nees, axis=0)[1] < 8.0 < np.median(nees, axis=0)[0]
     # a lean explains some of it, where there is a prior
-    leaning = [fitter.locate(radius, pose)[0].pose.error_to(pose)[0] for fitter in (trusting, FITTER)]
+    leaning = [locate(radius, pose, fitter)[0].pose.error_to(pose)[0] for fitter in (trusting, FITTER)]
     assert leaning[1] <= leaning[0]
 
 
@@ -191,4 +201,4 @@ def test_an_outline_much_of_which_is_hidden_does_not_doubt_the_camera():
     # two fifths of the bearings end at something nearer
     radius[: int(0.4 * len(radius))] -= rng.uniform(6.0, 20.0, int(0.4 * len(radius)))
     trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(camera=OutlineCameraSettings(min_gain=math.inf)))
-    assert FITTER.locate(radius, pose)[0].pose == trusting.locate(radius, pose)[0].pose
+    assert locate(radius, pose)[0].pose == locate(radius, pose, trusting)[0].pose

@@ -1,0 +1,256 @@
+"""One verdict on a mirror camera's pose: the likelihood ratio of what a frame shows against clutter.
+
+Each bearing of the floor's outline is in one of few states, and so is each floor sample that shows a line or should
+show one. A state has a probability if the pose is right, in each of two conditions (clear, rough), and one if it is not
+(clutter's best fit, a wrong place). The logarithms of the probabilities add up, divided by how many samples err alike;
+the likeliest condition of either side counts. What is hidden is nearly as likely in either case, and so hardly counts.
+
+The probabilities are data: `evidence.toml`, which `robocup-vision fit-evidence` writes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from field_models.errors import FileError
+from field_models.toml_file import StrictStruct, load_toml
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, read_only
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.floor.free_floor import FLOOR, LINE
+from robocup_vision.kernels.walls.evidence import AGREES, HIDDEN, weigh_outline
+from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.outline_model import OutlineFit
+from robocup_vision.perception.polar_view import PolarView
+
+# a pose's log odds by the lines, asked only where the outline leaves something open
+LineOdds = Callable[[Pose2], float]
+
+OUTLINE_STATES = ("agrees", "off", "hidden", "beyond", "no floor")
+LINE_STATES = ("on a line", "floor instead of a line", "line elsewhere")
+CONDITIONS = 2
+# so near to a line's middle, in line widths, a sample is on it; so near, it is nothing but line
+_NEAR_WIDTHS, _WITHIN_WIDTHS = 1.2, 0.25
+
+
+class _Cue(StrictStruct):
+    states: list[str]
+    correlation: float
+    right: list[list[float]]
+    wrong: list[list[float]]
+
+
+class _EvidenceFile(StrictStruct):
+    format: int
+    command: str
+    sets: list[str]
+    min_log_odds: float
+    sure_log_odds: float
+    sure_log_odds_at_prior: float
+    outline: _Cue
+    lines: _Cue
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Likelihoods:
+    """Probabilities of the states of one cue's samples.
+
+    Parameters
+    ----------
+    log_p : (2 CONDITIONS, S) float64
+        Their logarithms by the conditions of a right pose, then of a wrong one, divided by the number of samples that
+        err alike.
+    """
+
+    log_p: FloatArray
+
+    @classmethod
+    def of(cls, right: FloatArray, wrong: FloatArray, correlation: float) -> Likelihoods:
+        """Take probabilities (CONDITIONS, S) each, and how many samples err alike."""
+        return cls(read_only(np.log(np.vstack([right, wrong])) / correlation))
+
+    def log_odds(self, counts: FloatArray | Int64Array) -> float:
+        """Return the log-likelihood ratio of counts (S,) of states."""
+        total = self.log_p @ counts
+        return float(total[:CONDITIONS].max() - total[CONDITIONS:].max())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseEvidence:
+    """What decides whether a pose is believed.
+
+    Parameters
+    ----------
+    outline, lines : Likelihoods
+        Of the states `OUTLINE_STATES` and `LINE_STATES`.
+    min_log_odds : float
+        What a pose must have: against clutter, and against every other candidate.
+    sure_log_odds, sure_log_odds_at_prior : float
+        By the outline alone, what leads the likeliest wrong fit as a pose must lead other candidates: from the first
+        guess, and from near a prior. With more nothing else is looked at.
+    """
+
+    outline: Likelihoods
+    lines: Likelihoods
+    min_log_odds: float
+    sure_log_odds: float
+    sure_log_odds_at_prior: float
+
+
+def load_evidence(path: str | Path | None = None) -> PoseEvidence:
+    """Read the fitted probabilities.
+
+    Parameters
+    ----------
+    path : str or Path, optional
+        A file of `robocup-vision fit-evidence`; without it the one that comes with the package.
+
+    Raises
+    ------
+    FileError
+        If the file is missing or wrong.
+    """
+    where = Path(str(files("robocup_vision.localization") / "evidence.toml")) if path is None else Path(path)
+    described = load_toml(where, _EvidenceFile)
+    if described.format != 1:
+        raise FileError(where, "is not a format this version reads: must be 1", key="format", value=described.format)
+    for key in ("min_log_odds", "sure_log_odds", "sure_log_odds_at_prior"):
+        value = getattr(described, key)
+        if not 0.0 < value < math.inf:
+            raise FileError(where, "must be positive", key=key, value=value)
+    return PoseEvidence(
+        _likelihoods(where, "outline", described.outline, OUTLINE_STATES),
+        _likelihoods(where, "lines", described.lines, LINE_STATES),
+        described.min_log_odds,
+        described.sure_log_odds,
+        described.sure_log_odds_at_prior,
+    )
+
+
+def _likelihoods(where: Path, name: str, cue: _Cue, states: tuple[str, ...]) -> Likelihoods:
+    if tuple(cue.states) != states:
+        raise FileError(where, f"must be {list(states)}", key=f"{name}.states", value=cue.states)
+    if not 1.0 <= cue.correlation < math.inf:
+        raise FileError(where, "must be at least 1", key=f"{name}.correlation", value=cue.correlation)
+    for key, rows in (("right", cue.right), ("wrong", cue.wrong)):
+        if len(rows) != CONDITIONS:
+            raise FileError(where, f"must have {CONDITIONS} rows", key=f"{name}.{key}", value=rows)
+        for row in rows:
+            if len(row) != len(states) or not min(row) > 0.0 or not abs(sum(row) - 1.0) < 1e-3:
+                problem = f"must hold {len(states)} probabilities above 0 that add up to 1"
+                raise FileError(where, problem, key=f"{name}.{key}", value=row)
+    return Likelihoods.of(np.array(cue.right), np.array(cue.wrong), cue.correlation)
+
+
+@lru_cache(maxsize=1)
+def default_evidence() -> PoseEvidence:
+    """Return the probabilities that come with the package, read once."""
+    return load_evidence()
+
+
+class OutlineTally(NamedTuple):
+    """What an outline says of a pose.
+
+    Parameters
+    ----------
+    log_odds : float
+        By the outline alone.
+    counts : (5,) int64
+        Bearings in each state.
+    """
+
+    log_odds: float
+    counts: Int64Array
+
+    def reason(self, log_odds: float) -> str:
+        """Say what was missing, given the log odds by all evidence."""
+        visible = int(self.counts.sum() - self.counts[HIDDEN])
+        return f"{self.counts[AGREES]} of {visible} visible bearings agree with walls, odds {odds_text(log_odds)}"
+
+
+def odds_text(log_odds: float) -> str:
+    """Write odds as "3:1" or "1:30"."""
+    if log_odds < -math.log(1000.0):
+        return "below 1:1000"
+    odds = math.exp(min(abs(log_odds), math.log(1000.0)))
+    ratio = f"{odds:.2g}" if odds < 10.0 else f"{odds:.0f}"
+    return f"{ratio}:1" if log_odds > 0.0 else f"1:{ratio}"
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineEvidence:
+    """Counts what an outline shows of a pose, and weighs it.
+
+    Parameters
+    ----------
+    view : PolarView
+        Where the floor samples lie.
+    unit_px : float
+        A pixel of the paper's image, see `OutlineModel`.
+    likelihoods : Likelihoods
+        Of `OUTLINE_STATES`.
+    """
+
+    view: PolarView
+    unit_px: float
+    likelihoods: Likelihoods
+
+    @cached_property
+    def _is_shown(self) -> UInt8Array:
+        """(K,) uint8: 1 where at least half of the samples lie inside the frame and outside the mask."""
+        return np.ascontiguousarray(self.view.valid.mean(axis=1) >= 0.5).astype(np.uint8)
+
+    @cached_property
+    def _arrays(self) -> tuple[UInt8Array, FloatArray, float, FloatArray]:
+        # copies: what is read only would be compiled for once more
+        return self._is_shown, np.array(self.view.radius_px), self.unit_px, np.array(self.likelihoods.log_p)
+
+    def weigh(self, fit: OutlineFit, outermost: Int64Array) -> OutlineTally:
+        """Weigh a fit, given each bearing's outermost floor sample (K,), -1 where none."""
+        return self.weigh_walls(fit.residual_px, fit.predicted_px, outermost)
+
+    def weigh_walls(self, residual_px: FloatArray, predicted_px: FloatArray, outermost: Int64Array) -> OutlineTally:
+        """Weigh a pose by where it predicts the walls' feet, and how far from these the floor's edges are, (K,)."""
+        counts = np.empty(len(OUTLINE_STATES), dtype=np.int64)
+        log_odds = weigh_outline(residual_px, predicted_px, outermost, *self._arrays, counts)
+        return OutlineTally(log_odds, counts)
+
+
+class LineEvidence:
+    """Counts which floor samples show lines where a pose has them, and weighs that.
+
+    Parameters
+    ----------
+    line_map : LineMap
+        The field's lines.
+    view : PolarView
+        Where the floor samples lie.
+    likelihoods : Likelihoods
+        Of `LINE_STATES`.
+    """
+
+    def __init__(self, line_map: LineMap, view: PolarView, likelihoods: Likelihoods) -> None:
+        self._map, self._floor_m, self._likelihoods = line_map, view.floor_m, likelihoods
+        width_m = line_map.field.line_width_m
+        near_m, deep_m = _NEAR_WIDTHS * width_m, np.gradient(view.range_m)
+        # a sample stands for half a column inwards and outwards
+        self._on_m = np.maximum(near_m, 0.5 * deep_m + 0.5 * near_m)
+        # near the robot a line fills its sample
+        self._bare_m = np.where(deep_m < 2 * width_m, _WITHIN_WIDTHS * width_m, 0.0)
+
+    def counts(self, pose: Pose2, marks: UInt8Array) -> Int64Array:
+        """Count the samples in each of `LINE_STATES`, given what they all show, (K, M), as `FloorMarking.mark` says."""
+        on_line = self._map.count_near(pose, marks, LINE, self._floor_m, self._on_m)
+        bare = self._map.count_near(pose, marks, FLOOR, self._floor_m, self._bare_m)
+        return np.array([on_line, bare, np.count_nonzero(marks == LINE) - on_line])
+
+    def log_odds(self, pose: Pose2, marks: UInt8Array) -> float:
+        """Weigh a pose by the lines alone."""
+        return self._likelihoods.log_odds(self.counts(pose, marks))

@@ -1,0 +1,267 @@
+"""Fits the probabilities of `robocup_vision.localization.evidence` to rendered pictures and to ones without a field.
+
+A right pose is what the search finds within 5 cm and 3 degrees of the truth in rendered pictures, in clear conditions
+and in rough ones. A wrong one is the best that is found in a picture without a field, or where a fit ends that begins
+anywhere.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from field_models import Field
+from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera import OmniCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.evidence import LINE_STATES, OUTLINE_STATES, Likelihoods, LineEvidence
+from robocup_vision.localization.floor import OutlineFitter
+from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.localizer import FrameEvidence
+from robocup_vision.localization.methods import choose_method
+from robocup_vision.localization.outline_model import OutlineFit
+from robocup_vision.pipeline.frames import FrameOptions
+from robocup_vision.pipeline.omni import OmniPipeline
+from sim2d.rendering.no_field import PAINTERS, no_field_picture
+from sim2d.rendering.random_scenes import CONDITIONS, Condition, sample
+
+CLEAR, ROUGH, CLUTTER, WRONG_PLACE = range(4)
+_CROWD, _BAD_DAY = CONDITIONS["crowd"], CONDITIONS["bad_day"]
+# names of the sets of pictures: what disturbs them, and which condition of a right pose they show
+SETS: dict[str, tuple[Condition, int]] = {
+    **{name: (condition, ROUGH if condition.shadow else CLEAR) for name, condition in CONDITIONS.items()},
+    "dense": (dataclasses.replace(_CROWD, obstacles=(9, 13)), CLEAR),
+    "bad_day in a crowd": (
+        dataclasses.replace(_BAD_DAY, obstacles=(6, 10), ring=True, noise_sigma=9.0, jpeg_quality=70),
+        ROUGH,
+    ),
+}
+# pictures without a field for each picture of a set
+CLUTTER_PER_PICTURE = 24
+RIGHT_M, RIGHT_RAD = 0.05, math.radians(3.0)
+WRONG_M, WRONG_RAD = 0.15, math.radians(8.0)
+# fits that begin anywhere, and fits that begin near the truth, of each picture
+STARTS, PRIORS = 3, 3
+PRIOR_STD = (0.05, 0.05, math.radians(5.0))
+# what has not happened yet is not impossible
+PSEUDO_COUNT = 0.5
+_ROUNDS = 3
+
+
+class Sample(NamedTuple):
+    """Counts of the states of a pose's outline (5,) and of its lines (3,)."""
+
+    outline: FloatArray
+    lines: FloatArray
+
+
+@dataclass(eq=False)
+class Samples:
+    """What poses look like.
+
+    Parameters
+    ----------
+    right : list of two lists of Sample
+        Right poses, in clear and in rough conditions.
+    wrong_place : list of Sample
+        Where fits end that begin anywhere.
+    clutter : list of lists of Sample
+        All that is found in each picture without a field.
+    wrong_guesses, wrong_at_prior : list of (5,) float64
+        Outlines of wrong fits that fix a pose, from the first guess and from near the truth.
+    """
+
+    right: tuple[list[Sample], list[Sample]] = field(default_factory=lambda: ([], []))
+    wrong_place: list[Sample] = field(default_factory=list)
+    clutter: list[list[Sample]] = field(default_factory=list)
+    wrong_guesses: list[FloatArray] = field(default_factory=list)
+    wrong_at_prior: list[FloatArray] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedCue:
+    """Probabilities (2, S) of a cue's states by right and wrong poses, and how many samples err alike."""
+
+    right: FloatArray
+    wrong: FloatArray
+    correlation: float
+
+    @property
+    def likelihoods(self) -> Likelihoods:
+        """As the verdict takes them."""
+        return Likelihoods.of(self.right, self.wrong, self.correlation)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedEvidence:
+    """What the file holds, see `PoseEvidence`."""
+
+    outline: FittedCue
+    lines: FittedCue
+    sure_log_odds: float
+    sure_log_odds_at_prior: float
+
+
+class _Looker:
+    """Finds what a picture holds for the fit."""
+
+    def __init__(self, on: Field, camera: OmniCamera) -> None:
+        if not on.is_bounded or not len(on.lines) + len(on.arcs):
+            raise ArgumentError(f"field '{on.name}' must have walls or boards, and lines")
+        options = FrameOptions(choose_method(camera), None, None, 24, 24, "bgr")
+        self._pipeline = OmniPipeline(on, camera, options)
+        self.fitter = OutlineFitter(on, camera, self._pipeline.polar)
+        flat = Likelihoods(np.zeros((4, len(LINE_STATES))))
+        self._lines = LineEvidence(LineMap(on), self._pipeline.polar, flat)
+
+    def measure(self, frame: np.ndarray) -> FrameEvidence | None:
+        """Return what a picture shows, by itself."""
+        self._pipeline.forget()
+        return self._pipeline.measure(frame)
+
+    def candidates(self, seen: FrameEvidence) -> list[OutlineFit]:
+        """Return all fits that are places on the field."""
+        first = self.fitter.from_guess(seen.edge_px)
+        return (
+            [] if first is None else [f for f in self.fitter.search.candidates(first, seen.edge_px) if self.is_place(f)]
+        )
+
+    def is_place(self, fit: OutlineFit) -> bool:
+        """Whether a fit is a place on the field, and fixed in every direction."""
+        return fit.along_m <= self.fitter.settings.max_std_m and self.fitter.field.is_on_floor(*fit.pose[:2])
+
+    def outline(self, fit: OutlineFit, seen: FrameEvidence) -> FloatArray:
+        """Return the counts of the outline's states (5,)."""
+        return self.fitter.weigh(fit, seen.floor_column).counts.astype(np.float64)
+
+    def sample(self, fit: OutlineFit, seen: FrameEvidence) -> Sample:
+        """Return the counts of all states."""
+        assert seen.marks is not None
+        lines = self._lines.counts(Pose2(*fit.pose), seen.marks)
+        return Sample(self.outline(fit, seen), lines.astype(np.float64))
+
+
+def picture_count(count: int) -> int:
+    """Return how many pictures `count` of each set come to, those without a field included."""
+    return count * (len(SETS) + CLUTTER_PER_PICTURE)
+
+
+def draw_samples(on: Field, camera: OmniCamera, seed: int, count: int) -> Iterator[Samples]:
+    """Yield, picture by picture, all samples so far (always the same, growing object); by `seed` alone.
+
+    Parameters
+    ----------
+    on : Field
+        With walls and lines.
+    camera : OmniCamera
+        The camera.
+    seed : int
+        Not negative.
+    count : int
+        Pictures of each set.
+
+    Raises
+    ------
+    ArgumentError
+        If the field lacks walls or lines.
+    """
+    looker, samples = _Looker(on, camera), Samples()
+    for index, (condition, row) in enumerate(SETS.values()):
+        for drawn in sample(on, camera, condition, seed, count):
+            rng = np.random.default_rng([seed, index, drawn.index])
+            seen = looker.measure(drawn.frame)
+            if seen is not None:
+                _add_field(looker, seen, drawn.pose, samples, row, rng)
+            yield samples
+    for index in range(CLUTTER_PER_PICTURE * count):
+        seen = looker.measure(no_field_picture(camera.size_px, index, seed)[1])
+        if seen is not None:
+            found = [looker.sample(fit, seen) for fit in looker.candidates(seen)]
+            if found:
+                samples.clutter.append(found)
+        yield samples
+
+
+def clutter_names() -> list[str]:
+    """Return the kinds of pictures without a field."""
+    return list(PAINTERS)
+
+
+def _add_field(
+    looker: _Looker, seen: FrameEvidence, truth: Pose2, samples: Samples, row: int, rng: np.random.Generator
+) -> None:
+    """Add what a picture of the field shows from a true pose."""
+    fitter = looker.fitter
+    right = [fit for fit in looker.candidates(seen) if _is_within(fit, truth, RIGHT_M, RIGHT_RAD)]
+    if right:
+        samples.right[row].append(looker.sample(min(right, key=lambda fit: fit.cost), seen))
+    half = np.array([fitter.field.length_m / 2, fitter.field.width_m / 2, math.pi])
+    for start in rng.uniform(-half, half, (STARTS, 3)).tolist():
+        fit = fitter.from_start(tuple(start), seen.edge_px)
+        if looker.is_place(fit) and not _is_within(fit, truth, WRONG_M, WRONG_RAD):
+            samples.wrong_place.append(looker.sample(fit, seen))
+    first = fitter.from_guess(seen.edge_px)
+    near = [fitter.from_prior(Pose2(*at), seen.edge_px) for at in truth.array + rng.normal(0.0, PRIOR_STD, (PRIORS, 3))]
+    for found, wrong in (([first], samples.wrong_guesses), (near, samples.wrong_at_prior)):
+        for one in found:
+            if one is not None and fitter.fixes_pose(one) and not _is_within(one, truth, 2 * RIGHT_M, 2 * RIGHT_RAD):
+                wrong.append(looker.outline(one, seen))
+
+
+def _is_within(fit: OutlineFit, truth: Pose2, most_m: float, most_rad: float) -> bool:
+    distance, angle = Pose2(*fit.pose).error_to(truth, symmetric=True)
+    return distance <= most_m and angle <= most_rad
+
+
+def fit_samples(samples: Samples, min_log_odds: float) -> FittedEvidence:
+    """Turn samples into probabilities.
+
+    Which of the poses in a picture without a field is its best one depends on the probabilities: they are fitted in
+    turns.
+
+    Raises
+    ------
+    ArgumentError
+        If some kind of pose has no sample.
+    """
+    if not all((*samples.right, samples.wrong_place, samples.clutter)):
+        raise ArgumentError("too few pictures: no sample of a right pose, of a wrong one, or of clutter")
+    best = [max(found, key=lambda one: one.outline[0]) for found in samples.clutter]
+    for _ in range(_ROUNDS):
+        rows = [*samples.right, best, samples.wrong_place]
+        outline = _fit_cue([[one.outline for one in row] for row in rows], OUTLINE_STATES)
+        by_outline = outline.likelihoods
+        best = [max(found, key=lambda one: by_outline.log_odds(one.outline)) for found in samples.clutter]
+    lines = _fit_cue([[one.lines for one in row] for row in rows], LINE_STATES)
+    sure, at_prior = (
+        max([0.0, *(by_outline.log_odds(counts) for counts in wrong)]) + min_log_odds
+        for wrong in (samples.wrong_guesses, samples.wrong_at_prior)
+    )
+    return FittedEvidence(outline, lines, sure, at_prior)
+
+
+def _fit_cue(rows: list[list[FloatArray]], states: tuple[str, ...]) -> FittedCue:
+    """Fit the probabilities of a cue's states to the counts (N, S) of two rows of right poses and two of wrong ones."""
+    counts = [np.array(row).reshape(-1, len(states)) for row in rows]
+    totals = np.array([one.sum(axis=0) for one in counts]) + PSEUDO_COUNT
+    p = totals / totals.sum(axis=1, keepdims=True)
+    correlation = max(
+        _err_alike(counts[right], p[right], np.log(p[right] / p[wrong]))
+        for right in (CLEAR, ROUGH)
+        for wrong in (CLUTTER, WRONG_PLACE)
+    )
+    return FittedCue(p[:CLUTTER], p[CLUTTER:], max(correlation, 1.0))
+
+
+def _err_alike(counts: FloatArray, p: FloatArray, ratio: FloatArray) -> float:
+    """Return how many samples err alike: how much more a picture's sum varies than that of independent samples."""
+    number = counts.sum(axis=1)
+    mean = float(p @ ratio)
+    alone = float(p @ (ratio - mean) ** 2)
+    return float(((counts @ ratio - number * mean) ** 2).sum() / max(number.sum() * alone, 1e-9))
