@@ -114,7 +114,9 @@ def main() -> None:
     elsewhere = ELSEWHERE_QUICK if arguments.quick else ELSEWHERE_FULL if arguments.full else ELSEWHERE
     if arguments.matches:
         elsewhere = arguments.matches, ELSEWHERE_FULL[1]
-    fields = FIELDS if arguments.only is None else (arguments.only,)
+    fields = FIELDS[:1] if arguments.quick else FIELDS
+    if arguments.only is not None:
+        fields = (arguments.only,)
     with open_pool(arguments) as pool:
         ok = arguments.only is not None or measure_ssl_2001(pool, matches, seconds, arguments.seed)
         ok &= measure_elsewhere(pool, fields, *elsewhere, arguments.seed)

@@ -1,6 +1,7 @@
 """Camera models: pixels <-> rays <-> floor, and their files."""
 
 from robocup_vision.camera.files import Camera, load_camera, save_camera
+from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
@@ -10,6 +11,7 @@ from robocup_vision.camera.rolling_shutter import RollingShutter
 
 __all__ = [
     "Camera",
+    "FisheyeCamera",
     "FloorRange",
     "Hyperboloid",
     "Mounting",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias, Union
+from typing import Annotated, Any, Literal, TypeAlias, Union
 
 import msgspec
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, read_toml, refuse_other_kind
 from robocup_vision.camera.bounds import problem_of
+from robocup_vision.camera.fisheye import FisheyeCamera, Projection
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import BOUNDED_KEYS as OMNI_KEYS
 from robocup_vision.camera.omni import OmniCamera
@@ -58,9 +59,8 @@ class _OmniFile(StrictStruct):
     viewpoint_height_m: Positive | None = None
 
 
-class _PinholeFile(StrictStruct):
+class _ForwardFile(StrictStruct):
     format: Literal[1]
-    model: Literal["pinhole"]
     size_px: tuple[Pixels, Pixels]
     focal_px: tuple[Positive, Positive]
     center_px: tuple[float, float]
@@ -76,6 +76,16 @@ class _PinholeFile(StrictStruct):
     tilt_std_rad: NotNegative | None = None
     pan_std_rad: NotNegative = 0.0
     readout_s: NotNegative = 0.0
+
+
+class _PinholeFile(_ForwardFile, kw_only=True):
+    model: Literal["pinhole"]
+
+
+class _FisheyeFile(_ForwardFile, kw_only=True):
+    model: Literal["fisheye"]
+    projection: Projection = "kannala_brandt"
+    usable_radius_px: tuple[NotNegative, Positive] | None = None
 
 
 def load_camera(path: str | Path) -> Camera:
@@ -104,8 +114,14 @@ def load_camera(path: str | Path) -> Camera:
         pinhole = _build_pinhole(path, described)
         check_pinhole(path, pinhole)
         return pinhole
+    if model == "fisheye":
+        lens = convert(path, raw, _FisheyeFile)
+        _check_bounds(path, lens, PINHOLE_KEYS)
+        fisheye = _build_fisheye(path, lens)
+        check_pinhole(path, fisheye)
+        return fisheye
     if model != "omni":
-        raise FileError(path, "must be 'omni' or 'pinhole'", key="model", value=model)
+        raise FileError(path, "must be 'omni', 'pinhole' or 'fisheye'", key="model", value=model)
     mirror = convert(path, raw, _OmniFile)
     _check_bounds(path, mirror, OMNI_KEYS)
     omni = _build_omni(path, mirror)
@@ -202,7 +218,23 @@ def _check_center(path: str | Path, camera: Camera) -> None:
 def _build_pinhole(path: str | Path, f: _PinholeFile) -> PinholeCamera:
     if len(f.distortion) not in DISTORTION_LENGTHS:
         raise FileError(path, "must have 0, 4, 5 or 8 coefficients", key="distortion", value=list(f.distortion))
-    return PinholeCamera(**{key: getattr(f, key) for key in f.__struct_fields__ if key not in ("format", "model")})
+    return PinholeCamera(**_keys_of(f))
+
+
+def _build_fisheye(path: str | Path, f: _FisheyeFile) -> FisheyeCamera:
+    try:
+        camera = FisheyeCamera(**_keys_of(f))
+    except ArgumentError as error:
+        raise FileError(path, str(error)) from None
+    if f.usable_radius_px is not None and not camera.widest_rad < np.pi:
+        raise FileError(
+            path, "reaches beyond what the projection shows", key="usable_radius_px", value=f.usable_radius_px
+        )
+    return camera
+
+
+def _keys_of(f: _ForwardFile) -> dict[str, Any]:
+    return {key: getattr(f, key) for key in f.__struct_fields__ if key not in ("format", "model")}
 
 
 def check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
@@ -217,7 +249,14 @@ def check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
     width, height = camera.size_px
     u, v = np.meshgrid(np.linspace(0, width - 1, 41), np.linspace(0, height - 1, 31))
     pixels = np.stack([u.ravel(), v.ravel()], axis=-1)
-    error = np.linalg.norm(camera.camera_ray_to_pixel(camera.pixel_to_camera_ray(pixels)) - pixels, axis=1)
+    rays = camera.pixel_to_camera_ray(pixels)
+    if isinstance(camera, FisheyeCamera):
+        # beyond its circle a fisheye's picture is dark
+        shown = np.isfinite(rays).all(axis=1)
+        if not shown.any():
+            raise FileError(path, "shows nothing of the image", key="usable_radius_px", value=camera.usable_radius_px)
+        pixels, rays = pixels[shown], rays[shown]
+    error = np.linalg.norm(camera.camera_ray_to_pixel(rays) - pixels, axis=1)
     worst = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     if not error[worst] < 1e-3:
         u_worst, v_worst = pixels[worst]
@@ -248,9 +287,10 @@ def save_camera(camera: Camera, path: str | Path) -> None:
 
 
 def _pinhole_lines(camera: PinholeCamera) -> list[str]:
+    is_fisheye = isinstance(camera, FisheyeCamera)
     lines = [
         "format = 1",
-        'model = "pinhole"',
+        f'model = "{"fisheye" if is_fisheye else "pinhole"}"',
         f"size_px = {[int(v) for v in camera.size_px]}",
         f"focal_px = {[float(v) for v in camera.focal_px]}",
         f"center_px = {[float(v) for v in camera.center_px]}",
@@ -258,6 +298,10 @@ def _pinhole_lines(camera: PinholeCamera) -> list[str]:
         f"distortion = {[float(v) for v in camera.distortion]}",
         f"offset_m = {[float(v) for v in camera.offset_m]}",
     ]
+    if isinstance(camera, FisheyeCamera):
+        lines.append(f'projection = "{camera.projection}"')
+        if camera.usable_radius_px is not None:
+            lines.append(f"usable_radius_px = {[float(v) for v in camera.usable_radius_px]}")
     scalars = ("pan_rad", "tilt_rad", "roll_rad", "height_std_m", "focal_std_px", "roll_std_rad")
     known = [(key, getattr(camera, key)) for key in scalars]
     known.append(("tilt_std_rad", camera.tilt_std_rad))

@@ -7,7 +7,7 @@ the camera's own frame still works. Only the mappings to and from the robot fram
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,7 @@ BOUNDED_KEYS = (*MOUNTING_NAMES, "offset_m", "focal_std_px", "readout_s")
 _WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
 _DISTORTED_STEP = 1e-12
 _MOUNTING_BUT_PAN = tuple(name for name in MOUNTING_NAMES if not name.startswith("pan_"))
+_ANGLE_STEP_RAD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +88,9 @@ class PinholeCamera:
         ):
             if not all(value > 0 for value in values):
                 raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
+        self._check_lens()
+
+    def _check_lens(self) -> None:
         if len(self.distortion) not in DISTORTION_LENGTHS:
             raise ArgumentError(f"distortion must have 0, 4, 5 or 8 coefficients, got {len(self.distortion)}")
         require_bounds({name: getattr(self, name) for name in BOUNDED_KEYS})
@@ -99,7 +103,7 @@ class PinholeCamera:
     def with_orientation(self, pan_rad: float | None, tilt_rad: float | None, roll_rad: float | None) -> PinholeCamera:
         """Return this camera as the neck holds it now; None: unknown."""
         # once or more a frame: what is checked, and what is worked out of the lens, stays as it is
-        other = object.__new__(PinholeCamera)
+        other = object.__new__(type(self))
         vars(other).update(vars(self), pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
         vars(other).pop("camera_to_robot", None)
         return other
@@ -117,7 +121,7 @@ class PinholeCamera:
         return all(getattr(self, name) == getattr(other, name) for name in _MOUNTING_BUT_PAN)
 
     def _with_mounting(self, values: Mapping[str, float | None]) -> PinholeCamera:
-        other = object.__new__(PinholeCamera)
+        other = object.__new__(type(self))
         vars(other).update(vars(self))
         vars(other).update(values)
         for name in ("camera_to_robot", "viewpoint_m"):
@@ -165,21 +169,36 @@ class PinholeCamera:
 
     def pixel_to_camera_ray(self, pixels: npt.ArrayLike) -> FloatArray:
         """Return unit directions (..., 3) in the camera frame of pixels (..., 2); NaN where the lens shows nothing."""
-        slopes = self._ideal_slopes(pixels)
+        slopes = self.ideal_slopes(pixels)
         ray = np.empty((*slopes.shape[:-1], 3))
         ray[..., 0] = 1.0 / np.sqrt(1.0 + slopes[..., 0] ** 2 + slopes[..., 1] ** 2)
         ray[..., 1:] = -slopes * ray[..., :1]
         return ray
 
-    def _ideal_slopes(self, pixels: npt.ArrayLike) -> FloatArray:
-        """How far right and down per unit ahead the lens shows what pixels (..., 2) show; NaN where nothing."""
+    @property
+    def is_bent(self) -> bool:
+        """Whether the lens shows straight lines bent."""
+        return any(self.distortion)
+
+    @property
+    def without_lens(self) -> PinholeCamera:
+        """The camera with the same focal length, centre and mounting whose lens has no distortion."""
+        return replace(self, distortion=()) if self.is_bent else self
+
+    def ideal_slopes(self, pixels: npt.ArrayLike) -> FloatArray:
+        """How far right and down for each unit ahead lies what pixels (..., 2) show; NaN where that is not ahead."""
         slopes = (np.asarray(pixels, dtype=np.float64) - self.center_px) / self.focal_px
-        return self._undistort(slopes) if any(self.distortion) else slopes
+        return self._undistort(slopes) if self.is_bent else slopes
+
+    def ideal_pixels(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) as `without_lens` would show them; NaN where the lens shows nothing ahead."""
+        points = np.asarray(pixels, dtype=np.float64)
+        return np.asarray(self.ideal_slopes(points) * self.focal_px + self.center_px) if self.is_bent else points
 
     def pixel_slopes(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         """Return how far right and down per unit ahead the lens shows some pixels; in plain floats, as they are few."""
-        if any(self.distortion):
-            return [(right, down) for right, down in self._ideal_slopes(pixels).tolist()]
+        if self.is_bent:
+            return [(right, down) for right, down in self.ideal_slopes(pixels).tolist()]
         (center_u, center_v), (focal_u, focal_v) = self.center_px, self.focal_px
         return [((u - center_u) / focal_u, (v - center_v) / focal_v) for u, v in pixels]
 
@@ -189,7 +208,7 @@ class PinholeCamera:
         ahead = ray[..., :1] > 0
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slopes = np.where(ahead, -ray[..., 1:] / np.where(ahead, ray[..., :1], 1.0), np.nan)
-            if any(self.distortion):
+            if self.is_bent:
                 slopes = self._distort(slopes)
         return np.asarray(slopes * self.focal_px + self.center_px)
 
@@ -203,7 +222,7 @@ class PinholeCamera:
 
     def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
         """Floor points (..., 2), robot frame, metres, seen at pixels (..., 2); NaN from the horizon on."""
-        slopes = self._ideal_slopes(pixels)
+        slopes = self.ideal_slopes(pixels)
         right, down, turn = slopes[..., 0], slopes[..., 1], self.camera_to_robot
         rise = turn[2, 0] - turn[2, 1] * right - turn[2, 2] * down
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -226,6 +245,26 @@ class PinholeCamera:
     def coefficients(self) -> tuple[float, ...]:
         """All eight coefficients of `distortion`."""
         return (*self.distortion, *(0.0,) * (8 - len(self.distortion)))
+
+    @property
+    def tangential(self) -> tuple[float, float]:
+        """OpenCV's p1 and p2."""
+        _, _, p1, p2, *_ = self.coefficients
+        return p1, p2
+
+    def image_radius(self, angle_rad: FloatArray) -> FloatArray:
+        """Distance (...) from the centre, in focal lengths, of rays at angles (...) off the axis: the radial part."""
+        slope = np.tan(angle_rad)
+        return np.asarray(slope * self._radial(slope**2)[0])
+
+    def angle_of_radius(self, radius: FloatArray) -> FloatArray:
+        """Invert `image_radius`, up to the lens's end."""
+        slope, distorted = self._radial_table
+        angle = np.arctan(np.interp(radius, distorted, slope))
+        for _ in range(4):
+            step = (self.image_radius(angle + _ANGLE_STEP_RAD) - self.image_radius(angle)) / _ANGLE_STEP_RAD
+            angle = angle + (radius - self.image_radius(angle)) / step
+        return np.asarray(angle)
 
     def _radial(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Radial factor and its derivative by the squared slope."""
@@ -251,7 +290,7 @@ class PinholeCamera:
         return float(self._radial_table[0][-1])
 
     def _distort(self, slopes: FloatArray) -> FloatArray:
-        _, _, p1, p2, *_ = self.coefficients
+        p1, p2 = self.tangential
         x, y = slopes[..., 0], slopes[..., 1]
         r2 = x * x + y * y
         # beyond the fold the polynomial would bring rays back into the image that the lens never shows
@@ -263,7 +302,7 @@ class PinholeCamera:
 
     def _undistort(self, distorted: FloatArray) -> FloatArray:
         """Invert `_distort` by Newton's method, started from the radial part's tabulated inverse."""
-        _, _, p1, p2, *_ = self.coefficients
+        p1, p2 = self.tangential
         undistorted_table, distorted_table = self._radial_table
         length = np.hypot(distorted[..., 0], distorted[..., 1])
         inverse = np.interp(length, distorted_table, undistorted_table)

@@ -206,10 +206,7 @@ def features_of(
 
 def ideal_pixels(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
     """Pixels (N, 2) as a camera without distortion would have them; NaN where the lens shows nothing."""
-    if not any(camera.distortion):
-        return pixels
-    ray = camera.pixel_to_camera_ray(pixels)
-    return np.asarray(-ray[:, 1:] / ray[:, :1] * camera.focal_px + camera.center_px)
+    return camera.ideal_pixels(pixels)
 
 
 def to_bytes(descriptors: Float32Array) -> UInt8Array:

@@ -7,7 +7,7 @@ row. The rows cover the view only. Some empty rows follow them, so that the last
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array, read_only
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
 
@@ -338,18 +339,14 @@ class FloorView:
     @cached_property
     def _planes(self) -> Float32Array:
         """(2, K, M) float32: u and v of the samples in view as `_camera_of_planes` without distortion shows them."""
-        ideal = replace(self.camera, distortion=())
+        ideal = self.camera.without_lens
         directions = self._directions(self.bearing_rad[: self.seen_bearings, None], self._slopes[None, :])
         return np.ascontiguousarray(np.moveaxis(ideal.ray_to_pixel(directions), -1, 0), dtype=np.float32)
 
     @cached_property
     def _lens(self) -> Float32Array:
-        """(13,) float32: the lens as `sample_turned` takes it; empty without distortion."""
-        camera = self.camera
-        if not any(camera.distortion):
-            return np.empty(0, dtype=np.float32)
-        numbers = (*camera.focal_px, *camera.center_px, *camera.coefficients, camera.widest_slope**2)
-        return np.array(numbers, dtype=np.float32)
+        """The lens as `sample_turned` takes it: `camera.lens_table` in float32."""
+        return lens_table(self.camera).astype(np.float32)
 
     @cached_property
     def _camera_of_planes(self) -> PinholeCamera:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array
-from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.ray_directions import pinhole_patches
 from sim2d.rendering.backdrop import Backdrop
@@ -57,9 +57,13 @@ class PinholeRays(RaySet):
         radial, tangential = np.empty((2, *directions.shape[:2]))
         rays_per_rad = math.sqrt(camera.focal_px[0] * camera.focal_px[1]) * supersample
         step = max(1, RAYS_AT_ONCE // len(offsets))
+        is_fisheye = isinstance(camera, FisheyeCamera)
         for start in range(0, len(index), step):
             part = slice(start, start + step)
             along_axis = camera.pixel_to_camera_ray(centers[part, None, :] + offsets)
+            if is_fisheye:
+                # whatever lies ahead stands in for what a lens's circle does not show: those pixels are black
+                along_axis[np.isnan(along_axis[..., 0])] = (1.0, 0.0, 0.0)
             turned = np.matmul(along_axis, camera.camera_to_robot.T, out=directions[part])
             if turn_rad:
                 turn = turn_rad * (centers[part, 1] / (height - 1) - 0.5)
@@ -67,7 +71,9 @@ class PinholeRays(RaySet):
                 x, y = turned[..., 0].copy(), turned[..., 1].copy()
                 turned[..., 0], turned[..., 1] = c * x - s * y, s * x + c * y
             patches = radial[part], tangential[part]
-            pinhole_patches(camera.height_m, rays_per_rad, along_axis[..., 0], turned, *patches)
+            # equal angles are about equally long in a fisheye's picture
+            cosine = np.ones(along_axis.shape[:-1]) if is_fisheye else along_axis[..., 0]
+            pinhole_patches(camera.height_m, rays_per_rad, cosine, turned, *patches)
         super().__init__(camera.height_m, index, directions, radial, tangential)
 
 
@@ -111,7 +117,7 @@ def render_pinhole(
     Raises
     ------
     ArgumentError
-        If the camera's tilt is unknown, its lens leaves part of the image dark, or `supersample` is too small.
+        If the camera's tilt is unknown, its lens folds back in the image, or `supersample` is too small.
     """
     if supersample < COARSE:
         raise ArgumentError(f"supersample must be at least {COARSE}, got {supersample}")
@@ -144,7 +150,16 @@ def render_pinhole(
     if supersample > COARSE and len(edges):
         fine_rays = PinholeRays(camera, supersample, edges, turn_rad)
         image[fine_rays.pixel_index] = trace(fine_rays).per_pixel
-    return image.reshape(height, width, 3)
+    image = image.reshape(height, width, 3)
+    image[dark_pixels(camera)] = 0.0
+    return image
+
+
+def dark_pixels(camera: PinholeCamera) -> npt.NDArray[np.bool_]:
+    """Return which pixels (H, W) the lens leaves dark."""
+    width, height = camera.size_px
+    u, v = np.meshgrid(np.arange(width), np.arange(height))
+    return np.asarray(np.isnan(camera.pixel_to_camera_ray(np.stack([u, v], axis=-1))).any(axis=-1))
 
 
 def _pixels_at_edges(traced: TracedLight, shape: tuple[int, int]) -> npt.NDArray[np.intp]:

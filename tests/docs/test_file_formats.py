@@ -58,6 +58,7 @@ EXPECTED = {
     "camera.toml tangent": keys_of(camera_files._TangentFile),
     "camera.toml table": keys_of(camera_files._TableFile),
     "camera.toml pinhole": keys_of(camera_files._PinholeFile),
+    "camera.toml fisheye": keys_of(camera_files._FisheyeFile),
     "colors.toml": keys_of(color_table._ColorsFile),
     "colors.toml floor": keys_of(color_table._FloorFile),
     "colors.toml paint": keys_of(color_table._PaintFile),

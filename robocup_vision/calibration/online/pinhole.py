@@ -28,6 +28,7 @@ from robocup_vision.calibration.online.evidence import (
     tukey_weights,
 )
 from robocup_vision.calibration.online.settings import OnlineSettings
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.kernels.model_edges.carpet import carpet_look
@@ -35,7 +36,7 @@ from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import search
 from robocup_vision.kernels.model_edges.tables import HEIGHT, LOG_FOCAL, ROLL, TILT, UNKNOWNS, empty_room
-from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
+from robocup_vision.localization.model_edges.field_edges import field_edges
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
 from robocup_vision.view import View
 

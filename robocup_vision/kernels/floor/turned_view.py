@@ -8,6 +8,7 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.lens import BENT, CELLS, FORWARD, LOWEST_COSINE, MAX_SLOPE2, P1, P2, PER_COSINE
 from robocup_vision.kernels.algebra.pinhole import camera_axes
 
 Pair = tuple[float, float]
@@ -101,9 +102,8 @@ def sample_turned(
         u and v as a lens without distortion shows them; NaN where there is none: that becomes 0.
     homography : (3, 3) float64
         Of u, v, 1.
-    lens : (13,) float32
-        Focal length and centre (u and v each, pixels), k1, k2, p1, p2, k3, k4, k5, k6 as OpenCV's, and the square of
-        the slope at which the lens folds back; empty for a lens without distortion.
+    lens : (L,) float32
+        `camera.lens_table` of the camera.
     hidden : (H, W) uint8
         Non-zero pixels show the robot itself: places behind it take the colour of the next one nearer in their row, the
         nearest ones that of the first that is not hidden. (0, 0): none.
@@ -131,7 +131,7 @@ def sample_turned(
             scale = g * u + h * v + i
             by_scale = one / scale if scale > none else behind
             us[m], vs[m] = (a * u + b * v + c) * by_scale, (d * u + e * v + f) * by_scale
-        if len(lens) > 0:
+        if lens[BENT] != none:
             _distort(us, vs, lens)
         for m in range(columns):
             x, y = us[m], vs[m]
@@ -154,17 +154,24 @@ def sample_turned(
 
 @compiled(error_model="numpy")
 def _distort(us: Float32Array, vs: Float32Array, lens: Float32Array) -> None:
-    """Move ideal pixels to where a lens shows them, in place; those beyond its fold to the fold."""
+    """Move ideal pixels to where a lens shows them, in place; those beyond its end to the end."""
     fu, fv, cu, cv = lens[0], lens[1], lens[2], lens[3]
-    k1, k2, p1, p2, k3, k4, k5, k6 = lens[4], lens[5], lens[6], lens[7], lens[8], lens[9], lens[10], lens[11]
-    farthest, one, two = lens[12], np.float32(1.0), np.float32(2.0)
+    p1, p2, farthest, one, two = lens[P1], lens[P2], lens[MAX_SLOPE2], np.float32(1.0), np.float32(2.0)
+    lowest, per_cosine, last = lens[LOWEST_COSINE], lens[PER_COSINE], np.float32(CELLS - 1)
     for m in range(len(us)):
         x, y = (us[m] - cu) / fu, (vs[m] - cv) / fv
         r2 = x * x + y * y
         inward = np.sqrt(farthest / r2) if r2 > farthest else one
         x, y = inward * x, inward * y
         r2 = x * x + y * y
-        factor = (one + r2 * (k1 + r2 * (k2 + r2 * k3))) / (one + r2 * (k4 + r2 * (k5 + r2 * k6)))
+        cosine = one / np.sqrt(one + r2)
+        place = (cosine - lowest) * per_cosine
+        place = place if place < last else last
+        # not a number where the ray lies behind: the first cell keeps it so
+        cell = np.uint32(place) if place > np.float32(0.0) else np.uint32(0)
+        t, at = place - np.float32(cell), np.uint32(FORWARD) + np.uint32(4) * cell
+        three = lens[at + np.uint32(3)]
+        factor = cosine * (lens[at] + t * (lens[at + np.uint32(1)] + t * (lens[at + np.uint32(2)] + t * three)))
         cross = two * x * y
         us[m] = cu + fu * (x * factor + p1 * cross + p2 * (r2 + two * x * x))
         vs[m] = cv + fv * (y * factor + p1 * (r2 + two * y * y) + p2 * cross)

@@ -12,6 +12,7 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.kernels.algebra.lens import distorted, slopes_at
 
 BINS = 96  # of bearing across the picture
 LIKENESS = 0.93  # cosine between a colour and the paint that it is
@@ -69,7 +70,8 @@ def chroma(image: UInt8Array, v: int, u: int) -> tuple[float, float, float, floa
 @compiled(error_model="numpy", inline="always")
 def column_of(i: int, bank_half: float, lens: FloatArray) -> int:
     """Column of the picture in the middle of a bin of bearings."""
-    return int(round(lens[2] - lens[0] * math.tan(bank_half * (1.0 - 2.0 * (i + 0.5) / BINS))))
+    across, _, _, _, _, _ = distorted(lens, -math.tan(bank_half * (1.0 - 2.0 * (i + 0.5) / BINS)), 0.0)
+    return int(round(lens[2] + lens[0] * across))
 
 
 @compiled(error_model="numpy")
@@ -82,7 +84,7 @@ def upright_bins(
     ----------
     image : (H, W, 3) uint8
         BGR.
-    lens : (18,) float64
+    lens : (L,) float64
         See `prediction.predict`.
     horizon_row : float
         Of the camera.
@@ -119,7 +121,7 @@ def floor_places(
     points: FloatArray, count: int, lens: FloatArray, tilt: float, roll: float, height_m: float, max_m: float,
     out: FloatArray,
 ) -> int:  # fmt: skip
-    """Put line points on the floor, for an undistorted lens: rows forward, left, tolerance (m), mixed in order."""
+    """Put line points on the floor: rows forward, left, tolerance (m), mixed in order."""
     kept = 0
     stride = max(1, int(0.381966 * count))
     while count > 0 and stride > 1 and math.gcd(stride, count) != 1:
@@ -128,8 +130,8 @@ def floor_places(
     cr, sr = math.cos(roll), math.sin(roll)
     at = 0
     for _ in range(count):
-        a = -(points[at, 0] - lens[2]) / lens[0]
-        b = -(points[at, 1] - lens[3]) / lens[1]
+        right, down = slopes_at(lens, points[at, 0], points[at, 1])
+        a, b = -right, -down
         at = (at + stride) % count
         # Ry(-tilt) Rx(roll)
         left = cr * a - sr * b

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.kernels.algebra.lens import BENT, MAX_SLOPE2, TALL, WIDE, distorted
 from robocup_vision.kernels.algebra.pinhole import camera_axes
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
@@ -42,25 +43,6 @@ def pose_frame(p: FloatArray, lens: FloatArray, frame: FloatArray) -> None:
     scale = math.exp(p[6])
     frame[12], frame[13] = lens[0] * scale, lens[1] * scale
     frame[14], frame[15] = math.sin(p[2]), math.cos(p[2])
-
-
-@compiled(fastmath=True, error_model="numpy")
-def distorted(lens: FloatArray, a: float, b: float) -> tuple[float, float, float, float, float, float]:
-    """Distort slopes; also the derivative, row by row. Not for slopes beyond the lens' fold."""
-    if lens[6] == 0.0:
-        return a, b, 1.0, 0.0, 0.0, 1.0
-    k1, k2, p1, p2 = lens[7], lens[8], lens[9], lens[10]
-    k3, k4, k5, k6 = lens[11], lens[12], lens[13], lens[14]
-    r2 = a * a + b * b
-    bottom = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    f = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / bottom
-    df = (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3) - f * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6))) / bottom
-    x = a * f + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a)
-    y = b * f + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b
-    xa = f + 2.0 * a * a * df + 2.0 * p1 * b + 6.0 * p2 * a
-    xb = 2.0 * a * b * df + 2.0 * p1 * a + 2.0 * p2 * b
-    yb = f + 2.0 * b * b * df + 6.0 * p1 * b + 2.0 * p2 * a
-    return x, y, xa, xb, xb, yb
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
@@ -96,7 +78,7 @@ def _emit(
         return count
     inv = 1.0 / depth
     a, b = -left * inv, -up * inv
-    if a * a + b * b > lens[15]:
+    if a * a + b * b > lens[MAX_SLOPE2]:
         return count
     xd, yd, xa, xb, ya, yb = distorted(lens, a, b)
     fu, fv = frame[12], frame[13]
@@ -173,12 +155,19 @@ def _emit(
     return count
 
 
+@compiled(fastmath=True, error_model="numpy")
+def _angle_between(a: Triple, b: Triple) -> float:
+    """Return the angle between two directions of any length, radians."""
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return math.atan2(math.sqrt(x * x + y * y + z * z), a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def _clip(frame: FloatArray, lens: FloatArray, a: Triple, b: Triple) -> Triple:
     """Clip a segment to what the camera sees, its ends along the camera's axes: fractions, and the length in px."""
     low, high = 0.0, 1.0
     # planes of the view: what lies inside is positive
-    wide, tall = lens[16], lens[17]
+    wide, tall = lens[WIDE], lens[TALL]
     for f0, f1 in (
         (a[0] - NEAR_M, b[0] - NEAR_M),
         (wide * a[0] + a[1], wide * b[0] + b[1]),
@@ -194,6 +183,11 @@ def _clip(frame: FloatArray, lens: FloatArray, a: Triple, b: Triple) -> Triple:
             high = min(high, f0 / (f0 - f1))
     if high <= low:
         return 0.0, 0.0, 0.0
+    if lens[BENT] != 0.0:
+        # a bent lens shows equal angles about equally long
+        near = a[0] + low * (b[0] - a[0]), a[1] + low * (b[1] - a[1]), a[2] + low * (b[2] - a[2])
+        far = a[0] + high * (b[0] - a[0]), a[1] + high * (b[1] - a[1]), a[2] + high * (b[2] - a[2])
+        return low, high, math.sqrt(frame[12] * frame[13]) * _angle_between(near, far)
     d0, d1 = 1.0 / (a[0] + low * (b[0] - a[0])), 1.0 / (a[0] + high * (b[0] - a[0]))
     du = (a[1] + high * (b[1] - a[1])) * d1 - (a[1] + low * (b[1] - a[1])) * d0
     dv = (a[2] + high * (b[2] - a[2])) * d1 - (a[2] + low * (b[2] - a[2])) * d0
@@ -223,11 +217,19 @@ def _segments(
         along = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         near, far = a[0] + low * along[0], a[0] + high * along[0]
         parts = max(int(length / spacing_px), 1)
-        step = 1.0 / parts
+        step, turn = 1.0 / parts, 0.0
+        if lens[BENT] != 0.0:
+            turn = length / math.sqrt(frame[12] * frame[13])
+            near = math.sqrt(near**2 + (a[1] + low * along[1]) ** 2 + (a[2] + low * along[2]) ** 2)
+            far = math.sqrt(far**2 + (a[1] + high * along[1]) ** 2 + (a[2] + high * along[2]) ** 2)
         for k in range(parts):
             t = (k + 0.5) * step
-            # evenly in the image: fractions are weighted with the other end's depth
-            s = low + (high - low) * t * near / ((1.0 - t) * far + t * near)
+            # evenly in the image: fractions are weighted with the other end's depth, or for a bent lens evenly by
+            # angle, with its distance
+            begin, end = 1.0 - t, t
+            if lens[BENT] != 0.0:
+                begin, end = math.sin(begin * turn), math.sin(end * turn)
+            s = low + (high - low) * end * near / (begin * far + end * near)
             at = a[0] + s * along[0], a[1] + s * along[1], a[2] + s * along[2]
             count = _emit(frame, lens, channels, at, along, inside, rows, n, out, count)
     return count
@@ -320,13 +322,14 @@ def _arcs(
             if depth >= NEAR_M:
                 inv = 1.0 / depth
                 a, b = left * inv, up * inv
-                if a * a + b * b <= lens[15]:
+                if a * a + b * b <= lens[MAX_SLOPE2]:
                     # first and second derivatives by the angle, of the place and of the slopes
                     d1, l1, u1 = _turned(frame, -radius * oy, radius * ox, 0.0)
                     a1, b1 = (l1 - a * d1) * inv, (u1 - b * d1) * inv
                     a2 = (-out_l - 2.0 * a1 * d1 + a * out_d) * inv
                     b2 = (-out_u - 2.0 * b1 * d1 + b * out_d) * inv
-                    speed2 = (fu * a1) ** 2 + (fv * b1) ** 2
+                    _, _, xa, xb, ya, yb = distorted(lens, -a, -b)
+                    speed2 = (fu * (xa * a1 + xb * b1)) ** 2 + (fv * (ya * a1 + yb * b1)) ** 2
                     speed_px = math.sqrt(speed2)
                     is_straight = speed_px * speed2 >= MIN_RADIUS_PX * fu * fv * abs(a1 * b2 - a2 * b1)
             if not is_straight:
@@ -355,7 +358,7 @@ def _rings(
         dx, dy, radius = rings[m, 0] - frame[9], rings[m, 1] - frame[10], rings[m, 2]
         depth, left, _ = _turned(frame, dx, dy, rings[m, 3] - frame[11])
         away2 = dx * dx + dy * dy
-        if away2 < 2.25 * radius * radius or abs(left) > lens[16] * (depth + radius) + radius:
+        if away2 < 2.25 * radius * radius or abs(left) > lens[WIDE] * (depth + radius) + radius:
             continue
         away = math.sqrt(away2)
         row[9], row[10], row[11] = rings[m, 5], rings[m, 4], rings[m, 6]
@@ -377,8 +380,8 @@ def predict(field: FieldEdges, lens: FloatArray, p: FloatArray, spacing_px: floa
     ----------
     field : FieldEdges
         The field.
-    lens : (18,) float64
-        fu, fv, centre u, v, width, height, whether distorted, OpenCV's k1, k2, p1, p2, k3 to k6, greatest squared
+    lens : (L,) float64
+        fu, fv, centre u, v, width, height, and what bends straight lines: `camera.lens_table`
         slope, greatest slopes along u and v.
     p : (7,) float64
         The unknowns.

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, flag, variable
+from robocup_vision.kernels.algebra.lens import BENT, MAX_SLOPE2, WIDE
 from robocup_vision.kernels.model_edges.borders import leave_out_borders
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
@@ -50,9 +51,9 @@ def widened(lens: FloatArray, prior: Prior, settings: FollowSettings) -> tuple[F
         return wide, 0.0
     wide[2] += beside_px
     wide[4] += 2.0 * beside_px
-    wide[16] += beside_px / lens[0]
-    if lens[6] == 0.0:
-        wide[15] += (2.0 * math.sqrt(lens[15]) + beside_px / lens[0]) * beside_px / lens[0]
+    wide[WIDE] += beside_px / lens[0]
+    if lens[BENT] == 0.0:
+        wide[MAX_SLOPE2] += (2.0 * math.sqrt(lens[MAX_SLOPE2]) + beside_px / lens[0]) * beside_px / lens[0]
     return wide, beside_px
 
 

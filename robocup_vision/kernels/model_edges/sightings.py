@@ -127,7 +127,7 @@ def sightings(
     ----------
     image : (H, W, 3) uint8
         BGR.
-    lens : (18,) float64
+    lens : (L,) float64
         See `prediction.predict`.
     horizon : Horizon
         Of the camera.

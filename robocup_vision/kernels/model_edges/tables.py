@@ -240,7 +240,7 @@ class Scene(NamedTuple):
     ----------
     field : FieldEdges
         The field.
-    lens : (18,) float64
+    lens : (L,) float64
         See `prediction.predict`.
     draws : (H, 6) float64
         See `fit.choose_mode`.

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.kernels.algebra.lens import slopes_at
 from robocup_vision.kernels.model_edges.carpet import is_carpet, other_light
 from robocup_vision.kernels.model_edges.prediction import pose_frame
 from robocup_vision.kernels.model_edges.tables import (
@@ -117,7 +118,7 @@ def line_points(
     ----------
     image : (H, W, 3) uint8
         BGR.
-    lens : (18,) float64
+    lens : (L,) float64
         See `prediction.predict`.
     p : (7,) float64
         Tilt, roll, height and focal length count: they determine the width of a line.
@@ -142,9 +143,12 @@ def line_points(
     sums, bright_at = np.empty(longest + 1, np.int64), np.empty(longest, np.int64)
     inner_of_row = np.empty(height, np.int64)
     tan_tilt, tan_roll = math.tan(p[3]), math.tan(p[4])
+    scale = math.exp(-p[6])
     for i in range(height):
-        down = max((i - lens[3]) / fv - tan_tilt, 0.0)
-        inner_of_row[i] = min(max(int(round(fv * line_width_m * down * down / p[5])), 1), 41)
+        # how many pixels down a unit of slope is, at this row of the middle column
+        upper, lower = slopes_at(lens, lens[2], i - 0.5)[1] * scale, slopes_at(lens, lens[2], i + 0.5)[1] * scale
+        down = max(0.5 * (upper + lower) - tan_tilt, 0.0)
+        inner_of_row[i] = min(max(int(round(line_width_m * down * down / p[5] / (lower - upper))), 1), 41)
     # most pixels are too dark to be part of a line
     bright = int(math.floor(carpet[0] + carpet[2] + 0.5 * least))
     for turn in range(2):
@@ -154,10 +158,13 @@ def line_points(
             # the horizon where this row or column meets it
             inner, shift, begin = 0, 0, 0
             if by_row:
-                down = (at - lens[3]) / fv - tan_tilt
+                slope = slopes_at(lens, lens[2], at)[1] * scale
+                down = slope - tan_tilt
                 if down < 0.02:
                     continue
-                inner = min(max(int(round(fu * line_width_m * down / p[5])), 1), 41)
+                # a lens scales across the radius as along it goes from the axis to this row
+                per_slope_px = (at - lens[3]) / slope * fu / fv if abs(slope) > 0.01 else fu
+                inner = min(max(int(round(per_slope_px * line_width_m * down / p[5])), 1), 41)
             else:
                 shift = int(round(tan_roll * (at - lens[2])))
                 begin = max(int(lens[3] + fv * tan_tilt - tan_roll * (at - lens[2])) + 2, 0)
@@ -278,7 +285,7 @@ def explained(
         See `FollowSettings`.
     silent : (B, 6) float64
         See `FieldEdges`.
-    lens : (18,) float64
+    lens : (L,) float64
         See `prediction.predict`.
     p : (7,) float64
         The unknowns of the fit.
@@ -322,11 +329,9 @@ def explained(
 
 @compiled(fastmath=True, error_model="numpy")
 def _is_silent(silent: FloatArray, lens: FloatArray, frame: FloatArray, u: float, v: float) -> bool:
-    """Return whether the ray of a pixel passes through a silent box; `frame` as `pose_frame` prepares it.
-
-    Distortion is left out: it moves a ray by far less than a box is large.
-    """
-    right, down = (u - lens[2]) / frame[12], (v - lens[3]) / frame[13]
+    """Return whether the ray of a pixel passes through a silent box; `frame` as `pose_frame` prepares it."""
+    right, down = slopes_at(lens, u, v)
+    right, down = right * lens[0] / frame[12], down * lens[1] / frame[13]
     for n in range(silent.shape[0]):
         # of the way along the ray, its length ahead being 1
         begin, end = 0.0, 1e9

@@ -150,15 +150,12 @@ def goal_scene(shape: GoalShape, view: IdealView) -> GoalScene:
 
 def to_ideal(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
     """Pixels (..., 2) as a lens without distortion would show them."""
-    if not any(camera.distortion):
-        return pixels
-    ray = camera.pixel_to_camera_ray(pixels)
-    return np.asarray(np.array(camera.center_px) - np.array(camera.focal_px) * ray[..., 1:] / ray[..., :1])
+    return camera.ideal_pixels(pixels)
 
 
 def from_ideal(camera: PinholeCamera, ideal: FloatArray) -> FloatArray:
     """Image pixels (..., 2) of ideal ones."""
-    if not any(camera.distortion):
+    if not camera.is_bent:
         return ideal
     slopes = (ideal - np.array(camera.center_px)) / np.array(camera.focal_px)
     return camera.camera_ray_to_pixel(np.concatenate([np.ones((*slopes.shape[:-1], 1)), -slopes], axis=-1))

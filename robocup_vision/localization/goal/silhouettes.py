@@ -169,7 +169,7 @@ class SilhouetteSearch:
     @cached_property
     def _ideal_px(self) -> tuple[FloatArray, FloatArray] | None:
         """Where a lens without distortion would show each pixel, for `cv2.remap`; None for such a lens."""
-        if not any(self._camera.distortion):
+        if not self._camera.is_bent:
             return None
         width, height = self._camera.size_px
         grid = np.stack(np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)), axis=-1)

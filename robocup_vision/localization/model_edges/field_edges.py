@@ -9,7 +9,6 @@ import numpy as np
 
 from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import BoolArray, FloatArray
-from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UPRIGHT, FieldEdges
 
 Bgr = tuple[float, float, float]
@@ -213,34 +212,5 @@ def _in_recess(line_x_m: float, start: FloatArray, end: FloatArray) -> bool:
 
 def _table(rows: list[list[float]], columns: int) -> FloatArray:
     table = np.array(rows, dtype=np.float64).reshape(-1, columns)
-    table.flags.writeable = False
-    return table
-
-
-def lens_table(camera: PinholeCamera) -> FloatArray:
-    """Return the lens as the loops take it, (18,) float64 (see `kernels.model_edges.prediction.predict`)."""
-    width, height = camera.size_px
-    u = np.linspace(0.0, width - 1.0, 33)
-    v = np.linspace(0.0, height - 1.0, 33)
-    border = np.concatenate(
-        [np.stack([u, np.full(33, w)], 1) for w in (v[0], v[-1])]
-        + [np.stack([np.full(33, w), v], 1) for w in (u[0], u[-1])]
-    )
-    ray = camera.pixel_to_camera_ray(border)
-    slopes = ray[:, 1:] / ray[:, :1]
-    slopes = slopes[np.isfinite(slopes).all(axis=1)]
-    widest = np.abs(slopes).max(axis=0) if len(slopes) else np.array([1.0, 1.0])
-    table = np.array(
-        [
-            *camera.focal_px,
-            *camera.center_px,
-            width,
-            height,
-            float(any(camera.distortion)),
-            *camera.coefficients,
-            1.1 * float((slopes**2).sum(axis=1).max()) if len(slopes) else math.inf,
-            *(1.02 * widest),
-        ]
-    )
     table.flags.writeable = False
     return table

@@ -13,12 +13,8 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.model_edges.align import LEFT_BEHIND, Alignment, align_likeliest, slopes_of
-from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
-from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.sightings import MAX_SIGHTINGS, NOD_RAD, SIGHT, Horizon, poses_around, sightings
-from robocup_vision.kernels.model_edges.tables import HEIGHT, ROLL, TILT, UNKNOWNS
-from robocup_vision.kernels.model_edges.verdict import LineLook, line_points
 from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights
 from robocup_vision.localization.model_edges.candidates import CandidateSettings, accepted, log_weight, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
@@ -164,14 +160,9 @@ class EdgeFinder:
         """Poses aligned with what is in view of a camera that nods by so much: (N, 4), with the cost in line points."""
         s, follower, camera = self.settings, self.follower, self.follower.camera
         tilt, roll = (camera.tilt_rad or 0.0) + nod_rad, camera.roll_rad or 0.0
-        carpet, p = np.zeros(5), np.zeros(UNKNOWNS)
         horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt)
-        carpet_look(frame, int(horizon), carpet)
-        p[TILT], p[ROLL], p[HEIGHT] = tilt, roll, camera.height_m
-        lens, numbers, seen = follower.lens, follower.numbers, self._seen
-        step = 0.5 * numbers.min_ratio * float(follower.edges.channels[0, 3]) * brightness(carpet)
-        look = LineLook(max(step, 5 * float(carpet[3])), numbers.line_width_m, max(numbers.point_stride // 2, 2))
-        count = line_points(frame, lens, p, carpet, look, self._points)
+        lens, seen = follower.lens, self._seen
+        count = follower.find_line_points(frame, tilt, roll, self._points)
         upright_bins(frame, lens, horizon, self._bank.paints, self._bank.half_view_rad, seen)
         number = floor_places(self._points, count, lens, tilt, roll, camera.height_m, s.max_range_m, self._rows)
         level = Horizon(horizon, camera.height_m, NOD_RAD * camera.focal_px[1])

@@ -16,16 +16,29 @@ import numpy as np
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.alone import frame_alone
-from robocup_vision.kernels.model_edges.carpet import CARPET, LIT_CARPET
-from robocup_vision.kernels.model_edges.follow import MODES, follow, prepare
-from robocup_vision.kernels.model_edges.tables import FOUND, UNKNOWNS, UNSEEN, Fit, Prior, Scene, empty_room
+from robocup_vision.kernels.model_edges.carpet import CARPET, LIT_CARPET, carpet_look
+from robocup_vision.kernels.model_edges.follow import MODES, brightness, follow, prepare
+from robocup_vision.kernels.model_edges.tables import (
+    FOUND,
+    HEIGHT,
+    ROLL,
+    TILT,
+    UNKNOWNS,
+    UNSEEN,
+    Fit,
+    Prior,
+    Scene,
+    empty_room,
+)
+from robocup_vision.kernels.model_edges.verdict import LineLook, line_points
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
-from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table, telling_features
+from robocup_vision.localization.model_edges.field_edges import field_edges, telling_features
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 _MAX_SAMPLES = 600
@@ -210,12 +223,15 @@ class EdgeFollower:
         self._keep, self._dt_s = np.zeros(4), -1.0
         self._last_pose: Pose2 | None = None
         self._log_odds = self._log_ratio = 0.0
+        self._paint_ratio, self._knows_paint = 1.0, False
         self.forget()
 
     def with_camera(self, camera: PinholeCamera) -> EdgeFollower:
         """Return a follower that goes on with another calibration of its camera, from where this one is."""
         other = EdgeFollower(self.field, camera, self.settings)
         other.state = self.state
+        if self._knows_paint:
+            other._show_paint(self._paint_ratio)
         # what is carried is how far the body was off its rest
         other._sway[0] += self._camera_prior[0] - other._camera_prior[0]
         other._sway[0, 3] = 0.0
@@ -297,6 +313,64 @@ class EdgeFollower:
         count = int(self._fit.figures[0])
         return partial(_edge_points, self._room.samples.uv[:count].copy(), self._room.found.status[:count].copy())
 
+    def find_line_points(self, frame: UInt8Array, tilt_rad: float, roll_rad: float, points: FloatArray) -> int:
+        """Find points on lines whatever the pose, and learn by them how bright these pictures show white paint.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR, of the camera's size.
+        tilt_rad, roll_rad : float
+            How the camera is held.
+        points : (P, 3) float64
+            Result, as `kernels.model_edges.verdict.line_points` gives it.
+
+        Returns
+        -------
+        int
+            How many.
+        """
+        camera, numbers, carpet, held = self.camera, self.numbers, np.zeros(CARPET), np.zeros(UNKNOWNS)
+        carpet_look(frame, int(camera.center_px[1] + camera.focal_px[1] * math.tan(tilt_rad)), carpet)
+        held[TILT], held[ROLL], held[HEIGHT] = tilt_rad, roll_rad, camera.height_m
+        usual = float(self.edges.channels[0, 3]) * brightness(carpet)
+        step = max(0.5 * numbers.min_ratio * usual, 5 * float(carpet[3]))
+        look = LineLook(step, numbers.line_width_m, max(numbers.point_stride // 2, 2))
+        count = int(line_points(frame, self.lens, held, carpet, look, points))
+        wide = points[:count][self._widths_px(points[:count], tilt_rad, roll_rad) >= self.settings.min_paint_px]
+        if len(wide) >= self.settings.min_paint_points:
+            columns, rows = np.rint(wide[:, :2].T).astype(np.intp)
+            blue, _, red = frame[rows, columns].astype(np.float64).T
+            self._show_paint((float(np.median(blue + red)) - float(carpet[0] + carpet[2])) / usual)
+        return count
+
+    def _widths_px(self, points: FloatArray, tilt_rad: float, roll_rad: float) -> FloatArray:
+        """How wide (N,) a line looks at points (N, 3) of `line_points`, across the row or column that was read."""
+        camera = self.camera.with_orientation(0.0, tilt_rad, roll_rad)
+        range2 = ((camera.pixel_to_floor(points[:, :2]) - camera.viewpoint_m[:2]) ** 2).sum(axis=1)
+        away = np.sqrt(range2 + camera.height_m**2)
+        by_row = points[:, 2] > 0.0
+        angle = self.numbers.line_width_m / away * np.where(by_row, 1.0, camera.height_m / away)
+        return np.asarray(np.where(by_row, camera.focal_px[0], camera.focal_px[1]) * np.nan_to_num(angle))
+
+    def _show_paint(self, ratio: float) -> None:
+        """Expect white paint to rise above the carpet by so much of what the nominal colours do."""
+        ratio = min(max(ratio, self.settings.min_paint_ratio), 1.0)
+        self._knows_paint = True
+        if abs(ratio - self._paint_ratio) < self.settings.same_paint_ratio:
+            return
+        self._paint_ratio = ratio
+        channels = self.edges.channels.copy()
+        channels[channels[:, 7] > 0.0] *= (1.0, 1.0, 1.0, ratio, 1.0, 1.0, 1.0, ratio)
+        channels.flags.writeable = False
+        self._scene = self._scene._replace(field=self.edges._replace(channels=channels))
+        self._plain = plain((self._scene, self._prior, self._room, self._fit))
+
+    def forget_paint(self) -> None:
+        """Forget how bright the pictures show white paint."""
+        self._show_paint(1.0)
+        self._knows_paint = False
+
     def forget(self) -> None:
         """Forget the last frame: the camera's pose, its orientation, and the odds of both."""
         self._sway[0], self._sway[1] = 0.0, self._camera_prior[1] ** 2
@@ -355,6 +429,9 @@ class EdgeFollower:
         """
         if dt_s != self._dt_s:
             self._pass_time(dt_s)
+        if not self._knows_paint:
+            self.find_line_points(frame, self._camera_prior[0, 0], self._camera_prior[0, 1], self._room.points)
+            self._knows_paint = True
         pose, fit = prior.pose, self._fit
         at = np.array((pose.x_m, pose.y_m, pose.theta_rad))
         if not prepare(at, prior.covariance, self._camera_prior, self._keep, self._sway, self._prior):

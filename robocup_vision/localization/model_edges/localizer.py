@@ -55,6 +55,7 @@ class EdgeLocalizer:
     def forget(self) -> None:
         """See `Localizer.forget`."""
         self.follower.forget()
+        self.follower.forget_paint()
         self._last_s: float | None = None
         self._was_located = False  # in the last look
         self._located_s: float | None = None  # when it was last

@@ -29,6 +29,12 @@ class EdgeSettings:
     max_reach_px: float = 45.0
     # of the expected step: carpets and paints differ, shadows halve the light
     min_ratio: float = 0.4
+    # how far white paint rises above the carpet, relative to what the nominal colours do, is learnt where lines look so
+    # wide that blur leaves their middle, at so many points at least; smaller ratios are noise's, and differences
+    min_paint_px: float = 3.0
+    min_paint_points: int = 8
+    min_paint_ratio: float = 0.3
+    same_paint_ratio: float = 0.05
     # noise of one sample, and of the offset that all samples of an edge share (lens, paint, tape measure), in pixels of
     # any picture; samples on rendered edges scatter by 0.03 to 0.15
     sigma_px: float = 0.15

@@ -324,11 +324,10 @@ class PatternedBallFinder:
 
 def _lens_scale(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
     """How many times larger (N,) than without distortion a lens shows what is at some pixels (N, 2)."""
-    if not any(camera.distortion):
+    if not camera.is_bent:
         return np.ones(len(pixels))
     beside = pixels[:, None] + [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
-    rays = camera.pixel_to_camera_ray(beside)
-    right, left, low, high = np.moveaxis(rays[..., 1:] / rays[..., :1] * camera.focal_px / 2.0, 1, 0)
+    right, left, low, high = np.moveaxis(camera.ideal_pixels(beside) / 2.0, 1, 0)
     (au, av), (bu, bv) = (right - left).T, (low - high).T
     return np.asarray(np.abs(au * bv - av * bu) ** -0.5)
 

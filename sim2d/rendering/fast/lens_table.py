@@ -53,7 +53,7 @@ def lens_table(camera: PinholeCamera, gain: npt.NDArray[np.float32]) -> ForwardL
     corners += np.maximum(u - width + 0.5, 0.0)[:, None] * by_u[-1, -1]
     corners += np.maximum(v - height + 0.5, 0.0)[:, None, None] * by_v[-1, -1]
     return ForwardLens(
-        np.ascontiguousarray(slopes if any(camera.distortion) else slopes[:0, :0], dtype=np.float32),
+        np.ascontiguousarray(slopes if camera.is_bent else slopes[:0, :0], dtype=np.float32),
         np.ascontiguousarray(gains.reshape(rows, columns, tall * wide), dtype=np.float32),
         np.ascontiguousarray(corners),
         per_pixel.astype(np.float32),

@@ -284,7 +284,7 @@ class HallCamera:
         pixels = self.camera.camera_ray_to_pixel(camera)
         whole = (camera[..., 0] > _NEAREST_M).all(axis=1) & np.isfinite(pixels).all(axis=(1, 2))
         # a curved lens bends edges outwards of their corners
-        margin = 2 + 0.05 * max(width, height) * any(self.camera.distortion)
+        margin = 2 + 0.05 * max(width, height) * self.camera.is_bent
         low, high = pixels[whole].min(axis=1) - margin, pixels[whole].max(axis=1) + margin
         window[whole] = np.stack([low[:, 1], high[:, 1] + 1, low[:, 0], high[:, 0] + 1], axis=1).astype(np.int64)
         window[:, :2] = np.clip(window[:, :2], 0, height)

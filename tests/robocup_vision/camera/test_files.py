@@ -89,7 +89,7 @@ BAD = [
     ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
     ("format = 1\n", "", "key 'format': is missing"),
     ('model = "omni"\n', "", "key 'model': is missing"),
-    ('"omni"', '"fisheye"', "key 'model': must be"),
+    ('"omni"', '"zoom"', "key 'model': must be"),
     ('"omni"', "7", "key 'model': must be"),
     ("size_px = [256, 220]\n", "", "key 'size_px': is missing"),
     ("[256, 220]", "[256]", "key 'size_px': expected `array` of length 2, got 1"),

@@ -252,7 +252,7 @@ def test_optional_keys_have_the_documented_defaults(write: Write):
 
 
 BAD = [
-    ('"pinhole"', '"fisheye"', "key 'model': must be 'omni' or 'pinhole', got 'fisheye'"),
+    ('"pinhole"', '"zoom"', "key 'model': must be 'omni', 'pinhole' or 'fisheye', got 'zoom'"),
     ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
     ("focal_px = [616.0, 616.0]\n", "", "key 'focal_px': is missing"),
     ("[616.0, 616.0]", "[616.0, 0.0]", "key 'focal_px[1]': must be above 0.0, got 0.0"),

@@ -6,10 +6,17 @@ import cv2
 import numpy as np
 import pytest
 
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
 
-NO_LENS, NOTHING = np.empty(0, np.float32), np.empty((0, 0), np.uint8)
+
+def lens_of(focal, center, size, distortion=()):
+    return lens_table(PinholeCamera(size, focal, center, 0.2, distortion)).astype(np.float32)
+
+
+NO_LENS, NOTHING = lens_of((1.0, 1.0), (0.0, 0.0), (208, 160)), np.empty((0, 0), np.uint8)
 
 
 def sampled(frame, pixels, homography, lens=NO_LENS, hidden=NOTHING, valid=None):
@@ -44,20 +51,22 @@ def test_a_lens_shows_them_where_opencv_says(distortion):
     frame = rng.integers(0, 256, (160, 208, 3), dtype=np.uint8)
     focal, center = (190.0, 205.0), (103.5, 79.5)
     coefficients = (*distortion, *(0.0,) * (8 - len(distortion)))
-    pixels = rng.uniform(-20.0, 220.0, (20, 30, 2)).astype(np.float32)
+    # such as the picture shows: a lens is followed no farther
+    pixels = rng.uniform((10.0, 10.0), (198.0, 150.0), (20, 30, 2)).astype(np.float32)
     rays = np.dstack([(pixels.astype(float) - center) / focal, np.ones((20, 30))]).reshape(-1, 1, 3)
     matrix = np.array([[focal[0], 0.0, center[0]], [0.0, focal[1], center[1]], [0.0, 0.0, 1.0]])
     places, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.array(coefficients))
     expected = np.clip(places.reshape(20, 30, 2), 0, (207, 159)).astype(np.float32)
-    lens = np.array((*focal, *center, *coefficients, 64.0), np.float32)
+    lens = lens_of(focal, center, (208, 160), distortion)
     same = sampled(frame, pixels, np.eye(3), lens) == cv2.remap(frame, expected, None, cv2.INTER_NEAREST)
     assert (~same.all(axis=-1)).sum() <= 1
 
 
 def test_beyond_its_fold_a_lens_shows_the_fold():
     frame = np.random.default_rng(7).integers(0, 256, (160, 208, 3), dtype=np.uint8)
-    lens = np.array((100.0, 100.0, 100.0, 80.0, -0.3, *(0.0,) * 7, 0.25), np.float32)
-    at_fold, beyond = (np.full((1, 1, 2), (100.0 + 100.0 * slope, 80.0), np.float32) for slope in (0.5, 3.0))
+    # radius r (1 - 0.3 r^2) grows up to a slope of 1.054
+    lens = lens_of((300.0, 300.0), (100.0, 80.0), (460, 160), (-0.3, 0.0, 0.0, 0.0))
+    at_fold, beyond = (np.full((1, 1, 2), (100.0 + 300.0 * slope, 80.0), np.float32) for slope in (1.06, 3.0))
     np.testing.assert_array_equal(sampled(frame, beyond, np.eye(3), lens), sampled(frame, at_fold, np.eye(3), lens))
 
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.kernels.model_edges.find import (
     BINS,
     FIRST_POINTS,
@@ -20,7 +21,6 @@ from robocup_vision.kernels.model_edges.find import (
     score_bank,
     upright_bins,
 )
-from robocup_vision.localization.model_edges.field_edges import lens_table
 
 CAMERA = PinholeCamera(
     (104, 80), (96.0, 96.0), (51.5, 39.5), 0.185, pan_rad=0.0, tilt_rad=-0.17, roll_rad=0.03, roll_std_rad=0.02

@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.model_edges.prediction import distorted, pose_frame, predict
+from robocup_vision.kernels.algebra.lens import distorted
+from robocup_vision.kernels.model_edges.prediction import pose_frame, predict
 from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, UNKNOWNS, empty_samples
-from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
+from robocup_vision.localization.model_edges.field_edges import field_edges
 
 LENSES = [(), (-0.12, 0.03, 0.001, -0.001), (0.1, -0.02, 0.0, 0.0, 0.01, 0.02, 0.0, 0.0)]
 

@@ -8,6 +8,7 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
@@ -23,7 +24,7 @@ from robocup_vision.kernels.model_edges.refine import (
 )
 from robocup_vision.kernels.model_edges.search import reaches, search, whiten
 from robocup_vision.kernels.model_edges.tables import HEADING, UNKNOWNS, Prior, Scene, empty_room, empty_samples
-from robocup_vision.localization.model_edges.field_edges import field_edges, lens_table
+from robocup_vision.localization.model_edges.field_edges import field_edges
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Room as Hall

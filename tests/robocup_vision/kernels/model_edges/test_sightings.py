@@ -8,6 +8,7 @@ import pytest
 
 from field_models import COLOR_NAMES, load_field
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.find import BINS, upright_bins
 from robocup_vision.kernels.model_edges.sightings import (
@@ -21,7 +22,6 @@ from robocup_vision.kernels.model_edges.sightings import (
     sightings,
 )
 from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights
-from robocup_vision.localization.model_edges.field_edges import lens_table
 
 FIELD = load_field("four_legged_2007")
 HALF_M = (FIELD.length_m / 2 + 0.2, FIELD.width_m / 2 + 0.2)

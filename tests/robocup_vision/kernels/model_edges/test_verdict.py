@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.kernels.model_edges.tables import (
@@ -18,7 +19,6 @@ from robocup_vision.kernels.model_edges.tables import (
     empty_room,
 )
 from robocup_vision.kernels.model_edges.verdict import SURE_PX, explained, judge
-from robocup_vision.localization.model_edges.field_edges import lens_table
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 COUNT = 80

@@ -12,10 +12,10 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.calibration.online.calibration import OnlineCalibration
+from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.estimates import EdgeState, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.find import floor_places
-from robocup_vision.localization.model_edges.field_edges import lens_table
 from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
 from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.localization.model_edges.settings import EdgeSettings

@@ -1,0 +1,162 @@
+"""The fisheye camera: pixels <-> rays <-> floor, by a radius that grows with the angle off the axis.
+
+It is mounted as a pinhole camera is, and everything that takes one takes it too. Its rays may lie more than 90 degrees
+off the axis; what is found in the picture by its edges lies within `WIDEST_RAD` of the axis.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera.pinhole import PinholeCamera
+
+Projection = Literal["kannala_brandt", "equidistant", "equisolid"]
+PROJECTIONS: tuple[Projection, ...] = ("kannala_brandt", "equidistant", "equisolid")
+# the greatest angle off the axis at which a ray still has a slope that is computed with
+WIDEST_RAD = math.radians(84.0)
+_TABLE = 2049
+_ANGLE_STEP_RAD = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class FisheyeCamera(PinholeCamera):
+    """A camera whose lens shows a ray at angle t off its axis at a radius of about f t.
+
+    The other parameters are those of `PinholeCamera`; `focal_px` is f along u and along v.
+
+    Parameters
+    ----------
+    distortion : tuple of float
+        Of "kannala_brandt": k1 to k4 of OpenCV's fisheye model; empty: all 0. Empty for the other projections.
+    projection : {"kannala_brandt", "equidistant", "equisolid"}
+        r = f (t + k1 t^3 + k2 t^5 + k3 t^7 + k4 t^9); r = f t; r = 2 f sin(t / 2).
+    usable_radius_px : (float, float) or None
+        Inner and outer radius of the circle that the lens fills, along u; None: all that the projection shows.
+
+    Raises
+    ------
+    ArgumentError
+        The projection is none of these, it has other coefficients, or its radius does not grow from the axis on.
+    """
+
+    projection: Projection = "kannala_brandt"
+    usable_radius_px: tuple[float, float] | None = None
+
+    def _check_lens(self) -> None:
+        if self.projection not in PROJECTIONS:
+            raise ArgumentError(f"projection must be one of {', '.join(PROJECTIONS)}, got {self.projection!r}")
+        needed = (0, 4) if self.projection == "kannala_brandt" else (0,)
+        if len(self.distortion) not in needed:
+            counts = " or ".join(map(str, needed))
+            raise ArgumentError(
+                f"distortion must have {counts} coefficients with projection '{self.projection}',"
+                f" got {len(self.distortion)}"
+            )
+        if self.usable_radius_px is not None:
+            inner, outer = self.usable_radius_px
+            if not 0.0 <= inner < outer < math.inf:
+                raise ArgumentError(f"usable_radius_px must be 0 <= inner < outer, got {self.usable_radius_px!r}")
+
+    @property
+    def is_bent(self) -> bool:
+        """See `PinholeCamera.is_bent`."""
+        return True
+
+    @property
+    def without_lens(self) -> PinholeCamera:
+        """See `PinholeCamera.without_lens`."""
+        mounting = {field.name: getattr(self, field.name) for field in fields(PinholeCamera)}
+        return PinholeCamera(**(mounting | {"distortion": ()}))
+
+    @property
+    def tangential(self) -> tuple[float, float]:
+        """See `PinholeCamera.tangential`: none."""
+        return 0.0, 0.0
+
+    @cached_property
+    def coefficients(self) -> tuple[float, ...]:
+        """k1 to k4 of the radius as an odd polynomial of the angle; all 0 for the other projections."""
+        return self.distortion or (0.0,) * 4
+
+    def image_radius(self, angle_rad: FloatArray) -> FloatArray:
+        """Distance (...) from the centre, in focal lengths, of rays at angles (...) off the axis."""
+        if self.projection == "equisolid":
+            return np.asarray(2.0 * np.sin(0.5 * angle_rad))
+        k1, k2, k3, k4 = self.coefficients
+        squared = angle_rad * angle_rad
+        return np.asarray(angle_rad * (1.0 + squared * (k1 + squared * (k2 + squared * (k3 + squared * k4)))))
+
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray]:
+        """Angles and radii, as far as the radius grows, or as the lens's circle reaches."""
+        angle = np.linspace(0.0, math.pi, _TABLE)
+        radius = self.image_radius(angle)
+        grows = np.diff(radius) > 0.0
+        end = len(angle) if grows.all() else int(np.argmin(grows)) + 1
+        if end < 2:
+            raise ArgumentError(f"distortion {self.distortion!r} makes the radius fall from the axis on")
+        return angle[:end], radius[:end]
+
+    @cached_property
+    def widest_rad(self) -> float:
+        """The greatest angle off the axis that the lens shows."""
+        angle, radius = self._table
+        if self.usable_radius_px is None:
+            return float(angle[-1])
+        return float(np.interp(self.usable_radius_px[1] / self.focal_px[0], radius, angle))
+
+    @property
+    def widest_slope(self) -> float:
+        """See `PinholeCamera.widest_slope`: beyond `WIDEST_RAD` no ray has one."""
+        return math.tan(min(self.widest_rad, WIDEST_RAD))
+
+    def angle_of_radius(self, radius: FloatArray) -> FloatArray:
+        """Invert `image_radius`; NaN beyond the lens's circle."""
+        angles, radii = self._table
+        angle = np.interp(radius, radii, angles)
+        for _ in range(3):
+            step = (self.image_radius(angle + _ANGLE_STEP_RAD) - self.image_radius(angle)) / _ANGLE_STEP_RAD
+            with np.errstate(divide="ignore", invalid="ignore"):
+                angle = np.clip(angle + (radius - self.image_radius(angle)) / step, 0.0, math.pi)
+        return np.where(angle <= self.widest_rad + 1e-9, np.where(radius <= radii[-1], angle, np.nan), np.nan)
+
+    def pixel_to_camera_ray(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Return unit directions (..., 3) in the camera frame of pixels (..., 2); NaN where the lens shows nothing."""
+        plane = (np.asarray(pixels, dtype=np.float64) - self.center_px) / self.focal_px
+        radius = np.hypot(plane[..., 0], plane[..., 1])
+        angle = self.angle_of_radius(radius)
+        inner = 0.0 if self.usable_radius_px is None else self.usable_radius_px[0] / self.focal_px[0]
+        angle = np.where(radius >= inner, angle, np.nan)
+        across = np.where(radius > 0.0, np.sin(angle) / np.where(radius > 0.0, radius, 1.0), 1.0)
+        return np.concatenate([np.cos(angle)[..., None], -plane * across[..., None]], axis=-1)
+
+    def camera_ray_to_pixel(self, rays: npt.ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of directions (..., 3) in the camera frame; NaN beyond the lens's circle."""
+        ray = np.asarray(rays, dtype=np.float64)
+        aside = np.hypot(ray[..., 1], ray[..., 2])
+        angle = np.arctan2(aside, ray[..., 0])
+        radius = np.where(angle <= self.widest_rad, self.image_radius(angle), np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.where(aside > 0.0, radius / np.where(aside > 0.0, aside, 1.0), radius)
+        return np.asarray(-ray[..., 1:] * scale[..., None] * self.focal_px + self.center_px)
+
+    def ideal_slopes(self, pixels: npt.ArrayLike) -> FloatArray:
+        """See `PinholeCamera.ideal_slopes`: NaN farther than `WIDEST_RAD` off the axis."""
+        ray = self.pixel_to_camera_ray(pixels)
+        ahead = np.where(ray[..., :1] >= math.cos(WIDEST_RAD) - 1e-12, ray[..., :1], np.nan)
+        return np.asarray(-ray[..., 1:] / ahead)
+
+    def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
+        """Floor points (..., 2), robot frame, metres, seen at pixels (..., 2); NaN from the horizon on."""
+        ray = self.pixel_to_ray(pixels)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = np.where(ray[..., 2] < -1e-9, -self.height_m / ray[..., 2], np.nan)
+        return np.asarray(self.viewpoint_m[:2] + ray[..., :2] * scale[..., None])
