@@ -150,9 +150,8 @@ def render_pinhole(
     if supersample > COARSE and len(edges):
         fine_rays = PinholeRays(camera, supersample, edges, turn_rad)
         image[fine_rays.pixel_index] = trace(fine_rays).per_pixel
-    image = image.reshape(height, width, 3)
-    image[dark_pixels(camera)] = 0.0
-    return image
+    image[dark_pixels(camera).ravel()] = 0.0
+    return image.reshape(height, width, 3)
 
 
 def dark_pixels(camera: PinholeCamera) -> npt.NDArray[np.bool_]:

@@ -59,7 +59,10 @@ def test_a_lens_shows_them_where_opencv_says(distortion):
     expected = np.clip(places.reshape(20, 30, 2), 0, (207, 159)).astype(np.float32)
     lens = lens_of(focal, center, (208, 160), distortion)
     same = sampled(frame, pixels, np.eye(3), lens) == cv2.remap(frame, expected, None, cv2.INTER_NEAREST)
-    assert (~same.all(axis=-1)).sum() <= 1
+    # half-way between two pixels rounding decides
+    is_clear = (np.abs(expected % 1.0 - 0.5) > 1e-3).all(axis=-1)
+    assert is_clear.sum() > 590
+    assert same[is_clear].all()
 
 
 def test_beyond_its_fold_a_lens_shows_the_fold():
