@@ -166,9 +166,8 @@ def _distort(us: Float32Array, vs: Float32Array, lens: Float32Array) -> None:
         r2 = x * x + y * y
         cosine = one / np.sqrt(one + r2)
         place = (cosine - lowest) * per_cosine
-        place = place if place < last else last
         # not a number where the ray lies behind: the first cell keeps it so
-        cell = np.uint32(place) if place > np.float32(0.0) else np.uint32(0)
+        cell = np.uint32(place if place < last else last) if place > np.float32(0.0) else np.uint32(0)
         t, at = place - np.float32(cell), np.uint32(FORWARD) + np.uint32(4) * cell
         three = lens[at + np.uint32(3)]
         factor = cosine * (lens[at] + t * (lens[at + np.uint32(1)] + t * (lens[at + np.uint32(2)] + t * three)))
