@@ -129,7 +129,7 @@ def load_camera(path: str | Path) -> Camera:
     return omni
 
 
-def _check_bounds(path: str | Path, described: _OmniFile | _PinholeFile, keys: tuple[str, ...]) -> None:
+def _check_bounds(path: str | Path, described: _OmniFile | _ForwardFile, keys: tuple[str, ...]) -> None:
     for key in keys:
         value = getattr(described, key)
         problem = problem_of(key, value)
