@@ -16,7 +16,7 @@ TEXTS = {
     "camera_info_topic": "camera/camera_info",
     "odometry_topic": "odometry",
 }
-SWITCHES = {"memory": "true", "publish_tf": "true", "cmd_vel": "false"}
+SWITCHES = {"memory": "true", "use_tf": "false", "publish_tf": "true", "cmd_vel": "false"}
 
 
 def generate_launch_description():
