@@ -18,7 +18,7 @@ help:
 	@echo "make slow      the tests that take longer than a few seconds each"
 	@echo "make coverage  make test as CI runs it: at least 90 % of the lines are run"
 	@echo "make ros-test  the tests of the ROS 2 node with rclpy, in an environment of its own (.venv-ros), on loopback alone"
-	@echo "make browser-test  open the live page in a headless Chromium, which is installed first"
+	@echo "make browser-test  open the live page and a report in a headless Chromium, which is installed first"
 	@echo "make wheel     dist/robocup_vision-...-cp*.whl with all loops compiled, for robots like this machine"
 	@echo "make docs      the documentation: out/docs/index.html"
 	@echo "make match     play a simulated match of 60 s, 2 against 2, and write out/match/report.html"

@@ -43,6 +43,8 @@ class _Line:
     status: str
     cells: tuple[str, ...]
     reason: str
+    # what the rows of a reason share: its text without the numbers
+    kind: str
 
 
 def missing_packages() -> tuple[str, ...]:
@@ -208,7 +210,7 @@ def _line(row: Row) -> _Line:
         inliers = f"{100 * row.estimate.inlier_ratio:.0f} %"
     ms = "–" if row.time_s is None else f"{1e3 * row.time_s:.1f}"
     status = "failed" if row.failed and not row.unreadable else row.status.replace("_", " ")
-    return _Line(row.image, status, (*pose, std, inliers, *_error_text(row), ms), row.reason)
+    return _Line(row.image, status, (*pose, std, inliers, *_error_text(row), ms), row.reason, _kind(row))
 
 
 def _error_text(row: Row) -> tuple[str, str]:
@@ -229,11 +231,14 @@ def _overlay(row: Row, jpeg: bytes) -> _Overlay:
     return _Overlay(caption, row.image, is_bad, data_uri("jpeg", jpeg))
 
 
+def _kind(row: Row) -> str:
+    return _NUMBER.sub("…", row.reason)
+
+
 def _reasons(rows: Sequence[Row]) -> list[tuple[str, int]]:
     """Reasons and how many rows have them, the most frequent first; those that differ by numbers alone are one."""
     counts: dict[str, int] = {}
     for row in rows:
         if row.reason:
-            alike = _NUMBER.sub("…", row.reason)
-            counts[alike] = counts.get(alike, 0) + 1
+            counts[_kind(row)] = counts.get(_kind(row), 0) + 1
     return sorted(counts.items(), key=lambda item: -item[1])

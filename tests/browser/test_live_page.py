@@ -1,45 +1,17 @@
-"""The live page in a real browser, during a simulated match: `make browser-test` installs the browser and runs this.
-
-Not run where neither npm's Chromium nor Debian's could be installed.
-"""
+"""The live page in a real browser, during a simulated match: `make browser-test` installs the browser and runs this."""
 
 import json
 import math
 import re
-import shutil
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
 from robocup_vision.evaluation.dataset import load_dataset
 
-HERE = Path(__file__).parent
-MODULES = HERE.parents[1] / ".venv" / "browser"
-
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
-
-
-@pytest.fixture(scope="module")
-def node():
-    """Return a function that runs one of the programs beside this file."""
-    if shutil.which("node") is None or not (MODULES / "node_modules").is_dir():
-        pytest.skip("not run: no browser could be installed (make browser-test)")
-
-    def run(program, *arguments):
-        for path in HERE.glob("*.mjs"):
-            # programs find packages beside themselves only
-            shutil.copy(path, MODULES)
-        return subprocess.run(
-            ["node", str(MODULES / program), *map(str, arguments)], capture_output=True, text=True, timeout=400
-        )
-
-    probe = run("launch.mjs")
-    if probe.returncode:
-        pytest.skip(f"not run: {probe.stderr.strip().splitlines()[-1] if probe.stderr else 'no Chromium starts'}")
-    return run
 
 
 @pytest.fixture

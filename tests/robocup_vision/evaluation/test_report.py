@@ -49,7 +49,7 @@ def test_the_page_stands_alone(page: str) -> None:
 
 
 def test_the_page_is_escaped(page: str) -> None:
-    assert "<script" not in page
+    assert page.count("<script") == page.count("<script>\n  const") == 1
     assert "&lt;script&gt;alert(1)&lt;/script&gt; too dark" in page
     assert "a &lt;note&gt;" in page
     assert "torn &amp; lost.png" in page
@@ -68,7 +68,7 @@ def test_the_page_shows_each_image(page: str) -> None:
     everything = page[page.index("<details") :]
     assert len(re.findall(r"<tr class=", everything)) == len(ROWS)
     first_worst = page[page.index("Worst images") :]
-    names = re.findall(r"<tr class=\"[a-z-]+\"><td>([^<]+)</td>", first_worst)[:3]
+    names = re.findall(r"<tr class=\"[a-z-]+\"[^>]*><td>([^<]+)</td>", first_worst)[:3]
     assert names == ["torn &amp; lost.png", "dark.png", "far.png"]
     for text in ("ssl_2001", "64 × 56 px", "errors modulo a half turn", "4/6", "16.7 %", "300.0 mm"):
         assert text in page
@@ -80,7 +80,7 @@ def test_of_very_many_images_the_worst_are_listed(folder: Path, monkeypatch: pyt
     page = report.render_report(load_dataset(folder), ROWS, figures(ROWS), [], {}, [])
     everything = page[page.index("<details") :]
     assert f"The worst 2 of {len(ROWS)} images; results.csv has all" in everything
-    assert re.findall(r"<tr class=\"([a-z-]+)\"><td>([^<]+)</td>", everything) == [
+    assert re.findall(r"<tr class=\"([a-z-]+)\"[^>]*><td>([^<]+)</td>", everything) == [
         ("not-located", "dark.png"), ("unreadable", "torn &amp; lost.png")
     ]  # fmt: skip
 

@@ -1,0 +1,70 @@
+"""The report of `evaluate` in a real browser: it fits its window, in light and dark, and shows one reason alone."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from robocup_vision.estimates import PoseEstimate
+from robocup_vision.evaluation.dataset import Truth, load_dataset
+from robocup_vision.evaluation.report import render_report
+from robocup_vision.evaluation.scoring import Row, figures, pose_error
+from robocup_vision.geometry import Pose2
+
+IMAGES = Path(__file__).parents[2] / "images" / "omni_ssl_2001"
+
+# they start a browser, which takes seconds
+pytestmark = [pytest.mark.slow, pytest.mark.browser]
+
+
+@pytest.fixture
+def report(tmp_path):
+    """Write a report on images with long names and long reasons; return its path."""
+    truth = Truth(0.5, 0.2, 0.1)
+    estimate = PoseEstimate(Pose2(0.51, 0.2, 0.1), np.eye(3) * 1e-4, 0.9, 0.5)
+    found = [
+        Row(f"{number:04d}.png", estimate, truth, pose_error(estimate, truth, symmetric=True), 0.004)
+        for number in range(3)
+    ]
+    far = "the pose that fits best is 12.3 standard deviations from the one that odometry and the last frame lead to"
+    lost = [
+        Row("a_folder_of_the_cup/second_half_of_the_final/camera_front_left_000123.png", truth=truth, reason=far),
+        Row("0004.png", truth=truth, time_s=0.002, reason="too dark: brightness 1.5"),
+        Row("0005.png", truth=truth, time_s=0.002, reason="too dark: brightness 2.5"),
+    ]
+    rows = [*found, *lost]
+    jpeg = cv2.imencode(".jpg", np.full((220, 512, 3), 120, np.uint8))[1].tobytes()
+    spread = dict.fromkeys(range(3), jpeg)
+    worst = [(index, jpeg) for index in range(3, 6)]
+    path = tmp_path / "report.html"
+    path.write_text(
+        render_report(load_dataset(IMAGES), rows, figures(rows), ["two files are no images"], spread, worst),
+        encoding="utf-8",
+    )
+    return path
+
+
+def test_a_report_fits_its_window_and_filters_by_reason(node, report, tmp_path):
+    done = node("report_page.mjs", report, tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert told["errors"] == []
+    assert told["console"] == []
+
+    assert set(told["widths"]) == {"390", "1280", "1920"}
+    for width, seen in told["widths"].items():
+        assert seen["boxes"] > 100
+        assert seen["overlaps"] == [], width
+        assert seen["beyond"] == [], width
+        assert seen["document_px"] <= int(width)
+
+    (ink, paper), (dark_ink, dark_paper) = told["light"], told["dark"]
+    assert ink + 300 < paper
+    assert dark_paper + 300 < dark_ink
+
+    assert len(told["all"]) == 6
+    assert told["by_reason"].pop("") == told["all"]
+    assert told["by_reason"].pop("too dark: brightness …") == ["0004.png", "0005.png"]
+    assert [len(images) for images in told["by_reason"].values()] == [1]
