@@ -17,6 +17,8 @@ from field_models.errors import FileError
 from field_models.near_names import did_you_mean
 from robocup_vision.camera.pinhole import DISTORTION_LENGTHS
 
+# of ROS and Kalibr, and of OpenCV: the projection of Kannala and Brandt
+_FISHEYE = ("equidistant", "fisheye")
 _BROWN_CONRADY = ("plumb_bob", "rational_polynomial", "radtan", "none")
 _HEADER = "%YAML:1.0\n---\n"
 # names of the same thing, in the order in which they are looked for
@@ -40,6 +42,7 @@ class Calibration:
     focal_px: tuple[float, float]
     center_px: tuple[float, float]
     distortion: tuple[float, ...]
+    is_fisheye: bool = False
 
 
 def read_ros(path: str | Path, size_px: tuple[int, int] | None = None) -> Calibration:
@@ -73,10 +76,9 @@ def read_opencv(path: str | Path, size_px: tuple[int, int] | None = None) -> Cal
     raw = _Yaml.read(path)
     matrix = raw.numbers(_OPENCV_MATRIX, "is no calibration of OpenCV", count=9)
     lens = raw.numbers(_OPENCV_LENS, "is missing")
-    if raw.number("fisheye_model", 0.0):
-        raw.refuse_model("fisheye", "fisheye_model")
+    model = "fisheye" if raw.number("fisheye_model", 0.0) else "plumb_bob"
     size = raw.size((("image_width", "image_height"), ("width", "height")), _OPENCV_SIZE, size_px)
-    return raw.calibration(size, matrix, lens, "plumb_bob")
+    return raw.calibration(size, matrix, lens, model)
 
 
 def read_kalibr(path: str | Path, size_px: tuple[int, int] | None = None, name: str | None = None) -> Calibration:
@@ -196,19 +198,23 @@ class _Yaml:
     def refuse_model(self, model: str, key: str) -> None:
         raise FileError(
             self.path,
-            "is a lens model that a camera file cannot hold: calibrate with plumb_bob or rational_polynomial (radtan)",
+            "is a lens model that a camera file cannot hold: calibrate with plumb_bob or rational_polynomial (radtan), or equidistant",
             key=self.prefix + key,
             value=model,
         )
 
     def calibration(self, size: tuple[int, int], matrix: list[float], lens: list[float], model: str) -> Calibration:
-        if model not in _BROWN_CONRADY:
+        if model not in (*_BROWN_CONRADY, *_FISHEYE):
             self.refuse_model(model, "distortion_model")
         fu, skew, u, _, fv, v, *_ = matrix
         if fu <= 0.0 or fv <= 0.0:
             raise FileError(self.path, "has no focal length: the camera is not calibrated", value=[fu, fv])
         if abs(skew) > 1e-6 * fu:
             raise FileError(self.path, "has a skew, which a camera file cannot hold", value=skew)
+        if model in _FISHEYE:
+            if len(lens) != 4:
+                raise FileError(self.path, "a fisheye model has 4 coefficients", value=lens)
+            return Calibration(size, (fu, fv), (u, v), tuple(lens), is_fisheye=True)
         most = DISTORTION_LENGTHS[-1]
         if any(lens[most:]):
             raise FileError(self.path, f"has coefficients beyond the first {most} of OpenCV's model", value=lens)

@@ -61,7 +61,7 @@ def run_camera(args: argparse.Namespace) -> int:
         If the calibration cannot be read, or is of a lens that a camera file cannot hold.
     """
     from field_models.errors import ArgumentError
-    from robocup_vision.camera import Mounting, PinholeCamera, save_camera
+    from robocup_vision.camera import FisheyeCamera, Mounting, PinholeCamera, save_camera
     from robocup_vision.camera.files import check_pinhole
     from robocup_vision.camera.foreign_files import READERS
 
@@ -72,7 +72,8 @@ def run_camera(args: argparse.Namespace) -> int:
         mounting = Mounting(**told)
     except ArgumentError as error:
         raise ArgumentError(str(error).replace("a mounting's", "the camera's")) from None
-    camera = PinholeCamera(
+    make = FisheyeCamera if lens.is_fisheye else PinholeCamera
+    camera = make(
         lens.size_px,
         lens.focal_px,
         lens.center_px,

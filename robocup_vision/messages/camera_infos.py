@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.messages.types import header, make
@@ -26,12 +27,20 @@ def camera_info(camera: OmniCamera | PinholeCamera, t_s: float, frame_id: str) -
         (fx, fy), (cx, cy) = camera.focal_px, camera.center_px
         k = np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])
         p = np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
-        d = np.zeros(5) if not camera.distortion else np.array(camera.distortion, dtype=np.float64)
-        d = np.append(d, 0.0) if len(d) == 4 else d
-        model = "rational_polynomial" if len(d) == 8 else "plumb_bob"
+        d, model = _lens_of(camera)
     region = make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
     r = np.eye(3).ravel() if isinstance(camera, PinholeCamera) else np.zeros(9)
     return make("sensor_msgs/msg/CameraInfo", header(t_s, frame_id), height, width, model, d, k, r, p, 0, 0, region)
+
+
+def _lens_of(camera: PinholeCamera) -> tuple[FloatArray, str]:
+    """Return the coefficients and the distortion model; none of a projection that ROS does not know."""
+    if isinstance(camera, FisheyeCamera):
+        known = camera.projection != "equisolid"
+        return np.array(camera.coefficients if known else ()), "equidistant" if known else ""
+    d = np.array(camera.distortion or (0.0,) * 5)
+    d = np.append(d, 0.0) if len(d) == 4 else d
+    return d, "rational_polynomial" if len(d) == 8 else "plumb_bob"
 
 
 def camera_info_problem(message: Any, camera: OmniCamera | PinholeCamera) -> str:
@@ -55,6 +64,9 @@ def camera_info_problem(message: Any, camera: OmniCamera | PinholeCamera) -> str
     if not (np.isfinite(k).all() and np.isfinite(d).all()):
         return "camera_info holds numbers that are not finite"
     if not isinstance(camera, PinholeCamera) or not k[0] > 0.0:
+        return ""
+    if isinstance(camera, FisheyeCamera) and not message.distortion_model:
+        # a projection that ROS does not know
         return ""
     focal_px, center_px = k[[0, 4]] / binning, (k[[2, 5]] - begin_px) / binning
     model = str(message.distortion_model).lower()
@@ -82,7 +94,8 @@ def _apart_px(
     u, v = np.meshgrid(np.linspace(0.0, width - 1.0, _GRID), np.linspace(0.0, height - 1.0, _GRID))
     pixels = np.stack([u.ravel(), v.ravel()], axis=1)
     ray = camera.pixel_to_camera_ray(pixels)
-    seen = np.isfinite(ray).all(axis=1)
+    # OpenCV projects what lies ahead
+    seen = np.isfinite(ray).all(axis=1) & (ray[:, 0] > 0.05)
     # in the axes of OpenCV: right, down, ahead
     points = np.ascontiguousarray(ray[seen][:, [1, 2, 0]] * (-1.0, -1.0, 1.0))[:, None]
     matrix = np.array([[focal_px[0], 0.0, center_px[0]], [0.0, focal_px[1], center_px[1]], [0.0, 0.0, 1.0]])

@@ -6,7 +6,7 @@ import pytest
 
 from field_models.errors import FileError
 from robocup_vision import cli, load_camera
-from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.camera.foreign_files import read_kalibr, read_opencv, read_ros
 
 K = np.array([[457.5, 0.0, 321.5], [0.0, 459.0, 238.0], [0.0, 0.0, 1.0]])
@@ -137,8 +137,9 @@ def test_one_of_several_cameras_is_chosen(write):
 @pytest.mark.parametrize(
     ("read", "text", "message"),
     [
-        (read_ros, ROS.replace("plumb_bob", "equidistant"), "key 'distortion_model': is a lens model"),
-        (read_kalibr, KALIBR.replace("radtan", "equidistant"), "key 'cam0.distortion_model': is a lens model"),
+        (read_ros, ROS.replace("plumb_bob", "thin_prism"), "key 'distortion_model': is a lens model"),
+        (read_kalibr, KALIBR.replace("radtan", "fov"), "key 'cam0.distortion_model': is a lens model"),
+        (read_ros, ROS.replace("plumb_bob", "equidistant"), "a fisheye model has 4 coefficients"),
         (read_kalibr, KALIBR.replace(": pinhole", ": omni"), "key 'cam0.camera_model': is a lens model that"),
         (read_ros, KALIBR, "key 'camera_matrix': is no ROS camera_info (read it by from-kalibr)"),
         (read_kalibr, ROS, "is no camchain of Kalibr: no camera in it has intrinsics (read it by from-ros)"),
@@ -161,10 +162,28 @@ def test_what_cannot_be_read_is_one_line(write, read, text, message):
     assert "\n" not in str(caught.value)
 
 
-def test_a_fisheye_of_opencv_is_refused(tmp_path):
-    path = opencv_file(tmp_path / "cv.yaml", camera_matrix=K, distortion_coefficients=np.array(D[:4]), fisheye_model=1)
-    with pytest.raises(FileError, match="key 'fisheye_model': is a lens model"):
-        read_opencv(path)
+def test_fisheyes_of_all_three_become_fisheye_cameras(write, tmp_path):
+    own = opencv_file(
+        tmp_path / "cv.yaml",
+        image_width=640,
+        image_height=480,
+        camera_matrix=K,
+        distortion_coefficients=np.array(D[:4]),
+        fisheye_model=1,
+    )
+    ros = ROS.replace("plumb_bob", "equidistant").replace(", 0.002]", "]")
+    points = np.array([[0.3, -0.2, 2.0], [-0.9, 0.5, 0.5], [0.0, 0.8, 0.2]])
+    shown = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), K, np.array(D[:4]))[0].reshape(-1, 2)
+    for command, path in (
+        ("from-ros", write(ros)),
+        ("from-kalibr", write(KALIBR.replace("radtan", "equidistant"), "k.yaml")),
+        ("from-opencv", own),
+    ):
+        out = tmp_path / "camera.toml"
+        assert cli.main(["camera", command, str(path), "--height", "0.4", "--tilt", "-15deg", "--out", str(out)]) == 0
+        camera = load_camera(out)
+        assert isinstance(camera, FisheyeCamera)
+        np.testing.assert_allclose(camera.camera_ray_to_pixel(points[:, [2, 0, 1]] * (1, -1, -1)), shown, atol=1e-6)
 
 
 def test_the_command_writes_a_camera_file(write, tmp_path, capsys):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.messages.camera_infos import camera_info, camera_info_problem
 
@@ -25,6 +26,24 @@ def test_a_cameras_own_info_is_its_own() -> None:
     assert camera_info_problem(info(), CAMERA) == ""
     # nobody has calibrated it
     assert camera_info_problem(info(k=np.zeros(9), d=np.empty(0), distortion_model=""), CAMERA) == ""
+
+
+@pytest.mark.parametrize(
+    ("projection", "distortion", "model"),
+    [
+        ("kannala_brandt", (-0.02, -0.003, 0.0, 0.0), "equidistant"),
+        ("equidistant", (), "equidistant"),
+        ("equisolid", (), ""),
+    ],
+)
+def test_a_fisheyes_own_info_is_its_own(projection: Any, distortion: tuple[float, ...], model: str) -> None:
+    camera = FisheyeCamera((640, 480), (200.0, 201.0), (322.0, 238.0), 0.5, distortion, projection=projection)
+    message = camera_info(camera, 1.0, "camera")
+    assert message.distortion_model == model
+    assert camera_info_problem(message, camera) == ""
+    if model:
+        message.d = np.array([0.1, 0.0, 0.0, 0.0])
+        assert "equidistant [0.1, 0, 0, 0]" in camera_info_problem(message, camera)
 
 
 @pytest.mark.parametrize("binning", [(0, 0), (1, 1), (2, 2)])
