@@ -198,7 +198,8 @@ class _Yaml:
     def refuse_model(self, model: str, key: str) -> None:
         raise FileError(
             self.path,
-            "is a lens model that a camera file cannot hold: calibrate with plumb_bob, rational_polynomial (radtan) or equidistant",
+            "is a lens model that a camera file cannot hold: calibrate with plumb_bob, rational_polynomial (radtan)"
+            " or equidistant",
             key=self.prefix + key,
             value=model,
         )
