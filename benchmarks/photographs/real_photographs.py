@@ -37,6 +37,7 @@ from benchmarks.harness import columns as col
 from benchmarks.scores import photograph_balls as balls
 from benchmarks.scores import photograph_checks as checks
 from benchmarks.scores import photograph_consistency as consistency
+from benchmarks.scores import photograph_fisheyes as fisheyes
 from benchmarks.scores import photograph_floor as floor
 from benchmarks.scores import photograph_poses as poses
 from benchmarks.scores.photograph_rows import REAL, drawn_prior, known_poses
@@ -59,6 +60,7 @@ SECTORS = 12
 ROW_MODULES = {
     "balls": balls.ROWS,
     "poses": poses.ROWS,
+    "fisheyes": fisheyes.ROWS,
     "consistency": consistency.ROWS,
     "checks": checks.ROWS,
     "floor": floor.ROWS,
