@@ -75,7 +75,8 @@ def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
     try:
         return msgspec.convert(raw, struct)
     except msgspec.ValidationError as error:
-        refuse_other_kind(path, raw, struct)
+        if isinstance(raw, dict):
+            refuse_other_kind(path, raw, struct)
         problem, _, where = str(error).partition(" - at `")
         key = where.rstrip("`").removeprefix("$").lstrip(".")
         named = re.search(r"(?:required field|unknown field) `([^`]+)`", problem)

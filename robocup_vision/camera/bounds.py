@@ -9,8 +9,8 @@ from typing import NamedTuple
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import in_degrees
 
-# no robot carries its camera higher
-_MAX_LENGTH_M = 3.0
+# no robot carries its camera higher; the viewpoint that a mirror's fitted curve implies may lie farther up
+_MAX_LENGTH_M, _MAX_VIEWPOINT_M = 3.0, 100.0
 _MAX_STD_RAD = 0.5
 _POSITIVE = ("height_m", "viewpoint_height_m")
 
@@ -41,9 +41,10 @@ def problem_of(name: str, value: float | tuple[float, ...] | None) -> Problem | 
             return Problem("must not be negative")
         if name.endswith("_std_rad") and one > _MAX_STD_RAD:
             return Problem(f"must be in radians, at most {_MAX_STD_RAD:g}", in_degrees(one))
-        if name.endswith("_m") and not abs(one) <= _MAX_LENGTH_M:
+        most_m = _MAX_VIEWPOINT_M if name == "viewpoint_height_m" else _MAX_LENGTH_M
+        if name.endswith("_m") and not abs(one) <= most_m:
             meant = f"; in millimetres it is {1e-3 * one:g} m, in centimetres {1e-2 * one:g} m"
-            return Problem(f"must be in metres, at most {_MAX_LENGTH_M:g}", meant)
+            return Problem(f"must be in metres, at most {most_m:g}", meant)
         if name == "tilt_rad" and not abs(one) <= math.pi / 2:
             return Problem("must lie between -pi/2 and pi/2", in_degrees(one))
         if name.endswith("_rad") and not abs(one) <= math.tau:

@@ -204,7 +204,7 @@ def test_cached_arrays_are_read_only(name: str):
         ({"heading_rad": 90.0}, "heading_rad must be in radians, within one turn, got 90.0; 90 degrees are 1.5708 rad"),
         (
             {"viewpoint_height_m": 205.0},
-            "viewpoint_height_m must be in metres, at most 3, got 205.0; in millimetres it is 0.205 m",
+            "viewpoint_height_m must be in metres, at most 100, got 205.0; in millimetres it is 0.205 m",
         ),
         (
             {"offset_m": (30.0, 0.0)},

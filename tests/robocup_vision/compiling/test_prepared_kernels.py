@@ -116,9 +116,6 @@ def compiled_by(program: str, workload: str, environment: dict[str, str]) -> str
     [
         "work.mirror('field', seed=77, count=15)",
         "work.pinhole('edges', seed=77)",
-        "work.pinhole('floor', seed=77)",
-        "work.steering(77)",
-        "work.patterned_balls()",
         "work.memory(77)",
     ],
 )

@@ -108,6 +108,8 @@ def test_a_team_asks_and_what_is_rejected_is_said(controller):
         client.choose_advantage(goes_on=True)
         client.ask_for_substitution()
         client.ping()
+        while len(heard) < 3:
+            client.listen()
         assert "rejects: Ball is not in the opponents half" in client.problems.take_new()[0]
     registration = decode(TeamRegistration, heard[0])
     assert (registration.team_name, registration.team) == ("Test Team", Team.YELLOW)
