@@ -15,7 +15,7 @@ from robocup_vision.compiling.loops import plain
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.floor import dark_feet, outline
+from robocup_vision.kernels.floor import outline
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import make_mirror_localizer
 from robocup_vision.localization.swapped_channels import SwappedChannelsSettings
@@ -112,7 +112,6 @@ class OmniPipeline(FramePipeline):
         answer = self._localizer.locate(evidence, prior)
         pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
         located = perf_counter()
-        dark_feet.block_dark_sides(self._samples, self.polar.valid, self.polar.columns_in_use, marks)
         robot = pose.pose if pose else None
         balls = self._on_floor(self._ball_finder.find(frame, table, near), robot)
         balled = perf_counter()

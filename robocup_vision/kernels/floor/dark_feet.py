@@ -77,40 +77,6 @@ def block_dark_feet(samples: UInt8Array, valid: UInt8Array, columns_in_use: int,
 
 
 @compiled
-def block_dark_sides(samples: UInt8Array, valid: UInt8Array, columns_in_use: int, marks: UInt8Array) -> None:
-    """Block the floor samples beside something blocked, in a ring, that show less than half floor.
-
-    Of a dark thing that is only a few bearings wide all but the middle has the floor's colour.
-
-    Parameters
-    ----------
-    samples, valid, columns_in_use, marks
-        As those of `block_dark_feet`; the last bearing is next to the first.
-    """
-    rows = len(marks)
-    to_block = np.zeros(marks.shape, np.bool_)
-    for k in range(rows):
-        for way in (-1, 1):
-            beside = marks[(k + way) % rows]
-            for m in range(columns_in_use):
-                if (marks[k, m] != BLOCKED) | (beside[m] != FLOOR) or not valid[k, m]:
-                    continue
-                behind, floor = _brightness(samples, k, m), 0
-                for step in range(1, SPREAD + 1):
-                    floor = max(floor, _brightness(samples, (k + way * step) % rows, m))
-                if behind >= floor:
-                    continue
-                for step in range(1, SPREAD + 1):
-                    at = (k + way * step) % rows
-                    if marks[at, m] != FLOOR or 2 * _brightness(samples, at, m) >= floor + behind:
-                        break
-                    to_block[at, m] = True
-    for k in range(rows):
-        for m in range(columns_in_use):
-            marks[k, m] = BLOCKED if to_block[k, m] else marks[k, m]
-
-
-@compiled
 def foot_px(
     samples: UInt8Array, valid: UInt8Array, columns: Int64Array, radius_px: FloatArray, step_px: float, out: FloatArray
 ) -> None:

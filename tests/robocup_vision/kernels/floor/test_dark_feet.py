@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.floor.dark_feet import SPREAD, block_dark_feet, block_dark_sides, doubt_beyond, foot_px
+from robocup_vision.kernels.floor.dark_feet import SPREAD, block_dark_feet, doubt_beyond, foot_px
 from robocup_vision.kernels.floor.free_floor import BLOCKED, FLOOR
 
 seeds = st.integers(0, 2**32 - 1)
@@ -87,33 +87,3 @@ def test_only_weak_evidence_beyond_the_outermost_floor_is_taken_back(seed, certa
     expected[beyond & (llr > 0) & (llr < certain)] = 0
     doubt_beyond(columns, certain, llr)
     np.testing.assert_array_equal(llr, expected)
-
-
-def test_a_dark_thing_is_as_wide_as_more_than_half_of_it_shows():
-    floor, dark, mixed = 180, 30, 80
-    brightness = np.full((20, 8), floor)
-    # the middle is dark, its neighbours show less than half floor, and theirs more
-    brightness[10, 3:] = dark
-    brightness[[9, 11], 3:] = mixed
-    brightness[[8, 12], 3:] = floor - 40
-    marks = np.full((20, 8), FLOOR, dtype=np.uint8)
-    marks[10, 3:] = BLOCKED
-    samples = np.repeat((brightness // 3).astype(np.uint8)[..., None], 3, axis=2)
-    valid = np.ones((20, 8), dtype=np.uint8)
-    for turn in (0, 10):
-        turned = np.roll(marks, turn, axis=0)
-        block_dark_sides(np.roll(samples, turn, axis=0), valid, 8, turned)
-        expected = np.full((20, 8), FLOOR)
-        expected[9:12, 3:] = BLOCKED
-        np.testing.assert_array_equal(turned, np.roll(expected, turn, axis=0))
-
-
-def test_what_is_bright_has_no_dark_sides():
-    samples = np.full((20, 8, 3), 60, dtype=np.uint8)
-    samples[10] = 200
-    samples[[9, 11]] = 130
-    marks = np.full((20, 8), FLOOR, dtype=np.uint8)
-    marks[10] = BLOCKED
-    before = marks.copy()
-    block_dark_sides(samples, np.ones((20, 8), dtype=np.uint8), 8, marks)
-    np.testing.assert_array_equal(marks, before)
