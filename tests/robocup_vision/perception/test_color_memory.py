@@ -67,8 +67,10 @@ def test_a_robot_parked_at_the_camera_is_never_learnt(watch, color, count):
         watch.see(robots=robots)
         assert watch.is_floor(GREEN)
         assert not watch.is_floor(color)
-        assert watch.error[0] < 0.05
+        # with no floor left on most bearings a pose may be refused; a wrong one is never given
+        assert watch.error[0] < 0.05 or (count == 6 and not watch.view.pose)
     watch.see()
+    assert watch.error[0] < 0.05
     assert np.median(watch.view.free_space.range_m) > 0.5
 
 
