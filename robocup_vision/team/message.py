@@ -171,7 +171,9 @@ def unpack_message(data: bytes) -> TeamMessage:
     pose = covariance = ball = None
     try:
         if flags & _HAS_POSE:
-            pose, covariance = Pose2(*numbers[:3]), _symmetric(numbers[3:9], 3)
+            # half a turn is rounded up in 32 bits: no other heading is meant
+            heading_rad = max(-math.pi, min(numbers[2], math.pi)) if abs(numbers[2]) < 3.2 else numbers[2]
+            pose, covariance = Pose2(numbers[0], numbers[1], heading_rad), _symmetric(numbers[3:9], 3)
         if flags & _HAS_BALL:
             ball_t_s, x_m, y_m, vx_mps, vy_mps = numbers[9:14]
             ball = BallSighting(ball_t_s, x_m, y_m, vx_mps, vy_mps, _symmetric(numbers[14:17], 2), numbers[17])
