@@ -86,10 +86,13 @@ def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
             work.mkdir(parents=True)
         try:
             yield work
+        except FileError as error:
+            path = _final_path(error.path, work, folder)
+            raise FileError(path, error.problem, key=error.key, value=error.value, hint=error.hint) from None
         except OSError as error:
-            # named as the user knows it; what a block reads it tells by errors of its own
-            name = Path(error.filename).name if error.filename else ""
-            raise FileError(folder / name, f"cannot be written ({error.strerror or error})") from None
+            # what a block reads it tells by errors of its own
+            path = _final_path(Path(error.filename), work, folder) if isinstance(error.filename, str) else folder
+            raise FileError(path, f"cannot be written ({error.strerror or error})") from None
         with telling_write_errors(folder):
             if made:
                 work.rename(folder)
@@ -102,6 +105,11 @@ def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
             for parent in made[1:]:
                 with suppress(OSError):
                     parent.rmdir()
+
+
+def _final_path(path: Path, work: Path, folder: Path) -> Path:
+    """Return where a file of `work` will lie, which is the name that the user knows."""
+    return folder / path.relative_to(work) if path.is_relative_to(work) else path
 
 
 def _move_into(work: Path, folder: Path, own: Sequence[str]) -> None:

@@ -119,7 +119,7 @@ class _Client(Closing, Generic[T]):
         data = encode(value)
         try:
             self._socket.send(data)
-        except ConnectionRefusedError:
+        except ConnectionError:
             # is about the datagram before this one: nobody listened then
             self._socket.send(data)
         except OSError as error:

@@ -33,6 +33,7 @@ _RECEIVE_BUFFER_BYTES = 1 << 20
 # a full buffer holds fewer
 _MAX_AT_ONCE = 4096
 _SIOCGIFADDR = 0x8915
+_THREAD_WAIT_S = 0.1
 # Linux: take only what is sent to a group on the interface this socket has joined it on
 _IP_MULTICAST_ALL = 49
 
@@ -112,6 +113,8 @@ def multicast_sender(interface: str = "loopback", *groups: str) -> socket.socket
         made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(address))
         made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0 if address == LOOPBACK else 1)
         made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
+        # Windows lets only a bound socket join
+        made.bind(("", 0))
         for group in dict.fromkeys(groups):
             membership = socket.inet_aton(group) + socket.inet_aton(address)
             made.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
@@ -180,21 +183,33 @@ def take_newest(listening: socket.socket, most: int) -> tuple[list[tuple[bytes, 
 
 
 async def await_datagram(listening: socket.socket, deadline_s: float | None) -> tuple[bytes, Address] | None:
-    """As `wait_for_datagram`, for a running asyncio loop."""
-    loop = asyncio.get_running_loop()
+    """As `wait_for_datagram`, for a running asyncio loop of any kind."""
     while True:
         left_s = None if deadline_s is None else max(deadline_s - time.monotonic(), 0.0)
         datagram = take_datagram(listening)
-        if datagram is not None:
+        if datagram is not None or left_s == 0.0:
             return datagram
-        ready: asyncio.Future[None] = loop.create_future()
+        await _readable(listening, left_s)
+
+
+async def _readable(listening: socket.socket, timeout_s: float | None) -> None:
+    """Return when there is a datagram, or somewhat later than the timeout, or sooner for no reason."""
+    loop = asyncio.get_running_loop()
+    ready: asyncio.Future[None] = loop.create_future()
+    try:
         loop.add_reader(listening, _wake, ready)
-        try:
-            await asyncio.wait_for(ready, left_s)
-        except (TimeoutError, asyncio.TimeoutError):
-            return None
-        finally:
-            loop.remove_reader(listening)
+    except NotImplementedError:
+        # the usual loop on Windows watches no sockets: a thread does, for a short time each, so that a wait that is
+        # cancelled keeps neither thread nor program
+        slice_s = _THREAD_WAIT_S if timeout_s is None else min(timeout_s, _THREAD_WAIT_S)
+        await loop.run_in_executor(None, select.select, [listening], [], [], slice_s)
+        return
+    try:
+        await asyncio.wait_for(ready, timeout_s)
+    except (TimeoutError, asyncio.TimeoutError):
+        pass
+    finally:
+        loop.remove_reader(listening)
 
 
 def _wake(ready: asyncio.Future[None]) -> None:

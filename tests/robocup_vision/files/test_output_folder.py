@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import errno
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from field_models.errors import FileError
+from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
 
 OWN = ("figures.json", "robot_*.mcap")
@@ -78,10 +80,30 @@ def test_what_is_in_the_way_is_named(tmp_path: Path) -> None:
         (work / "figures.json").touch()
 
 
-def test_a_full_disk_is_told_with_the_file(tmp_path):
-    with (
-        pytest.raises(FileError, match=r"out/truth\.csv: cannot be written \(No space left on device\)"),
-        written_at_once(tmp_path / "out", OWN) as work,
-    ):
-        raise OSError(errno.ENOSPC, "No space left on device", str(work / "truth.csv"))
-    assert list(tmp_path.iterdir()) == []
+def full_disk(path: Path) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+
+def full_disk_as_a_writer_tells_it(path: Path) -> None:
+    with telling_write_errors(path):
+        full_disk(path)
+
+
+@pytest.mark.parametrize("write", [full_disk, full_disk_as_a_writer_tells_it])
+@pytest.mark.parametrize("folder_is_there", [False, True])
+def test_a_full_disk_is_told_with_the_file_that_the_user_knows(
+    tmp_path: Path, write: Callable[[Path], None], folder_is_there: bool
+) -> None:
+    out = tmp_path / "out"
+    if folder_is_there:
+        out.mkdir()
+    with pytest.raises(FileError) as told, written_at_once(out, OWN) as work:
+        write(work / "images" / "0003.png")
+    assert str(told.value) == f"{out}/images/0003.png: cannot be written (No space left on device)"
+    assert [path.name for path in tmp_path.rglob("*")] == ["out"] * folder_is_there
+
+
+def test_an_error_about_a_file_elsewhere_keeps_its_name(tmp_path: Path) -> None:
+    with pytest.raises(FileError) as told, written_at_once(tmp_path / "out", OWN):
+        raise FileError(tmp_path / "field.toml", "must be positive", key="length_m", value=-1.0)
+    assert str(told.value) == f"{tmp_path}/field.toml: key 'length_m': must be positive, got -1.0"

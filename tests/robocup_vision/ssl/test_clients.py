@@ -55,18 +55,51 @@ def test_referee_distinguishes_new_commands_from_repeated_ones(sender):
     assert client.newest.command_counter == 8
 
 
-def test_asyncio_receives_too(sender):
+class LoopWithoutReaders(asyncio.SelectorEventLoop):
+    """Watches no sockets for its users, as the usual loop on Windows does not."""
+
+    def add_reader(self, *_):
+        raise NotImplementedError
+
+
+@pytest.fixture(params=[asyncio.SelectorEventLoop, LoopWithoutReaders])
+def run(request):
+    loop = request.param()
+    yield loop.run_until_complete
+    loop.run_until_complete(loop.shutdown_default_executor())
+    loop.close()
+
+
+def test_asyncio_receives_too(sender, run):
     port = free_port()
     packet = TrackerPacket("a", "b", TRACKED)
 
     async def listen(client):
+        assert await client.receive_async(0.0) is None
         assert await client.receive_async(0.02) is None
         asyncio.get_running_loop().call_later(0.02, sender.sendto, encode(packet), (VISION_GROUP, port))
         return await client.receive_async(WAIT_S)
 
     with TrackerClient(port) as client:
-        received = asyncio.run(listen(client))
+        received = run(listen(client))
     assert received.uuid == packet.uuid
+
+
+def test_a_wait_in_asyncio_without_end_can_be_cancelled_and_begun_anew(sender, run):
+    port = free_port()
+    packet = TrackerPacket("a", "b", TRACKED)
+
+    async def listen(client):
+        waiting = asyncio.create_task(client.receive_async())
+        await asyncio.sleep(0.02)
+        waiting.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await waiting
+        sender.sendto(encode(packet), (VISION_GROUP, port))
+        return await client.receive_async(WAIT_S)
+
+    with TrackerClient(port) as client:
+        assert run(listen(client)).uuid == packet.uuid
 
 
 @pytest.fixture
