@@ -59,6 +59,7 @@ class LoopWithoutReaders(asyncio.SelectorEventLoop):
     """Watches no sockets for its users, as the usual loop on Windows does not."""
 
     def add_reader(self, *_):
+        """Refuse, as that loop does."""
         raise NotImplementedError
 
 
