@@ -192,7 +192,9 @@ def _play(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: b
     video_path = None if video.problem else out / "match.webm"
     if report is not None:
         recorded = () if recorders is None else tuple(path.name for path in recorders.paths)
-        text = match_report.render_report(arena.field, plan.seed, figures, story, planning, video_path, notes, recorded)
+        text = match_report.render_report(
+            arena.field, plan.seed, figures, story, planning, video_path, notes, recorded, video.poster
+        )
         with telling_write_errors(report):
             report.write_text(text, encoding="utf-8")
     recordings = () if recorders is None else recorders.paths

@@ -13,7 +13,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.evaluation.moment_links import moment_link
-from robocup_vision.evaluation.plots import GREY, INK, draw_field, encode, new_figure, tidy
+from robocup_vision.evaluation.plots import GREY, INK, data_uri, draw_field, encode, new_figure, tidy
 from robocup_vision.evaluation.report import degrees, millimetres, missing_packages, package_version, percent
 from robocup_vision.evaluation.scoring import NEAR_M
 from sim2d.report.match_figures import MatchFigures
@@ -42,6 +42,7 @@ def render_report(
     video: Path | None,
     notes: Sequence[str],
     recordings: Sequence[str] = (),
+    poster: bytes = b"",
 ) -> str:
     """Return the page as HTML text.
 
@@ -63,6 +64,8 @@ def render_report(
         What could not be written, and why.
     recordings : sequence of str
         Names of the robots' recordings, in their order, in the page's own folder; empty: there are none.
+    poster : bytes
+        JPEG that stands for the film until it is played; empty: its first picture does.
     """
     from jinja2 import Environment
 
@@ -82,6 +85,7 @@ def render_report(
             lead=f"{figures.seconds:g} s on {field.name}, {len(figures.robots) // 2} against "
             f"{len(figures.robots) // 2}, seed {seed}; robocup-vision {package_version()}",
             video=None if video is None else video.name,
+            poster=data_uri("jpeg", poster) if poster else "",
             notes=notes,
             stopped=[robot for robot in figures.robots if robot.stopped_reason],
             tiles=_tiles(figures),

@@ -23,6 +23,8 @@ SIDE_COLORS: dict[int, Bgr] = {1: (60, 190, 240), -1: (220, 120, 60)}
 _ROOM, _INK, _BODY = (70, 72, 75), (245, 245, 245), (40, 38, 36)
 # colour of plans; length of a drawn gaze, in robot radii
 _PLAN, _GAZE_RADII = (80, 255, 160), 8.0
+# a robot's number stays readable
+_MIN_ROBOT_PX = 8.0
 _SHIFT = 4
 _MARGIN = 0.04
 # an estimate's ellipse holds 95 % of a normal distribution in the plane
@@ -41,16 +43,17 @@ class TopView:
     size_px : (int, int)
         Width and height.
     robot_radius_m : float
-        Of the robots that play.
+        Of the robots that play; on a field so large that they would be small, they are drawn larger.
     """
 
     def __init__(self, field: Field, size_px: tuple[int, int], robot_radius_m: float) -> None:
-        self._radius_m, self._ball_m = robot_radius_m, field.ball_radius_m
+        self._ball_m = field.ball_radius_m
         self._ball_bgr = COLOR_NAMES[field.ball_color]
         ends = np.vstack([field.floor_polygon, field.walls.reshape(-1, 2), field.lines.reshape(-1, 2)])
         self._ends_m = np.abs(ends).max(axis=0)
         width, height = size_px
         self._px_per_m = float(np.min((1 - 2 * _MARGIN) * np.array(size_px) / (2 * self._ends_m)))
+        self._radius_m = max(robot_radius_m, _MIN_ROBOT_PX / self._px_per_m)
         self._middle = ((width - 1) / 2, (height - 1) / 2)
         self._ground = np.full((height, width, 3), _ROOM, dtype=np.uint8)
         self._draw_ground(field)

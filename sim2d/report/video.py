@@ -24,14 +24,15 @@ from sim2d.report.top_view import SIDE_COLORS, Bgr, TopView
 from sim2d.robot_link import CONTROL_PERIOD_S
 from sim2d.world.state import RobotState, WorldState
 
-# every sixth control period is shown, in pictures of 0.4 million pixels: more would take more time than the play itself
-_PERIODS_PER_FRAME = 6
+# ten pictures a second, of 0.4 million pixels: more would take more time than the play itself
+_PERIODS_PER_FRAME = 3
 # pictures that may wait to be drawn: each holds the robots' frames
 _MAX_WAITING = 16
 # without smoothing the sensor's noise makes up two thirds of the file
 _SMOOTHING_PX = 0.8
 _TOP_WIDTH, _MIN_HEIGHT, _MIN_PANEL_HEIGHT = 620, 380, 180
 _LINE_HEIGHT = 22
+_POSTER_QUALITY = 80
 # of FREE, NO_GO and UNDECIDED cells
 _MAP_COLORS = np.array([(90, 160, 90), (60, 60, 200), (120, 120, 120)], dtype=np.uint8)
 _PAPER, _INK, _SOFT = (38, 34, 32), (240, 240, 240), (170, 170, 170)
@@ -40,7 +41,8 @@ _PAPER, _INK, _SOFT = (38, 34, 32), (240, 240, 240), (170, 170, 170)
 class MatchVideo:
     """Writes a match as VP8 in a webm file; `problem` is the reason why it cannot; then nothing is written.
 
-    Pictures are drawn and encoded by a thread of its own: the match goes on meanwhile.
+    Pictures are drawn and encoded by a thread of its own: the match goes on meanwhile. `poster`, once it is closed, is
+    the picture of play with the ball nearest to a goal, as JPEG; empty without any picture.
 
     Parameters
     ----------
@@ -60,6 +62,10 @@ class MatchVideo:
         self, path: Path, field: Field, camera: OmniCamera | PinholeCamera, robots: int, robot_radius_m: float
     ) -> None:
         self._pictures = MatchPictures(field, camera, robots, robot_radius_m)
+        self._goals_x_m = tuple(goal.line_x_m for goal in field.goals)
+        self.poster = b""
+        # distance of the ball from a goal, and the picture
+        self._best: tuple[float, UInt8Array] | None = None
         self._count = 0
         self._film = FilmFile(path, 1 / (_PERIODS_PER_FRAME * CONTROL_PERIOD_S), self._pictures.size_px)
         self.problem = self._film.problem
@@ -69,7 +75,7 @@ class MatchVideo:
         self._thread.start()
 
     def add(self, moment: Moment) -> None:
-        """Add a control period; every sixth becomes a picture.
+        """Add a control period; every third becomes a picture.
 
         Raises
         ------
@@ -90,9 +96,20 @@ class MatchVideo:
             # after a failure the rest is taken and dropped: the match must not wait for a place
             if self._failure is None:
                 try:
-                    self._film.write(self._pictures.draw(moment))
+                    picture = self._pictures.draw(moment)
+                    self._film.write(picture)
+                    self._choose(moment, picture)
                 except Exception as failure:
                     self._failure = failure
+
+    def _choose(self, moment: Moment, picture: UInt8Array) -> None:
+        """Keep the picture if it shows more of the game than that which is kept."""
+        distance_m, ball = math.inf, moment.state.ball
+        if ball is not None and moment.state.phase == "play":
+            distance_m = min((math.hypot(x_m - ball.x_m, ball.y_m) for x_m in self._goals_x_m), default=math.inf)
+        # of pictures without a ball in play the last one: at the start nothing has been seen yet
+        if self._best is None or distance_m < self._best[0] or math.isinf(self._best[0]):
+            self._best = (distance_m, picture)
 
     def close(self) -> None:
         """Finish the file.
@@ -107,6 +124,8 @@ class MatchVideo:
         self._film.close()
         if self._failure is not None:
             raise self._failure
+        if self._best is not None:
+            self.poster = cv2.imencode(".jpg", self._best[1], [cv2.IMWRITE_JPEG_QUALITY, _POSTER_QUALITY])[1].tobytes()
 
 
 class MatchPictures:

@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,14 +11,18 @@ import numpy as np
 import pytest
 from sim2d_players import SMALL_CAMERA, FailsAt, Reckoner, Sleeper
 
+from field_models import load_field
 from field_models.errors import ArgumentError, FileError
 from robocup_vision import cli
 from sim2d.match import run as match_run
+from sim2d.match.match import Match
 from sim2d.match.run import MatchPlan, run_match
 from sim2d.report import film_file
 from sim2d.report import html as match_report
 from sim2d.report import video as match_video
+from sim2d.report.video import MatchVideo
 from sim2d.sensors.faults import SenseFault
+from sim2d.world.state import BallState
 
 SHORT = MatchPlan(players=1, seconds=0.1, ours=Sleeper, theirs=Sleeper, camera=SMALL_CAMERA)
 
@@ -40,7 +46,7 @@ def test_all_files_are_written(played):
     assert values["faults"][1]["until_s"] is None
 
 
-def test_the_film_has_a_picture_for_every_sixth_period(played):
+def test_the_film_has_ten_pictures_a_second(played):
     capture = cv2.VideoCapture(str(played[1] / "match.webm"))
     pictures = []
     while True:
@@ -48,8 +54,8 @@ def test_the_film_has_a_picture_for_every_sixth_period(played):
         if not read:
             break
         pictures.append(picture)
-    assert len(pictures) == 5
-    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(5.0)
+    assert len(pictures) == 10
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
     assert int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") == b"VP80"
     assert {picture.shape for picture in pictures} == {pictures[0].shape}
     # something moves on the field, and robot 0's camera was black in between
@@ -63,6 +69,30 @@ def test_the_report_shows_what_happened(played):
     for text in ("0 : 0", "match.webm", "Robot 1 was stopped at 0.50 s: RuntimeError: my own bug", "black", "seed 2"):
         assert text in page
     assert page.count("data:image/png;base64") == 2
+
+
+def test_the_poster_is_the_picture_with_the_ball_nearest_to_a_goal(tmp_path):
+    field = load_field("ssl_2001")
+    match = Match(field, 1, 2, ours=Reckoner, theirs=Sleeper, camera=SMALL_CAMERA)
+    moment = match.step()
+    end_m = field.goals[0].line_x_m
+    path = tmp_path / "film.webm"
+    film = MatchVideo(path, field, match.arena.camera, 2, match.arena.limits.radius_m)
+    # a goal is counted, and the ball lies there, but it is no play; then the ball is near, and then far away
+    for x_m, phase in ((end_m, "kick_off"), (0.9 * end_m, "play"), (0.0, "play")):
+        state = replace(moment.state, ball=BallState(x_m, 0.0), phase=phase)
+        for _ in range(3):
+            film.add(replace(moment, state=state))
+    film.close()
+    poster = cv2.imdecode(np.frombuffer(film.poster, np.uint8), cv2.IMREAD_COLOR)
+    capture = cv2.VideoCapture(str(path))
+    unlike = [np.abs(poster.astype(int) - capture.read()[1]).mean() for _ in range(3)]
+    assert np.argmin(unlike) == 1
+
+
+def test_the_report_shows_the_poster_before_the_film_is_played(played):
+    page = (played[1] / "report.html").read_text()
+    assert re.search(r'<video src="match.webm" poster="data:image/jpeg;base64,[^"]{1000,}"', page)
 
 
 def test_no_note_is_left_on_standard_error(tmp_path, capfd):
