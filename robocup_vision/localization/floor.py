@@ -245,10 +245,7 @@ class OutlineFitter:
             if leaning is None:
                 return NotLocated("the floor's edge does not fix the pose of a body that may lean"), _nothing(radius_px)
             return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
-        if self._is_sure(found, floor_column, evidence.sure_log_odds):
-            return self._answer(found, radius_px)
-        estimate = self._judge(found, settings.max_std_m)
-        return estimate, found.predicted_px if estimate else _nothing(radius_px)
+        return self._answer(found, radius_px)
 
     def _is_place(self, fit: OutlineFit, max_std_m: float) -> bool:
         """Whether a fit is a place on the field, and fixed in every direction."""
@@ -258,7 +255,8 @@ class OutlineFitter:
         return self.fixes_pose(fit) and self.weigh(fit, floor_column).log_odds >= log_odds
 
     def _answer(self, fit: OutlineFit, radius_px: FloatArray) -> tuple[PoseEstimate | NotLocated, FloatArray]:
-        """Return what a sure fit gives, with the camera's centre and tilt fitted too where the outline asks for it."""
+        """Return what a fit gives that is believed, with a lean, centre and tilt fitted where the outline asks for it."""
+        fit = self._camera.leaned(fit, radius_px)
         estimate = self._judge(fit, self.settings.max_std_m)
         if isinstance(estimate, NotLocated):
             return estimate, _nothing(radius_px)
