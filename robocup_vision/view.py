@@ -133,7 +133,7 @@ class View:
         # the largest is found several at a time, unlike any
         if self.polar is None or self.obstacle_finder is None or not (self.marks.size and self.marks.max()):
             return ()
-        return self.obstacle_finder.find(self.polar, self.marks, self.pose)
+        return self.obstacle_finder.find(self.polar, self.marks, self.pose, self.boundary_radius_px)
 
     @cached_property
     def boundary_px(self) -> FloatArray:

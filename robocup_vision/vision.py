@@ -9,7 +9,17 @@ from typing import Literal, Protocol, cast
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.arguments import as_angle, as_camera, as_count, as_field, as_pose, as_prior, as_time, require_kind
+from robocup_vision.arguments import (
+    as_angle,
+    as_camera,
+    as_count,
+    as_field,
+    as_number,
+    as_pose,
+    as_prior,
+    as_time,
+    require_kind,
+)
 from robocup_vision.arrays import Frame, UInt8Array
 from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
@@ -21,7 +31,7 @@ from robocup_vision.localization.methods import choose_method
 from robocup_vision.memory import Memory
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_view import FloorView
-from robocup_vision.perception.free_space import FreeSpaceGrid
+from robocup_vision.perception.free_space import FREE_RATIO, FreeSpaceGrid
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.pipeline.frames import FrameOptions, to_bgr
 from robocup_vision.pipeline.omni import OmniPipeline
@@ -88,6 +98,9 @@ class Vision:
         Number J of directions of the free space, all around or over what a pinhole camera has in view.
     rings : int or tuple of float
         Its rings, as in `FreeSpaceGrid`.
+    free_ratio : float
+        Fraction of a cell that must be floor for the cell to be free: the r_th of Sekimori et al., as `threshold` in
+        `FreeSpaceGrid`.
     online : CameraRefiner, optional
         An `OnlineCalibration`, which refines this camera while frames are looked at; `camera` is then the one now in
         use, and `online.state` holds how far it has moved.
@@ -116,6 +129,7 @@ class Vision:
         mask: UInt8Array | None = None,
         directions: int = 80,
         rings: int | tuple[float, ...] = 20,
+        free_ratio: float = FREE_RATIO,
         online: CameraRefiner | None = None,
         memory: Memory | None = None,
         channels: Literal["bgr", "rgb"] = "bgr",
@@ -130,6 +144,9 @@ class Vision:
         directions = as_count("directions", directions, 3, _MAX_DIRECTIONS)
         if not isinstance(rings, (tuple, list)):
             rings = as_count("rings", rings, 1, _MAX_RINGS)
+        free_ratio = as_number("free_ratio", free_ratio)
+        if not 0.0 < free_ratio <= 1.0:
+            raise ArgumentError(f"free_ratio must be above 0 and at most 1, got {free_ratio!r}")
         if online is not None and getattr(online, "camera", None) is not camera:
             raise ArgumentError("online must be made for this very camera")
         if memory is not None and memory.ego_motion is not None and isinstance(camera, PinholeCamera):
@@ -138,7 +155,7 @@ class Vision:
             memory.serve(camera)
         self._memory = memory
         chosen = choose_method(camera, method)
-        options = FrameOptions(chosen, colors, mask, directions, rings, channels)
+        options = FrameOptions(chosen, colors, mask, directions, rings, channels, free_ratio)
         self._pipeline: OmniPipeline | PinholePipeline
         if isinstance(camera, PinholeCamera):
             self._pipeline = PinholePipeline(field, camera, options)
@@ -147,7 +164,7 @@ class Vision:
         self.field = field
         self.camera = camera
         self.method = chosen.name
-        self.mask, self.directions, self.rings = mask, directions, rings
+        self.mask, self.directions, self.rings, self.free_ratio = mask, directions, rings, free_ratio
         self.fixed_colors, self.online = colors, online
         self.channels = channels
         self._is_fresh = True

@@ -3,16 +3,15 @@
 60 runs of 10 s at 15 frames a second (crowd.py): a robot drives among six others on ssl_2001 and sees them by ranges
 alone, with a pose that is off. All trackers get the same detections. CLEAR MOT against the truth of ALL six, in view or
 not; a report is right within 0.15 m. A false track is one that never was right. The GNN's settings were chosen for MOTA
-on other seeds; "keeps quiet" is the same where a track also goes on unreported after some misses. "Camera" is the real
-chain: rendered mirror images, `Vision`'s poses and obstacles, four others, those within 1.3 m counted. The time is the
-CPU time of `update` with eight others.
+on other seeds; "few false tracks" is the same where a track also goes on unreported after some misses. The time is the
+CPU time of `update` with eight others. camera_tracking.py measures the same through camera images.
 """
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
@@ -20,65 +19,16 @@ import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
-from benchmarks.peers.tracking_peers import NearestNeighbours, Reports, StoneSoup
+from benchmarks.scores.tracker_runs import TUNED, nearest_neighbours, score, stone_soup, track_splitting
 from benchmarks.scores.tracking_score import Score
-from benchmarks.worlds.crowd import Frame, camera_film, film
+from benchmarks.worlds.crowd import Frame, film
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.tracking import MovingObjects
-from robocup_vision.tracking.detections import in_field
 
 FIELD = load_field("ssl_2001")
-PERIOD_S = 1 / 15
-# chosen on seeds that this program does not use
-TUNED = {
-    "hits": 3,
-    "window": 3,
-    "patience": 6,
-    "gate": 9.2,
-    "tentative_patience": 1,
-    "acceleration_mps2": 2.0,
-    "speed_mps": 1.0,
-}
 FEW_FALSE = {"hits": 4, "window": 6, "patience": 10, "gate": 9.2, "tentative_patience": 1, "speed_mps": 1.0, "quiet": 5}
 MORE_MOTA, FALSE_RATIO, MAX_MS = 0.02, 0.2, 2.0
-
-Tracker = Callable[[Sequence[Frame]], list[Reports] | None]
-
-
-def track_splitting(frames: Sequence[Frame]) -> list[Reports]:
-    """Ours."""
-    tracker = MovingObjects()
-    out = []
-    for frame in frames:
-        tracks = tracker.update(frame.t_s, frame.detections, frame.robot, frame.robot_covariance)
-        out.append([(t.number, np.array([t.x_m, t.y_m])) for t in tracks])
-    return out
-
-
-def nearest_neighbours(frames: Sequence[Frame], settings: dict[str, float]) -> list[Reports]:
-    """Track with the global nearest neighbour."""
-    tracker = NearestNeighbours(**settings)  # type: ignore[arg-type]
-    return [tracker.update(PERIOD_S, *in_field(f.detections, f.robot, f.robot_covariance)) for f in frames]
-
-
-def stone_soup(frames: Sequence[Frame], joint: bool) -> list[Reports] | None:
-    """Track with stonesoup, with the patience that suits each best on other seeds."""
-    peer = StoneSoup(joint, patience=6 if joint else 5)
-    return peer.reports(PERIOD_S, [in_field(f.detections, f.robot, f.robot_covariance) for f in frames])
-
-
-def score(tracker: Tracker, films: Sequence[Sequence[Frame]], in_view_only: bool = False) -> Score | None:
-    """Sum up all runs, of all objects or of those marked in view; None if the tracker is not installed."""
-    total = Score()
-    for frames in films:
-        reports = tracker(frames)
-        if reports is None:
-            return None
-        for frame, reported in zip(frames, reports, strict=True):
-            total.frame(frame.places_m, reported, frame.in_view if in_view_only else None)
-        total.end_run()
-    return total
 
 
 def milliseconds(films: Sequence[Sequence[Frame]]) -> FloatArray:
@@ -99,7 +49,6 @@ def main() -> None:
     runs, few = (4, 2) if arguments.quick else (60, 60) if arguments.full else (60, 10)
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         films = list(pool.map(partial(film, FIELD), [[arguments.seed, k] for k in range(runs)]))
-        seen = list(pool.map(partial(camera_film, FIELD), [[arguments.seed, k, 4] for k in range(max(runs // 5, 2))]))
         eight = list(pool.map(partial(film, FIELD, others=8), [[arguments.seed, k, 8] for k in range(4)]))
     detections = [len(frame.detections) for frames in films for frame in frames]
     in_view = [frame.in_view for frames in films for frame in frames]
@@ -141,9 +90,6 @@ def main() -> None:
     row("track splitting", score(track_splitting, films[:few]), few)
     row("stonesoup GNN", score(partial(stone_soup, joint=False), films[:few]), few)
     row("stonesoup JPDA", score(partial(stone_soup, joint=True), films[:few]), few)
-
-    row("camera: track splitting", score(track_splitting, seen, True), len(seen))
-    row("camera: GNN, tuned", score(partial(nearest_neighbours, settings=TUNED), seen, True), len(seen))
 
     table = Table(("eight others", "ms, median", "99 %", "at most", "verdict"), name="time")
     taken = milliseconds(eight)

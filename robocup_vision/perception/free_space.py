@@ -19,6 +19,9 @@ from robocup_vision.kernels.floor import free_floor, free_ranges
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
+# the paper's r_th: stricter than its 0.8, since the cells are smaller and specks are removed before: a box that reaches
+# into a cell blocks it
+FREE_RATIO = 0.9
 # what every frame needs, wherever the camera's neck turns it
 _OF_EVERY_FRAME = ("cell", "_cells")
 
@@ -57,8 +60,7 @@ class FreeSpaceGrid:
         Number I of rings between image radii of equal steps (the paper's choice; for a pinhole camera between ranges of
         equal ratios), or the rings' own bounds, metres.
     threshold : float
-        The paper's r_th: the fraction of a cell that must be floor. Stricter than its 0.8, since the cells are smaller
-        and specks are removed before: a box that reaches into a cell blocks it.
+        The paper's r_th: the fraction of a cell that must be floor.
 
     Raises
     ------
@@ -69,7 +71,7 @@ class FreeSpaceGrid:
     view: PolarView | FloorView
     directions: int = 80
     rings: int | tuple[float, ...] = 20
-    threshold: float = 0.9
+    threshold: float = FREE_RATIO
 
     def __post_init__(self) -> None:
         if self.directions < 3:

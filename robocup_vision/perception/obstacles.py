@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, read_only
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.kernels.floor.stretches import join_bearings
 from robocup_vision.kernels.floor.things import (
+    AVERAGED_COLUMNS,
     FieldFeet,
     blocked_feet,
     drop_narrow,
@@ -96,7 +97,11 @@ class ObstacleFinder:
         )
 
     def find(
-        self, view: PolarView | FloorView, marks: UInt8Array, pose: PoseEstimate | NotLocated
+        self,
+        view: PolarView | FloorView,
+        marks: UInt8Array,
+        pose: PoseEstimate | NotLocated,
+        edge_px: FloatArray | None = None,
     ) -> tuple[Obstacle, ...]:
         """Return the obstacles, the nearest first.
 
@@ -108,12 +113,15 @@ class ObstacleFinder:
             What they show: 0 blocked, else floor, line or ball.
         pose : PoseEstimate or NotLocated
             The robot on the field.
+        edge_px : (K,) float64, optional
+            Where each bearing's floor ends, as `view.radius_px`, NaN where not known: a foot that near is measured by
+            it. Others lie between the last sample of floor and the first that is blocked.
         """
         eye_m, used, step_rad = float(view.camera.viewpoint_m[2]), view.columns_in_use, view.row_step_rad
         columns = np.empty(view.bearings, dtype=np.int64)
         blocked_feet(marks, view.shown, view.range_m, BODY_COLUMNS, used, eye_m, self._radius_m, columns)
         drop_narrow(columns, view.range_m, used, _NARROW_RATIO * self._radius_m, step_rad, view.is_ring)
-        places = view.floor_at(columns)
+        places = _feet(view, columns, edge_px)
         robot, covariance = (0.0, 0.0, 0.0), _NO_POSE
         if isinstance(pose, PoseEstimate):
             robot, covariance = (pose.pose.x_m, pose.pose.y_m, pose.pose.theta_rad), pose.covariance
@@ -135,6 +143,17 @@ class ObstacleFinder:
             found,
         )
         return tuple(map(_made, found[:count].tolist()))
+
+
+def _feet(view: PolarView | FloorView, columns: Int64Array, edge_px: FloatArray | None) -> FloatArray:
+    """Return where feet lie on the floor, (K, 2): colours that mix about a foot move the first blocked sample."""
+    at = columns - 0.5
+    if edge_px is not None:
+        edge = np.interp(edge_px, view.radius_px, np.arange(len(view.radius_px)))
+        at = np.where(np.abs(edge - at) <= AVERAGED_COLUMNS, edge, at)
+    before = np.minimum(at.astype(np.int64), np.maximum(view.columns_in_use - 2, columns - 1))
+    part = (at - before)[:, None]
+    return np.asarray((1.0 - part) * view.floor_at(before) + part * view.floor_at(before + 1))
 
 
 def join_places(

@@ -26,7 +26,7 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.color_memory import ColorMemory
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_view import FloorView
-from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.perception.free_space import FREE_RATIO, FreeSpace
 from robocup_vision.perception.obstacles import ObstacleFinder
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.pipeline.channel_order import ChannelOrder
@@ -93,6 +93,7 @@ class FrameOptions:
     directions: int
     rings: int | tuple[float, ...]
     channels: str
+    free_ratio: float = FREE_RATIO
 
 
 class FramePipeline:

@@ -15,7 +15,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.perception.balls.pinhole import PinholeBallFinder
 from robocup_vision.perception.balls.search import SearchMemory
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
-from robocup_vision.perception.free_space import FloorMarking, FreeSpaceGrid
+from robocup_vision.perception.free_space import FREE_RATIO, FloorMarking, FreeSpaceGrid
 
 # where the file leaves the tilt open, or the frame's mounting tells it: steps of tilt and roll, of which half moves a
 # picture's edge by no more than a walking body does, and of the logarithms of height and focal length
@@ -78,8 +78,8 @@ class HeldFloors:
         As its file says.
     mask : (H, W) uint8 or None
         Non-zero pixels are never looked at.
-    directions, rings
-        Of the free space, as those of `FreeSpaceGrid`.
+    directions, rings, free_ratio
+        Of the free space, as directions, rings and threshold of `FreeSpaceGrid`.
     """
 
     def __init__(
@@ -89,11 +89,12 @@ class HeldFloors:
         mask: UInt8Array | None,
         directions: int,
         rings: int | tuple[float, ...],
+        free_ratio: float = FREE_RATIO,
     ) -> None:
         self._field = field
         self._camera = camera
         self._mask = mask
-        self._directions, self._rings = directions, rings
+        self._directions, self._rings, self._free_ratio = directions, rings, free_ratio
         reach_m = math.hypot(*camera.offset_m)
         self._pan_step_rad = _STEP_M / reach_m if reach_m else math.inf
         self._made: dict[_Steps, HeldFloor | None] = {}
@@ -150,7 +151,7 @@ class HeldFloors:
         floor = HeldFloor(
             camera,
             view,
-            FreeSpaceGrid(view, self._directions, self._rings),
+            FreeSpaceGrid(view, self._directions, self._rings, self._free_ratio),
             FloorMarking(view, self._field.line_width_m, 2 * self._field.robot_radius_m),
             PinholeBallFinder(self._field, camera, self._mask, memory=self._memory),
         )

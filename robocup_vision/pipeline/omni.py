@@ -45,7 +45,7 @@ class OmniPipeline(FramePipeline):
         # whole cells: as many bearings a direction as come nearest to the usual number from above
         bearings = directions * -(-BEARINGS // max(directions, 1))
         self.polar = PolarView(camera, bearings, mask)
-        self.grid = FreeSpaceGrid(self.polar, directions, self._options.rings)
+        self.grid = FreeSpaceGrid(self.polar, directions, self._options.rings, self._options.free_ratio)
         self._outline_rules = self._make_rules()
         self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
         self._ball_finder = MirrorBallFinder(field, camera, mask)

@@ -60,6 +60,10 @@ class _FloorSamples:
     edge_px: FloatArray
 
 
+def _floors_of(field: Field, camera: PinholeCamera, mask: UInt8Array | None, options: FrameOptions) -> HeldFloors:
+    return HeldFloors(field, camera, mask, options.directions, options.rings, options.free_ratio)
+
+
 class PinholePipeline(FramePipeline):
     """Turns frames of a pinhole camera into views."""
 
@@ -77,7 +81,7 @@ class PinholePipeline(FramePipeline):
         tells = len({goal.color for goal in panelled}) == 2
         self._goal_points = goal_points(field) if tells else (np.empty((0, 3)), np.empty(0))
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
-        self._floors = HeldFloors(field, camera, self._mask, options.directions, options.rings)
+        self._floors = _floors_of(field, camera, self._mask, options)
         # as the camera was held in the last frame
         self._floor = self._floors.about(camera) if camera.known_orientation else None
         self._patterned = PatternedBallFinder(field, camera, self._mask) if field.ball_patches else None
@@ -91,7 +95,7 @@ class PinholePipeline(FramePipeline):
         """
         other = copy(self)
         other.camera = camera
-        other._floors = HeldFloors(self.field, camera, self._mask, self._options.directions, self._options.rings)
+        other._floors = _floors_of(self.field, camera, self._mask, self._options)
         other._localizer = calibrated_localizer(self._localizer, self._options.method, self.field, camera, self._mask)
         if self._patterned is not None:
             other._patterned = PatternedBallFinder(self.field, camera, self._mask)

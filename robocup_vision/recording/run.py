@@ -26,6 +26,7 @@ from robocup_vision.mapping.view_motion import ViewMotion, ViewMotionSettings
 from robocup_vision.memory import Memory, MemorySettings
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import Colors
+from robocup_vision.perception.free_space import FREE_RATIO
 from robocup_vision.tracking.moving_objects import MovingObjects
 from robocup_vision.tracking.settings import MovingObjectsSettings
 from robocup_vision.vision import Vision
@@ -141,13 +142,14 @@ class VisionRun:
     directions: int
     rings: int | tuple[float, ...]
     memory: MemoryRun | None
+    free_ratio: float = FREE_RATIO
 
     @classmethod
     def of(cls, vision: Vision) -> VisionRun:
         """Describe a `Vision`; what refines its camera (`online`) is left out."""
         memory = None if vision.memory is None else MemoryRun.of(vision.memory)
         v = vision
-        return cls(v.field, v.camera, v.fixed_colors, v.method, v.mask, v.directions, v.rings, memory)
+        return cls(v.field, v.camera, v.fixed_colors, v.method, v.mask, v.directions, v.rings, memory, v.free_ratio)
 
     def make(self) -> Vision:
         """Make such a `Vision`, fresh."""
@@ -159,6 +161,7 @@ class VisionRun:
             mask=self.mask,
             directions=self.directions,
             rings=self.rings,
+            free_ratio=self.free_ratio,
             memory=None if self.memory is None else self.memory.make(self.field),
         )
 

@@ -21,9 +21,6 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.obstacles import Obstacle, join_places
 
-# a disc's near side, averaged over the bearings that meet it, lies this fraction of its radius before its centre
-_NEAR_SIDE = math.pi / 4
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
@@ -196,7 +193,7 @@ class ReturnDetector:
             count = max(1, round(near.width_m / (2 * self.radius_m)))
             width = near.width_m / count
             ahead, aside = math.cos(near.bearing_rad), math.sin(near.bearing_rad)
-            out = near.range_m + _NEAR_SIDE * self.radius_m
+            out = near.range_m + near_side_ratio(0.5 * width / self.radius_m) * self.radius_m
             along = float(self._std_m(np.array(near.range_m))) ** 2
             # the hidden part of an object may be on either side
             hidden = max(2 * self.radius_m - width, 0.0)
@@ -207,6 +204,18 @@ class ReturnDetector:
                 off = (piece - 0.5 * (count - 1)) * width
                 found.append(Detection(ahead * out - aside * off, aside * out + ahead * off, covariance))
         return tuple(found)
+
+
+def near_side_ratio(half_width_ratio: float) -> float:
+    """Return how far a disc's near side lies before its centre, in radii, averaged over the width that is seen.
+
+    Parameters
+    ----------
+    half_width_ratio : float
+        Half of that width, in radii: the ends of the near side are seen less often than its middle. 1 and more: all.
+    """
+    half = min(half_width_ratio, 1.0)
+    return 0.5 * (math.sqrt(1.0 - half * half) + math.asin(half) / half)
 
 
 def in_field(

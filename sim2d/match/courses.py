@@ -22,6 +22,7 @@ from robocup_vision.avoidance.steering import FreeRanges
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
+from robocup_vision.perception.free_space import FREE_RATIO
 from robocup_vision.vision import Vision
 from sim2d.players.driving.wheel_velocity import WheelVelocity
 from sim2d.rendering.scene import BOX_COLORS, Box, Scene
@@ -38,8 +39,32 @@ _GRID_M, ROUTE_CLEARANCE_M = 0.005, 0.03
 # room between a course's cubes and around its start and its goal
 _ROOM_M = 0.05
 _TRIES = 10_000
-# bearings and rings of the free space: cells of a few samples each, and of less than a centimetre close to the robot
-_DIRECTIONS, _RINGS = 64, 60
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """How a drive sees the floor, and what it remembers of it.
+
+    Parameters
+    ----------
+    directions, rings : int
+        Cells of the free space. The default ones hold a few samples each, and are less than a centimetre deep close to
+        the robot.
+    free_ratio : float
+        As that of `Vision`.
+    remembers : bool
+        Steady the free space from frame to frame, and find the way by what was seen before. False: each frame stands
+        for itself, and the target is headed for as it lies.
+    """
+
+    directions: int = 64
+    rings: int = 60
+    free_ratio: float = FREE_RATIO
+    remembers: bool = True
+
+
+# the cells and the threshold of Sekimori et al. (2001), section 5.1
+PRINTED_SIGHT = Sight(32, 6, 0.8, remembers=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +206,7 @@ class Drive:
 
 def nearest_seen_m(field: Field, camera: OmniCamera) -> float:
     """Range of the nearest floor that a drive's cells show: what is nearer than that must count as touched."""
-    return float(Vision(field, camera, directions=_DIRECTIONS, rings=_RINGS).grid.ring_bounds_m[0])
+    return float(Vision(field, camera, directions=Sight().directions, rings=Sight().rings).grid.ring_bounds_m[0])
 
 
 def drive_course(
@@ -192,11 +217,12 @@ def drive_course(
     rng: np.random.Generator,
     *,
     patience_s: float,
+    sight: Sight = Sight(),
     watch: Callable[[Pose2], None] | None = None,
 ) -> Drive:
     """Drive a course by what the camera shows, until the goal, a collision, or the end of patience.
 
-    A `Wayfinder` finds the way for any pilot.
+    A `Wayfinder` finds the way for any pilot that remembers.
 
     Parameters
     ----------
@@ -212,12 +238,21 @@ def drive_course(
         Source of the sensor's noise and the wheels' slip.
     patience_s : float
         Longest drive, seconds.
+    sight : Sight, optional
+        How it sees the floor.
     watch : callable, optional
         Is shown the true pose before every decision.
     """
     world = World.course(course.field, course.boxes, [course.start], limits, rng)
     eye = MatchCamera(course.field, camera, limits, rng, boxes=course.boxes)
-    vision = Vision(course.field, camera, directions=_DIRECTIONS, rings=_RINGS, memory=Memory(course.field))
+    vision = Vision(
+        course.field,
+        camera,
+        directions=sight.directions,
+        rings=sight.rings,
+        free_ratio=sight.free_ratio,
+        memory=Memory(course.field),
+    )
     floor = SteadyFreeSpace()
     way = Wayfinder(max(float(vision.grid.ring_bounds_m[0]), limits.radius_m))
     scene = Scene(course.field, boxes=course.boxes)
@@ -236,17 +271,20 @@ def drive_course(
         odometry = world.odometry(0)
         view = vision.look(eye.render(state, 0), state.t_s, odometry)
         assert view.belief is not None
-        free_space = floor.update(view.free_space, odometry)
-        way.update(free_space, odometry)
+        free_space: FreeRanges = view.free_space
+        if sight.remembers:
+            free_space = floor.update(view.free_space, odometry)
+            way.update(free_space, odometry)
         wheels.sense(odometry)
         known = view.belief.pose
         wanted = (0.0, 0.0)
         if known:
             x, y = known.pose.inverse().transform(course.goal).tolist()
-            heading = way.head(math.atan2(y, x), math.hypot(x, y), wheels.now_mps)
-            decision = pilot.steer(
-                free_space, wheels.now_mps, heading.bearing_rad, heading.distance_m, wheels.pending_mps
-            )
+            bearing_rad, distance_m = math.atan2(y, x), math.hypot(x, y)
+            if sight.remembers:
+                heading = way.head(bearing_rad, distance_m, wheels.now_mps)
+                bearing_rad, distance_m = heading.bearing_rad, heading.distance_m
+            decision = pilot.steer(free_space, wheels.now_mps, bearing_rad, distance_m, wheels.pending_mps)
             wanted = (float(decision.velocity_mps[0]), float(decision.velocity_mps[1]))
         wheels.command(wanted)
         world.step({0: Command(*wanted)})

@@ -106,7 +106,7 @@ def test_what_is_constructed_of_anything_is_refused_in_one_line():
         field, camera, None, 3, "ssl_2001", "nowhere", np.zeros((220, 256), np.uint8), (0.1, 0.5), -1, 1e9, [], {},
         float("nan"),
     )  # fmt: skip
-    names = ("method", "mask", "directions", "rings", "memory", "channels")
+    names = ("method", "mask", "directions", "rings", "free_ratio", "memory", "channels")
 
     def thing():
         return things[int(rng.integers(len(things)))]

@@ -379,11 +379,25 @@ def test_frames_of_another_kind_are_refused(vision, frame, message):
         ({"directions": -8}, "directions must be at least 3, got -8"),
         ({"rings": 0}, "rings must be at least 1, got 0"),
         ({"rings": (0.5, 0.2)}, r"rings must be .* increasing .*, got \[0.5, 0.2\]"),
+        ({"free_ratio": 0.0}, "free_ratio must be above 0 and at most 1, got 0.0"),
+        ({"free_ratio": 1.1}, "free_ratio must be above 0 and at most 1, got 1.1"),
+        ({"free_ratio": "all"}, "free_ratio must be a number"),
     ],
 )
 def test_wrong_arguments_are_reported(ssl_field, paper_camera, options, message):
     with pytest.raises(ArgumentError, match=message):
         Vision(ssl_field, paper_camera, **options)
+
+
+def test_the_ratio_of_a_free_cell_makes_ranges_longer_or_shorter(ssl_field, paper_camera):
+    scene = Scene(ssl_field, boxes=(Box(0.45, 0.1), Box(-0.2, 0.5, 0.3)))
+    frame = render(paper_camera, scene, Pose2(0.0, 0.0, 0.4))
+    strict, loose = (
+        Vision(ssl_field, paper_camera, directions=32, rings=6, free_ratio=ratio).look(frame).free_space.range_m
+        for ratio in (1.0, 0.4)
+    )
+    assert np.all(strict <= loose)
+    assert np.any(strict < loose)
 
 
 def test_method_floor_needs_walls(paper_camera):

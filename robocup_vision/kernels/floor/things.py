@@ -21,8 +21,8 @@ EACH_BYTE, HIGH_BITS = np.uint64(0x0101010101010101), np.uint64(0x80808080808080
 HIDDEN_RATIO = 0.9
 # bearings over which the samples' averages, lens and motion spread a thing's side
 SIDE_BEARINGS = 3
-# columns over which a sample's average and its lens spread a foot
-AVERAGED_COLUMNS = 2
+# columns over which a sample's average and its lens spread a foot, and half a column to the last sample of floor
+AVERAGED_COLUMNS = 2.5
 # standard deviations of the pose by which a foot may be off
 POSE_SIGMAS = 2.0
 # what a bearing is known to show: nothing yet, a thing, where the floor ends, or floor as far as it is in view

@@ -21,7 +21,7 @@ from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
 from sim2d.match.setups import CAMERAS
 from sim2d.rendering.mirror import MirrorRenderer
-from sim2d.rendering.scene import Box, Scene
+from sim2d.rendering.scene import Box, Robot, Scene
 from sim2d.rendering.sensor import Sensor
 
 FIELD = load_field("ssl_division_b")
@@ -170,3 +170,16 @@ def test_a_rendered_box_is_found_where_it_stands(ssl_field, paper_camera):
     assert 0.1 < found.width_m < 0.3
     empty = dataclasses.replace(view, marks=np.ones_like(view.marks))
     assert empty.obstacles == ()
+
+
+@pytest.mark.parametrize("away_m", [0.5, 0.7, 0.9])
+def test_a_dark_robot_in_a_picture_stands_where_it_is(ssl_field, paper_camera, away_m):
+    pose = Pose2(-0.5, 0.0, 0.3)
+    robot = Robot(pose.x_m + away_m, pose.y_m, RADIUS)
+    light = MirrorRenderer(paper_camera, 2).render(Scene(ssl_field, robots=(robot,)), pose)
+    frame = Sensor(noise_sigma=6.0, blur_px=0.7).expose(light, np.random.default_rng(0))
+    place = pose.inverse().transform([robot.x_m, robot.y_m])
+    obstacles = Vision(ssl_field, paper_camera).look(frame).obstacles
+    found = min(obstacles, key=lambda one: math.dist((one.x_m, one.y_m), place))
+    # a sample is 0.02 to 0.06 m deep there
+    assert math.dist((found.x_m, found.y_m), near_side(*place)) < 0.025

@@ -14,7 +14,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.obstacles import Obstacle
 from robocup_vision.tracking import Detection, KnownFreeSpace, ReturnDetector
-from robocup_vision.tracking.detections import in_field
+from robocup_vision.tracking.detections import in_field, near_side_ratio
 
 FIELD = load_field("ssl_2001")
 FREE = KnownFreeSpace.of_field(FIELD)
@@ -113,12 +113,19 @@ def test_the_obstacles_of_a_view_serve_as_well():
     robot = Pose2(-1.0, 0.0, 0.0)
 
     def obstacle(x, y):
-        return Obstacle(x, y, 0.17, math.atan2(y, x), math.hypot(x, y))
+        return Obstacle(x, y, 2 * RADIUS, math.atan2(y, x), math.hypot(x, y))
 
     found = detector.in_obstacles([obstacle(0.6, 0.0), obstacle(0.0, 0.75), obstacle(2.2, 0.0)], robot)
     assert len(found) == 1
     assert found[0].x_m == pytest.approx(0.6 + RADIUS * math.pi / 4)
     assert detector.in_obstacles([], robot) == ()
+
+
+@pytest.mark.parametrize("part", [0.05, 0.5, 0.8, 1.0, 1.3])
+def test_the_near_side_lies_before_the_middle_by_what_is_seen_of_it(part):
+    half = min(part, 1.0)
+    across = (np.arange(20_000) + 0.5) / 20_000 * half
+    assert near_side_ratio(part) == pytest.approx(np.sqrt(1.0 - across**2).mean(), abs=1e-5)
 
 
 def test_in_an_image_a_sliver_is_no_body():

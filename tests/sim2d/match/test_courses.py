@@ -14,7 +14,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.geometry import Pose2
-from sim2d.match.courses import Course, cube_course, drive_course, nearest_seen_m, pocket_course
+from sim2d.match.courses import PRINTED_SIGHT, Course, cube_course, drive_course, nearest_seen_m, pocket_course
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Box, Scene
 from sim2d.robot_link import RobotLimits
@@ -70,6 +70,25 @@ def test_a_drive_goes_round_a_box_without_touching_it():
     assert drive.seconds >= (2.0 - 0.05) / LIMITS.speed_mps
     assert 0.0 < drive.clearance_m < 0.3
     assert math.hypot(seen[-1].x_m - GOAL[0], seen[-1].y_m - GOAL[1]) <= 0.05
+
+
+def test_a_drive_that_remembers_nothing_is_told_the_targets_own_direction():
+    course = Course(FIELD, (), START, GOAL)
+    told = []
+
+    def steer(free_space, velocity_mps, target_bearing_rad, target_distance_m, pending_mps):
+        told.append((len(free_space.range_m), target_bearing_rad, target_distance_m))
+        return SimpleNamespace(velocity_mps=np.zeros(2))
+
+    rng = np.random.default_rng(3)
+    pilot = SimpleNamespace(steer=steer)
+    drive_course(course, pilot, sekimori_camera(), LIMITS, rng, patience_s=0.2, sight=PRINTED_SIGHT)
+    x, y = START.inverse().transform(GOAL).tolist()
+    assert told
+    for directions, bearing_rad, distance_m in told:
+        assert directions == PRINTED_SIGHT.directions
+        assert bearing_rad == pytest.approx(math.atan2(y, x), abs=0.02)
+        assert distance_m == pytest.approx(math.hypot(x, y), abs=0.02)
 
 
 def pilot_at(speed_mps):

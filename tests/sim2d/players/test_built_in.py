@@ -271,7 +271,7 @@ def test_players_that_remember_follow_the_others_and_know_the_floor():
             tracks = robot.status.view.belief.tracks
             off_m.extend(min(math.hypot(p.x_m - t.x_m, p.y_m - t.y_m) for p in others) for t in tracks)
     assert len(off_m) > 90
-    assert np.mean(np.array(off_m) < 0.12) > 0.9
+    assert np.mean(np.array(off_m) < 0.10) > 0.9
     belief = robot.status.view.belief
     assert (belief.free_map.state == FREE).sum() * belief.free_map.cell_m**2 > 0.5
     assert moment.robots[2].status.view.belief.free_map is None
