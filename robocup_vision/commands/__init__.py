@@ -26,6 +26,7 @@ _OWN = (
     "replay",
     "ros",
     "fields",
+    "import_boxes",
     "warm_up",
 )
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from robocup_vision.evaluation.dataset import Dataset, FrameTime
+    from robocup_vision.evaluation.detections import KindFigures
     from robocup_vision.evaluation.run import Summary
     from robocup_vision.evaluation.steering import SteerFigures, SteerPlan
 
@@ -202,6 +203,7 @@ def _print_summary(name: str, summary: Summary) -> None:
         ("median position error", millimetres(figures.median_error_m)),
         ("median heading error", degrees(figures.median_error_rad)),
         ("median time per frame", ms),
+        *((kind, _detections_text(one)) for kind, one in (summary.detections or {}).items() if one.boxes or one.told),
         *([] if summary.steering is None else [("safe commands", _steering_text(summary.steering))]),
         ("report", str(summary.report if summary.report is not None else summary.out)),
     ]
@@ -211,6 +213,14 @@ def _print_summary(name: str, summary: Summary) -> None:
         print(f"  {label:<22} {value.replace('°', ' deg').replace('–', '-')}")
     for note in summary.notes:
         print(f"note: {note}")
+
+
+def _detections_text(figures: KindFigures) -> str:
+    from robocup_vision.evaluation.report import millimetres, percent
+
+    told = "" if figures.told is None else f", precision {percent(figures.precision)} of {figures.told}"
+    error = f", range error {millimetres(figures.median_range_error_m)}" if figures.median_range_error_m else ""
+    return f"{figures.found} of {figures.boxes} boxes found ({percent(figures.recall)}){told}{error}"
 
 
 def _steering_text(figures: SteerFigures) -> str:

@@ -26,6 +26,8 @@ from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import Mounting, OmniCamera, PinholeCamera, load_camera
 from robocup_vision.camera.mounting import MOUNTING_NAMES
+from robocup_vision.evaluation import boxes as box_file
+from robocup_vision.evaluation.boxes import Box
 from robocup_vision.files.csv_table import CsvRow, read_csv
 from robocup_vision.files.image_folder import no_pictures, picture_folder
 from robocup_vision.files.images import IMAGE_SUFFIXES, orientation_note, other_pictures, read_image, read_mask
@@ -112,6 +114,8 @@ class Dataset:
         What method "landmarks" locates by.
     left_out : int
         How many frames, or files that look like images, are not among the images; the notes say why.
+    boxes : mapping of str to tuple of Box, or None
+        By image, from boxes.csv; an image without any shows nothing that is marked. None: there is no such file.
     """
 
     name: str
@@ -129,6 +133,7 @@ class Dataset:
     notes: tuple[str, ...] = ()
     landmarks: LandmarkMap | None = None
     left_out: int = 0
+    boxes: Mapping[str, tuple[Box, ...]] | None = None
 
     @property
     def is_video(self) -> bool:
@@ -138,6 +143,10 @@ class Dataset:
     def truth_of(self, index: int) -> Truth | None:
         """Return the true pose of an image, None where it is unknown."""
         return self.truth.get(self.image_names[index])
+
+    def boxes_of(self, index: int) -> tuple[Box, ...]:
+        """Return what is marked in an image."""
+        return () if self.boxes is None else self.boxes.get(self.image_names[index], ())
 
     def read_frame(self, index: int) -> UInt8Array:
         """Read one frame, (H, W, 3) uint8 BGR, of a folder of images.
@@ -224,6 +233,7 @@ def load_dataset(
     times = _times(_beside(folder, description.frames), image_names)
     if times is None and video is not None and video.has_times:
         times = {name: FrameTime(t_s, None) for name, t_s in zip(image_names, video.times_s, strict=True)}
+    boxes_path = folder / box_file.NAME
     map_path = Path(landmark_map) if landmark_map is not None else _beside(folder, description.map)
     wanted = method or ("landmarks" if landmark_map is not None else description.method)
     chosen = _method(description_path, wanted, loaded_field, loaded_camera)
@@ -244,6 +254,7 @@ def load_dataset(
         notes=notes,
         landmarks=_landmarks(description_path, map_path, loaded_camera) if chosen == "landmarks" else None,
         left_out=len(other_pictures(source)) if source.is_dir() else 0,
+        boxes=box_file.load_boxes(boxes_path, image_names, loaded_camera.size_px) if boxes_path.is_file() else None,
     )
 
 

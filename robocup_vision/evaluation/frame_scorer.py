@@ -16,9 +16,11 @@ from field_models.errors import ArgumentError, FrameError, RobocupVisionError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.evaluation.boxes import Box
 from robocup_vision.evaluation.dataset import Dataset, Truth
+from robocup_vision.evaluation.detections import match_boxes
 from robocup_vision.evaluation.kept_rows import FrameResult
-from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg
+from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, error_crops
 from robocup_vision.evaluation.scoring import Row, pose_error
 from robocup_vision.evaluation.steering import FrameSteering, SteerPlan
 from robocup_vision.files.images import decode_image, file_bytes, read_image
@@ -129,7 +131,9 @@ class ScorePlan:
 
     def without_images(self) -> ScorePlan:
         """Return the plan as a worker needs it, that gets each image's name and truth with the image."""
-        return replace(self, dataset=replace(self.dataset, image_names=(), truth={}))
+        # none is not the same as no file
+        boxes: dict[str, tuple[Box, ...]] | None = None if self.dataset.boxes is None else {}
+        return replace(self, dataset=replace(self.dataset, image_names=(), truth={}, boxes=boxes))
 
 
 class ImageJob(NamedTuple):
@@ -145,12 +149,15 @@ class ImageJob(NamedTuple):
         None where it is unknown.
     content : bytes or FrameError or None
         What stands in its file; the error where it cannot be read; None where the worker reads the file.
+    boxes : tuple of Box
+        What is marked in it.
     """
 
     number: int
     image: str
     truth: Truth | None
     content: bytes | FrameError | None = None
+    boxes: tuple[Box, ...] = ()
 
 
 class FrameScorer:
@@ -200,6 +207,8 @@ class FrameScorer:
             row = self._score(row, self._pose(view))
             if self._steering is not None:
                 row = replace(row, steering=self._steering.steer(view, t_s, odometry))
+            if self.plan.dataset.boxes is not None:
+                row = replace(row, detections=match_boxes(view, job.boxes, self.plan.dataset.field))
         except Exception as error:  # a bug in one frame must not cost the others
             row = replace(row, estimate=None, error=None, reason=_describe(error), failed=True)
             with contextlib.suppress(Exception):
@@ -243,8 +252,11 @@ class FrameScorer:
 
     def _picture(self, index: int, row: Row, view: ViewLike | None, frame: UInt8Array) -> FrameResult:
         is_worst = self._worst.admits(index, row.severity)
-        if not self.plan.wants_overlays or not (is_worst or index in self.plan.spread):
+        if not self.plan.wants_overlays:
             return FrameResult(row)
+        crops = error_crops(row.image, frame, row.detections)
+        if not (is_worst or index in self.plan.spread):
+            return FrameResult(row, crops=crops)
         picture, problem = frame, ""
         if view is not None:
             try:
@@ -254,7 +266,7 @@ class FrameScorer:
         jpeg = encode_jpeg(picture)
         if is_worst:
             self._worst.add(index, row.severity, b"")  # only the ranking is needed here, the caller keeps the picture
-        return FrameResult(row, jpeg, problem)
+        return FrameResult(row, jpeg, problem, crops)
 
 
 def _describe(error: Exception) -> str:
@@ -271,7 +283,8 @@ def score_sequence(scorer: FrameScorer, first: int = 0) -> Generator[FrameResult
     """Score a dataset's frames from number `first` on in order, in this process."""
     dataset = scorer.plan.dataset
     for index, frame in islice(enumerate(dataset.read_frames()), first, None):
-        yield scorer.score(ImageJob(index, dataset.image_names[index], dataset.truth_of(index)), frame)
+        name = dataset.image_names[index]
+        yield scorer.score(ImageJob(index, name, dataset.truth_of(index), boxes=dataset.boxes_of(index)), frame)
 
 
 def score_images(
@@ -299,7 +312,13 @@ def score_images(
     dataset = scorer.plan.dataset
     sends = send_images and not workers.share_files
     jobs = (
-        ImageJob(index, name, dataset.truth_of(index), _content(dataset.path / name) if sends else None)
+        ImageJob(
+            index,
+            name,
+            dataset.truth_of(index),
+            _content(dataset.path / name) if sends else None,
+            dataset.boxes_of(index),
+        )
         for index, name in enumerate(dataset.image_names[first:], start=first)
     )
     if workers.is_here:

@@ -11,6 +11,8 @@ import numpy as np
 
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.evaluation.detections import detections_json, detections_of
+from robocup_vision.evaluation.overlays import Crop
 from robocup_vision.evaluation.scoring import Row, SteerResult, pose_error
 from robocup_vision.evaluation.steering import SteerPlan
 from robocup_vision.geometry import Pose2
@@ -18,17 +20,30 @@ from robocup_vision.geometry import Pose2
 
 @dataclass(frozen=True, slots=True)
 class FrameResult:
-    """A row of the results; where the report may show it, an encoded picture, and why its overlay was not drawn."""
+    """A row of the results, and what the report may show of it.
+
+    Parameters
+    ----------
+    row : Row
+        Of the results.
+    jpeg : bytes or None
+        The encoded picture.
+    overlay_problem : str
+        Why its overlay was not drawn.
+    crops : tuple of Crop
+        What was missed in it, and what was told where nothing is.
+    """
 
     row: Row
     jpeg: bytes | None = None
     overlay_problem: str = ""
+    crops: tuple[Crop, ...] = ()
 
 
 def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, Any]:
     """Return what the rows of a dataset depend on."""
     return {
-        "format": 2,
+        "format": 3,
         "images": len(dataset.image_names),
         "image names": _digest(dataset.image_names),
         "field": dataset.field.name,
@@ -37,6 +52,7 @@ def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, A
         "method": dataset.method,
         "pose_of": dataset.pose_of,
         "steering": None if steering is None else repr(steering),
+        "boxes": _digest(dataset.boxes),
     }
 
 
@@ -56,6 +72,8 @@ def result_json(result: FrameResult) -> dict[str, Any]:
         values["inlier_ratio"], values["residual_px"] = float(estimate.inlier_ratio), float(estimate.residual_px)
     if row.steering is not None:
         values["steering"] = asdict(row.steering)
+    values["detections"] = detections_json(row.detections)
+    values["crops"] = [[crop.caption, base64.b64encode(crop.jpeg).decode()] for crop in result.crops]
     if result.jpeg is not None:
         values["jpeg"] = base64.b64encode(result.jpeg).decode()
         values["overlay_problem"] = result.overlay_problem
@@ -86,6 +104,9 @@ def result_of(values: dict[str, Any], dataset: Dataset) -> FrameResult:
         values["failed"],
         values["unreadable"],
         steering,
+        detections_of(values["detections"]),
     )
     jpeg = values.get("jpeg")
-    return FrameResult(row, None if jpeg is None else base64.b64decode(jpeg), values.get("overlay_problem", ""))
+    picture = None if jpeg is None else base64.b64decode(jpeg)
+    crops = tuple(Crop(caption, base64.b64decode(crop)) for caption, crop in values["crops"])
+    return FrameResult(row, picture, values.get("overlay_problem", ""), crops)

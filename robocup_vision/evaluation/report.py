@@ -19,14 +19,34 @@ import cv2
 import numpy as np
 
 from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.evaluation.detections import KindFigures
 from robocup_vision.evaluation.goal_plots import draw_goal_plots
-from robocup_vision.evaluation.overlays import WORST_COUNT
+from robocup_vision.evaluation.overlays import WORST_COUNT, Crop
 from robocup_vision.evaluation.plots import data_uri, draw_plots
 from robocup_vision.evaluation.scoring import FAIR_M, Figures, Row
 
 # a longer table opens in no browser
 _MAX_LISTED = 5000
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What was found of the boxes.
+
+    Parameters
+    ----------
+    figures : dict of str to KindFigures, or None
+        By kind; None where nothing is marked.
+    crops : sequence of Crop
+        What was missed, and what was told where nothing is.
+    crops_left_out : int
+        How many more there are.
+    """
+
+    figures: dict[str, KindFigures] | None = None
+    crops: Sequence[Crop] = ()
+    crops_left_out: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +80,7 @@ def render_report(
     spread: Mapping[int, bytes],
     worst: Sequence[tuple[int, bytes]],
     moments: Mapping[str, str] | None = None,
+    found: Found = Found(),
 ) -> str:
     """Return the page as HTML text.
 
@@ -79,6 +100,8 @@ def render_report(
         Row index and JPEG overlay of the worst images, the worst first.
     moments : mapping of str to str, optional
         By image: the address that opens its moment in the live page.
+    found : Found, optional
+        What was found of the boxes.
     """
     from jinja2 import Environment
 
@@ -106,6 +129,9 @@ def render_report(
             rows=[_line(rows[index]) for index in sorted(ranked[:_MAX_LISTED])],
             images=len(rows),
             moments=moments or {},
+            kinds=_kinds(found.figures or {}),
+            crops=[(crop.caption, data_uri("jpeg", crop.jpeg)) for crop in found.crops],
+            crops_left_out=found.crops_left_out,
         )
     )
     return page
@@ -162,6 +188,20 @@ def _summary(figures: Figures, time_of_what: str) -> list[tuple[str, str]]:
         ("NEES: median", _plain(figures.nees_median)),
         ("NEES: inside the 95 % bound", percent(figures.nees_inside_95)),
         (f"Median time per frame, {time_of_what}", "–" if figures.median_ms is None else f"{figures.median_ms:.2f} ms"),
+    ]
+
+
+def _kinds(figures: Mapping[str, KindFigures]) -> list[tuple[str, ...]]:
+    return [
+        (
+            kind,
+            f"{one.found} of {one.boxes}",
+            percent(one.recall),
+            "–" if one.told is None else str(one.told),
+            percent(one.precision),
+            millimetres(one.median_range_error_m),
+        )
+        for kind, one in figures.items()
     ]
 
 

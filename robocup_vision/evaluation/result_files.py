@@ -13,6 +13,7 @@ from pathlib import Path
 
 from robocup_vision.closing import Closing
 from robocup_vision.evaluation.dataset import FrameTime
+from robocup_vision.evaluation.detections import KindFigures, figures_json
 from robocup_vision.evaluation.scoring import Figures, Row
 from robocup_vision.files.out_file import telling_write_errors
 
@@ -58,6 +59,7 @@ SUMMARY_KEYS = (
     "rms_theta_rad",
     "nees_mean",
     "median_ms",
+    "detections",
 )
 
 
@@ -163,7 +165,9 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.9g}"
 
 
-def write_summary(path: Path, figures: Figures, *, method: str, left_out: int) -> None:
+def write_summary(
+    path: Path, figures: Figures, *, method: str, left_out: int, detections: dict[str, KindFigures] | None
+) -> None:
     """Write summary.json; a figure that nothing was there to compute from is null.
 
     Parameters
@@ -176,8 +180,10 @@ def write_summary(path: Path, figures: Figures, *, method: str, left_out: int) -
         How poses were found.
     left_out : int
         How many frames are not among the images.
+    detections : dict of str to KindFigures, or None
+        By kind; None where nothing is marked.
     """
-    known: dict[str, object] = {"method": method, "left_out": left_out}
+    known: dict[str, object] = {"method": method, "left_out": left_out, "detections": figures_json(detections)}
     values = {key: known[key] if key in known else getattr(figures, key) for key in SUMMARY_KEYS}
     path.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 

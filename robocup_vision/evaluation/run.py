@@ -12,6 +12,7 @@ from field_models.errors import ArgumentError, FileError, RobocupVisionError
 from robocup_vision.arguments import require_kind
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.evaluation.detections import SCORED_KINDS, KindFigures, detection_figures
 from robocup_vision.evaluation.frame_scorer import (
     DrawOverlay,
     FrameScorer,
@@ -26,7 +27,7 @@ from robocup_vision.evaluation.frame_scorer import (
     score_sequence,
 )
 from robocup_vision.evaluation.kept_rows import FrameResult, result_json, result_of, run_json
-from robocup_vision.evaluation.overlays import WorstSoFar, spread_indices
+from robocup_vision.evaluation.overlays import CROP_COUNT, Crop, WorstSoFar, spread_indices
 from robocup_vision.evaluation.result_files import (
     prepare_folder,
     results_file,
@@ -80,6 +81,8 @@ class Summary:
         The figures over all commands; None without steering.
     left_out : int
         How many frames are not among the images; the notes say why.
+    detections : dict of str to KindFigures, or None
+        How well things are found, by kind; None where nothing is marked.
     """
 
     figures: Figures
@@ -91,6 +94,7 @@ class Summary:
     is_sequence: bool = False
     steering: SteerFigures | None = None
     left_out: int = 0
+    detections: dict[str, KindFigures] | None = None
 
     @property
     def problem(self) -> str | None:
@@ -183,6 +187,9 @@ def evaluate(
     missing = report.missing_packages()
     if missing:
         notes.append(f"no report.html: {' and '.join(missing)} not installed (pip install 'robocup-vision[report]')")
+    marked = {box.kind for boxes in (dataset.boxes or {}).values() for box in boxes}
+    if others := sorted(marked - set(SCORED_KINDS)):
+        notes.append(f"boxes of these kinds are not scored, for no view tells them: {', '.join(others)}")
     is_sequence = dataset.times is not None
     in_turn = is_sequence or dataset.is_video
     if in_turn and not crew.is_here:
@@ -240,12 +247,22 @@ def _write_files(
         dataset.method,
         dataset.times is not None,
         left_out=dataset.left_out,
+        detections=None if dataset.boxes is None else detection_figures(one for row in rows for one in row.detections),
     )
     try:
-        write_summary(out / "summary.json", summary.figures, method=dataset.method, left_out=dataset.left_out)
+        write_summary(
+            out / "summary.json",
+            summary.figures,
+            method=dataset.method,
+            left_out=dataset.left_out,
+            detections=summary.detections,
+        )
         write_trajectory(out / "trajectory.tum", rows, dataset.times)
         if page is not None:
-            text = report.render_report(dataset, rows, summary.figures, notes, run.spread, run.worst.pictures, moments)
+            found = report.Found(summary.detections, run.crops, run.crops_left_out)
+            text = report.render_report(
+                dataset, rows, summary.figures, notes, run.spread, run.worst.pictures, moments, found
+            )
             page.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise FileError(error.filename or out, f"cannot be written ({error.strerror or error})") from None
@@ -260,6 +277,8 @@ class _Run:
         self.notes: list[str] = []
         self.spread: dict[int, bytes] = {}
         self.worst = WorstSoFar()
+        self.crops: list[Crop] = []
+        self.crops_left_out = 0
         self._spread = plan.spread
 
     def take(self, result: FrameResult) -> None:
@@ -271,5 +290,8 @@ class _Run:
                 self.spread[index] = result.jpeg
             if self.worst.admits(index, result.row.severity):
                 self.worst.add(index, result.row.severity, result.jpeg)
+        room = CROP_COUNT - len(self.crops)
+        self.crops += result.crops[:room]
+        self.crops_left_out += len(result.crops[room:])
         if result.overlay_problem and not self.notes:
             self.notes.append(f"overlays show the bare image where drawing fails: {result.overlay_problem}")

@@ -15,6 +15,7 @@ import numpy as np
 
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.dataset import Truth
+from robocup_vision.evaluation.detections import Detection
 from robocup_vision.geometry import Pose2, wrap_angle
 
 NEAR_M, NEAR_RAD = 0.05, math.radians(3.0)
@@ -137,6 +138,8 @@ class Row:
         The image could not be used.
     steering : SteerResult or None
         None where there was no steering by it.
+    detections : tuple of Detection
+        What was told of the boxes in it, and where no box is.
     """
 
     image: str
@@ -148,6 +151,7 @@ class Row:
     failed: bool = False
     unreadable: bool = False
     steering: SteerResult | None = None
+    detections: tuple[Detection, ...] = ()
 
     @property
     def status(self) -> Literal["located", "not_located", "unreadable"]:

@@ -58,8 +58,9 @@ def read_csv(
     *,
     single: Sequence[str] = (),
     ignore_others: bool = False,
+    repeats: bool = False,
 ) -> list[CsvRow]:
-    """Read a table whose first column names an image, each image once.
+    """Read a table whose first required column names an image, each image once unless it may be repeated.
 
     Parameters
     ----------
@@ -73,6 +74,8 @@ def read_csv(
         Columns of which any may be there.
     ignore_others : bool
         Whether further columns are ignored rather than refused.
+    repeats : bool
+        Whether several lines may name the same image.
 
     Raises
     ------
@@ -104,7 +107,7 @@ def read_csv(
             raise FileError(path, f"line {number}: must have {len(header)} entries", value=len(cells))
         row = CsvRow(path, number, dict(zip(header, cells, strict=True)))
         image = row.entries[required[0]]
-        if image in first_line:
+        if image in first_line and not repeats:
             raise FileError(path, f"line {number}: image already listed in line {first_line[image]}", value=image)
         first_line[image] = number
         rows.append(row)

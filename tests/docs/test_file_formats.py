@@ -16,7 +16,8 @@ from robocup_vision import load_camera, load_colors
 from robocup_vision.camera import files as camera_files
 from robocup_vision.camera import save_camera
 from robocup_vision.camera.mounting import MOUNTING_NAMES
-from robocup_vision.evaluation import dataset, result_files
+from robocup_vision.evaluation import boxes, dataset, result_files
+from robocup_vision.evaluation.detections import KindFigures
 from robocup_vision.files.csv_table import read_csv
 from robocup_vision.landmarks.mapping import run_files
 from robocup_vision.localization import evidence as pose_evidence
@@ -53,6 +54,7 @@ EXPECTED = {
     "dataset.toml": keys_of(dataset._DatasetFile),
     "truth.csv": {"image", "x_m", "y_m", "theta_rad"},
     "frames.csv": {"image", "t_s", "dx_m", "dy_m", "dtheta_rad", *MOUNTING_NAMES},
+    "boxes.csv": set(boxes.COLUMNS),
     "camera.toml omni": keys_of(camera_files._OmniFile),
     "camera.toml hyperboloid": keys_of(camera_files._HyperboloidFile),
     "camera.toml tangent": keys_of(camera_files._TangentFile),
@@ -72,6 +74,7 @@ EXPECTED = {
     "results.csv": set(result_files.RESULT_COLUMNS),
     "steering.csv": set(result_files.STEERING_COLUMNS),
     "summary.json": set(result_files.SUMMARY_KEYS),
+    "summary.json detections": names_of(KindFigures),
     "match.json": set(MATCH),
     "match.json robots": names_of(RobotFigures),
     "match.json faults": names_of(FaultFigures),
@@ -105,7 +108,16 @@ def test_tables_name_every_key(name):
 
 
 def test_every_table_and_example_is_tested():
-    read = {"dataset.toml", "truth.csv", "frames.csv", "colors.toml", "field.toml", "run.toml", "sensors.toml"}
+    read = {
+        "dataset.toml",
+        "truth.csv",
+        "frames.csv",
+        "boxes.csv",
+        "colors.toml",
+        "field.toml",
+        "run.toml",
+        "sensors.toml",
+    }
     written = {"results.csv", "steering.csv", "summary.json", "trajectory.tum"}
     assert set(KEYS) == set(EXPECTED)
     assert set(FILES) == {*CAMERAS, *read, *written}
@@ -145,7 +157,7 @@ def test_the_field_is_loaded(write):
 
 def test_the_dataset_is_loaded(write, tmp_path):
     write("camera.toml (hyperboloid)")
-    for name in ("dataset.toml", "truth.csv", "frames.csv", "colors.toml"):
+    for name in ("dataset.toml", "truth.csv", "frames.csv", "boxes.csv", "colors.toml"):
         write(name)
     (tmp_path / "images").mkdir()
     blank = np.zeros((220, 256, 3), dtype=np.uint8)
@@ -160,6 +172,8 @@ def test_the_dataset_is_loaded(write, tmp_path):
     assert loaded.truth["0001.png"].theta_rad is None
     assert loaded.times["0000.png"].odometry is None
     assert loaded.times["0001.png"].odometry.x_m == 0.011
+    assert [box.kind for box in loaded.boxes_of(0)] == ["ball", "robot"]
+    assert loaded.boxes_of(1) == ()
 
 
 def test_the_run_is_loaded(write, tmp_path):
@@ -185,7 +199,9 @@ def test_results_have_their_columns(write):
 
 
 def test_the_summary_has_its_keys():
-    assert tuple(json.loads(FILES["summary.json"])) == result_files.SUMMARY_KEYS
+    summary = json.loads(FILES["summary.json"])
+    assert tuple(summary) == result_files.SUMMARY_KEYS
+    assert all(set(one) == names_of(KindFigures) for one in summary["detections"].values())
 
 
 def test_the_trajectory_has_eight_numbers_a_line():

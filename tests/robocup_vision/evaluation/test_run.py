@@ -54,11 +54,12 @@ def test_the_files_of_a_run(folder: Path, fake: ModuleType, tmp_path: Path) -> N
     figures = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert list(figures) == [
         "method", "images", "left_out", "with_truth", "located", "within_5cm_3deg", "within_10cm_5deg",
-        "median_error_m", "rms_x_m", "rms_y_m", "rms_theta_rad", "nees_mean", "median_ms",
+        "median_error_m", "rms_x_m", "rms_y_m", "rms_theta_rad", "nees_mean", "median_ms", "detections",
     ]  # fmt: skip
     assert (figures["images"], figures["located"], figures["within_5cm_3deg"]) == (5, 5, 0.8)
     assert figures["method"] == "field"
     assert figures["nees_mean"] == pytest.approx(1.0)
+    assert figures["detections"] is None
 
     lines = (tmp_path / "out" / "trajectory.tum").read_text().splitlines()
     values = np.array([[float(word) for word in line.split()] for line in lines])

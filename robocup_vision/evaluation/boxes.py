@@ -1,0 +1,109 @@
+"""boxes.csv: what stands in a dataset's images, marked by boxes in pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from field_models.errors import FileError
+from robocup_vision.files.csv_table import read_csv
+from robocup_vision.files.out_file import telling_write_errors
+
+NAME = "boxes.csv"
+COLUMNS = ("image", "kind", "xmin", "ymin", "xmax", "ymax")
+# programs count a picture's rim from its first pixel's middle or from its outer edge
+_RIM_PX = 1.0
+
+
+class Box(NamedTuple):
+    """Where something stands in an image.
+
+    Parameters
+    ----------
+    kind : str
+        What it is, such as "ball" or "robot".
+    xmin, ymin, xmax, ymax : float
+        Pixels.
+    """
+
+    kind: str
+    xmin: float
+    ymin: float
+    xmax: float
+    ymax: float
+
+    def holds(self, u_px: float, v_px: float, margin_px: float = 0.0) -> bool:
+        """Whether a pixel lies in the box or so near it."""
+        return (
+            self.xmin - margin_px <= u_px <= self.xmax + margin_px
+            and self.ymin - margin_px <= v_px <= self.ymax + margin_px
+        )
+
+    def is_cut(self, size_px: tuple[int, int]) -> bool:
+        """Whether the box ends at the rim of a picture of this width and height."""
+        width, height = size_px
+        return (
+            min(self.xmin, self.ymin) <= _RIM_PX
+            or self.xmax >= width - 1 - _RIM_PX
+            or self.ymax >= height - 1 - _RIM_PX
+        )
+
+    def problem(self, size_px: tuple[int, int]) -> str | None:
+        """Say what is wrong with the box in a picture of this width and height; None: nothing."""
+        width, height = size_px
+        if not (self.xmin < self.xmax and self.ymin < self.ymax):
+            return "a box must have xmin below xmax and ymin below ymax"
+        if min(self.xmin, self.ymin) < -_RIM_PX or self.xmax > width + _RIM_PX or self.ymax > height + _RIM_PX:
+            return f"a box must lie in the picture of {width}x{height}"
+        return None
+
+
+def load_boxes(path: Path, image_names: Collection[str], size_px: tuple[int, int]) -> dict[str, tuple[Box, ...]]:
+    """Read the boxes of a dataset's images, by image.
+
+    Parameters
+    ----------
+    path : Path
+        The file; further columns are ignored.
+    image_names : collection of str
+        The dataset's images.
+    size_px : (int, int)
+        Their width and height.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read, names an image that is not there, or a box is empty or outside the picture.
+    """
+    known = frozenset(image_names)
+    boxes: dict[str, tuple[Box, ...]] = {}
+    for row in read_csv(path, COLUMNS, ignore_others=True, repeats=True):
+        image, kind = row.entries["image"], row.entries["kind"]
+        if image not in known:
+            raise FileError(path, f"line {row.line}: names an image that is not there", value=image)
+        if not kind:
+            raise FileError(path, f"line {row.line}: kind must not be empty")
+        box = Box(kind, *(row.number(column) for column in COLUMNS[2:]))
+        problem = box.problem(size_px)
+        if problem is not None:
+            raise FileError(path, f"line {row.line}: {problem}", value=list(box[1:]))
+        boxes[image] = (*boxes.get(image, ()), box)
+    return boxes
+
+
+def save_boxes(path: Path, boxes: Mapping[str, Iterable[Box]]) -> None:
+    """Write boxes.csv, in the order of the images' names.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    """
+    import csv
+
+    with telling_write_errors(path), path.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for image in sorted(boxes):
+            writer.writerows((image, box.kind, *(f"{value:.7g}" for value in box[1:])) for box in boxes[image])

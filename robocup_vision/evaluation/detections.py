@@ -1,0 +1,191 @@
+"""What a view tells of balls and obstacles, held against the boxes of its image.
+
+A thing that is told is a hit where its place in the picture, a ball's centre or an obstacle's foot, lies in a box of
+its kind or 2 pixels around it; each box counts once, for the likeliest. What is told and hits no box is false.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from field_models.errors import ArgumentError
+from field_models.field import Field
+from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.evaluation.boxes import Box
+
+HIT_PX = 2.0
+BALL, OBSTACLE = "ball", "obstacle"
+# kinds of boxes that an obstacle may be told of
+OBSTACLE_KINDS = (OBSTACLE, "robot", "person", "human")
+SCORED_KINDS = (BALL, *OBSTACLE_KINDS)
+
+
+class Detection(NamedTuple):
+    """A box with what was told of it, or what was told where no box is.
+
+    Parameters
+    ----------
+    kind : str
+        Of the box; where there is none, of what was told: "ball" or "obstacle".
+    box : (float, float, float, float) or None
+        Its xmin, ymin, xmax, ymax, pixels; None: something was told that is not there.
+    place_px : (float, float) or None
+        Where it was told; None: the box was missed.
+    range_error_m : float or None
+        Range as told, less that of the box: where the ray through its centre meets the height of a ball's centre, or
+        the ray through its lower edge the floor. None of a miss, and where the box is cut or no floor is there.
+    """
+
+    kind: str
+    box: tuple[float, float, float, float] | None
+    place_px: tuple[float, float] | None = None
+    range_error_m: float | None = None
+
+    @property
+    def is_hit(self) -> bool:
+        """Whether something was told where a box is."""
+        return self.box is not None and self.place_px is not None
+
+
+def match_boxes(view: Any, boxes: Sequence[Box], field: Field) -> tuple[Detection, ...]:
+    """Hold what a view tells against the boxes of its image.
+
+    Parameters
+    ----------
+    view : View
+        Or another value with `balls`, `obstacles` and `camera`.
+    boxes : sequence of Box
+        Those of kinds that no view tells are left out.
+    field : Field
+        Gives the ball's size.
+
+    Raises
+    ------
+    ArgumentError
+        If the view has no `balls`, `obstacles` or `camera`.
+    """
+    for name in ("balls", "obstacles", "camera"):
+        if not hasattr(view, name):
+            raise ArgumentError(f"the localiser's views have no {name}, which boxes.csv needs")
+    camera: OmniCamera | PinholeCamera = view.camera
+    balls = [((ball.u_px, ball.v_px), math.hypot(ball.x_m, ball.y_m)) for ball in view.balls]
+    feet = np.array([(one.x_m, one.y_m) for one in view.obstacles], dtype=np.float64).reshape(-1, 2)
+    shown = camera.floor_to_pixel(feet) if len(feet) else feet
+    things = [((float(u), float(v)), math.hypot(x, y)) for (u, v), (x, y) in zip(shown, feet, strict=True)]
+    return (
+        *_matched(balls, BALL, [box for box in boxes if box.kind == BALL], camera, field.ball_radius_m),
+        *_matched(things, OBSTACLE, [box for box in boxes if box.kind in OBSTACLE_KINDS], camera, None),
+    )
+
+
+def _matched(
+    told: Iterable[tuple[tuple[float, float], float]],
+    kind: str,
+    boxes: list[Box],
+    camera: OmniCamera | PinholeCamera,
+    height_m: float | None,
+) -> list[Detection]:
+    found: list[Detection] = []
+    for place, range_m in told:
+        near = [box for box in boxes if box.holds(*place, HIT_PX)]
+        if not near:
+            found.append(Detection(kind, None, place))
+            continue
+        box = min(near, key=lambda one: math.dist(place, ((one.xmin + one.xmax) / 2, (one.ymin + one.ymax) / 2)))
+        boxes.remove(box)
+        true_m = None if box.is_cut(camera.size_px) else _range_m(box, camera, height_m)
+        found.append(Detection(box.kind, box[1:], place, None if true_m is None else range_m - true_m))
+    return found + [Detection(box.kind, box[1:]) for box in boxes]
+
+
+def _range_m(box: Box, camera: OmniCamera | PinholeCamera, height_m: float | None) -> float | None:
+    """Range, robot frame, of a ball's centre at this height, or of the feet of what stands on the floor."""
+    if isinstance(camera, PinholeCamera) and not camera.known_orientation:
+        return None
+    u, v = (box.xmin + box.xmax) / 2, (box.ymin + box.ymax) / 2
+    if height_m is None:
+        if isinstance(camera, OmniCamera):
+            # feet are what is nearest to the mirror's axis
+            u, v = (
+                float(np.clip(c, low, high)) for c, low, high in zip(camera.center_px, box[1:3], box[3:], strict=True)
+            )
+        else:
+            v = box.ymax
+    eye_m = camera.height_m
+    floor = camera.pixel_to_floor(np.array((u, v)))
+    if eye_m is None or not np.isfinite(floor).all():
+        return None
+    foot = np.array(camera.offset_m)
+    return float(np.hypot(*(foot + (floor - foot) * (1.0 - (height_m or 0.0) / eye_m))))
+
+
+@dataclass(frozen=True, slots=True)
+class KindFigures:
+    """How well things of one kind are found; None where nothing was there to compute a figure from.
+
+    Parameters
+    ----------
+    boxes, found : int
+        How many boxes there are, and how many of them were found.
+    told : int or None
+        How many things of this kind were told; None of a kind that is told as an obstacle, such as a robot.
+    recall, precision : float or None
+        Found of all boxes, and hits of all that was told, 0 to 1.
+    median_range_error_m : float or None
+        Median of how far the range is off, over the hits whose true range is known.
+    """
+
+    boxes: int
+    found: int
+    told: int | None
+    recall: float | None
+    precision: float | None
+    median_range_error_m: float | None
+
+
+def detection_figures(detections: Iterable[Detection]) -> dict[str, KindFigures]:
+    """Compute the figures of each kind, balls first; "obstacle" holds what was told of any kind but balls."""
+    every = list(detections)
+    kinds = {BALL: None, OBSTACLE: None} | dict.fromkeys(sorted({one.kind for one in every}))
+    return {kind: _figures(kind, every) for kind in kinds}
+
+
+def _figures(kind: str, every: list[Detection]) -> KindFigures:
+    boxes = [one for one in every if one.box is not None and one.kind == kind]
+    hits = [one for one in boxes if one.is_hit]
+    errors = [abs(one.range_error_m) for one in hits if one.range_error_m is not None]
+    told = true = None
+    if kind in (BALL, OBSTACLE):
+        of_kind = [one for one in every if one.place_px is not None and (one.kind == BALL) == (kind == BALL)]
+        told, true = len(of_kind), sum(one.is_hit for one in of_kind)
+    return KindFigures(
+        boxes=len(boxes),
+        found=len(hits),
+        told=told,
+        recall=len(hits) / len(boxes) if boxes else None,
+        precision=true / told if told and true is not None else None,
+        median_range_error_m=float(np.median(errors)) if errors else None,
+    )
+
+
+def detections_json(detections: Iterable[Detection]) -> list[list[Any]]:
+    """Return detections as JSON values."""
+    return [list(one) for one in detections]
+
+
+def detections_of(values: Iterable[Sequence[Any]]) -> tuple[Detection, ...]:
+    """Return the detections that `detections_json` took apart."""
+    return tuple(
+        Detection(kind, None if box is None else tuple(box), None if place is None else tuple(place), error)
+        for kind, box, place, error in values
+    )
+
+
+def figures_json(figures: dict[str, KindFigures] | None) -> dict[str, dict[str, Any]] | None:
+    """Return the figures of each kind as JSON values; None where nothing was marked."""
+    return None if figures is None else {kind: asdict(one) for kind, one in figures.items()}

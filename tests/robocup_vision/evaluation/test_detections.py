@@ -1,0 +1,152 @@
+"""Balls and obstacles against boxes: hits, misses, false finds and ranges, by views whose truth is known."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from field_models import ArgumentError, FileError, load_field
+from robocup_vision.camera import PinholeCamera
+from robocup_vision.estimates import NotLocated
+from robocup_vision.evaluation.boxes import Box, load_boxes
+from robocup_vision.evaluation.dataset import load_dataset
+from robocup_vision.evaluation.detections import (
+    detection_figures,
+    detections_json,
+    detections_of,
+    match_boxes,
+)
+from robocup_vision.evaluation.run import evaluate
+
+FIELD = load_field("ssl_division_b")
+CAMERA = PinholeCamera((320, 240), (300.0, 300.0), (160.0, 120.0), 0.3, tilt_rad=-0.3, pan_rad=0.0, roll_rad=0.0)
+
+
+def ball_at(x_m, y_m, off_px=(0.0, 0.0)):
+    u, v = CAMERA.point_to_pixel((x_m, y_m, FIELD.ball_radius_m)) + off_px
+    return SimpleNamespace(x_m=x_m, y_m=y_m, u_px=float(u), v_px=float(v))
+
+
+def box_around(u, v, half, kind="ball"):
+    return Box(kind, u - half, v - half, u + half, v + half)
+
+
+def view(balls=(), obstacles=()):
+    return SimpleNamespace(balls=balls, obstacles=obstacles, camera=CAMERA)
+
+
+def test_a_ball_in_its_box_is_a_hit_with_no_range_error():
+    ball = ball_at(0.8, 0.1)
+    (found,) = match_boxes(view([ball]), [box_around(ball.u_px, ball.v_px, 8.0)], FIELD)
+    assert found.is_hit
+    assert found.range_error_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_two_pixels_beside_a_box_are_a_hit_and_three_are_not():
+    ball = ball_at(0.8, 0.0)
+    for off, hits in ((1.9, [True]), (3.0, [False, False])):
+        box = Box("ball", ball.u_px + off, ball.v_px - 5, ball.u_px + 20, ball.v_px + 5)
+        assert [one.is_hit for one in match_boxes(view([ball]), [box], FIELD)] == hits
+
+
+def test_a_box_counts_once():
+    ball = ball_at(0.8, 0.0)
+    found = match_boxes(view([ball, ball]), [box_around(ball.u_px, ball.v_px, 8.0)], FIELD)
+    figures = detection_figures(found)["ball"]
+    assert (figures.boxes, figures.found, figures.told) == (1, 1, 2)
+    assert (figures.recall, figures.precision) == (1.0, 0.5)
+
+
+def test_a_robot_is_found_by_its_foot_and_its_range_is_that_of_its_lower_edge():
+    u, v = CAMERA.floor_to_pixel((1.0, 0.0))
+    boxes = [Box("robot", u - 20, v - 60, u + 20, float(CAMERA.floor_to_pixel((0.9, 0.0))[1]))]
+    thing = SimpleNamespace(x_m=1.0, y_m=0.0)
+    (found,) = match_boxes(view(obstacles=[thing]), boxes, FIELD)
+    assert found.is_hit
+    assert found.kind == "robot"
+    assert found.range_error_m == pytest.approx(0.1, abs=1e-6)
+    figures = detection_figures([found])
+    assert (figures["robot"].recall, figures["robot"].precision) == (1.0, None)
+    assert figures["obstacle"].precision == 1.0
+
+
+def test_a_box_that_the_picture_cuts_has_no_range():
+    ball = ball_at(0.8, 0.0)
+    box = Box("ball", ball.u_px - 8, ball.v_px - 8, 320.0, ball.v_px + 8)
+    (found,) = match_boxes(view([ball]), [box], FIELD)
+    assert found.is_hit
+    assert found.range_error_m is None
+
+
+def test_kinds_that_no_view_tells_are_left_out():
+    assert match_boxes(view(), [Box("goal_post", 1, 1, 9, 9)], FIELD) == ()
+
+
+def test_detections_survive_json():
+    ball = ball_at(0.8, 0.0)
+    found = match_boxes(view([ball]), [Box("ball", 1, 1, 9, 9)], FIELD)
+    assert detections_of(json.loads(json.dumps(detections_json(found)))) == found
+
+
+def test_a_localiser_without_balls_is_told():
+    with pytest.raises(ArgumentError, match=r"no balls, which boxes\.csv needs"):
+        match_boxes(SimpleNamespace(pose=None), [], FIELD)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("0.png,ball,10,10,400,30", r"line 2: a box must lie in the picture of 64x56, got \[10.0, 10.0, 400.0, 30.0\]"),
+        ("0.png,ball,-5,10,20,30", "line 2: a box must lie in the picture of 64x56"),
+        ("0.png,ball,20,10,10,30", "line 2: a box must have xmin below xmax and ymin below ymax"),
+        ("0.png,,10,10,20,30", "line 2: kind must not be empty"),
+        ("9.png,ball,10,10,20,30", "line 2: names an image that is not there, got '9.png'"),
+        ("0.png,ball,10,nan,20,30", "line 2: ymin must be a finite number"),
+    ],
+)
+def test_wrong_boxes(tmp_path, line, told):
+    (tmp_path / "boxes.csv").write_text(f"image,kind,xmin,ymin,xmax,ymax\n{line}\n")
+    with pytest.raises(FileError, match=told):
+        load_boxes(tmp_path / "boxes.csv", ("0.png",), (64, 56))
+
+
+class TellsOneBall:
+    """Tells one ball at the same place in every image, and knows no pose."""
+
+    def __init__(self, dataset):
+        self.camera = dataset.camera
+
+    def look(self, frame, t_s=None, odometry=None):
+        """Look."""
+        ball = SimpleNamespace(x_m=0.3, y_m=0.0, u_px=40.0, v_px=30.0)
+        return SimpleNamespace(pose=NotLocated("not asked"), balls=(ball,), obstacles=(), camera=self.camera)
+
+    def forget(self):
+        """Forget."""
+
+
+def test_a_run_scores_the_boxes_and_shows_misses(folder: Path, tmp_path: Path):
+    lines = ("0.png,ball,35,25,45,35", "0.png,ball,5,5,12,12", "1.png,parking,5,5,12,12")
+    (folder / "boxes.csv").write_text("image,kind,xmin,ymin,xmax,ymax\n" + "\n".join(lines) + "\n")
+    summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=TellsOneBall)
+    figures = json.loads((tmp_path / "out" / "summary.json").read_text())["detections"]["ball"]
+    assert (figures["boxes"], figures["found"], figures["told"]) == (2, 1, 5)
+    assert (figures["recall"], figures["precision"]) == (0.5, 0.2)
+    assert "boxes of these kinds are not scored, for no view tells them: parking" in summary.notes
+    assert summary.report is not None
+    page = summary.report.read_text()
+    assert page.count("ball, missed</figcaption>") == 1
+    assert page.count("ball, false</figcaption>") == 4
+    # in other processes the same
+    again = evaluate(load_dataset(folder), tmp_path / "two", jobs=2, make_vision=TellsOneBall)
+    assert again.detections == summary.detections
+
+
+def test_crops_of_things_at_a_pictures_corner_are_pictures():
+    from robocup_vision.evaluation.overlays import error_crops
+
+    frame = np.zeros((56, 64, 3), dtype=np.uint8)
+    found = match_boxes(view(), [Box("ball", 0, 0, 3, 3), Box("ball", 63.5, 55.5, 64, 56)], FIELD)
+    assert len(error_crops("0.png", frame, found)) == 2
