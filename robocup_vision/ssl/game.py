@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from field_models.errors import ArgumentError
-from robocup_vision.ssl.referee_choice import RefereeChoice
+from robocup_vision.ssl.source_choice import SourceChoice
 from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
 
@@ -146,7 +146,7 @@ class Game:
         if team not in (Team.YELLOW, Team.BLUE):
             raise ArgumentError(f"team must be yellow or blue, got {team!r}")
         self._team, self._settings = team, settings
-        self._referees = RefereeChoice()
+        self._referees = SourceChoice("referee packets")
         self._packet: Referee | None = None
         self._is_lost = False
         self._phase: Phase = "halt"

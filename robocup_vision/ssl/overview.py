@@ -25,7 +25,7 @@ from robocup_vision.ssl.values.geometry import CameraCalibration, Geometry
 # a datagram that was overtaken on its way is by so few frames, and so little time, older than the newest
 _LATE_FRAMES, _LATE_S = 8, 1.0
 # no hall has more; a sender must not fill the memory
-_MAX_CAMERAS = 64
+MAX_CAMERAS = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,14 +111,14 @@ class CameraMerge:
         """
         if packet.geometry is not None:
             self._geometry = packet.geometry
-            self._cameras.update((camera.camera_id, camera) for camera in packet.geometry.cameras[:_MAX_CAMERAS])
-            if len(self._cameras) > _MAX_CAMERAS:
-                self._cameras = {camera.camera_id: camera for camera in packet.geometry.cameras[:_MAX_CAMERAS]}
+            self._cameras.update((camera.camera_id, camera) for camera in packet.geometry.cameras[:MAX_CAMERAS])
+            if len(self._cameras) > MAX_CAMERAS:
+                self._cameras = {camera.camera_id: camera for camera in packet.geometry.cameras[:MAX_CAMERAS]}
         frame = packet.detection
         if frame is None or not math.isfinite(frame.t_capture_s):
             return
         number, before = frame.camera_id, self._seen.get(frame.camera_id)
-        if before is None and len(self._seen) >= _MAX_CAMERAS:
+        if before is None and len(self._seen) >= MAX_CAMERAS:
             self._seen = {}
         if before is not None:
             behind_s = before.frame.t_capture_s - frame.t_capture_s

@@ -11,9 +11,8 @@ from typing import Generic, TypeVar
 
 from field_models.errors import PacketError
 from robocup_vision.closing import Closing
-from robocup_vision.ssl.overview import CameraMerge, Overview
+from robocup_vision.ssl.overview import MAX_CAMERAS, CameraMerge, Overview
 from robocup_vision.ssl.protocol.mapping import decode
-from robocup_vision.ssl.referee_choice import RefereeChoice
 from robocup_vision.ssl.sockets import (
     REFEREE_GROUP,
     REFEREE_PORT,
@@ -27,6 +26,7 @@ from robocup_vision.ssl.sockets import (
     take_newest,
     wait_for_datagram,
 )
+from robocup_vision.ssl.source_choice import SourceChoice
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.geometry import Geometry
 from robocup_vision.ssl.values.referee import Referee
@@ -121,6 +121,9 @@ class Subscription(Closing, Generic[T]):
 class VisionClient(Subscription[VisionPacket]):
     """Listens to a vision system, and merges what its cameras send.
 
+    Each camera's frames are those of one sender, until that has been silent for a second: of two systems that both have
+    a camera 0, as two simulators on one machine, the second is left out.
+
     Parameters
     ----------
     port : int
@@ -132,6 +135,7 @@ class VisionClient(Subscription[VisionPacket]):
     def __init__(self, port: int = VISION_PORT, interface: str = "loopback", group: str = VISION_GROUP) -> None:
         super().__init__(VisionPacket, group, port, interface)
         self._merge = CameraMerge()
+        self._senders: dict[int, SourceChoice] = {}
 
     @property
     def geometry(self) -> Geometry | None:
@@ -143,7 +147,20 @@ class VisionClient(Subscription[VisionPacket]):
         """The newest frames of all cameras in one; None before any came."""
         return self._merge.overview
 
+    @property
+    def problem(self) -> str:
+        """Who else sends frames of a camera that is followed, in words; empty if nobody does."""
+        return next((choice.problem for choice in self._senders.values() if choice.problem), "")
+
     def _keep(self, packet: VisionPacket, sender: Address) -> bool:
+        if packet.detection is not None:
+            number = packet.detection.camera_id
+            if number not in self._senders:
+                if len(self._senders) >= MAX_CAMERAS:
+                    self._senders.clear()
+                self._senders[number] = SourceChoice(f"frames of camera {number}")
+            if not self._senders[number].hear((None, sender), time.monotonic()):
+                return False
         self._merge.add(packet)
         return True
 
@@ -170,7 +187,7 @@ class RefereeClient(Subscription[Referee]):
 
     def __init__(self, port: int = REFEREE_PORT, interface: str = "loopback", group: str = REFEREE_GROUP) -> None:
         super().__init__(Referee, group, port, interface)
-        self._choice = RefereeChoice()
+        self._choice = SourceChoice("referee packets")
         self.newest: Referee | None = None
         self.sender: Address | None = None
         self.new_command = False

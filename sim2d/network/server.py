@@ -20,7 +20,6 @@ from field_models.errors import PacketError
 from robocup_vision.closing import Closing
 from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.protocol.mapping import decode
-from robocup_vision.ssl.referee_choice import RefereeChoice
 from robocup_vision.ssl.sockets import (
     LOOPBACK,
     MAX_DATAGRAM_BYTES,
@@ -35,6 +34,7 @@ from robocup_vision.ssl.sockets import (
     multicast_sender,
     server,
 )
+from robocup_vision.ssl.source_choice import SourceChoice
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.network.controller_link import ControllerLink
@@ -154,7 +154,7 @@ class LeagueServer(Closing):
         self.behind_s = 0.0
         self.problems = Problems() if controller is None else controller.problems
         self._controller = controller
-        self._referees = RefereeChoice()
+        self._referees = SourceChoice("referee packets")
         self._heard_referee = False
         self._speed = simulator.speed
         self._anchor_s, self._anchor_step = time.monotonic(), simulator.world.steps

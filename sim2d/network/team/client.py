@@ -158,8 +158,9 @@ class TeamClient(Closing):
             self.team.hear_robots(answer)
         if self._vision.skipped > skipped:
             self.problems.add("this machine is too slow for vision", "vision came faster than it could be read")
-        if self._referee.problem:
-            self.problems.add(self._referee.problem)
+        for problem in (self._referee.problem, self._vision.problem):
+            if problem:
+                self.problems.add(problem)
         for source, client in (("vision", self._vision), ("referee", self._referee), ("robots", self._robots)):
             bad = client.bad_datagrams
             if bad > self._bad.get(source, 0):

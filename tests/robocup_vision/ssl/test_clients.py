@@ -43,6 +43,27 @@ def test_vision_arrives_and_is_merged(sender):
         assert client.receive(0.05) is None
 
 
+def test_of_two_vision_systems_with_one_camera_the_first_is_followed_and_the_other_said(sender):
+    port = free_port()
+
+    def frame_of(camera, x_m):
+        ball = dataclasses.replace(FRAME.balls[0], x_m=x_m)
+        return encode(VisionPacket(dataclasses.replace(FRAME, camera_id=camera, balls=(ball,))))
+
+    with VisionClient(port) as client, multicast_sender() as other:
+        sender.sendto(frame_of(0, 1.0), (VISION_GROUP, port))
+        assert client.receive(WAIT_S).detection.camera_id == 0
+        assert client.problem == ""
+        other.sendto(frame_of(0, 5.0), (VISION_GROUP, port))
+        assert client.receive(0.05) is None
+        assert [ball.x_m for ball in client.overview.balls] == pytest.approx([1.0])
+        assert client.problem.startswith("another sender of frames of camera 0 is not followed: ")
+        # a second machine of the same vision has cameras of its own
+        other.sendto(frame_of(1, 3.0), (VISION_GROUP, port))
+        assert client.receive(WAIT_S).detection.camera_id == 1
+        assert [ball.x_m for ball in client.overview.balls] == pytest.approx([3.0])
+
+
 def test_referee_distinguishes_new_commands_from_repeated_ones(sender):
     port = free_port()
     with RefereeClient(port) as client:

@@ -116,7 +116,7 @@ def test_one_referee_is_followed_until_it_has_been_silent():
     for k in range(20):
         assert say(0.1 * k, "a", C.FORCE_START, 3) == "play"
         assert say(0.1 * k + 0.05, "b", C.HALT, 7) == "play"
-    assert "another referee is not followed: b at 127.0.0.1:1" in game.problem
+    assert "another sender of referee packets is not followed: b at 127.0.0.1:1" in game.problem
     assert say(2.5, "b", C.STOP, 8) == "play"
     assert say(3.0, "b", C.STOP, 8) == "stop"
     assert game.problem == ""
@@ -126,7 +126,7 @@ def test_of_several_new_referees_none_is_followed():
     game = Game(Team.YELLOW)
     for t_s, source in ((0.0, "a"), (0.9, "b"), (1.5, "c"), (1.6, "b")):
         game.update(dataclasses.replace(REFEREE, source_identifier=source, command=C.FORCE_START), None, t_s)
-    assert game.problem == "several referees speak, none is followed: b, c"
+    assert game.problem == "several senders of referee packets speak, none is followed: b, c"
 
 
 def test_a_clock_that_was_set_back_does_not_hold_the_old_referee():

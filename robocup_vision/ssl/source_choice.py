@@ -1,7 +1,8 @@
-"""Which of several referees is followed: the first that speaks, until it has been silent.
+"""Which of several senders of one thing is followed: the first that speaks, until it has been silent.
 
 Two game controllers on one network, one that was started anew, or a simulator's own referee beside one: a team that
-took the newest packet of any of them would start and stop with each.
+took the newest packet of any of them would start and stop with each. Two vision systems that each have a camera 0 show
+robots now here, now there.
 """
 
 from __future__ import annotations
@@ -12,16 +13,19 @@ Source = tuple[str | None, tuple[str, int] | None]
 _MAX_SOURCES = 16
 
 
-class RefereeChoice:
-    """Follows one referee by its name and address.
+class SourceChoice:
+    """Follows one sender by its name and address.
 
     Parameters
     ----------
+    kind : str
+        What they are, as the problem's words call them.
     silent_s : float
         Whoever has not spoken for so long does not run any more; they speak ten times a second or more often.
     """
 
-    def __init__(self, silent_s: float = 1.0) -> None:
+    def __init__(self, kind: str, silent_s: float = 1.0) -> None:
+        self._kind = kind
         self._silent_s = silent_s
         self._heard_s: dict[Source, float] = {}
         self._followed: Source | None = None
@@ -33,18 +37,20 @@ class RefereeChoice:
         if not others:
             return ""
         if self._followed is None:
-            return f"several referees speak, none is followed: {', '.join(others)}"
-        return f"another referee is not followed: {', '.join(others)} (followed: {_name(self._followed)})"
+            return f"several senders of {self._kind} speak, none is followed: {', '.join(others)}"
+        return (
+            f"another sender of {self._kind} is not followed: {', '.join(others)} (followed: {_name(self._followed)})"
+        )
 
     def hear(self, source: Source, now_s: float) -> bool:
-        """Note that a referee has spoken; return whether it is the one to obey.
+        """Note that one has spoken; return whether it is the one to follow.
 
         While the one that was followed is silent and several others speak, nobody is.
 
         Parameters
         ----------
         source : (str or None, (str, int) or None)
-            The packet's `source_identifier`, and the address it came from.
+            What the packet calls its sender, and the address it came from.
         now_s : float
             Time of its reception, by any clock that goes on.
         """
