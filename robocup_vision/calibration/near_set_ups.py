@@ -20,6 +20,7 @@ from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Ta
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.evaluation.dataset import Truth
+from robocup_vision.evaluation.truth_units import MEND, other_readings
 
 # a tape measure, a data sheet or another lens: so far off, localisers find little or err much
 _RATIOS = (0.85, 0.9, 0.95, 1.05, 1.1, 1.15)
@@ -78,26 +79,9 @@ class NearSetUp:
 
 def _truth_units(own: SetUp) -> Iterator[NearSetUp]:
     """Try degrees for radians, and smaller units for metres."""
-    known = own.truth.values()
-    turns = [abs(one.theta_rad) for one in known if one.theta_rad is not None]
-    in_degrees = bool(turns) and max(turns) > math.tau
-    far_m = max((max(abs(one.x_m), abs(one.y_m)) for one in known), default=0.0)
-    units = [("millimetres", 1e-3), ("centimetres", 1e-2)] if far_m > own.field.length_m else []
-    for name, unit in [*units, ("", 1.0)]:
-        if not (unit != 1.0 or in_degrees):
-            continue
-        what = " and ".join(
-            [*([f"lengths in {name}"] if name else []), *(["headings in degrees"] if in_degrees else [])]
-        )
-        other = {
-            picture: Truth(
-                unit * one.x_m,
-                unit * one.y_m,
-                math.radians(one.theta_rad) if in_degrees and one.theta_rad is not None else one.theta_rad,
-            )
-            for picture, one in own.truth.items()
-        }
-        yield NearSetUp("truth", f"truth.csv read as {what}", replace(own, truth=other), "write metres and radians")
+    for reading in other_readings(own.truth, own.field):
+        other = {picture: reading.of(one) for picture, one in own.truth.items()}
+        yield NearSetUp("truth", f"truth.csv read as {reading.words}", replace(own, truth=other), MEND)
 
 
 def _picture(own: SetUp) -> Iterator[NearSetUp]:

@@ -49,6 +49,9 @@ def add_parser(subparsers: Any) -> None:
         "--memory", action="store_true", help="score the estimate over time of a sequence, not what each frame shows"
     )
     evaluate.add_argument(
+        "--half", choices=("own",), help="with --memory: the robot begins in its own half, x < 0 (default: not known)"
+    )
+    evaluate.add_argument(
         "--steer", action="store_true", help="steer by each frame, too: as recorded, else straight ahead (steering.csv)"
     )
     evaluate.add_argument(
@@ -82,6 +85,8 @@ def run_evaluate(options: argparse.Namespace) -> int:
 
     if options.shared_folder and options.dask is None:
         raise ArgumentError("--shared-folder is for --dask")
+    if options.half is not None and not options.memory:
+        raise ArgumentError("--half is for --memory")
     summary, name = _score_bag(options) if is_bag(options.dataset) else _score_dataset(options)
     _print_summary(name, summary)
     if summary.problem is None:
@@ -93,7 +98,6 @@ def run_evaluate(options: argparse.Namespace) -> int:
 def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
     from field_models.errors import ArgumentError
     from robocup_vision.evaluation.dataset import load_dataset
-    from robocup_vision.evaluation.run import make_vision_with_memory
 
     for name in ("image_topic", "truth_topic", "odometry_topic"):
         if getattr(options, name) is not None:
@@ -109,13 +113,11 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
     for name in ("memory", "steer"):
         if getattr(options, name) and dataset.landmarks is not None:
             raise ArgumentError(f"--{name} is not for method landmarks")
-    remembering: dict[str, Any] = {"make_vision": make_vision_with_memory} if options.memory else {}
-    return _score(options, dataset, **remembering), dataset.name
+    return _score(options, dataset), dataset.name
 
 
 def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
     from field_models.errors import ArgumentError
-    from robocup_vision.evaluation.run import make_vision_with_memory
     from robocup_vision.recording.bags.bag_dataset import load_bag, recorded_steering
     from robocup_vision.recording.bags.bag_frames import BagTopics
 
@@ -129,11 +131,9 @@ def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
         method=options.method,
         topics=BagTopics(options.image_topic, options.truth_topic, options.odometry_topic),
     )
-    remembering: dict[str, Any] = {"make_vision": make_vision_with_memory} if options.memory else {}
     summary = _score(
         options,
         dataset,
-        **remembering,
         moments=_moments(options.dataset, dataset.times or {}),
         recorded=recorded_steering(options.dataset) if options.steer else None,
     )
@@ -141,13 +141,16 @@ def _score_bag(options: argparse.Namespace) -> tuple[Summary, str]:
 
 
 def _score(options: argparse.Namespace, dataset: Dataset, *, recorded: SteerPlan | None = None, **how: Any) -> Summary:
-    from robocup_vision.evaluation.run import evaluate
+    from functools import partial
+
+    from robocup_vision.evaluation.run import evaluate, make_default_vision, make_vision_with_memory
 
     return evaluate(
         dataset,
         Path(options.out) if options.out is not None else Path("out") / dataset.name,
         force=options.force,
         resume=options.resume,
+        make_vision=partial(make_vision_with_memory, half=options.half) if options.memory else make_default_vision,
         scores_belief=options.memory,
         steering=_steer_plan(options, dataset, recorded),
         workers=chosen_workers(options),

@@ -28,6 +28,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.workers import Workers, in_order, run_pieces
 
 if TYPE_CHECKING:
+    from robocup_vision.localization.filter.settings import Half
     from robocup_vision.vision import Vision
 
 _MIN_BATCHES = 64
@@ -76,15 +77,23 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
     return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
 
 
-def make_vision_with_memory(dataset: Dataset) -> Vision:
-    """Build `Vision` with a memory, which goes by the views of a mirror camera where a dataset has no odometry."""
+def make_vision_with_memory(dataset: Dataset, half: Half | None = None) -> Vision:
+    """Build `Vision` with a memory, which goes by the views of a mirror camera where a dataset has no odometry.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The images.
+    half : {"own"}, optional
+        The half of the field in which the robot is known to begin (`Memory`).
+    """
     from robocup_vision.mapping.view_motion import ViewMotion
     from robocup_vision.memory import Memory
     from robocup_vision.vision import Vision
 
     has_odometry = any(time.odometry is not None for time in (dataset.times or {}).values())
     motion = None if has_odometry or isinstance(dataset.camera, PinholeCamera) else ViewMotion()
-    memory = Memory(dataset.field, ego_motion=motion)
+    memory = Memory(dataset.field, ego_motion=motion, half=half)
     return Vision(
         dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask, memory=memory
     )

@@ -37,6 +37,7 @@ from robocup_vision.evaluation.result_files import (
 )
 from robocup_vision.evaluation.scoring import Figures, Row, figures
 from robocup_vision.evaluation.steering import SteerFigures, SteerPlan, steer_figures
+from robocup_vision.evaluation.truth_units import truth_units_note
 from robocup_vision.files.output_folder import refuse_foreign_files
 from robocup_vision.files.resume_file import ResumeFile
 from robocup_vision.progress import progress
@@ -227,6 +228,8 @@ def evaluate(
                 raise KeyboardInterrupt(told) from None
             raise RobocupVisionError(f"{error}; {told}" if run.rows else str(error)) from None
         notes += run.notes
+        units = truth_units_note(run.rows, dataset.field, symmetric=dataset.symmetry == "point")
+        notes += [units] if units else []
         steered = None if steering is None else steer_figures([row.steering for row in run.rows if row.steering])
         page = None if missing else out / "report.html"
         summary = replace(_write_files(out, dataset, run, notes, page, moments), steering=steered)

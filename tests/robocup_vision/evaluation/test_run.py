@@ -15,7 +15,7 @@ from field_models import ArgumentError, FileError, RobocupVisionError
 from robocup_vision import Vision
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation import report
-from robocup_vision.evaluation.dataset import FrameTime, load_dataset
+from robocup_vision.evaluation.dataset import FrameTime, Truth, load_dataset
 from robocup_vision.evaluation.result_files import RESULT_COLUMNS
 from robocup_vision.evaluation.run import evaluate, make_vision_with_memory
 from robocup_vision.geometry import Pose2
@@ -387,3 +387,49 @@ def test_without_odometry_a_memory_goes_by_the_views(folder: Path) -> None:
         assert isinstance(vision, Vision)
         assert vision.memory is not None
         assert (vision.memory.ego_motion is not None) == by_views
+
+
+def test_a_memory_may_know_the_half_in_which_the_robot_begins(folder: Path) -> None:
+    times = {f"{index}.png": FrameTime(float(index), None) for index in range(5)}
+    vision = make_vision_with_memory(replace(load_dataset(folder), times=times), half="own")
+    assert vision.memory is not None
+    assert vision.memory.poses.half == "own"
+
+
+@pytest.mark.parametrize(
+    ("length", "angle", "words"),
+    [
+        (1e3, math.degrees(1.0), "lengths in millimetres and headings in degrees 5 of 5"),
+        (1e2, 1.0, "lengths in centimetres 5 of 5"),
+        (1.0, math.degrees(1.0), "headings in degrees 5 of 5"),
+        (1.0, 1.0, ""),
+    ],
+)
+def test_truth_in_other_units_is_told(
+    folder: Path, fake: ModuleType, tmp_path: Path, length: float, angle: float, words: str
+) -> None:
+    dataset = load_dataset(folder)
+    # the last one has no heading, and fits before its length is in other units
+    truth = {
+        name: Truth(length * one.x_m, length * one.y_m, None if one.theta_rad is None else angle * one.theta_rad)
+        for name, one in dataset.truth.items()
+    }
+    summary = evaluate(
+        replace(dataset, truth=truth), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw
+    )
+    said = [note for note in summary.notes if "truth read as" in note]
+    assert len(said) == (1 if words else 0)
+    assert all(words in note and note.endswith("write metres and radians") for note in said)
+
+
+def test_truth_beyond_a_turn_that_is_in_radians_is_left_alone(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    dataset = load_dataset(folder)
+    turns = {
+        name: Truth(one.x_m, one.y_m, None if one.theta_rad is None else one.theta_rad + 6 * math.pi)
+        for name, one in dataset.truth.items()
+    }
+    summary = evaluate(
+        replace(dataset, truth=turns), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw
+    )
+    assert summary.figures.within_10cm_5deg == 0.8
+    assert not any("truth" in note for note in summary.notes)

@@ -258,6 +258,7 @@ def test_a_bag_is_steered_straight_ahead(recorded: Path, camera: Path, tmp_path:
         (["--limits", "1", "1"], "--limits is for --steer"),
         (["--steer", "--limits", "-1", "1"], "speed_mps must be at least 1e-06, got -1.0"),
         (["--shared-folder"], "--shared-folder is for --dask"),
+        (["--half", "own"], "--half is for --memory"),
     ],
 )
 def test_options_that_do_not_fit_are_one_line(
