@@ -24,6 +24,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.messages.camera_infos import camera_info
 from robocup_vision.messages.images import ImageFormat, image_message
 from robocup_vision.messages.types import header, make
+from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.view import View
 
 _STILL = Pose2(0.0, 0.0, 0.0)
@@ -46,6 +47,8 @@ TOPIC_TYPES = {
     "/balls": "soccer_vision_3d_msgs/msg/BallArray",
     "/obstacles": "soccer_vision_3d_msgs/msg/ObstacleArray",
     "/field_boundary": "soccer_vision_3d_msgs/msg/FieldBoundary",
+    "/balls_in_image": "soccer_vision_2d_msgs/msg/BallArray",
+    "/field_boundary_in_image": "soccer_vision_2d_msgs/msg/FieldBoundary",
     "/tracks": "soccer_model_msgs/msg/ObstacleArray",
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
     "/truth/pose": "geometry_msgs/msg/PoseStamped",
@@ -85,6 +88,8 @@ class TopicSettings:
         Names of the coordinate frames.
     image_format : {"raw", "png", "jpeg"} or None
         How frames are sent; None: they are not.
+    camera_transform : bool
+        Whether the camera's place on the robot is told.
     map_period_s : float
         The map is sent no oftener than this: it is large, and changes slowly.
     """
@@ -92,6 +97,7 @@ class TopicSettings:
     prefix: str = ""
     frames: FrameNames = FrameNames()
     image_format: ImageFormat | None = "raw"
+    camera_transform: bool = True
     map_period_s: float = 0.5
 
 
@@ -204,7 +210,7 @@ class Topics:
         if self._is_own_odom:
             transforms.append(_transform(self._odom, self._names.odom, self._names.robot, t_s))
         out = []
-        camera = camera_transform(view.camera, self._names, t_s)
+        camera = camera_transform(view.camera, self._names, t_s) if self._settings.camera_transform else None
         if camera is not None and self._pans:
             transforms.append(camera)
         elif camera is not None and not self._static_sent:
@@ -239,6 +245,33 @@ class Topics:
         points = [_point(x, y, 0.0) for x, y in boundary_m(view).tolist()]
         message = make("soccer_vision_3d_msgs/msg/FieldBoundary", here, points, confidence)
         yield self._out("/field_boundary", message, t_s)
+        in_image = header(t_s, self._names.camera)
+        message = make(
+            "soccer_vision_2d_msgs/msg/BallArray", in_image, [self._ball_in_image(ball, view) for ball in view.balls]
+        )
+        yield self._out("/balls_in_image", message, t_s)
+        edge_px = view.boundary_px
+        shown = [make("vision_msgs/msg/Point2D", u, v) for u, v in edge_px[np.isfinite(edge_px).all(axis=1)].tolist()]
+        message = make("soccer_vision_2d_msgs/msg/FieldBoundary", in_image, shown, confidence)
+        yield self._out("/field_boundary_in_image", message, t_s)
+
+    def _ball_in_image(self, ball: Ball, view: View) -> Any:
+        box_px = np.array([ball.u_px, ball.v_px, 0.0, 0.0])
+        if is_placed(view.camera):
+            outline = view.camera.point_to_pixel(
+                sphere_outline((ball.x_m, ball.y_m, self._field.ball_radius_m), self._field.ball_radius_m, view.camera)
+            )
+            if np.isfinite(outline).all():
+                low, high = outline.min(axis=0), outline.max(axis=0)
+                box_px = np.concatenate([(low + high) / 2, high - low])
+        u, v, width, height = box_px.tolist()
+        box = make("vision_msgs/msg/Pose2D", make("vision_msgs/msg/Point2D", u, v), 0.0)
+        return make(
+            "soccer_vision_2d_msgs/msg/Ball",
+            make("vision_msgs/msg/BoundingBox2D", box, width, height),
+            make("vision_msgs/msg/Point2D", ball.u_px, ball.v_px),
+            make("soccer_vision_attribute_msgs/msg/Confidence", _UNKNOWN_CONFIDENCE),
+        )
 
     def _scan(self, view: View, t_s: float) -> Any:
         bearing, ranges = view.free_space.bearing_rad, view.free_space.range_m
@@ -300,11 +333,29 @@ def occupancy_grid(picture: MapPicture, t_s: float, frame_id: str) -> Any:
     return make("nav_msgs/msg/OccupancyGrid", at, info, np.ascontiguousarray(data))
 
 
+def is_placed(camera: OmniCamera | PinholeCamera) -> bool:
+    """Whether it is known where the camera is on the robot, and how it is turned."""
+    return camera.known_orientation if isinstance(camera, PinholeCamera) else camera.height_m is not None
+
+
+def sphere_outline(
+    center_m: tuple[float, float, float], radius_m: float, camera: OmniCamera | PinholeCamera, count: int = 16
+) -> FloatArray:
+    """(count, 3) float64: points on the circle of a sphere that a camera sees as its outline, robot frame."""
+    center = np.array(center_m)
+    away = center - camera.viewpoint_m
+    distance_m = float(np.linalg.norm(away))
+    # from inside there is no outline
+    ratio = min(radius_m / max(distance_m, 1e-9), 1.0)
+    across = np.linalg.svd((away / max(distance_m, 1e-9))[None])[2][1:]
+    turn = np.linspace(0.0, 2 * math.pi, count, endpoint=False)
+    circle = np.cos(turn)[:, None] * across[0] + np.sin(turn)[:, None] * across[1]
+    return np.asarray(center - ratio * ratio * away + radius_m * math.sqrt(1.0 - ratio * ratio) * circle)
+
+
 def camera_transform(camera: OmniCamera | PinholeCamera, names: FrameNames, t_s: float) -> Any:
     """Return the transform from the robot to the camera's optical frame; None where the tilt or height is unknown."""
-    if isinstance(camera, PinholeCamera) and not camera.known_orientation:
-        return None
-    if isinstance(camera, OmniCamera) and camera.height_m is None:
+    if not is_placed(camera):
         return None
     x, y, z = camera.viewpoint_m.tolist()
     body_to_robot = np.asarray(camera.camera_to_robot)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from field_models.errors import PacketError, RobocupVisionError
 
@@ -118,6 +118,42 @@ def definition(name: str) -> str:
 def type_hash(name: str) -> str:
     """Return a type's hash, RIHS01 (REP-2011)."""
     return str(typestore().hash_rihs01(name))
+
+
+class FieldDescription(NamedTuple):
+    """One field of a type, as type_description_interfaces/FieldType tells of it."""
+
+    name: str
+    type_id: int
+    capacity: int
+    string_capacity: int
+    nested_type_name: str
+
+
+def describe(name: str) -> list[tuple[str, tuple[FieldDescription, ...]]]:
+    """Return a type's name and fields, then those of all that it is made of, by name (REP-2011)."""
+    described: dict[str, tuple[FieldDescription, ...]] = {}
+    waiting = [name]
+    while waiting:
+        one = waiting.pop()
+        fields = described[one] = tuple(_describe_field(*field) for field in typestore().fielddefs[one][1])
+        nested = {field.nested_type_name for field in fields} - described.keys() - {""}
+        waiting += [other for other in nested if other not in waiting]
+    return [(name, described.pop(name)), *sorted(described.items())]
+
+
+def _describe_field(name: str, kind: Any) -> FieldDescription:
+    from rosbags.interfaces import Nodetype
+    from rosbags.typesys.store import TIDMAP
+
+    more, capacity = 0, 0
+    if kind[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        kind_of_array, (kind, capacity) = kind
+        more = 48 if kind_of_array == Nodetype.ARRAY else 96 if capacity else 144
+    if kind[0] == Nodetype.NAME:
+        return FieldDescription(name, more + 1, capacity, 0, kind[1])
+    base, bound = kind[1]
+    return FieldDescription(name, more + TIDMAP["bounded_string" if bound else base], capacity, bound or 0, "")
 
 
 def stamp(t_s: float) -> Any:

@@ -1,14 +1,13 @@
 """Connects the node with ROS 2 by rclpy, as installed with ROS or from wheels. All else of the node is in `node`.
 
-Messages pass as CDR bytes: only the types must be installed. One that is not is left out, and named in the log and in
-the diagnostics.
+Messages pass as CDR bytes, their types are those of installed packages, or made (`type_support`). What can be neither
+is left out, and named in the log and in the diagnostics.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
-from importlib import import_module
 from typing import Any
 
 from field_models.errors import ArgumentError, PacketError, RobocupVisionError
@@ -16,6 +15,7 @@ from robocup_vision.messages.topics import Outgoing
 from robocup_vision.messages.types import decode, encode, prepare
 from robocup_vision.ros.node import VisionNode
 from robocup_vision.ros.settings import NodeSettings
+from robocup_vision.ros.type_support import forget_error, raw_class
 
 NODE_NAME = "robocup_vision"
 _DIAGNOSTICS_S = 1.0
@@ -82,8 +82,8 @@ class _Bridge:
     def __init__(self, node: Any, settings: NodeSettings) -> None:
         self._node, self._settings = node, settings
         self._vision = VisionNode(settings)
-        self._publishers: dict[str, Any] = {}
-        self._missing: set[str] = set()
+        self._missing: list[str] = []
+        self._publishers = self._make_publishers()
         image = "CompressedImage" if settings.image_topic.endswith("/compressed") else "Image"
         # the newest image alone: what waits is old
         self._listen(settings.image_topic, f"sensor_msgs/msg/{image}", self._vision.on_image, depth=1)
@@ -95,6 +95,9 @@ class _Bridge:
         if settings.use_tf:
             self._listen("/tf", "tf2_msgs/msg/TFMessage", self._vision.on_tf, depth=100)
             self._listen("/tf_static", "tf2_msgs/msg/TFMessage", self._vision.on_tf_static, depth=100)
+        if settings.has_joints:
+            joints = "sensor_msgs/msg/JointState"
+            self._listen(settings.joint_states_topic, joints, self._vision.on_joint_states, depth=100)
         if settings.cmd_vel:
             self._listen("goal_pose", "geometry_msgs/msg/PoseStamped", self._vision.on_goal, depth=1)
         node.create_timer(_DIAGNOSTICS_S, self._tell_diagnostics)
@@ -103,7 +106,7 @@ class _Bridge:
     def _listen(self, topic: str, name: str, handler: Handler, depth: int) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-        kind = message_class(name)
+        kind = raw_class(name)
         if kind is None:
             raise RobocupVisionError(f"message type {name} is not installed, topic {topic} cannot be listened to")
         prepare([name])
@@ -120,45 +123,47 @@ class _Bridge:
                 self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
                 return
             self._send(handler(message, self._now_s()))
+            self._log_news()
 
         self._node.create_subscription(kind, topic, on_bytes, quality, raw=True)
+        forget_error()
 
     def _send(self, messages: Iterable[Outgoing]) -> None:
         for topic, message, _ in messages:
-            publisher = self._publisher(topic, message.__msgtype__)
+            publisher = self._publishers.get(topic)
             if publisher is not None:
                 publisher.publish(encode(message))
 
-    def _publisher(self, topic: str, name: str) -> Any:
+    def _make_publishers(self) -> dict[str, Any]:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        if topic not in self._publishers:
-            kind = message_class(name)
+        publishers = {}
+        for topic, name in self._vision.published.items():
+            kind = raw_class(name)
             if kind is None:
-                self._missing.add(name)
-                self._node.get_logger().warning(f"message type {name} is not installed: {topic} is left out")
-                self._publishers[topic] = None
-            else:
-                is_latched = topic.endswith(_LATCHED)
-                durability = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
-                quality = QoSProfile(depth=1 if is_latched else 10, durability=durability)
-                # relative names, so that namespaces and remappings hold
-                public = topic if topic in _ABSOLUTE or self._settings.prefix else topic.removeprefix("/")
-                self._publishers[topic] = self._node.create_publisher(kind, public, quality)
-        return self._publishers[topic]
+                self._missing.append(f"{topic} ({name.split('/')[0]})")
+                continue
+            is_latched = topic.endswith(_LATCHED)
+            durability = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
+            quality = QoSProfile(depth=1 if is_latched else 10, durability=durability)
+            # relative names, so that namespaces and remappings hold
+            public = topic if topic in _ABSOLUTE or self._settings.prefix else topic.removeprefix("/")
+            publishers[topic] = self._node.create_publisher(kind, public, quality)
+            forget_error()
+        prepare(self._vision.published.values())
+        if self._missing:
+            self._node.get_logger().warning(
+                f"not published, for their packages are not installed: {', '.join(self._missing)}"
+            )
+        return publishers
+
+    def _log_news(self) -> None:
+        for text in self._vision.take_news():
+            self._node.get_logger().warning(text)
 
     def _tell_diagnostics(self) -> None:
-        notes = tuple(f"{name} is not installed" for name in sorted(self._missing))
+        notes = tuple(f"{topic} is not installed" for topic in self._missing)
         self._send(self._vision.diagnostics(self._now_s(), notes))
 
     def _now_s(self) -> float:
         return 1e-9 * float(self._node.get_clock().now().nanoseconds)
-
-
-def message_class(name: str) -> Any:
-    """Return the installed class of a message type; None where its package is not installed."""
-    package, _, kind = name.split("/")
-    try:
-        return getattr(import_module(f"{package}.msg"), kind, None)
-    except ImportError:
-        return None

@@ -16,6 +16,7 @@ from field_models.errors import ArgumentError, FrameError, PacketError, RobocupV
 from robocup_vision.avoidance.steering import Steering
 from robocup_vision.camera.files import load_camera
 from robocup_vision.camera.mounting import Mounting
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.settings import Half
@@ -23,12 +24,13 @@ from robocup_vision.memory import Memory
 from robocup_vision.messages.camera_infos import camera_info_problem
 from robocup_vision.messages.images import frame_of
 from robocup_vision.messages.poses import pose_of
-from robocup_vision.messages.topics import FrameNames, Outgoing, Topics, TopicSettings, covariance_3x3
+from robocup_vision.messages.topics import TOPIC_TYPES, FrameNames, Outgoing, Topics, TopicSettings, covariance_3x3
 from robocup_vision.messages.types import header, make, to_seconds
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import load_colors
+from robocup_vision.ros.notices import Notices
 from robocup_vision.ros.settings import NodeSettings
-from robocup_vision.ros.transforms import Transforms, mounting_of
+from robocup_vision.ros.transforms import HeadJoints, Transforms, mounting_of
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
@@ -37,6 +39,8 @@ _SILENT_S = 1.0
 # a head that nods moves its camera so far: farther off, the camera file is of another place on the robot
 _SAME_PLACE_M = 0.05
 _OK, _WARN, _ERROR = 0, 1, 2
+# what others publish, or a recording alone has
+_OF_OTHERS = ("/camera/", "/odometry", "/truth/")
 
 
 class VisionNode:
@@ -62,8 +66,9 @@ class VisionNode:
         self._memory = Memory.of_everything(field, half=half) if settings.memory else None
         self.vision = Vision(field, camera, colors, method=settings.method or None, memory=self._memory)
         names = FrameNames(settings.map_frame, settings.odom_frame, settings.robot_frame, settings.camera_frame)
-        # the image is there already
-        self._topics = Topics(field, camera, TopicSettings(settings.prefix, names, image_format=None))
+        # the image is there already, and with tf the camera in the robot's own tree
+        told = TopicSettings(settings.prefix, names, image_format=None, camera_transform=not settings.use_tf)
+        self._topics = Topics(field, camera, told)
         limits = MotionLimits(settings.speed_mps, settings.acceleration_mps2, settings.dead_time_s)
         self._steering = Steering(settings.robot_radius_m or field.robot_radius_m, limits)
         self._odometry: Pose2 | None = None
@@ -73,12 +78,34 @@ class VisionNode:
         self._goal: Pose2 | None = None
         self._last_s: float | None = None
         self._last_image_s: float | None = None
-        self._problems: dict[str, str] = {}
+        self._notices = Notices()
         self._frames = self._located = 0
         self._reason, self._took_s = "", 0.0
         self._transforms = Transforms()
-        # an image whose transforms have not come yet
+        self._joints = self._head_joints()
+        # an image whose transforms or joints have not come yet
         self._waiting: tuple[Any, float] | None = None
+
+    def take_news(self) -> list[str]:
+        """Return what is to be logged as a warning: each thing once, however often it comes."""
+        return self._notices.take_news()
+
+    @property
+    def published(self) -> dict[str, str]:
+        """What may be published: types of the messages, by topic."""
+        has = {
+            "/tf": self.settings.publish_tf,
+            "/tf_static": not self.settings.use_tf,
+            "/tracks": self.settings.memory,
+            "/map": self.settings.memory,
+            "/cmd_vel": self.settings.cmd_vel,
+        }
+        told = {
+            (topic if topic.startswith("/tf") else self.settings.prefix + topic): name
+            for topic, name in TOPIC_TYPES.items()
+            if not topic.startswith(_OF_OTHERS) and has.get(topic, True)
+        }
+        return {**told, "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 
     def on_image(self, message: Any, now_s: float) -> list[Outgoing]:
         """Look at an Image or CompressedImage; return what is to be published.
@@ -93,11 +120,12 @@ class VisionNode:
         self._last_image_s = now_s
         t_s = _time_of(message, now_s)
         self._note_time(t_s)
-        if not self.settings.use_tf:
+        if not (self.settings.use_tf or self.settings.has_joints):
             return self._look_at(message, t_s, None)
         if self._waiting is not None:
-            self._problems["tf"] = (
-                f"tf does not tell how the camera was held at {self._waiting[1]:.3f} s: not looked at"
+            source = "tf" if self.settings.use_tf else self.settings.joint_states_topic
+            self._notices.hold(
+                "mounting", f"{source} does not tell how the camera was held at {self._waiting[1]:.3f} s: not looked at"
             )
         self._waiting = (message, t_s)
         return self._look_when_told()
@@ -112,11 +140,24 @@ class VisionNode:
         self._transforms.add(message, is_static=True)
         return self._look_when_told()
 
+    def on_joint_states(self, message: Any, now_s: float) -> list[Outgoing]:
+        """Take sensor_msgs/JointState in, with `pan_joint` or `tilt_joint`: an image that waits for it is looked at."""
+        if self._joints is not None:
+            self._joints.add(message, _time_of(message, now_s))
+        return self._look_when_told()
+
     def _look_when_told(self) -> list[Outgoing]:
-        """Look at the image that waits for tf, where that has come."""
+        """Look at the image that waits, where tf or the joints tell how the camera was held."""
         if self._waiting is None:
             return []
         message, t_s = self._waiting
+        if self._joints is not None:
+            mounting = self._joints.mounting_at(t_s)
+            if mounting is None:
+                return []
+            self._waiting = None
+            self._notices.clear("mounting")
+            return self._look_at(message, t_s, mounting)
         frame = message.header.frame_id.lstrip("/") or self.settings.camera_frame
         found = self._transforms.lookup(self.settings.robot_frame, frame, t_s)
         if found is None:
@@ -125,16 +166,17 @@ class VisionNode:
         try:
             mounting = mounting_of(*found)
         except ArgumentError as error:
-            self._problems["tf"] = f"tf: {error}"
+            self._notices.hold("mounting", f"tf: {error}")
             return []
         off_m = math.dist(found[1][:2].tolist(), self.vision.camera.offset_m)
         if off_m > _SAME_PLACE_M:
-            self._problems["tf"] = (
+            self._notices.hold(
+                "mounting",
                 f"tf puts the camera at {found[1][0]:.3f}, {found[1][1]:.3f} m, the camera file's offset_m is"
-                f" {self.vision.camera.offset_m}: the file's is taken"
+                f" {self.vision.camera.offset_m}: the file's is taken",
             )
         else:
-            self._problems.pop("tf", None)
+            self._notices.clear("mounting")
         return self._look_at(message, t_s, mounting)
 
     def _look_at(self, message: Any, t_s: float, mounting: Mounting | None) -> list[Outgoing]:
@@ -142,17 +184,16 @@ class VisionNode:
             frame = frame_of(message)
             view = self._look(frame, t_s, mounting)
         except (FrameError, RobocupVisionError) as error:
-            self._problems["image"] = str(error)
+            self._notices.hold("image", str(error))
             return []
-        self._problems.pop("image", None)
+        self._notices.clear("image")
+        for warning in view.warnings:
+            self._notices.note(warning)
         self._frames += 1
         self._located += bool(view.pose)
         self._reason = "" if isinstance(view.pose, PoseEstimate) else view.pose.reason
         self._took_s = float(view.timings_s["total"])
         out = list(self._topics.of_look(view, t_s))
-        if self.settings.use_tf:
-            # the robot's own tree has the camera
-            out = [outgoing for outgoing in out if outgoing.topic != "/tf_static"]
         if not self.settings.publish_tf:
             out = [outgoing for outgoing in out if outgoing.topic != "/tf"]
         return [*out, *self._steer(view, t_s)]
@@ -164,7 +205,7 @@ class VisionNode:
         if pose is None:
             return []
         if not (math.isfinite(twist.linear.x) and math.isfinite(twist.linear.y)):
-            self._problems["odometry"] = "odometry: the velocity is not finite: left out"
+            self._notices.hold("odometry", "odometry: the velocity is not finite: left out")
             return []
         self._note_time(t_s)
         motion = Pose2(0.0, 0.0, 0.0) if self._odometry is None else self._odometry.inverse().compose(pose)
@@ -173,9 +214,9 @@ class VisionNode:
             if self._memory is not None:
                 self.vision.predict(motion, t_s)
         except RobocupVisionError as error:
-            self._problems["odometry"] = str(error)
+            self._notices.hold("odometry", str(error))
             return []
-        self._problems.pop("odometry", None)
+        self._notices.clear("odometry")
         self._topics.at_odometry(pose)
         return []
 
@@ -183,24 +224,22 @@ class VisionNode:
         """Compare sensor_msgs/CameraInfo with the camera file; the diagnostics say where they differ."""
         problem = camera_info_problem(message, self.vision.camera)
         if problem:
-            self._problems["camera_info"] = problem
+            self._notices.hold("camera_info", problem)
         else:
-            self._problems.pop("camera_info", None)
+            self._notices.clear("camera_info")
         return []
 
     def on_initial_pose(self, message: Any, now_s: float) -> list[Outgoing]:
         """Take geometry_msgs/PoseWithCovarianceStamped for where the robot is: what was believed is forgotten."""
-        frame = message.header.frame_id
-        if frame not in ("", self.settings.map_frame):
-            self._problems["initialpose"] = f"initialpose is in frame {frame!r}, must be in {self.settings.map_frame!r}"
+        if not self._is_in_map("initialpose", message):
             return []
         pose, covariance = self._pose_in("initialpose", message.pose.pose), covariance_3x3(message.pose.covariance)
         if pose is None:
             return []
         if not np.isfinite(covariance).all():
-            self._problems["initialpose"] = "initialpose: the covariance is not finite: left out"
+            self._notices.hold("initialpose", "initialpose: the covariance is not finite: left out")
             return []
-        self._problems.pop("initialpose", None)
+        self._notices.clear("initialpose")
         self._initial = PoseEstimate(pose, covariance, 1.0, 0.0)
         if self._memory is not None:
             self._memory.poses.forget()
@@ -209,14 +248,12 @@ class VisionNode:
 
     def on_goal(self, message: Any, now_s: float) -> list[Outgoing]:
         """Take geometry_msgs/PoseStamped, map frame, for where to drive, with `cmd_vel`."""
-        frame = message.header.frame_id
-        if frame not in ("", self.settings.map_frame):
-            self._problems["goal_pose"] = f"goal_pose is in frame {frame!r}, must be in {self.settings.map_frame!r}"
+        if not self._is_in_map("goal_pose", message):
             return []
         goal = self._pose_in("goal_pose", message.pose)
         if goal is None:
             return []
-        self._problems.pop("goal_pose", None)
+        self._notices.clear("goal_pose")
         self._goal = goal
         return []
 
@@ -230,12 +267,12 @@ class VisionNode:
         notes : tuple of str
             What else is to be said, such as message types that are not installed.
         """
-        problems = list(self._problems.values())
+        problems = self._notices.take()
         if self._last_image_s is None:
             problems.append(f"no image has come on {self.settings.image_topic} yet")
         elif now_s - self._last_image_s > _SILENT_S:
             problems.append(f"no image for {now_s - self._last_image_s:.1f} s")
-        level = _ERROR if "image" in self._problems else _WARN if problems else _OK
+        level = _ERROR if "image" in self._notices else _WARN if problems else _OK
         text = "; ".join(problems) if problems else f"{self._located} of {self._frames} frames located"
         values = {
             "frames": str(self._frames),
@@ -250,12 +287,26 @@ class VisionNode:
         message = make("diagnostic_msgs/msg/DiagnosticArray", header(now_s, ""), [status])
         return [Outgoing("/diagnostics", message, now_s)]
 
+    def _head_joints(self) -> HeadJoints | None:
+        if not self.settings.has_joints:
+            return None
+        if not isinstance(self.vision.camera, PinholeCamera):
+            raise ArgumentError("pan_joint and tilt_joint are for cameras that look ahead")
+        return HeadJoints(self.settings.pan_joint, self.settings.tilt_joint, self.vision.camera)
+
+    def _is_in_map(self, topic: str, message: Any) -> bool:
+        frame, ours = message.header.frame_id, self.settings.map_frame
+        if frame in ("", ours):
+            return True
+        self._notices.hold(topic, f"{topic} is in frame {frame!r}, must be in {ours!r}")
+        return False
+
     def _pose_in(self, topic: str, message: Any) -> Pose2 | None:
         """Return the pose that came on a topic; None where it is none, which the diagnostics say."""
         try:
             return pose_of(message)
         except PacketError as error:
-            self._problems[topic] = f"{topic}: {error}: left out"
+            self._notices.hold(topic, f"{topic}: {error}: left out")
             return None
 
     def _look(self, frame: Any, t_s: float, mounting: Mounting | None) -> View:
@@ -274,7 +325,7 @@ class VisionNode:
             self.vision.forget()
             self._steering.forget()
             self._odometry = self._at_last_frame = None
-            self._problems["time"] = f"time went back from {self._last_s:.3f} s to {t_s:.3f} s: all is forgotten"
+            self._notices.note(f"time went back from {self._last_s:.3f} s to {t_s:.3f} s: all is forgotten")
             self._last_s = t_s
         else:
             self._last_s = t_s if self._last_s is None else max(self._last_s, t_s)

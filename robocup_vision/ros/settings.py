@@ -27,7 +27,7 @@ class NodeSettings:
         Join frames over time: tracks, map, and a pose that odometry carries on.
     half : str
         "own": the robot begins in its own half, x < 0 (`Memory`); empty: frames decide, where they can.
-    image_topic, camera_info_topic, odometry_topic : str
+    image_topic, camera_info_topic, odometry_topic, joint_states_topic : str
         What is listened to. An image topic that ends in ``/compressed`` has compressed images.
     prefix : str
         Before every published topic, such as ``/robot1``; remappings do, too.
@@ -36,6 +36,9 @@ class NodeSettings:
     use_tf : bool
         Take pan, tilt, roll and height of the camera from tf at each image's stamp: `camera_frame`, or the image's own
         frame, in `robot_frame`. How well they are known is as the camera file says.
+    pan_joint, tilt_joint : str
+        Joints of `joint_states_topic` whose positions at each image's stamp add to the camera file's pan and tilt (to
+        the left, and up). ``-NAME`` subtracts: a tilt joint about y, as in most URDFs, lowers the view. Empty: none.
     publish_tf : bool
         Whether map -> odom is published; odom -> robot_frame is whoever publishes the odometry's.
     cmd_vel : bool
@@ -60,12 +63,15 @@ class NodeSettings:
     image_topic: str = "camera/image"
     camera_info_topic: str = "camera/camera_info"
     odometry_topic: str = "odometry"
+    joint_states_topic: str = "joint_states"
     prefix: str = ""
     map_frame: str = "map"
     odom_frame: str = "odom"
     robot_frame: str = "base_footprint"
     camera_frame: str = "camera_optical_frame"
     use_tf: bool = False
+    pan_joint: str = ""
+    tilt_joint: str = ""
     publish_tf: bool = True
     cmd_vel: bool = False
     robot_radius_m: float = 0.0
@@ -80,9 +86,16 @@ class NodeSettings:
             raise ArgumentError(f"half must be 'own' or empty, got {self.half!r}")
         if self.half and not self.memory:
             raise ArgumentError("half is for the memory, which is off")
-        for name in ("image_topic", "camera_info_topic", "odometry_topic"):
+        if self.use_tf and self.has_joints:
+            raise ArgumentError("use_tf tells the camera's pan and tilt already: leave out pan_joint and tilt_joint")
+        for name in ("image_topic", "camera_info_topic", "odometry_topic", "joint_states_topic"):
             if not getattr(self, name):
                 raise ArgumentError(f"{name} must not be empty")
+
+    @property
+    def has_joints(self) -> bool:
+        """Whether joints tell how the camera is held."""
+        return bool(self.pan_joint or self.tilt_joint)
 
     def require_files(self) -> None:
         """Refuse settings without a field or a camera.

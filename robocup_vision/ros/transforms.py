@@ -1,8 +1,7 @@
-"""Transforms between coordinate frames as /tf and /tf_static tell them, looked up at a time."""
+"""How a camera is held at a time: transforms as /tf and /tf_static tell them, or positions of joints."""
 
 from __future__ import annotations
 
-import bisect
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -11,11 +10,10 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.mounting import Mounting
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.messages.types import to_seconds
+from robocup_vision.ros.timeline import FOR_GOOD, Timeline
 
-# transforms are kept for so long, and two of a frame that are farther apart do not tell what was between them
-_KEPT_S, _MAX_GAP_S = 5.0, 0.5
-_STATIC = -math.inf
 # axes of a camera (ahead, left, up) in its optical frame (right, down, ahead), REP-103
 _OF_OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 # a tree of a robot is not deeper
@@ -26,8 +24,7 @@ class Transforms:
     """The newest transforms of each frame in its parent."""
 
     def __init__(self) -> None:
-        self._times: dict[str, list[float]] = {}
-        self._steps: dict[str, list[tuple[str, FloatArray, FloatArray]]] = {}
+        self._steps: dict[str, Timeline[tuple[str, FloatArray, FloatArray]]] = {}
 
     def add(self, message: Any, *, is_static: bool) -> None:
         """Take a tf2_msgs/TFMessage in; what is not finite, or turns by no quaternion, is left out."""
@@ -38,18 +35,9 @@ class Transforms:
             length = float(np.linalg.norm(quaternion))
             if not (math.isfinite(length) and length > 1e-6 and np.isfinite(values).all()):
                 continue
-            t_s = _STATIC if is_static else to_seconds(one.header.stamp)
-            child = one.child_frame_id.lstrip("/")
-            times, steps = self._times.setdefault(child, []), self._steps.setdefault(child, [])
-            if times and (times[-1] == _STATIC or is_static or t_s < times[-1] - _KEPT_S):
-                # time went back, or another transform for good
-                times.clear()
-                steps.clear()
-            at = bisect.bisect_left(times, t_s)
-            times.insert(at, t_s)
-            steps.insert(at, (one.header.frame_id.lstrip("/"), values, quaternion / length))
-            while times[-1] - times[0] > _KEPT_S:
-                del times[0], steps[0]
+            t_s = FOR_GOOD if is_static else to_seconds(one.header.stamp)
+            steps = self._steps.setdefault(one.child_frame_id.lstrip("/"), Timeline())
+            steps.add(t_s, (one.header.frame_id.lstrip("/"), values, quaternion / length))
 
     def lookup(self, target: str, source: str, t_s: float) -> tuple[FloatArray, FloatArray] | None:
         """Return rotation (3, 3) and translation (3,) of `source` in `target` at a time; None: tf does not tell it."""
@@ -70,7 +58,7 @@ class Transforms:
             yield frame
             if frame not in self._steps:
                 return
-            frame = self._steps[frame][-1][0]
+            frame = self._steps[frame].newest[0]
 
     def _in(self, above: str, frame: str, t_s: float) -> tuple[FloatArray, FloatArray] | None:
         rotation, place = np.eye(3), np.zeros(3)
@@ -85,19 +73,49 @@ class Transforms:
         return rotation, place
 
     def _at(self, child: str, t_s: float) -> tuple[FloatArray, FloatArray] | None:
-        times, steps = self._times[child], self._steps[child]
-        if times[0] == _STATIC:
-            return steps[0][1:]
-        at = bisect.bisect_left(times, t_s)
-        if at < len(times) and times[at] - t_s < 1e-6:
-            return steps[at][1:]
-        if not 0 < at < len(times) or times[at] - times[at - 1] > _MAX_GAP_S:
+        found = self._steps[child].around(t_s)
+        if found is None:
             return None
-        (_, a, p), (_, b, q) = steps[at - 1], steps[at]
-        part = (t_s - times[at - 1]) / (times[at] - times[at - 1])
+        (_, a, p), (_, b, q), part = found
         # so near each other a straight line between quaternions is as good as an arc
         mixed = (1.0 - part) * p + part * (q if float(p @ q) >= 0.0 else -q)
         return (1.0 - part) * a + part * b, mixed / float(np.linalg.norm(mixed))
+
+
+class HeadJoints:
+    """The newest positions of the joints that pan and tilt a camera, as sensor_msgs/JointState tells them.
+
+    Parameters
+    ----------
+    pan, tilt : str
+        Names of the joints; empty: there is none. Of a name after ``-`` the position counts the other way.
+    at_zero : PinholeCamera
+        The camera with its joints at 0; they add to its pan and tilt.
+    """
+
+    def __init__(self, pan: str, tilt: str, at_zero: PinholeCamera) -> None:
+        signed = {"pan_rad": pan, "tilt_rad": tilt}
+        self._joints = {key: (name.lstrip("-"), -1.0 if name.startswith("-") else 1.0) for key, name in signed.items()}
+        self._at_zero = {key: getattr(at_zero, key) or 0.0 for key in signed}
+        self._positions: dict[str, Timeline[float]] = {name: Timeline() for name, _ in self._joints.values() if name}
+
+    def add(self, message: Any, t_s: float) -> None:
+        """Take a JointState in; what is not finite is left out."""
+        for name, position in zip(message.name, message.position, strict=False):
+            if name in self._positions and math.isfinite(position):
+                self._positions[name].add(t_s, float(position))
+
+    def mounting_at(self, t_s: float) -> Mounting | None:
+        """Return how the camera was held at a time; None: the joints do not tell it."""
+        told: dict[str, float] = {}
+        for key, (name, sign) in self._joints.items():
+            if name:
+                found = self._positions[name].around(t_s)
+                if found is None:
+                    return None
+                before, after, part = found
+                told[key] = self._at_zero[key] + sign * ((1.0 - part) * before + part * after)
+        return Mounting(**told)
 
 
 def mounting_of(rotation: FloatArray, place_m: FloatArray) -> Mounting:

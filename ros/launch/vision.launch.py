@@ -15,6 +15,9 @@ TEXTS = {
     "image_topic": "camera/image",
     "camera_info_topic": "camera/camera_info",
     "odometry_topic": "odometry",
+    "joint_states_topic": "joint_states",
+    "pan_joint": "",
+    "tilt_joint": "",
 }
 SWITCHES = {"memory": "true", "use_tf": "false", "publish_tf": "true", "cmd_vel": "false"}
 

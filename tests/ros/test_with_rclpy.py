@@ -25,15 +25,16 @@ import pytest
 
 rclpy = pytest.importorskip("rclpy", reason="rclpy is not installed: make ros-test")
 
-from recorded_runs import make_vision, record_run  # noqa: E402
+from recorded_runs import make_vision, record_run, run_frames  # noqa: E402
 
 from robocup_vision import cli  # noqa: E402
 from robocup_vision.camera.files import save_camera  # noqa: E402
 from robocup_vision.live.sources.opening import open_source  # noqa: E402
 from robocup_vision.live.sources.source import SourceFrame, SourceOptions  # noqa: E402
 from robocup_vision.messages.images import ImageFormat, image_message  # noqa: E402
-from robocup_vision.messages.types import decode, encode  # noqa: E402
+from robocup_vision.messages.types import decode, encode, type_hash  # noqa: E402
 from robocup_vision.recording.log_reader import LogReader  # noqa: E402
+from robocup_vision.ros.type_support import raw_class  # noqa: E402
 
 HERE = Path(__file__).parent
 _PATIENCE_S = 60.0
@@ -172,6 +173,55 @@ def test_commands_drive_the_simulated_robot_round_a_square(tmp_path: Path) -> No
     print(f"largest distance from the square: {1e3 * max(off):.0f} mm in {len(off)} steps")
     assert max(off) < 0.05
     assert result["steps_without_a_command"] <= 0.02 * len(off)
+
+
+def test_types_without_a_package_are_published_and_a_wrong_encoding_is_warned_of_once(
+    ros: None, tmp_path: Path
+) -> None:
+    from rcl_interfaces.msg import Log
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import Image
+
+    save_camera(make_vision().camera, tmp_path / "camera.toml")
+    node = rclpy.create_node("watcher")
+    images = node.create_publisher(Image, "camera/image", QoSProfile(depth=5))
+    logged: list[str] = []
+    quality = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(Log, "/rosout", lambda log: logged.append(log.msg) if log.level == 30 else None, quality)
+    types = {
+        "/balls": "soccer_vision_3d_msgs/msg/BallArray",
+        "/obstacles": "soccer_vision_3d_msgs/msg/ObstacleArray",
+        "/field_boundary_in_image": "soccer_vision_2d_msgs/msg/FieldBoundary",
+        "/tracks": "soccer_model_msgs/msg/ObstacleArray",
+        "/tf": "tf2_msgs/msg/TFMessage",
+    }
+    read: dict[str, Any] = {}
+    for topic, name in types.items():
+
+        def on_bytes(data: bytes, topic: str = topic, name: str = name) -> None:
+            read[topic] = decode(data, name)
+
+        node.create_subscription(raw_class(name), topic, on_bytes, 5, raw=True)
+    now = run_frames()[0]
+    stamp_s = itertools.count(1.0, 0.1)
+    options = ["--field", "ssl_2001", "--camera", tmp_path / "camera.toml"]
+    with program("-m", "robocup_vision.cli", "ros", *options):
+        until_s = time.monotonic() + 4 * _PATIENCE_S
+        while len(read) < len(types) and time.monotonic() < until_s:
+            for encoding in ("mono8", "bgr8"):
+                message = image_message(now.frame, next(stamp_s), "camera")
+                message.encoding = encoding
+                images.publish(encode(message))
+                rclpy.spin_once(node, timeout_sec=0.1)
+        published = {topic: node.get_publishers_info_by_topic(topic) for topic in types}
+    node.destroy_node()
+    assert read.keys() == types.keys()
+    assert len(read["/field_boundary_in_image"].points) > 10
+    for topic, name in types.items():
+        [info] = [one for one in published[topic] if one.node_name == "robocup_vision"]
+        assert (info.topic_type, str(info.topic_type_hash)) == (name, type_hash(name))
+    assert sum("image encoding 'mono8' cannot be read" in text for text in logged) == 1
+    assert not any("not published" in text for text in logged)
 
 
 def test_evo_reports_the_same_trajectory_error(recorded: Path, tmp_path: Path) -> None:

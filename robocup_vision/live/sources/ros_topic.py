@@ -22,7 +22,7 @@ from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.messages.images import frame_of
 from robocup_vision.messages.poses import pose_of
 from robocup_vision.messages.types import decode, prepare, to_seconds
-from robocup_vision.ros.bridge import message_class
+from robocup_vision.ros.type_support import message_class
 from robocup_vision.vision import Vision
 
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")

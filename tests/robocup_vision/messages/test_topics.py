@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,8 +30,10 @@ from robocup_vision.messages.topics import (
     covariance_6x6,
     occupancy_grid,
     pose_message,
+    sphere_outline,
 )
 from robocup_vision.messages.types import decode, encode, to_seconds
+from robocup_vision.perception.balls.ball import Ball
 
 
 def _by_topic(made: Iterable[Outgoing]) -> dict[str, object]:
@@ -113,6 +117,37 @@ def test_what_is_not_seen_is_an_empty_array_and_an_unknown_pose_is_not_sent() ->
     assert to_seconds(sent["/obstacles"].header.stamp) == 0.5  # type: ignore[attr-defined]
     assert "/pose_with_covariance" not in sent
     assert [t.child_frame_id for t in sent["/tf"].transforms] == ["base_footprint"]  # type: ignore[attr-defined]
+
+
+def test_what_the_image_shows_is_told_in_pixels() -> None:
+    now, vision = run_frames()[0], make_vision()
+    u_px, v_px = vision.camera.point_to_pixel([0.8, 0.1, FIELD.ball_radius_m]).tolist()
+    view = replace(vision.look(now.frame, now.t_s), balls=(Ball(0.8, 0.1, np.eye(2) * 1e-4, u_px, v_px),))
+    sent = _by_topic(Topics(FIELD, vision.camera).of_look(view, now.t_s))
+    message: Any = sent["/balls_in_image"]
+    assert message.header.frame_id == "camera_optical_frame"
+    assert [(one.center.x, one.center.y) for one in message.balls] == [(ball.u_px, ball.v_px) for ball in view.balls]
+    for one in message.balls:
+        middle = one.bb.center.position
+        assert abs(middle.x - one.center.x) < 1.0
+        assert abs(middle.y - one.center.y) < 1.0
+        assert 1.0 < one.bb.size_x < 10.0
+        assert 1.0 < one.bb.size_y < 10.0
+    edge: Any = sent["/field_boundary_in_image"]
+    on_floor: Any = sent["/field_boundary"]
+    there = view.camera.pixel_to_floor(np.array([(point.x, point.y) for point in edge.points]))
+    assert there == pytest.approx(np.array([(point.x, point.y) for point in on_floor.points]), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "camera", [make_vision().camera, PinholeCamera((64, 48), (60, 60), (32, 24), 0.5, tilt_rad=-0.3)]
+)
+def test_a_spheres_outline_is_where_its_surface_turns_away(camera: Any) -> None:
+    center, radius = np.array([0.8, 0.1, 0.02]), 0.05
+    outline = sphere_outline(tuple(center), radius, camera)
+    assert np.linalg.norm(outline - center, axis=1) == pytest.approx(radius)
+    # a ray to it touches the sphere
+    assert np.sum((outline - center) * (outline - camera.viewpoint_m), axis=1) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_command_is_a_stamped_twist() -> None:

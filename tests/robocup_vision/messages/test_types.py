@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from robocup_vision.messages.types import (
     added_types,
     decode,
     definition,
+    describe,
     encode,
     header,
     make,
@@ -26,6 +29,31 @@ _FIELDS = Path(__file__).parents[4] / "shared" / "ros" / "fields.txt"
 @pytest.mark.parametrize("name", added_types())
 def test_a_type_has_its_published_hash(name: str) -> None:
     assert type_hash(name) == added_types()[name][0]
+
+
+@pytest.mark.parametrize("name", [*added_types(), "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage"])
+def test_a_description_is_what_the_hash_is_of(name: str) -> None:
+    """REP-2011: the hash is of the description as JSON, with the default values left out."""
+    types = [
+        {
+            "type_name": one,
+            "fields": [
+                {
+                    "name": field.name,
+                    "type": {
+                        "type_id": field.type_id,
+                        "capacity": field.capacity,
+                        "string_capacity": field.string_capacity,
+                        "nested_type_name": field.nested_type_name,
+                    },
+                }
+                for field in fields
+            ],
+        }
+        for one, fields in describe(name)
+    ]
+    text = json.dumps({"type_description": types[0], "referenced_type_descriptions": types[1:]})
+    assert f"RIHS01_{hashlib.sha256(text.encode()).hexdigest()}" == type_hash(name)
 
 
 @pytest.mark.skipif(not _FIELDS.exists(), reason="the list of published hashes is not here")

@@ -147,6 +147,47 @@ def test_a_frame_that_cannot_be_used_is_said_and_the_next_one_is_used(node: Visi
     assert _status(node, 0.0).level == 0
 
 
+def test_what_is_wrong_is_logged_once_and_stays_in_the_diagnostics(node: VisionNode) -> None:
+    now = run_frames()[0]
+    message = image_message(now.frame, now.t_s, "camera")
+    for encoding in ("mono8", "mono16", "mono8"):
+        message.encoding = encoding
+        node.on_image(message, now.t_s)
+    [news] = node.take_news()
+    assert "image encoding 'mono8' cannot be read" in news
+    assert node.take_news() == []
+    for _ in range(2):
+        assert "image encoding 'mono8' cannot be read" in _status(node, now.t_s).message
+
+
+def test_warnings_of_a_view_reach_the_diagnostics_and_the_log_once(node: VisionNode) -> None:
+    teller = Topics(node.vision.field, node.vision.camera)
+    news = []
+    for number, now in enumerate(run_frames()[:4]):
+        # 5 m in a frame, there and back
+        jump = Pose2(5.0 * (number % 2), 0.0, 0.0)
+        node.on_odometry(teller.of_odometry(jump, now.t_s)[0].message, now.t_s)
+        node.on_image(image_message(now.frame, now.t_s, "camera"), now.t_s)
+        news += node.take_news()
+    [said] = [text for text in news if "is not believed" in text]
+    assert said.startswith("odometry of 5 m")
+    status = _status(node, run_frames()[3].t_s)
+    assert status.level == 1
+    assert "is not believed: no robot moves so fast" in status.message
+    assert "is not believed" not in _status(node, run_frames()[3].t_s).message
+
+
+def test_what_may_be_published_follows_the_settings(node: VisionNode, camera: str) -> None:
+    assert set(_drive(node)) <= node.published.keys()
+    assert {"/tf", "/tf_static", "/diagnostics", "/balls", "/tracks"} <= node.published.keys()
+    assert not {"/cmd_vel", "/camera/image", "/odometry", "/truth/pose"} & node.published.keys()
+    settings = NodeSettings("ssl_2001", camera, memory=False, publish_tf=False, cmd_vel=True, prefix="/robot1")
+    published = VisionNode(settings).published
+    assert "/robot1/cmd_vel" in published
+    assert {"/tf_static", "/diagnostics"} <= published.keys()
+    assert not {"/tf", "/robot1/tracks", "/robot1/map"} & published.keys()
+
+
 def test_silence_is_said(node: VisionNode) -> None:
     assert "no image has come on camera/image yet" in _status(node, 0.0).message
     _drive(node, 1)

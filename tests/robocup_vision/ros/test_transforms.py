@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera, camera_rotation, save_camera
 from robocup_vision.messages.images import image_message
 from robocup_vision.messages.types import header, make
 from robocup_vision.ros.node import VisionNode
 from robocup_vision.ros.settings import NodeSettings
-from robocup_vision.ros.transforms import Transforms, mounting_of
+from robocup_vision.ros.transforms import HeadJoints, Transforms, mounting_of
 
 HALF = math.sqrt(0.5)
 # the optical frame (right, down, ahead) in the head's (ahead, left, up), as every ROS robot has it: w, x, y, z
@@ -84,9 +85,85 @@ def test_an_image_waits_for_its_transforms(tmp_path):
     assert node.on_image(image_message(frame, 1.02, "optical"), 1.02) == []
     sent = node.on_tf(nod(1.04, 0.0, -0.5), 1.04)
     assert sent
-    assert "/tf_static" not in {outgoing.topic for outgoing in sent}
-    assert "tf" not in node._problems
+    # the camera is in the robot's own tree
+    told = [
+        transform for outgoing in sent if outgoing.topic.startswith("/tf") for transform in outgoing.message.transforms
+    ]
+    assert "camera_optical_frame" not in {transform.child_frame_id for transform in told}
+    assert said(node, 1.04) == "0 of 1 frames located"
     node.on_image(image_message(frame, 1.1, "optical"), 1.1)
     node.on_image(image_message(frame, 1.2, "optical"), 1.2)
-    [outgoing] = node.diagnostics(1.2)
-    assert "tf does not tell how the camera was held at 1.100 s: not looked at" in outgoing.message.status[0].message
+    assert "tf does not tell how the camera was held at 1.100 s: not looked at" in said(node, 1.2)
+
+
+def said(node, now_s):
+    [outgoing] = node.diagnostics(now_s)
+    return outgoing.message.status[0].message
+
+
+def joints(t_s, **positions):
+    empty = np.empty(0)
+    return make(
+        "sensor_msgs/msg/JointState", header(t_s, ""), list(positions), np.array(list(positions.values())), empty, empty
+    )
+
+
+def head(tilt="-head_tilt"):
+    at_zero = PinholeCamera((64, 48), (60.0, 60.0), (31.5, 23.5), 0.45, pan_rad=0.05, tilt_rad=-0.2, roll_rad=0.0)
+    return HeadJoints("head_pan", tilt, at_zero)
+
+
+def test_joints_add_to_the_camera_file_and_are_interpolated():
+    told = head()
+    told.add(joints(1.0, knee=3.0, head_pan=0.2, head_tilt=0.1), 1.0)
+    told.add(joints(1.1, head_tilt=0.3, head_pan=0.4), 1.1)
+    mounting = told.mounting_at(1.025)
+    assert mounting.known == {"pan_rad": pytest.approx(0.05 + 0.25), "tilt_rad": pytest.approx(-0.2 - 0.15)}
+    told = head("head_tilt")
+    told.add(joints(1.0, head_pan=0.2, head_tilt=0.1), 1.0)
+    assert told.mounting_at(1.0).tilt_rad == pytest.approx(-0.2 + 0.1)
+
+
+def test_joints_that_do_not_tell_a_time_tell_nothing():
+    told = head()
+    told.add(joints(1.0, head_pan=0.2), 1.0)
+    # the tilt has not come
+    assert told.mounting_at(1.0) is None
+    told.add(joints(1.0, head_tilt=math.nan), 1.0)
+    assert told.mounting_at(1.0) is None
+    told.add(joints(1.0, head_tilt=0.1), 1.0)
+    assert told.mounting_at(1.0) is not None
+    assert told.mounting_at(1.01) is None
+    told.add(joints(3.0, head_pan=0.0, head_tilt=0.0), 3.0)
+    assert told.mounting_at(2.0) is None
+
+
+def test_an_image_waits_for_the_joints(tmp_path):
+    at_zero = PinholeCamera((64, 48), (60.0, 60.0), (31.5, 23.5), 0.45, pan_rad=0.0, tilt_rad=0.0, roll_rad=0.0)
+    save_camera(at_zero, tmp_path / "camera.toml")
+    settings = NodeSettings("humanoid_kid_2025", str(tmp_path / "camera.toml"), tilt_joint="-neck", memory=False)
+    node = VisionNode(settings)
+    frame = np.full((48, 64, 3), (50, 130, 45), dtype=np.uint8)
+    node.on_joint_states(joints(1.0, neck=0.3), 1.0)
+    assert node.on_image(image_message(frame, 1.02, "optical"), 1.02) == []
+    sent = node.on_joint_states(joints(1.04, neck=0.5), 1.04)
+    told = {
+        transform.child_frame_id: transform.transform.rotation
+        for outgoing in sent
+        if outgoing.topic == "/tf"
+        for transform in outgoing.message.transforms
+    }
+    q = told["camera_optical_frame"]
+    # the optical axis, the frame's z, in the robot's
+    assert 2 * (q.x * q.z + q.w * q.y) == pytest.approx(math.cos(0.4))
+    assert 1 - 2 * (q.x**2 + q.y**2) == pytest.approx(-math.sin(0.4))
+    node.on_image(image_message(frame, 1.1, "optical"), 1.1)
+    node.on_image(image_message(frame, 1.2, "optical"), 1.2)
+    assert "joint_states does not tell how the camera was held at 1.100 s: not looked at" in said(node, 1.2)
+
+
+def test_joints_are_for_cameras_that_look_ahead_and_instead_of_tf(tmp_path):
+    with pytest.raises(ArgumentError, match="leave out pan_joint and tilt_joint"):
+        NodeSettings(use_tf=True, pan_joint="head_pan")
+    with pytest.raises(ArgumentError, match="are for cameras that look ahead"):
+        VisionNode(NodeSettings("ssl_2001", "images/omni_ssl_2001/camera.toml", tilt_joint="head_tilt"))

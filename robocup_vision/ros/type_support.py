@@ -1,0 +1,175 @@
+"""Message types whose ROS packages are not installed: their type support is made of this library's message texts.
+
+Messages pass as CDR bytes, so of a type ROS needs no more than its name, its hash and its description. Fast DDS alone
+(rmw_fastrtps_cpp): other middlewares read messages member by member.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from contextlib import suppress
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+from robocup_vision.messages.types import describe, type_hash
+
+_FAST_DDS = "rmw_fastrtps_cpp"
+_IDENTIFIER = b"rosidl_typesupport_fastrtps_c"
+
+
+class _String(ctypes.Structure):
+    _fields_ = [("data", ctypes.c_char_p), ("size", ctypes.c_size_t), ("capacity", ctypes.c_size_t)]
+
+
+class _FieldType(ctypes.Structure):
+    _fields_ = [
+        ("type_id", ctypes.c_uint8),
+        ("capacity", ctypes.c_uint64),
+        ("string_capacity", ctypes.c_uint64),
+        ("nested_type_name", _String),
+    ]
+
+
+class _Field(ctypes.Structure):
+    _fields_ = [("name", _String), ("type", _FieldType), ("default_value", _String)]
+
+
+class _Fields(ctypes.Structure):
+    _fields_ = [("data", ctypes.POINTER(_Field)), ("size", ctypes.c_size_t), ("capacity", ctypes.c_size_t)]
+
+
+class _Type(ctypes.Structure):
+    _fields_ = [("type_name", _String), ("fields", _Fields)]
+
+
+class _Types(ctypes.Structure):
+    _fields_ = [("data", ctypes.POINTER(_Type)), ("size", ctypes.c_size_t), ("capacity", ctypes.c_size_t)]
+
+
+class _Description(ctypes.Structure):
+    _fields_ = [("type", _Type), ("referenced", _Types)]
+
+
+class _Hash(ctypes.Structure):
+    _fields_ = [("version", ctypes.c_uint8), ("value", ctypes.c_uint8 * 32)]
+
+
+class _Support(ctypes.Structure):
+    # rosidl_message_type_support_t
+    _fields_ = [
+        ("identifier", ctypes.c_char_p),
+        ("data", ctypes.c_void_p),
+        ("find", ctypes.c_void_p),
+        ("hash", ctypes.c_void_p),
+        ("description", ctypes.c_void_p),
+        ("sources", ctypes.c_void_p),
+    ]
+
+
+class _Callbacks(ctypes.Structure):
+    # message_type_support_callbacks_t; what serialises is another type's, and is never called
+    _fields_ = [("namespace", ctypes.c_char_p), ("name", ctypes.c_char_p), ("others", ctypes.c_void_p * 5)]
+
+
+_FIND = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
+_GET = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)
+
+
+def message_class(name: str) -> Any:
+    """Return the installed class of a message type; None where its package is not installed."""
+    package, _, kind = name.split("/")
+    try:
+        return getattr(import_module(f"{package}.msg"), kind, None)
+    except ImportError:
+        return None
+
+
+@cache
+def raw_class(name: str) -> Any:
+    """Return a class by which rclpy sends and receives bytes of a type: the installed one, or one that is made.
+
+    Returns
+    -------
+    class or None
+        None where the type's package is not installed, and the middleware is another than Fast DDS.
+    """
+    kind = message_class(name)
+    return _made_class(name) if kind is None else kind
+
+
+def forget_error() -> None:
+    """Drop the note that Fast DDS leaves of a type without tables of its members; the next error would print it."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL("librcutils.so").rcutils_reset_error()
+
+
+def _made_class(name: str) -> Any:
+    from rcl_interfaces.msg import Log
+    from rclpy.utilities import get_rmw_implementation_identifier
+
+    if get_rmw_implementation_identifier() != _FAST_DDS:
+        return None
+    like = type(Log)
+    if like._TYPE_SUPPORT is None:
+        like.__import_type_support__()
+    installed = _Support.from_address(_address_in(like._TYPE_SUPPORT))
+    found = _FIND(installed.find)(ctypes.addressof(installed), _IDENTIFIER)
+    if not found:
+        return None
+    kept: list[Any] = []
+    package, folder, kind = name.split("/")
+    support = _Support.from_buffer_copy(_Support.from_address(found))
+    callbacks = _Callbacks.from_buffer_copy(_Callbacks.from_address(support.data))
+    callbacks.namespace, callbacks.name = f"{package}::{folder}".encode(), kind.encode()
+    support.data = ctypes.addressof(callbacks)
+    parts = {"hash": _hash_of(name), "description": _description_of(name, kept), "sources": _Types()}
+    for part, value in parts.items():
+        getter = _GET(lambda _, address=ctypes.addressof(value): address)
+        setattr(support, part, ctypes.cast(getter, ctypes.c_void_p))
+        kept += [value, getter]
+    # ROS keeps pointers to all of it
+    kept += [support, callbacks]
+    # what makes and reads objects is the other type's, too: bytes alone pass
+    meta = type(f"Metaclass_{kind}", (like,), {"_TYPE_SUPPORT": _capsule_of(support), "kept": kept})
+    return meta(kind, (), {"__slots__": (), "SLOT_TYPES": ()})
+
+
+def _hash_of(name: str) -> _Hash:
+    version, digits = type_hash(name).removeprefix("RIHS").split("_")
+    return _Hash(int(version), (ctypes.c_uint8 * 32)(*bytes.fromhex(digits)))
+
+
+def _description_of(name: str, kept: list[Any]) -> _Description:
+    def array(kind: Any, values: list[Any]) -> tuple[Any, int, int]:
+        block = (kind * len(values))(*values)
+        kept.append(block)
+        return ctypes.cast(block, ctypes.POINTER(kind)), len(values), len(values)
+
+    types = []
+    for one, fields in describe(name):
+        described = []
+        for field in fields:
+            kind = _FieldType(field.type_id, field.capacity, field.string_capacity, _text(field.nested_type_name))
+            described.append(_Field(_text(field.name), kind, _text("")))
+        types.append(_Type(_text(one), _Fields(*array(_Field, described))))
+    return _Description(types[0], _Types(*array(_Type, types[1:])))
+
+
+def _text(text: str) -> _String:
+    data = text.encode()
+    return _String(data, len(data), len(data) + 1)
+
+
+def _address_in(capsule: Any) -> int:
+    api = ctypes.pythonapi
+    api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    api.PyCapsule_GetPointer.restype = ctypes.c_void_p
+    api.PyCapsule_GetPointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    return int(api.PyCapsule_GetPointer(capsule, api.PyCapsule_GetName(capsule)))
+
+
+def _capsule_of(support: _Support) -> Any:
+    new = ctypes.pythonapi.PyCapsule_New
+    new.restype, new.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
+    return new(ctypes.addressof(support), None, None)
