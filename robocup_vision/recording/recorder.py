@@ -43,7 +43,7 @@ from robocup_vision.vision import Vision
 CALL_TOPIC = "/robocup_vision/calls"
 RUN_ATTACHMENT, VERSIONS_ATTACHMENT = "run.json", "versions.json"
 # that results may depend on
-_PACKAGES = ("robocup-vision", "numpy", "numba", "opencv-python-headless", "scipy")
+_PACKAGES = ("robocup-vision", "numpy", "numba", "opencv-python-headless")
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-from skimage.measure import label, regionprops
 
-from field_models.errors import ArgumentError
+from field_models.errors import ArgumentError, RobocupVisionError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
@@ -133,6 +132,8 @@ def position_from_angles(shape: GoalShape, angles: GoalAngles) -> tuple[float, f
 
 def goal_region(mask: UInt8Array) -> UInt8Array | None:
     """Largest connected region of a mask with its holes filled (section 3.2, 1 and 2), or None if there is none."""
+    from skimage.measure import label, regionprops
+
     largest = max(regionprops(label(mask > 0)), key=lambda region: region.area, default=None)
     if largest is None:
         return None
@@ -220,9 +221,17 @@ class GoalAnglesEstimator:
     ------
     ArgumentError
         If the field's goals are not of that kind.
+    RobocupVisionError
+        If scikit-image, which tells regions apart, is not installed.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera, *, closed_form: bool = False) -> None:
+        try:
+            import skimage.measure  # noqa: F401
+        except ImportError as error:
+            raise RobocupVisionError(
+                f"method 'angles' needs scikit-image: pip install 'robocup-vision[baselines]' ({error})"
+            ) from None
         self._shape = goal_shape(field)
         self._families = hue_families(field)
         if not self._families:

@@ -9,6 +9,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.disc import Disc
+from robocup_vision.normal import normal_below
 
 Point = tuple[float, float]
 
@@ -46,9 +47,7 @@ class Gap:
 
     def wide_enough(self, needed_m: float) -> float:
         """Return the probability that it is at least this wide."""
-        from scipy.special import ndtr
-
-        return float(ndtr((self.width_m - needed_m) / self.sigma_m))
+        return float(normal_below((self.width_m - needed_m) / self.sigma_m))
 
 
 def gap_between(first: Disc, second: Disc) -> Gap:

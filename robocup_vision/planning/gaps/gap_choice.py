@@ -17,6 +17,7 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
+from robocup_vision.normal import normal_below
 from robocup_vision.planning.gaps.gap import Gap, Point
 from robocup_vision.planning.speed.speed_planner import SpeedPlanner
 
@@ -93,8 +94,6 @@ class PassageTimes:
         opponent_sigma_m: float,
         settings: PassageSettings = PassageSettings(),
     ) -> None:
-        from scipy.special import ndtr
-
         for name, value in (("opponent_radius_m", opponent_radius_m), ("opponent_sigma_m", opponent_sigma_m)):
             if not (math.isfinite(value) and value > 0.0):
                 raise ArgumentError(f"{name} must be positive, got {value!r}")
@@ -102,7 +101,7 @@ class PassageTimes:
         # the standard normal distribution in cells of equal width
         edges = np.linspace(-settings.spread_sigmas, settings.spread_sigmas, settings.cells + 1)
         self._at_sigmas = 0.5 * (edges[1:] + edges[:-1])
-        mass = np.diff(ndtr(edges))
+        mass = np.diff(normal_below(edges))
         self._probability = mass / mass.sum()
         self._opponent = float(opponent_radius_m), float(opponent_sigma_m)
         widths = np.linspace(settings.min_width, settings.max_width, settings.widths) * 2 * planner.robot_radius_m

@@ -18,6 +18,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.motion import gate_problem
 from robocup_vision.motion_limits import MotionLimits
+from robocup_vision.normal import normal_below
 from robocup_vision.planning.gaps.gap import Gap, Point, WidthSensor
 
 
@@ -231,8 +232,6 @@ class GatePlanner:
         viewpoints_m: FloatArray | None = None,
     ) -> GateTables:
         """Return the problem in numbers; parameters as those of `plan`."""
-        from scipy.special import ndtr
-
         robot, target, center = (np.array(p, dtype=np.float64) for p in (robot_m, target_m, gap.center_m))
         way = np.array(detour_m, dtype=np.float64).reshape(-1, 2)
         if not (np.isfinite([robot, target, center]).all() and np.isfinite(way).all()):
@@ -271,7 +270,7 @@ class GatePlanner:
         ]
         widths, prior, first_wide = _width_cells(gap, self._needed_m, self._settings)
         edges = self._needed_m + np.multiply.outer(sigma, self._settings.measured_at_sigmas)
-        below = ndtr((edges[:, :, None] - widths) / np.array(sigma)[:, None, None])
+        below = normal_below((edges[:, :, None] - widths) / np.array(sigma)[:, None, None])
         ends = np.zeros((len(places), 1, len(widths)))
         likelihood = np.diff(np.concatenate([ends, below, ends + 1.0], axis=1), axis=1)
         return GateTables(places, prior, first_wide, likelihood, move_s, pass_s, fail_s, detour_s)
@@ -299,11 +298,9 @@ def _length(points: FloatArray) -> float:
 
 def _width_cells(gap: Gap, needed_m: float, settings: GatePlannerSettings) -> tuple[FloatArray, FloatArray, int]:
     """Return centres and probabilities of the width's cells, split at the width needed, and the first beyond it."""
-    from scipy.special import ndtr
-
     spread_m = settings.spread_sigmas * gap.sigma_m
     edges = np.linspace(gap.width_m - spread_m, gap.width_m + spread_m, settings.widths + 1)
     edges = np.sort(np.append(edges, np.clip(needed_m, edges[0], edges[-1])))
     middles = 0.5 * (edges[1:] + edges[:-1])
-    mass = np.diff(ndtr((edges - gap.width_m) / gap.sigma_m))
+    mass = np.diff(normal_below((edges - gap.width_m) / gap.sigma_m))
     return middles, mass / mass.sum(), int(np.searchsorted(middles, needed_m))

@@ -16,6 +16,8 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import BoolArray, FloatArray, read_only
+from robocup_vision.compiling.prepared_kernels import prepare
+from robocup_vision.kernels.motion.way_grid import find_way
 
 Answer = Literal["look", "go", "blocked"]
 
@@ -106,6 +108,7 @@ class SelectiveLook:
         half_view_rad: float,
         settings: SelectiveLookSettings = SelectiveLookSettings(),
     ) -> None:
+        prepare("steering")
         self._settings = settings
         for name, value in (
             ("cell_m", cell_m),
@@ -229,15 +232,21 @@ class SelectiveLook:
     ) -> npt.NDArray[np.int64] | None:
         if not passable[end]:
             return None
-        from skimage.graph import MCP_Geometric
-
-        costs = np.where(passable, np.where(near_unsure, 1 + self._settings.unsure_cost, 1.0), -1.0)
-        search = MCP_Geometric(costs, fully_connected=True)
-        search.find_costs([start], [end])
-        try:
-            return np.array(search.traceback(end), dtype=np.int64).reshape(-1, 2)
-        except ValueError:  # not reached
+        size = max(passable.shape)
+        price = np.full((size, size), np.inf, dtype=np.float32)
+        price[: passable.shape[0], : passable.shape[1]] = np.where(
+            passable, np.where(near_unsure, 1 + self._settings.unsure_cost, 1.0), np.inf
+        )
+        come_from, cost = np.empty(size * size, dtype=np.int32), np.empty(size * size, dtype=np.float32)
+        first, cell = (place[0] * size + place[1] for place in (start, end))
+        find_way(price, first, cell, come_from, cost)
+        if not np.isfinite(cost[cell]):
             return None
+        way = [cell]
+        while cell != first:
+            cell = int(come_from[cell])
+            way.append(cell)
+        return np.array(np.divmod(way[::-1], size), dtype=np.int64).T
 
     def _kept_path(
         self, cells: npt.NDArray[np.int64], passable: BoolArray, corner: FloatArray, start: tuple[int, int]

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.disc import Disc
+from robocup_vision.normal import normal_below
 
 
 def clear_probability(eye_m: npt.ArrayLike, points_m: npt.ArrayLike, blockers: Sequence[Disc]) -> FloatArray:
@@ -23,8 +24,6 @@ def clear_probability(eye_m: npt.ArrayLike, points_m: npt.ArrayLike, blockers: S
     blockers : sequence of Disc
         Robots that may stand between; each independent of the others.
     """
-    from scipy.special import ndtr
-
     eye, points = np.asarray(eye_m, dtype=np.float64), np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
     clear = np.ones(len(points))
     way = points[:, :2] - eye[:2]
@@ -36,6 +35,6 @@ def clear_probability(eye_m: npt.ArrayLike, points_m: npt.ArrayLike, blockers: S
         sight_height = eye[2] + (points[:, 2] - eye[2]) * np.clip(at / away, 0.0, 1.0)
         between = (at > 0) & (at < away) & (sight_height < blocker.height_m)
         std = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", across, blocker.covariance, across), 1e-12))
-        hidden = ndtr((blocker.radius_m - aside) / std) - ndtr((-blocker.radius_m - aside) / std)
+        hidden = normal_below((blocker.radius_m - aside) / std) - normal_below((-blocker.radius_m - aside) / std)
         clear *= np.where(between, 1.0 - hidden, 1.0)
     return clear

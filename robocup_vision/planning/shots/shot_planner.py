@@ -18,6 +18,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.motion_limits import MotionLimits
+from robocup_vision.normal import normal_below
 from robocup_vision.planning.gaps.gap import Point
 
 
@@ -196,7 +197,7 @@ class ShotPlanner:
             x, y = post[0] - balls_m[..., 0], post[1] - balls_m[..., 1]
             along, aside = c * x + s * y, side * (c * y - s * x)
             std = np.hypot(place_std_m, spread * np.maximum(along, self.ball_radius_m))
-            chance = chance + np.where(along > 0.0, _below((aside - self.ball_radius_m) / std), 0.0)
+            chance = chance + np.where(along > 0.0, normal_below((aside - self.ball_radius_m) / std), 0.0)
         chance = np.maximum(chance, 0.0)
         for one in defenders:
             x, y, v_x, v_y = self._guards(one, balls_m, after_s)
@@ -208,7 +209,7 @@ class ShotPlanner:
             across = s**2 * xx - 2 * s * c * xy + c**2 * yy
             std = np.sqrt(across + place_std_m**2 + (spread * along) ** 2)
             wide = reach + one.radius_m + self.ball_radius_m
-            passes = _below((aside - wide) / std) + _below((-aside - wide) / std)
+            passes = normal_below((aside - wide) / std) + normal_below((-aside - wide) / std)
             chance = chance * np.where(along > 0.0, passes, 1.0)
         return np.asarray(chance)
 
@@ -264,7 +265,7 @@ class ShotPlanner:
             y = one.y_m + seconds * one.vy_mps - places[:, None, 1]
             std = math.sqrt(one.variance_m2 + place_std_m**2)
             room = np.hypot(x, y) - self._reach_m(seconds) - one.radius_m - self.ball_radius_m
-            away *= _below(room / std)
+            away *= normal_below(room / std)
         return np.asarray(1.0 - away)
 
     def _free(self, ball: Point, places: FloatArray, defenders: Sequence[Disc], place_std_m: float) -> FloatArray:
@@ -278,12 +279,5 @@ class ShotPlanner:
             away = np.hypot(*(off - fraction[:, None] * way).T)
             std = math.sqrt(one.variance_m2 + place_std_m**2)
             # the robot has the ball in front of itself, so the ball touches first
-            free *= np.where(fraction > 0.0, _below((away - one.radius_m - self.ball_radius_m) / std), 1.0)
+            free *= np.where(fraction > 0.0, normal_below((away - one.radius_m - self.ball_radius_m) / std), 1.0)
         return free
-
-
-def _below(x: FloatArray) -> FloatArray:
-    """Return the probability that a standard normal variable lies below each value."""
-    from scipy.special import ndtr
-
-    return np.asarray(ndtr(x))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import sys
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from field_models import ArgumentError, load_field
+from field_models.errors import RobocupVisionError
 from robocup_vision import Vision
 from robocup_vision.camera import Hyperboloid, OmniCamera
 from robocup_vision.localization.baselines.goal_angles import (
@@ -36,6 +38,12 @@ small = st.floats(-0.15, 0.15)
 def looking_at_goal(x, y, pan=0.0, tilt=0.0, roll=0.0):
     heading = math.atan2(-y, SHAPE.line_x_m - x) + pan
     return np.array([x, y, heading, tilt, roll, 0.185, 0.0, 0.0])
+
+
+def test_without_scikit_image_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "skimage.measure", None)
+    with pytest.raises(RobocupVisionError, match=r"needs scikit-image: pip install 'robocup-vision\[baselines\]'"):
+        GoalAnglesEstimator(FIELD, VIEW)
 
 
 @settings(deadline=None)
