@@ -6,6 +6,7 @@ Everything is a textured rectangle that hides what is behind it. Field frame, me
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,24 +20,11 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.panels import PanelHits, Panels, Pyramids, RayFan, first_panel, shade_panels
 from sim2d.rendering.hall import textures as hall_textures
+from sim2d.rendering.hall.solids import Panel, Vector, box, inward, panel_arrays
 from sim2d.rendering.rays import sample_offsets
-
-Vector = tuple[float, float, float]
 
 _LEVELS = 9
 _NEAREST_M = 0.02
-
-
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """A rectangle with a texture on its front: a corner, two unit edges (the front is along x up) and their lengths."""
-
-    origin_m: Vector
-    along: Vector
-    up: Vector
-    size_m: tuple[float, float]
-    texture: int
-    is_poster: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,13 +68,7 @@ class Hall:
     @cached_property
     def arrays(self) -> Panels:
         """The panels as the compiled loops take them."""
-        return Panels(
-            np.array([p.origin_m for p in self.panels], dtype=np.float64),
-            np.array([p.along for p in self.panels], dtype=np.float64),
-            np.array([p.up for p in self.panels], dtype=np.float64),
-            np.array([p.size_m for p in self.panels], dtype=np.float64),
-            np.array([p.texture for p in self.panels], dtype=np.int64),
-        )
+        return panel_arrays(self.panels)
 
     @cached_property
     def pyramids(self) -> Pyramids:
@@ -181,7 +163,7 @@ def make_hall(
         start = float(rng.uniform(0.05, width - wide - 0.05))
         low = float(rng.uniform(0.15, max(height - high - 0.1, 0.16)))
         # posters overlap: each hangs a little before the one below it
-        before = _inward(along, 0.004 + 0.0005 * number)
+        before = inward(along, 0.004 + 0.0005 * number)
         origin = tuple(float(c + a * start + n) for c, a, n in zip(corner, along, before, strict=True))
         place = (origin[0], origin[1], low)
         panels.append(Panel(place, along, (0.0, 0.0, 1.0), (wide, high), wear(drawn), is_poster=True))
@@ -190,42 +172,18 @@ def make_hall(
         wide, deep, high = float(rng.uniform(0.35, 1.0)), float(rng.uniform(0.25, 0.6)), float(rng.uniform(0.4, 1.7))
         middle = float(rng.uniform(wide / 2, width - wide / 2))
         standing_off = deep / 2 + float(rng.uniform(0.02, 0.35))
-        inward = _inward(along, standing_off)
-        x, y = (corner[k] + along[k] * middle + inward[k] for k in range(2))
+        off = inward(along, standing_off)
+        x, y = (corner[k] + along[k] * middle + off[k] for k in range(2))
         yaw = math.atan2(along[1], along[0]) + float(rng.normal(0, 0.05))
         skins = [wear(hall_textures.shelf(rng) if high > 0.9 else hall_textures.crate(rng)) for _ in range(2)]
-        panels += _box(x, y, yaw, (wide, deep, high), skins)
+        panels += box(Pose2(x, y, yaw), (wide, deep, high), skins)
     for _ in range(crates):
         x, y = rng.uniform(-0.14, 0.14) * length / 2, rng.uniform(-0.12, 0.12) * depth / 2
         size = tuple(float(v) for v in rng.uniform(0.18, 0.4, 3))
         skins = [wear(hall_textures.crate(rng)) for _ in range(2)]
-        panels += _box(float(x), float(y), float(rng.uniform(0, math.pi)), (size[0], size[1], size[2]), skins)
+        lies = Pose2(float(x), float(y), float(rng.uniform(0, math.pi)))
+        panels += box(lies, (size[0], size[1], size[2]), skins)
     return Hall(tuple(panels), tuple(textures))
-
-
-def _inward(along: Vector, by_m: float) -> Vector:
-    """From a wall towards the room: the front of a panel along it."""
-    return along[1] * by_m, -along[0] * by_m, 0.0
-
-
-def _box(x: float, y: float, yaw: float, size: Vector, skins: list[int]) -> list[Panel]:
-    """Four sides and the top of an upright box."""
-    wide, deep, high = size
-    frame = Pose2(x, y, yaw)
-    corners = frame.transform(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (wide / 2, deep / 2))
-    faces = []
-    for k in range(4):
-        start, end = corners[k], corners[(k + 1) % 4]
-        length = float(np.hypot(*(end - start)))
-        ax, ay = (float(v) for v in (end - start) / length)
-        faces.append(
-            Panel((float(start[0]), float(start[1]), 0.0), (ax, ay, 0.0), (0.0, 0.0, 1.0), (length, high), skins[k % 2])
-        )
-    c, s = math.cos(yaw), math.sin(yaw)
-    faces.append(
-        Panel((float(corners[0][0]), float(corners[0][1]), high), (c, s, 0.0), (-s, c, 0.0), (wide, deep), skins[1])
-    )
-    return faces
 
 
 class HallCamera:
@@ -254,8 +212,21 @@ class HallCamera:
         shape = self._directions.shape[:3]
         self._hits = PanelHits(np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.int16))
 
-    def render(self, hall: Hall, pose: Pose2, light: HallLight | None = None) -> Float32Array:
+    def render(
+        self, hall: Hall, pose: Pose2, light: HallLight | None = None, passers: Sequence[Panel] = ()
+    ) -> Float32Array:
         """Render the hall from a pose of the robot (of the camera itself, where its offset and pan are 0).
+
+        Parameters
+        ----------
+        hall : Hall
+            What stays where it is.
+        pose : Pose2
+            Of the robot.
+        light : HallLight, optional
+            How the hall is lit.
+        passers : sequence of Panel
+            What is there for the moment, in the hall's textures.
 
         Returns
         -------
@@ -267,10 +238,17 @@ class HallCamera:
         lamps = np.array(light.lamps, dtype=np.float64).reshape(-1, 4) * (1, 1, 1, light.level)
         cos, sin = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
         rays = RayFan(self._directions, cos, sin, eye, self._ray_rad)
-        first_panel(rays, hall.arrays, self._windows(hall.arrays, pose), self._hits)
+        panels = hall.arrays
+        if passers:
+            panels = Panels(*(np.concatenate(parts) for parts in zip(panels, panel_arrays(passers), strict=True)))
+        first_panel(rays, panels, self._windows(panels, pose), self._hits)
         image = np.empty((*self._hits.depth.shape[:2], 3), dtype=np.float32)
-        shade_panels(rays, hall.arrays, hall.pyramids, light.ambient * light.level, lamps, self._hits, image)
+        shade_panels(rays, panels, hall.pyramids, light.ambient * light.level, lamps, self._hits, image)
         return image
+
+    def depths_m(self) -> Float32Array:
+        """Return (H, W) float32: how far along the optical axis what each pixel of the last picture shows is."""
+        return np.asarray(self._hits.depth.min(axis=2), dtype=np.float32)
 
     def _windows(self, panels: Panels, pose: Pose2) -> npt.NDArray[np.int64]:
         """Return the part of the image each panel can be in; all of it where it reaches behind the camera."""

@@ -10,12 +10,14 @@ import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import Float32Array, UInt8Array
 from robocup_vision.camera import PinholeCamera, save_camera
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.mapping.rig import TrinocularRig
 from robocup_vision.landmarks.mapping.run_files import CAMERAS
+from sim2d.rendering.hall.bustle import Bustle
 from sim2d.rendering.hall.hall import Hall, HallCamera, HallLight
+from sim2d.rendering.hall.solids import Panel
 from sim2d.rendering.sensor import Sensor
 
 # what the paper's Digiclops delivers: 320 x 240, cameras 99.6 mm apart; its field of view is not printed
@@ -27,10 +29,11 @@ SUPERSAMPLE = 2
 
 @dataclass(frozen=True, slots=True)
 class HallFrame:
-    """One moment: the robot's pose and the picture of each camera, (H, W, 3) uint8 BGR."""
+    """One moment: the robot's pose, each camera's picture, (H, W, 3) uint8 BGR, and the depths in it if asked."""
 
     pose: Pose2
     images: tuple[UInt8Array, ...]
+    depths_m: tuple[Float32Array, ...] = ()
 
 
 def take(
@@ -40,9 +43,12 @@ def take(
     seed: int,
     *,
     light: HallLight | None = None,
+    bustle: Bustle | None = None,
+    interval_s: float = 0.0,
     sensor: Sensor = HALL_SENSOR,
     supersample: int = SUPERSAMPLE,
     first: int = 0,
+    depths: bool = False,
 ) -> Iterator[HallFrame]:
     """Take pictures along a path.
 
@@ -58,17 +64,32 @@ def take(
         Of the sensor's noise; frame i depends on it and on `first` + i alone.
     light : HallLight, optional
         How the hall is lit.
+    bustle : Bustle, optional
+        What goes on there; its light then takes the place of `light`.
+    interval_s : float
+        Time from frame to frame.
     sensor : Sensor
         Of each camera.
     supersample : int
         Rays along each axis of a pixel.
     first : int
         Number of the first frame.
+    depths : bool
+        Whether to keep how far away what each pixel shows is.
     """
     renderers = [HallCamera(camera, supersample) for camera in cameras]
     for index, pose in enumerate(poses, start=first):
         rng = np.random.default_rng([seed, index, 0xF0])
-        yield HallFrame(pose, tuple(sensor.expose(r.render(hall, pose, light), rng) for r in renderers))
+        passers: list[Panel] = []
+        if bustle is not None:
+            t_s = index * interval_s
+            light, passers = bustle.light_at(t_s), bustle.panels(t_s, pose)
+        images, far = [], []
+        for renderer in renderers:
+            images.append(sensor.expose(renderer.render(hall, pose, light, passers), rng))
+            if depths:
+                far.append(renderer.depths_m())
+        yield HallFrame(pose, tuple(images), tuple(far))
 
 
 def write_run(folder: str | Path, rig: TrinocularRig, frames: Iterable[HallFrame], command: str) -> None:

@@ -61,12 +61,13 @@ def bundled_pictures() -> tuple[UInt8Array, ...]:
     return tuple(found)
 
 
-def _color(rng: np.random.Generator, low: float = 20, high: float = 235) -> tuple[float, float, float]:
+def some_color(rng: np.random.Generator, low: float = 20, high: float = 235) -> tuple[float, float, float]:
+    """Draw a colour, BGR."""
     blue, green, red = rng.uniform(low, high, 3)
     return float(blue), float(green), float(red)
 
 
-def _grain(rng: np.random.Generator, drawn: UInt8Array, sigma: float) -> UInt8Array:
+def grain(rng: np.random.Generator, drawn: UInt8Array, sigma: float) -> UInt8Array:
     """Add unevenness from the size of a texel to a tenth of the picture."""
     picture = drawn.astype(np.float32)
     rows, columns = picture.shape[:2]
@@ -89,17 +90,17 @@ def wall(rng: np.random.Generator, width_m: float, height_m: float, *, bricks: b
                 cv2.rectangle(picture, low, (column + 37, row + 10), (90 * shade, 105 * shade, 160 * shade), -1)
     for _ in range(rng.integers(2, 5)):
         x = int(rng.integers(0, columns))
-        cv2.line(picture, (x, 0), (x, rows), _color(rng, 80, 200), int(rng.integers(3, 9)))
+        cv2.line(picture, (x, 0), (x, rows), some_color(rng, 80, 200), int(rng.integers(3, 9)))
     for _ in range(rng.integers(8, 16)):
         x, y = int(rng.integers(0, columns)), int(rng.integers(0, rows))
-        cv2.rectangle(picture, (x, y), (x + 12, y + 12), _color(rng, 150, 250), -1)
+        cv2.rectangle(picture, (x, y), (x + 12, y + 12), some_color(rng, 150, 250), -1)
         cv2.circle(picture, (x + 6, y + 6), 3, (30, 30, 30), -1)
     for _ in range(rng.integers(15, 30)):
         center = (int(rng.integers(0, columns)), int(rng.integers(0, rows)))
         axes = (int(rng.integers(4, 40)), int(rng.integers(4, 40)))
         stain = tuple(float(v) for v in picture[center[1], center[0]] * rng.uniform(0.8, 1.1))
         cv2.ellipse(picture, center, axes, float(rng.uniform(0, 180)), 0, 360, stain, -1)
-    return _grain(rng, picture, 3.0)
+    return grain(rng, picture, 3.0)
 
 
 def floor(rng: np.random.Generator, width_m: float, depth_m: float, field_m: tuple[float, float]) -> UInt8Array:
@@ -119,7 +120,7 @@ def floor(rng: np.random.Generator, width_m: float, depth_m: float, field_m: tup
         picture, (columns // 2, int(middle[1] - half[1])), (columns // 2, int(middle[1] + half[1])), (215, 225, 220), 4
     )
     cv2.circle(picture, (columns // 2, rows // 2), 50, (215, 225, 220), 4)
-    return _grain(rng, picture, 6.0)
+    return grain(rng, picture, 6.0)
 
 
 def ceiling(rng: np.random.Generator, width_m: float, depth_m: float) -> UInt8Array:
@@ -130,24 +131,24 @@ def ceiling(rng: np.random.Generator, width_m: float, depth_m: float) -> UInt8Ar
         for column in range(0, columns, 36):
             level = 245.0 if rng.random() < 0.08 else rng.uniform(170, 200)
             cv2.rectangle(picture, (column, row), (column + 34, row + 34), (level, level, level), -1)
-    return _grain(rng, picture, 3.0)
+    return grain(rng, picture, 3.0)
 
 
 def notice(rng: np.random.Generator) -> UInt8Array:
     """Draw a poster: blocks of colour, shapes and large and small words."""
     rows, columns = int(rng.integers(256, 512)), int(rng.integers(256, 512))
-    picture = np.full((rows, columns, 3), _color(rng, 120, 250), dtype=np.uint8)
+    picture = np.full((rows, columns, 3), some_color(rng, 120, 250), dtype=np.uint8)
     for _ in range(rng.integers(6, 16)):
         x, y = int(rng.integers(0, columns)), int(rng.integers(0, rows))
         w, h = int(rng.integers(10, columns // 2)), int(rng.integers(10, rows // 2))
         shape = rng.integers(0, 3)
         if shape == 0:
-            cv2.rectangle(picture, (x, y), (x + w, y + h), _color(rng), -1)
+            cv2.rectangle(picture, (x, y), (x + w, y + h), some_color(rng), -1)
         elif shape == 1:
-            cv2.ellipse(picture, (x, y), (w // 2, h // 2), float(rng.uniform(0, 180)), 0, 360, _color(rng), -1)
+            cv2.ellipse(picture, (x, y), (w // 2, h // 2), float(rng.uniform(0, 180)), 0, 360, some_color(rng), -1)
         else:
             corners = rng.integers(-80, 80, (3, 2)) + np.array([x, y])
-            cv2.fillPoly(picture, [corners.astype(np.int32)], _color(rng))
+            cv2.fillPoly(picture, [corners.astype(np.int32)], some_color(rng))
     for _ in range(rng.integers(3, 9)):
         word = str(rng.choice(_WORDS))
         place = (int(rng.integers(0, columns * 2 // 3)), int(rng.integers(20, rows)))
@@ -157,10 +158,10 @@ def notice(rng: np.random.Generator) -> UInt8Array:
             place,
             int(rng.integers(0, 5)),
             rng.uniform(0.5, 2.2),
-            _color(rng, 0, 120),
+            some_color(rng, 0, 120),
             int(rng.integers(1, 5)),
         )
-    return _grain(rng, picture, 2.0)
+    return grain(rng, picture, 2.0)
 
 
 def shelf(rng: np.random.Generator) -> UInt8Array:
@@ -171,34 +172,36 @@ def shelf(rng: np.random.Generator) -> UInt8Array:
         while x < 250:
             thick, high = int(rng.integers(6, 26)), int(rng.integers(34, 56))
             right = min(x + thick, 252)
-            cv2.rectangle(picture, (x, board + 60 - high), (right, board + 60), _color(rng), -1)
+            cv2.rectangle(picture, (x, board + 60 - high), (right, board + 60), some_color(rng), -1)
             if thick > 10:
-                cv2.rectangle(picture, (x + 2, board + 40), (right - 2, board + 46), _color(rng, 150, 250), -1)
+                cv2.rectangle(picture, (x + 2, board + 40), (right - 2, board + 46), some_color(rng, 150, 250), -1)
             x += thick + int(rng.integers(1, 8))
         cv2.rectangle(picture, (0, board + 60), (256, board + 64), (70, 110, 150), -1)
-    return _grain(rng, picture, 2.0)
+    return grain(rng, picture, 2.0)
 
 
 def crate(rng: np.random.Generator) -> UInt8Array:
     """Draw the side of a crate or cupboard: boards, a label, handles."""
     picture = np.full((256, 256, 3), rng.uniform(60, 190, 3), dtype=np.uint8)
     for x in range(0, 256, int(rng.integers(24, 72))):
-        cv2.line(picture, (x, 0), (x, 255), _color(rng, 20, 90), 2)
+        cv2.line(picture, (x, 0), (x, 255), some_color(rng, 20, 90), 2)
     for _ in range(rng.integers(3, 8)):
         x, y = int(rng.integers(0, 200)), int(rng.integers(0, 220))
-        cv2.rectangle(picture, (x, y), (x + int(rng.integers(15, 90)), y + int(rng.integers(10, 50))), _color(rng), -1)
+        cv2.rectangle(
+            picture, (x, y), (x + int(rng.integers(15, 90)), y + int(rng.integers(10, 50))), some_color(rng), -1
+        )
     cv2.putText(
         picture,
         str(rng.choice(_WORDS)),
         (10, int(rng.integers(40, 240))),
         2,
         rng.uniform(0.8, 1.6),
-        _color(rng, 0, 80),
+        some_color(rng, 0, 80),
         2,
     )
-    return _grain(rng, picture, 4.0)
+    return grain(rng, picture, 4.0)
 
 
 def sheet(rng: np.random.Generator) -> UInt8Array:
     """Draw a plain sheet, such as covers a poster."""
-    return _grain(rng, np.full((64, 64, 3), rng.uniform(100, 220, 3), dtype=np.uint8), 2.0)
+    return grain(rng, np.full((64, 64, 3), rng.uniform(100, 220, 3), dtype=np.uint8), 2.0)

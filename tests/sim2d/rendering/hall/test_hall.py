@@ -9,7 +9,8 @@ import pytest
 from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
-from sim2d.rendering.hall.hall import Hall, HallCamera, HallLight, Panel, loop_path, make_hall
+from sim2d.rendering.hall.hall import Hall, HallCamera, HallLight, loop_path, make_hall
+from sim2d.rendering.hall.solids import Panel
 from sim2d.rendering.hall.textures import bundled_pictures
 
 CAMERA = PinholeCamera((40, 30), (35.0, 35.0), (19.5, 14.5), 0.5, pan_rad=0.1, tilt_rad=0.05, roll_rad=0.02)
