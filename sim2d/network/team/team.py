@@ -35,6 +35,8 @@ from sim2d.robot_link import Command, RobotLimits
 
 _COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
 _NOTHING = Command()
+# vision may measure between the lines' outer edges, and an organiser lays lines by hand
+_SAME_FIELD_M = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +164,15 @@ class OverheadTeam:
         return self._tracker.problems
 
     def hear_vision(self, packet: VisionPacket) -> None:
-        """Take in what a camera saw."""
+        """Take in what a camera saw; say where vision's field is not the one that is played on."""
+        if packet.geometry is not None:
+            told, ours = packet.geometry.field, self._field
+            if not max(abs(told.length_m - ours.length_m), abs(told.width_m - ours.width_m)) <= _SAME_FIELD_M:
+                self.problems.add(
+                    "vision's field is another",
+                    f"vision shows a field of {told.length_m:.2f} x {told.width_m:.2f} m, but played on is {ours.name}"
+                    f" of {ours.length_m:.2f} x {ours.width_m:.2f} m (--field)",
+                )
         if packet.detection is not None:
             self._tracker.update(packet.detection)
 

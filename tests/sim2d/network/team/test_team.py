@@ -12,6 +12,7 @@ from benchmarks.worlds.damaged_messages import REFEREE
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
+from robocup_vision.ssl.field import geometry_from_field
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.referee import DesignatedPosition, RefereeCommand, TeamInfo
@@ -221,6 +222,17 @@ def test_what_a_simulator_refuses_is_said_once_with_its_count():
     assert team.problems.take_new() == ["the simulator answers VELOCITY_TYPE: robot 4: only local velocities"]
     assert team.problems.take_new() == []
     assert team.problems.lines() == ["5 x the simulator answers VELOCITY_TYPE: robot 4: only local velocities"]
+
+
+def test_that_vision_shows_another_field_is_said_once():
+    team = OverheadTeam(Team.YELLOW, FIELD)
+    team.hear_vision(VisionPacket(geometry=geometry_from_field(FIELD)))
+    assert team.problems.take_new() == []
+    for _ in range(3):
+        team.hear_vision(VisionPacket(geometry=geometry_from_field(load_field("ssl_division_a"))))
+    assert team.problems.take_new() == [
+        "vision shows a field of 12.00 x 9.00 m, but played on is ssl_division_b of 9.00 x 6.00 m (--field)"
+    ]
 
 
 def test_an_unknown_command_is_a_halt_that_is_said():
