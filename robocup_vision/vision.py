@@ -85,13 +85,13 @@ class Vision:
     method : str, optional
         How the pose is estimated; it need not be named. `robocup_vision.localization.methods.METHODS` lists the
         methods. "field", the default of a mirror camera: by the floor's outline where walls or boards bound it, and by
-        the white lines where the outline leaves a choice, fails, or is not bounded, without a prior. For a pinhole
-        camera of known tilt "field" is by the lines. "floor": by the outline alone; a pinhole camera sees too little of
-        it and needs a prior. "edges", the default of a pinhole camera of known tilt: by all edges of the field file in
-        view, followed from frame to frame, or found without a prior. "goal", the default of one of unknown tilt: by
-        the posts and bar of a goal, with the lines around it. For comparison, as they were published: "hull" (mirror)
-        by Sekimori et al., by the convex hull of the whole floor mask; "angles" (pinhole) by Yako et al., by the angles
-        between posts and bar.
+        the white lines where the outline leaves a choice, fails, or is not bounded, without a prior. "floor": by the
+        outline alone. "edges", the default of a pinhole camera of known tilt: by all edges of the field file in view,
+        followed from frame to frame, or found without a prior. There "field" and "floor" are the same by the lines, or
+        by the feet of the walls, alone. "goal", the default of a pinhole camera of unknown tilt: by the posts and bar
+        of a goal, with the lines around it. For comparison, as they were published: "hull" (mirror) by Sekimori et al.,
+        by the convex hull of the whole floor mask; "angles" (pinhole) by Yako et al., by the angles between posts and
+        bar.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     directions : int

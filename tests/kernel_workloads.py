@@ -156,9 +156,6 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
         for condition in (GOAL_CONDITIONS["heavy_glare_416x320"],):
             frames += [(one.frame, one.pose) for one in sample_goal(field, condition, seed, count)]
     else:
-        if method == "floor":
-            # the feet of boards
-            field = replace(field, boundary="boards")
         camera, frames = walk_frames(seed, count, field)
     visions = [Vision(field, camera, method=method)]
     if method == "edges":
@@ -273,7 +270,7 @@ def example(*names: str) -> Workload:
 
 WORKLOADS: dict[str, Callable[[], Workload]] = {
     **{f"mirror_{name}": (lambda name=name: mirror(name)) for name in ("field", "floor", "hull")},
-    **{f"pinhole_{name}": (lambda name=name: pinhole(name)) for name in ("edges", "goal", "field", "floor")},
+    **{f"pinhole_{name}": (lambda name=name: pinhole(name)) for name in ("edges", "goal")},
     "patterned_balls": patterned_balls,
     "steering": steering,
     "memory": memory,

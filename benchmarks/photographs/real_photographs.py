@@ -47,7 +47,6 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.localization.lines.nearby import locate_nearby
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 
 OUT = Path("out") / "real_photographs"
@@ -115,26 +114,26 @@ def forward_camera(draws: int, seed: int) -> bool:
         return True
     camera, field = load_camera(REAL / ONBOARD / "camera.toml"), load_field(ONBOARD_FIELD)
     assert isinstance(camera, PinholeCamera)
-    stiff = replace(camera, roll_std_rad=0.0)
-    estimator = LinePoseEstimator(field, camera)
+    swaying, stiff = (Vision(field, one) for one in (camera, replace(camera, roll_std_rad=0.0)))
     rng = np.random.default_rng(seed)
     errors: list[FloatArray] = []
     located = 0
     truths = known_poses(ONBOARD)
     for name, truth in truths.items():
         frame = np.asarray(cv2.imread(str(REAL / ONBOARD / "images" / name), cv2.IMREAD_COLOR), dtype=np.uint8)
-        points = estimator.finder.find(frame)
         own: list[FloatArray] = []
         sway = []
         for _ in range(draws):
             prior = drawn_prior(truth, rng)
-            refined, fitted = locate_nearby(points, estimator.line_map, prior, camera)
-            rigid, _ = locate_nearby(points, estimator.line_map, prior, stiff)
-            if not refined:
+            for vision in (swaying, stiff):
+                vision.forget()
+            view, rigid = swaying.look(frame, prior=prior), stiff.look(frame, prior=prior).pose
+            if not view.pose:
                 continue
-            left = [e.pose.error_to(truth) if e else (math.nan, math.nan) for e in (prior, refined, rigid)]
+            left = [e.pose.error_to(truth) if e else (math.nan, math.nan) for e in (prior, view.pose, rigid)]
             own.append(np.array(left))
-            sway.append(((fitted.tilt_rad or 0.0) - (camera.tilt_rad or 0.0), fitted.roll_rad or 0.0))
+            assert isinstance(view.camera, PinholeCamera)
+            sway.append(((view.camera.tilt_rad or 0.0) - (camera.tilt_rad or 0.0), view.camera.roll_rad or 0.0))
         located += len(own)
         errors += own
         mean = [error_text(own, k) for k in range(3)]

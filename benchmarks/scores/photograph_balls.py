@@ -216,8 +216,7 @@ def other_things() -> PhotographRow | None:
         return None
     looks = false = 0
     for field, camera in _cameras():
-        # the pose is found by the quickest method: it only removes balls beyond the floor
-        vision = Vision(field, camera, method="floor" if field.is_bounded else "field")
+        vision = Vision(field, camera)
         for frame in photographs_of_other_things(camera.size_px):
             vision.forget()
             false += bool(vision.look(frame).balls)

@@ -45,6 +45,14 @@ _MIN_EDGES = 3
 _OPEN = "the part of the floor's edge in view does not fix the pose in every direction"
 
 
+def require_bounded(field: Field) -> None:
+    """Raise ArgumentError unless walls or boards bound a field's floor."""
+    if not field.is_bounded:
+        raise ArgumentError(
+            f"method 'floor' needs walls or boards, but the floor of '{field.name}' is not bounded (carpet)"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class OutlineSettings:
     """Settings of `OutlineFitter`; "units" are 1/86 of the usable image radius.
@@ -101,10 +109,7 @@ class OutlineFitter:
     evidence: PoseEvidence = dataclasses.field(default_factory=default_evidence)
 
     def __post_init__(self) -> None:
-        if not self.field.is_bounded:
-            raise ArgumentError(
-                f"method 'floor' needs walls or boards, but the floor of '{self.field.name}' is not bounded (carpet)"
-            )
+        require_bounded(self.field)
 
     @cached_property
     def model(self) -> OutlineModel:

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.localization.forward import GoalLocalizer, LineLocalizer, WallLocalizer
+from robocup_vision.localization.floor import require_bounded
+from robocup_vision.localization.forward import GoalLocalizer
 from robocup_vision.localization.localizer import Camera, Localizer
 from robocup_vision.localization.mirror import MirrorLocalizer
 from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
@@ -42,9 +43,6 @@ class Method:
         Whether it takes the prior's covariance as a factor of its answer.
     is_baseline : bool
         Whether it is a published method, kept for comparison.
-    needs_samples : bool
-        Whether a pinhole camera's floor samples are needed before the pose: else they are taken as the pose says that
-        the camera is tilted.
     takes_mounting : bool
         Whether tilt, roll and height of a pinhole camera may be told frame by frame.
     needs_map : bool
@@ -57,27 +55,26 @@ class Method:
     needs_tilt: bool = False
     takes_covariance: bool = False
     is_baseline: bool = False
-    needs_samples: bool = False
     takes_mounting: bool = False
     needs_map: bool = False
 
+    @property
+    def loops(self) -> str:
+        """Under which name the loops that it compiles are listed."""
+        return "edges" if self.takes_mounting else self.name
 
+
+# by edges: of all that the field has, or of one kind of feature alone
+_EDGES = {"needs_tilt": True, "takes_covariance": True, "takes_mounting": True}
 # the first of each kind of camera is the default, where the camera has what it needs
 METHODS = (
     Method("field", MIRROR, "walls or boards, or white lines"),
     Method("floor", MIRROR, "walls or boards that bound the floor"),
     Method("hull", MIRROR, "walls or boards that bound a floor longer than wide", is_baseline=True),
-    Method(
-        "edges",
-        PINHOLE,
-        "lines, goals, beacons or walls: everything in view",
-        needs_tilt=True,
-        takes_covariance=True,
-        takes_mounting=True,
-    ),
+    Method("edges", PINHOLE, "lines, goals, beacons or walls: everything in view", **_EDGES),
     Method("goal", PINHOLE, "goals of posts and a bar"),
-    Method("field", PINHOLE, "white lines", needs_tilt=True),
-    Method("floor", PINHOLE, "walls or boards that bound the floor, and a prior", needs_tilt=True, needs_samples=True),
+    Method("field", PINHOLE, "white lines", **_EDGES),
+    Method("floor", PINHOLE, "walls or boards that bound the floor", **_EDGES),
     Method("angles", PINHOLE, "goals of posts and a bar, in colours of a hue", is_baseline=True),
     Method("landmarks", PINHOLE, "a map of landmarks", needs_tilt=True, needs_map=True),
 )
@@ -135,13 +132,22 @@ def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera, 
     """Make the localiser of a pinhole camera; raises as `make_mirror_localizer` does."""
     if method.is_baseline:
         return _baseline("angles_localizer.AnglesLocalizer")(field, camera)
-    makers: dict[str, Callable[..., Localizer]] = {
-        "edges": EdgeLocalizer,
-        "goal": GoalLocalizer,
-        "field": LineLocalizer,
-        "floor": WallLocalizer,
-    }
-    return makers[method.name](field, camera, mask)
+    if method.name == "goal":
+        return GoalLocalizer(field, camera, mask)
+    return EdgeLocalizer(_with_features(field, method.name), camera, mask)
+
+
+def _with_features(field: Field, name: str) -> Field:
+    """Return the field with the features alone that a method of edges goes by."""
+    if name == "field":
+        if not len(field.lines) + len(field.arcs):
+            raise ArgumentError(f"method 'field' needs white lines, and '{field.name}' has none")
+        return replace(field, goals=(), beacons=(), boundary="carpet")
+    if name == "floor":
+        require_bounded(field)
+        goals = tuple(goal for goal in field.goals if goal.kind != "posts")
+        return replace(field, lines=field.lines[:0], arcs=field.arcs[:0], beacons=(), goals=goals)
+    return field
 
 
 def _baseline(name: str) -> Callable[..., Localizer]:

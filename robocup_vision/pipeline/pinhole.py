@@ -69,14 +69,13 @@ class PinholePipeline(FramePipeline):
 
     def __init__(self, field: Field, camera: PinholeCamera, options: FrameOptions) -> None:
         # before anything calls a loop, so that whoever waits is told how many there are
-        prepare(f"pinhole_{options.method.name}")
+        prepare(f"pinhole_{options.method.loops}")
         if field.ball_patches:
             prepare("patterned_balls")
         # so narrow a view may show nothing white, but a ball or a goal
         super().__init__(field, camera.size_px, options, _MAX_LOG_CAST)
         method = options.method
         self.camera = camera
-        self._needs_samples = method.needs_samples
         panelled = [goal for goal in field.goals if goal.kind != "posts"]
         tells = len({goal.color for goal in panelled}) == 2
         self._goal_points = goal_points(field) if tells else (np.empty((0, 3)), np.empty(0))
@@ -139,16 +138,11 @@ class PinholePipeline(FramePipeline):
         frame = self._checked(frame)
         timings: dict[str, float] = {}
         camera = self.camera if mounting is None else self.camera.held(mounting)
-        samples = made = None
-        if camera.known_orientation:
-            made = self._floors.about(camera)
-            if made is not None and self._needs_samples:
-                self._floor = made.held(camera)
-                samples = self._sample(frame, self._floor.view, timings)
+        made = self._floors.about(camera) if camera.known_orientation else None
         start = perf_counter()
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
-        answer = self._localizer.locate(self._evidence(frame, camera, samples, t_s), prior)
+        answer = self._localizer.locate(_evidence(frame, camera, t_s), prior)
         if isinstance(answer.pose, NotLocated):
             # whatever is missing: a dark picture is why
             light = f"mean brightness {frame[::_LIGHT_STEP, ::_LIGHT_STEP].mean():.0f} of 255"
@@ -161,7 +155,7 @@ class PinholePipeline(FramePipeline):
             made = self._floors.about(_as_held(answer.camera))
         if made is None:
             self._floor = None
-        elif samples is None:
+        else:
             # as the pose tells that the body holds it in this frame
             held = _as_held(answer.camera) if pose else camera
             self._floor = made.held(held, answer.sway_std_rad if pose else None)
@@ -181,8 +175,7 @@ class PinholePipeline(FramePipeline):
                 warnings=self._warnings(pose),
             )
         robot = pose.pose if pose else None
-        if samples is None:
-            floor, samples = self._sample_to_walls(frame, floor, pose, timings)
+        floor, samples = self._sample_to_walls(frame, floor, pose, timings)
         marks, balls, free_space = self._see_floor(frame, floor, samples, robot, timings)
         # white and black look alike with red and blue swapped
         self._judge_channels(frame, floor, samples, balls if self._patterned is None else (), pose)
@@ -275,14 +268,6 @@ class PinholePipeline(FramePipeline):
         free_space = FreeSpace(nothing, np.empty(0))
         return View(pose, free_space, (), timings, nothing, none, np.empty(0), None, camera, None, t_s)
 
-    def _evidence(
-        self, frame: UInt8Array, camera: PinholeCamera, samples: _FloorSamples | None, t_s: float | None
-    ) -> FrameEvidence:
-        if samples is None or self._floor is None:
-            return FrameEvidence(frame, camera, None, None, np.empty(0), np.empty(0, dtype=np.int64), t_s=t_s)
-        view = self._floor.view
-        return FrameEvidence(frame, camera, samples.table, view, samples.edge_px, samples.columns, t_s=t_s)
-
     def _sample(self, frame: UInt8Array, view: FloorView, timings: dict[str, float] | None = None) -> _FloorSamples:
         begin = perf_counter()
         colors = view.sample(frame)
@@ -360,6 +345,11 @@ class PinholePipeline(FramePipeline):
 
 def _none_free(grid: FreeSpaceGrid) -> FreeSpace:
     return FreeSpace(grid.bearing_rad, np.zeros(len(grid.bearing_rad)))
+
+
+def _evidence(frame: UInt8Array, camera: PinholeCamera, t_s: float | None) -> FrameEvidence:
+    """Return what a forward camera's localisers take: the frame alone, as the pose says where the floor lies in it."""
+    return FrameEvidence(frame, camera, None, None, np.empty(0), np.empty(0, dtype=np.int64), t_s=t_s)
 
 
 def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:

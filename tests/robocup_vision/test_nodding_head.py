@@ -171,8 +171,8 @@ def test_what_takes_no_mounting_says_so(walk):
     frame, told, _ = walk[0]
     with pytest.raises(ArgumentError, match="the pan is told twice"):
         Vision(FIELD, CAMERA).look(frame, pan_rad=0.1, mounting=Mounting(pan_rad=0.1))
-    with pytest.raises(ArgumentError, match="method 'field' takes no mounting but the pan"):
-        Vision(FIELD, CAMERA, method="field").look(frame, mounting=told)
+    with pytest.raises(ArgumentError, match="method 'goal' takes no mounting but the pan"):
+        Vision(FIELD, CAMERA, method="goal").look(frame, mounting=told)
     open_tilt = dataclasses.replace(CAMERA, tilt_rad=None, roll_rad=None)
     with pytest.raises(ArgumentError, match="method 'goal' takes no mounting but the pan"):
         Vision(FIELD, open_tilt).look(frame, mounting=told)

@@ -1,4 +1,4 @@
-"""Compiled loops that ask a table how far lines are: poses compared by it, and samples near lines counted."""
+"""Compiled loop that counts samples near lines by a table of how far these are."""
 
 from __future__ import annotations
 
@@ -9,29 +9,6 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.lines.lines import DistanceTable, nearest_line
 
 Vector = tuple[float, float, float]
-
-
-@compiled
-def mean_rough_distance(points: FloatArray, pose: Vector, distances: DistanceTable, far_m: float) -> float:
-    """Mean of the tabulated distance, between cells bilinear, of points (N, 2) seen from a pose x, y, theta.
-
-    Metres; `far_m` is the distance that the table's value `far` says, and that of points outside it.
-    """
-    table, (origin_x, origin_y), cell, far = distances
-    rows, columns = table.shape
-    c, s, total = math.cos(pose[2]), math.sin(pose[2]), 0.0
-    for i in range(points.shape[0]):
-        x = (pose[0] + c * points[i, 0] - s * points[i, 1] - origin_x) / cell
-        y = (pose[1] + s * points[i, 0] + c * points[i, 1] - origin_y) / cell
-        if not (0.0 <= x <= columns - 1 and 0.0 <= y <= rows - 1):
-            total += far
-            continue
-        ix, iy = min(int(x), columns - 2), min(int(y), rows - 2)
-        fx, fy = x - ix, y - iy
-        above = table[iy, ix] * (1.0 - fx) + table[iy, ix + 1] * fx
-        below = table[iy + 1, ix] * (1.0 - fx) + table[iy + 1, ix + 1] * fx
-        total += above * (1.0 - fy) + below * fy
-    return float(total * far_m / far / points.shape[0])
 
 
 @compiled
@@ -63,7 +40,8 @@ def count_marks_near_lines(
     lines, arcs : (L, 4), (M, 5) float64
         Of the field.
     distances, far_m : DistanceTable, float
-        As in `mean_rough_distance`: what it puts far off is not measured.
+        The table of a `LineMap`, and the distance, metres, that its value `far` stands for: what it puts so far off
+        is not measured.
     """
     table, (origin_x, origin_y), cell, far = distances
     rows, columns = table.shape

@@ -12,7 +12,7 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.lines.lines import DistanceTable, nearest_lines
-from robocup_vision.kernels.lines.rough_distances import count_marks_near_lines, mean_rough_distance
+from robocup_vision.kernels.lines.rough_distances import count_marks_near_lines
 
 # the table's value at `truncate_m` and beyond
 _FAR = 255
@@ -100,17 +100,6 @@ class LineMap:
         """The table as compiled loops take it."""
         x_m, y_m = self.table_origin_m.tolist()
         return DistanceTable(self.table, (x_m, y_m), self.cell_m, _FAR)
-
-    def rough_losses_m(self, poses: list[Pose2], floor_m: FloatArray) -> FloatArray:
-        """Mean of `rough_distance_m` of points (N, 2) in the robot's frame, by each of some poses."""
-        # a copy: what is read only would be compiled for once more
-        points, distances = np.array(floor_m), self.distances
-        return np.array(
-            [
-                mean_rough_distance(points, (pose.x_m, pose.y_m, pose.theta_rad), distances, self.truncate_m)
-                for pose in poses
-            ]
-        )
 
     def nearest(self, points_m: npt.ArrayLike) -> NearestLine:
         """Exact nearest lines of field points (N, 2), metres."""

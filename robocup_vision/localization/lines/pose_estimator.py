@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.fit import LineFitSettings, refine_by_lines, residuals_px
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import (
@@ -48,8 +48,6 @@ class LineSettings:
         are, theirs must be lower by so many standard deviations of that mean.
     rival_ratio, rival_excess : float
         The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
-    clear_ratio : float
-        Of poses that other evidence leaves, the lines take one whose points lie this many times nearer to them.
     min_support : float
         Of the lines that a pose predicts on floor in plain sight, this fraction must have been seen.
     max_std_m, max_std_rad : float
@@ -57,8 +55,6 @@ class LineSettings:
     max_followed_m, max_followed_rad : float
         A pose that is followed moves no farther from where it was expected: half of what separates two modes of the
         search at the usual distances of lines.
-    max_deviation : float
-        Chi-square of a refined pose's deviation from its prior: 3 degrees of freedom, 99.9 %.
     """
 
     search: LineSearchSettings = LineSearchSettings()
@@ -72,13 +68,11 @@ class LineSettings:
     chance_stds: float = 2.0
     rival_ratio: float = 1.35
     rival_excess: float = 0.15
-    clear_ratio: float = 2.0
     min_support: float = 0.75
     max_std_m: float = 0.25
     max_std_rad: float = math.radians(8.0)
     max_followed_m: float = 0.3
     max_followed_rad: float = math.radians(10.0)
-    max_deviation: float = 16.3
 
 
 class LinePoseEstimator:
@@ -111,17 +105,13 @@ class LinePoseEstimator:
     def locate(
         self,
         frame: npt.NDArray[np.uint8] | LinePoints,
-        prior: PoseEstimate | None = None,
     ) -> PoseEstimate | NotLocated:
-        """Find the pose.
+        """Find the pose by searching the whole field.
 
         Parameters
         ----------
         frame : (H, W, 3) uint8, or LinePoints
             BGR image, or the line points already found in it.
-        prior : PoseEstimate, optional
-            Refined if the lines confirm it, otherwise the whole field is searched; it also decides which of two
-            symmetric halves comes first.
 
         Returns
         -------
@@ -129,12 +119,6 @@ class LinePoseEstimator:
             On a field whose lines are point-symmetric both candidates half a turn apart, `pose` first.
         """
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
-        if prior is not None:
-            near = refine_by_lines(prior.pose, points, self.line_map, prior.covariance, settings=self.settings.fit)
-            if near and _deviation(near.pose, prior) < self.settings.max_deviation:
-                near = self._judged(near, points, self.settings.min_carpet_ratio_at_prior)
-                if near:
-                    return self._with_candidates(near, prior)
         found = search_by_lines(points, self.line_map, settings=self.settings.search)
         if not found:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
@@ -145,7 +129,7 @@ class LinePoseEstimator:
         if isinstance(start, NotLocated):
             return start
         refined = self._refined(start, points, self.settings.min_carpet_ratio)
-        return self._with_candidates(refined, prior) if refined else refined
+        return self._with_candidates(refined, None) if refined else refined
 
     def follow(self, frame: npt.NDArray[np.uint8] | LinePoints, start: Pose2) -> PoseEstimate | NotLocated:
         """Find the pose near one, by the frame alone: where the search begins, and nothing more, is known beforehand.
@@ -173,7 +157,7 @@ class LinePoseEstimator:
         if not self.is_near(refined, start):
             distance, angle = refined.pose.error_to(start)
             return NotLocated(f"the lines lead {distance:.2f} m and {math.degrees(angle):.0f} degrees away")
-        return self._with_candidates(refined, PoseEstimate(start, refined.covariance, 1.0, 0.0))
+        return self._with_candidates(refined, start)
 
     def is_near(self, estimate: PoseEstimate, start: Pose2) -> bool:
         """Return whether one of an estimate's poses is so near to another pose that it may be the same one."""
@@ -217,27 +201,6 @@ class LinePoseEstimator:
         near = max(estimate.inlier_ratio * points, 1.0)
         most = 1 / 3 - self.settings.chance_stds * math.sqrt(4 / 45 / near)
         return (estimate.residual_px / self.settings.fit.inlier_px) ** 2 > most
-
-    def choose(self, points: LinePoints, poses: list[Pose2]) -> int | None:
-        """Return the index of the pose that the line points of a frame confirm; None if none of them.
-
-        Parameters
-        ----------
-        points : LinePoints
-            Of the frame.
-        poses : list of Pose2
-            The poses in question.
-
-        Returns
-        -------
-        int or None
-            Index of the pose whose lines run best through the line points, if it is clearly better than the first.
-        """
-        if len(points) < self.settings.search.min_points:
-            return None
-        loss = self.line_map.rough_losses_m(poses, points.floor_m)
-        best = int(np.argmin(loss))
-        return best if self.settings.clear_ratio * loss[best] < loss[0] else None
 
     def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
         """Refine in pixels the candidates that the search does not separate, and take the best if it is alone."""
@@ -302,11 +265,11 @@ class LinePoseEstimator:
         residual = residuals_px(pose, points, self.line_map)
         return float(np.average(np.log1p((residual / self.settings.search.noise_px) ** 2), weights=points.weight))
 
-    def _with_candidates(self, estimate: PoseEstimate, prior: PoseEstimate | None) -> PoseEstimate:
+    def _with_candidates(self, estimate: PoseEstimate, near: Pose2 | None) -> PoseEstimate:
         if not self.line_map.is_point_symmetric:
             return estimate
         turned = estimate.half_turn()
-        if prior is not None and _apart(turned.pose, prior.pose) < _apart(estimate.pose, prior.pose):
+        if near is not None and _apart(turned.pose, near) < _apart(estimate.pose, near):
             estimate, turned = turned, estimate
         return PoseEstimate(
             estimate.pose,
@@ -320,10 +283,3 @@ class LinePoseEstimator:
 def _apart(pose: Pose2, other: Pose2) -> float:
     distance, angle = pose.error_to(other)
     return distance + angle
-
-
-def _deviation(pose: Pose2, prior: PoseEstimate) -> float:
-    """Squared Mahalanobis distance of a pose from its prior."""
-    offset = pose.array - prior.pose.array
-    offset[2] = wrap_angle(offset[2])
-    return float(offset @ np.linalg.solve(prior.covariance, offset))

@@ -43,6 +43,8 @@ from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 _MAX_SAMPLES = 600
 _MAX_POINTS = 400
+# rows and columns between those in which lines are looked for, where none are
+_NEVER = 1_000_000
 # of what a frame leaves open, m and rad
 _OPEN_STD = 1.0
 
@@ -191,6 +193,9 @@ class EdgeFollower:
         self._telling = telling_features(self.edges) if field.shows_half else None
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
+        if not len(field.lines) + len(field.arcs):
+            # lines in view are none of a field that has none, wherever the camera is
+            self.numbers = self.numbers._replace(point_stride=_NEVER)
         # what lies far from a search's proposal is another one's, and from a prior that frames before support clutter:
         # matches lost robots for twice the time where it was looked for
         near = self.numbers._replace(view_sigmas=0.0, bent_ratio=0.0)

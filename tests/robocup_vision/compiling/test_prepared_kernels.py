@@ -45,9 +45,7 @@ print(seen)
 
 
 def test_the_list_names_loops_that_are_there() -> None:
-    assert {"mirror_field", "pinhole_edges", "pinhole_goal", "pinhole_floor", "steering", "memory", "planning"} <= set(
-        groups()
-    )
+    assert {"mirror_field", "pinhole_edges", "pinhole_goal", "steering", "memory", "planning"} <= set(groups())
     unique = {json.dumps(entry) for entries in groups().values() for entry in entries}
     assert sum(len(entries) for entries in modules().values()) == len(unique)
 

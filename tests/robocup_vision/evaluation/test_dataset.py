@@ -201,7 +201,7 @@ def test_truth_of_a_spreadsheet(folder: Path) -> None:
     [
         ("tilt_rad = -0.2", "edges", "tilt_rad", "line 2: a mounting's tilt_rad must lie between -pi/2 and pi/2"),
         ("tilt_rad = -0.2", "edges", "height", "line 1: column 'height' is unknown"),
-        ("tilt_rad = -0.2", "field", "height_m", "key 'height_m': is for method 'edges' and a camera file with tilt_"),
+        ("tilt_rad = -0.2", "goal", "height_m", "key 'height_m': is for method 'edges' and a camera file with tilt_"),
         ("", "goal", "roll_rad", "key 'roll_rad': is for method 'edges' and a camera file with tilt_rad"),
         (None, "floor", "pan_rad", "tells how a head holds the camera, which a mirror camera does not take"),
     ],

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from field_models import load_field
 from robocup_vision.camera import OmniCamera, Tangent, load_camera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator, refine_by_lines
 from robocup_vision.localization.lines.search import has_continuation, search_by_lines
@@ -104,28 +104,6 @@ def test_covariance_owns_up_to_a_wrong_centre():
     assert np.all(np.abs(offset[:2]) < 4 * estimate.std[:2])
 
 
-def test_a_prior_counts_as_a_measurement():
-    truth = Pose2(0.2, 0.1, 0.0)
-    points = seen_points(truth, np.random.default_rng(3))
-    free = refine_by_lines(truth, points, MAP)
-    tight = np.diag([1e-8, 1e-8, 1e-8])
-    held = refine_by_lines(Pose2(0.21, 0.1, 0.0), points, MAP, tight)
-    assert held.pose.x_m == pytest.approx(0.21, abs=2e-3)
-    assert np.all(held.std < free.std)
-
-
-def test_a_prior_says_which_half_comes_first(estimator):
-    truth = Pose2(1.2, -0.5, 2.0)
-    points = seen_points(truth, np.random.default_rng(4))
-    for pose in (truth, truth.half_turn()):
-        near = Pose2(pose.x_m + 0.05, pose.y_m, pose.theta_rad + 0.03)
-        for spread in (0.1, 1e-4):  # the second prior is too sure of itself: searched anew, same half
-            prior = PoseEstimate(near, np.diag([spread**2, spread**2, spread**2]), 1.0, 0.0)
-            estimate = estimator.locate(points, prior)
-            assert estimate.pose.error_to(pose)[0] < 0.05
-            assert abs(wrap_angle(estimate.candidates[1].theta_rad - pose.theta_rad)) > 3
-
-
 def test_a_lopsided_field_has_one_candidate():
     lopsided = dataclasses.replace(FIELD, lines=np.vstack([FIELD.lines, [0.9, -2.0, 0.9, 2.0]]))
     truth = Pose2(-0.4, 0.3, 2.5)
@@ -175,12 +153,11 @@ def test_what_stands_around_the_carpet_is_neither_for_nor_against_a_pose(estimat
     rng = np.random.default_rng(4)
     lines = seen_points(truth, rng, drop=0.1, clutter=0.05, noise_px=1.0)
     points = joined(lines, clutter_beyond_the_carpet(truth, rng, 6))
-    by_prior = estimator.locate(points, PoseEstimate(truth, np.diag([0.1, 0.1, 0.09]) ** 2, 1.0, 0.0))
-    for answer in (by_prior, estimator.follow(points, truth)):
-        assert answer.inlier_ratio < 0.65
-        distance, angle = answer.pose.error_to(truth, symmetric=True)
-        assert distance < 0.02
-        assert angle < math.radians(1)
+    answer = estimator.follow(points, truth)
+    assert answer.inlier_ratio < 0.65
+    distance, angle = answer.pose.error_to(truth, symmetric=True)
+    assert distance < 0.02
+    assert angle < math.radians(1)
     # as many points on the carpet speak against it
     carpet_m = truth.inverse().transform(rng.uniform(*MAP.extent_m, (len(points) - len(lines), 2)))
     specks = LinePoints.from_pixels(CAMERA, CAMERA.floor_to_pixel(carpet_m))
