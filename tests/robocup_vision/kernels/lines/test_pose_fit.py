@@ -64,7 +64,8 @@ def test_residuals_are_pixels_across_the_line_and_their_derivatives_are_right(se
         step[i] = 1e-7
         more, less = measured(truth + step, seen), measured(truth - step, seen)
         # not where the nearest line changes, nor where a point crosses its line
-        smooth = (more.nearest == rows.nearest) & (less.nearest == rows.nearest) & (rows.residual > 1e-6 * np.abs(rows.jacobian[:, i]))
+        smooth = (more.nearest == rows.nearest) & (less.nearest == rows.nearest)
+        smooth &= rows.residual > 1e-6 * np.abs(rows.jacobian[:, i])
         slope = (more.residual - less.residual) / 2e-7
         # beyond a line's end the direction to it turns, too
         is_right = np.isclose(rows.jacobian[smooth, i], slope[smooth], rtol=0.02, atol=1.0)
