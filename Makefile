@@ -69,7 +69,7 @@ ros-test: $(INSTALLED)
 .venv-ros/installed: $(INSTALLED)
 	$(PYTHON) -m venv .venv-ros
 	.venv-ros/bin/python -m pip install -qq --disable-pip-version-check --editable '.[ros,report]' pytest hypothesis evo \
-		'ros-kilted-rclpy[fastrtps]' ros-sensor-msgs ros-nav-msgs ros-geometry-msgs
+		'ros-kilted-rclpy[fastrtps]' ros-sensor-msgs ros-nav-msgs ros-geometry-msgs ros-diagnostic-msgs
 	touch $@
 
 # npm's Chromium, or else Debian's; where neither can be had the test says "not run"

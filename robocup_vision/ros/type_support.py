@@ -76,15 +76,6 @@ _FIND = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
 _GET = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)
 
 
-def message_class(name: str) -> Any:
-    """Return the installed class of a message type; None where its package is not installed."""
-    package, _, kind = name.split("/")
-    try:
-        return getattr(import_module(f"{package}.msg"), kind, None)
-    except ImportError:
-        return None
-
-
 @cache
 def raw_class(name: str) -> Any:
     """Return a class by which rclpy sends and receives bytes of a type: the installed one, or one that is made.
@@ -94,8 +85,16 @@ def raw_class(name: str) -> Any:
     class or None
         None where the type's package is not installed, and the middleware is another than Fast DDS.
     """
-    kind = message_class(name)
+    kind = _installed_class(name)
     return _made_class(name) if kind is None else kind
+
+
+def _installed_class(name: str) -> Any:
+    package, _, kind = name.split("/")
+    try:
+        return getattr(import_module(f"{package}.msg"), kind, None)
+    except ImportError:
+        return None
 
 
 def forget_error() -> None:

@@ -15,7 +15,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -194,34 +194,75 @@ def test_types_without_a_package_are_published_and_a_wrong_encoding_is_warned_of
         "/field_boundary_in_image": "soccer_vision_2d_msgs/msg/FieldBoundary",
         "/tracks": "soccer_model_msgs/msg/ObstacleArray",
         "/tf": "tf2_msgs/msg/TFMessage",
+        "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     }
     read: dict[str, Any] = {}
-    for topic, name in types.items():
+    levels: list[int] = []
 
-        def on_bytes(data: bytes, topic: str = topic, name: str = name) -> None:
+    def listen(topic: str, name: str) -> None:
+        def on_bytes(data: bytes) -> None:
             read[topic] = decode(data, name)
+            if topic == "/diagnostics":
+                levels.append(read[topic].status[0].level)
 
         node.create_subscription(raw_class(name), topic, on_bytes, 5, raw=True)
-    now = run_frames()[0]
-    stamp_s = itertools.count(1.0, 0.1)
+
+    for topic, name in types.items():
+        listen(topic, name)
+    now, stamp_s = run_frames()[0], itertools.count(1.0, 0.1)
+
+    def send(encoding: str, is_enough: Callable[[], bool]) -> None:
+        until_s = time.monotonic() + 4 * _PATIENCE_S
+        while not is_enough() and time.monotonic() < until_s:
+            message = image_message(now.frame, next(stamp_s), "camera")
+            message.encoding = encoding
+            images.publish(encode(message))
+            rclpy.spin_once(node, timeout_sec=0.1)
+
     options = ["--field", "ssl_2001", "--camera", tmp_path / "camera.toml"]
     with program("-m", "robocup_vision.cli", "ros", *options):
-        until_s = time.monotonic() + 4 * _PATIENCE_S
-        while len(read) < len(types) and time.monotonic() < until_s:
-            for encoding in ("mono8", "bgr8"):
-                message = image_message(now.frame, next(stamp_s), "camera")
-                message.encoding = encoding
-                images.publish(encode(message))
-                rclpy.spin_once(node, timeout_sec=0.1)
+        send("mono8", lambda: any("mono8" in text for text in logged) and 2 in levels)
+        send("bgr8", lambda: read.keys() == types.keys() and levels[-1] == 0)
+        levels.clear()
+        send("mono8", lambda: levels.count(2) == 2)
         published = {topic: node.get_publishers_info_by_topic(topic) for topic in types}
     node.destroy_node()
     assert read.keys() == types.keys()
+    assert levels.count(2) == 2
     assert len(read["/field_boundary_in_image"].points) > 10
     for topic, name in types.items():
         [info] = [one for one in published[topic] if one.node_name == "robocup_vision"]
         assert (info.topic_type, str(info.topic_type_hash)) == (name, type_hash(name))
     assert sum("image encoding 'mono8' cannot be read" in text for text in logged) == 1
     assert not any("not published" in text for text in logged)
+
+
+def test_under_another_middleware_what_is_missing_is_named_once(ros: None, tmp_path: Path) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+    from rcl_interfaces.msg import Log
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    save_camera(make_vision().camera, tmp_path / "camera.toml")
+    node = rclpy.create_node("watcher")
+    logged: list[str] = []
+    quality = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(Log, "/rosout", lambda log: logged.append(log.msg) if log.level == 30 else None, quality)
+    told: list[DiagnosticArray] = []
+    node.create_subscription(DiagnosticArray, "/diagnostics", told.append, 5)
+    another = "import rclpy.utilities as it; it.get_rmw_implementation_identifier = lambda: 'rmw_cyclonedds_cpp'"
+    run = "import sys; from robocup_vision import cli; sys.exit(cli.main(sys.argv[1:]))"
+    options = ["ros", "--field", "ssl_2001", "--camera", tmp_path / "camera.toml"]
+    with program("-c", f"{another}; {run}", *options):
+        until_s = time.monotonic() + 4 * _PATIENCE_S
+        while len(told) < 3 and time.monotonic() < until_s:
+            rclpy.spin_once(node, timeout_sec=0.1)
+    node.destroy_node()
+    [text] = [text for text in logged if "not published" in text]
+    for topic, package in (("/balls", "soccer_vision_3d_msgs"), ("/tracks", "soccer_model_msgs"), ("/tf", "tf2_msgs")):
+        assert f"{topic} ({package})" in text
+    assert "/scan" not in text
+    notes = [pair.value for pair in told[-1].status[0].values if pair.key == "notes"]
+    assert "/balls (soccer_vision_3d_msgs) is not installed" in notes[0]
 
 
 def test_evo_reports_the_same_trajectory_error(recorded: Path, tmp_path: Path) -> None:

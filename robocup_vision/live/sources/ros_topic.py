@@ -22,7 +22,7 @@ from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.messages.images import frame_of
 from robocup_vision.messages.poses import pose_of
 from robocup_vision.messages.types import decode, prepare, to_seconds
-from robocup_vision.ros.type_support import message_class
+from robocup_vision.ros.type_support import forget_error, raw_class
 from robocup_vision.vision import Vision
 
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -229,7 +229,7 @@ class _Listener(Closing):
     def _subscribe(self, topic: str, kind: str, handler: Handler) -> str:
         from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-        message = message_class(kind)
+        message = raw_class(kind)
         if message is None:
             return f"topic {topic}: message type {kind} is not installed"
         prepare([kind])
@@ -246,4 +246,5 @@ class _Listener(Closing):
         if old is not None:
             self._node.destroy_subscription(old[1])
         self._heard[topic] = kind, self._node.create_subscription(message, topic, on_bytes, quality, raw=True)
+        forget_error()
         return ""
