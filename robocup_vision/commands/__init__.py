@@ -16,6 +16,7 @@ from typing import Any
 GROUP = "robocup_vision.commands"
 _OWN = (
     "evaluate",
+    "compare",
     "calibrate",
     "camera",
     "check",

@@ -103,38 +103,41 @@ def render_report(
     found : Found, optional
         What was found of the boxes.
     """
-    from jinja2 import Environment
-
-    template = (files("robocup_vision.evaluation") / "report.html").read_text(encoding="utf-8")
     ranked = sorted(range(len(rows)), key=lambda index: (rows[index].severity, -index), reverse=True)
     worst_indices = {index for index, _ in worst}
     others = [(index, jpeg) for index, jpeg in sorted(spread.items()) if index not in worst_indices]
     plots = draw_plots(dataset.field, rows)
     if dataset.method == "goal":
         plots += draw_goal_plots(dataset.field, rows)
-    page: str = (
-        Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        .from_string(template)
-        .render(
-            name=dataset.name,
-            notes=notes,
-            tiles=_tiles(figures, time_of(dataset.times is not None)),
-            summary=_summary(figures, time_of(dataset.times is not None)),
-            conditions=_conditions(dataset),
-            plots=plots,
-            worst_rows=[_line(rows[index]) for index in ranked[:WORST_COUNT]],
-            worst_overlays=[_overlay(rows[index], jpeg) for index, jpeg in worst],
-            other_overlays=[_overlay(rows[index], jpeg) for index, jpeg in others],
-            reasons=_reasons(rows),
-            rows=[_line(rows[index]) for index in sorted(ranked[:_MAX_LISTED])],
-            images=len(rows),
-            moments=moments or {},
-            kinds=_kinds(found.figures or {}),
-            crops=[(crop.caption, data_uri("jpeg", crop.jpeg)) for crop in found.crops],
-            crops_left_out=found.crops_left_out,
-        )
+    return render_page(
+        "report.html",
+        name=dataset.name,
+        notes=notes,
+        tiles=_tiles(figures, time_of(dataset.times is not None)),
+        summary=_summary(figures, time_of(dataset.times is not None)),
+        conditions=_conditions(dataset),
+        plots=plots,
+        worst_rows=[_line(rows[index]) for index in ranked[:WORST_COUNT]],
+        worst_overlays=[_overlay(rows[index], jpeg) for index, jpeg in worst],
+        other_overlays=[_overlay(rows[index], jpeg) for index, jpeg in others],
+        reasons=_reasons(rows),
+        rows=[_line(rows[index]) for index in sorted(ranked[:_MAX_LISTED])],
+        images=len(rows),
+        moments=moments or {},
+        kinds=_kinds(found.figures or {}),
+        crops=[(crop.caption, data_uri("jpeg", crop.jpeg)) for crop in found.crops],
+        crops_left_out=found.crops_left_out,
     )
-    return page
+
+
+def render_page(template: str, **values: object) -> str:
+    """Return a page of this folder's templates as HTML text."""
+    from jinja2 import Environment, FunctionLoader
+
+    folder = files("robocup_vision.evaluation")
+    loader = FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8"))
+    pages = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    return pages.get_template(template).render(values)
 
 
 def _tiles(figures: Figures, time_of_what: str) -> list[tuple[str, str]]:

@@ -7,8 +7,8 @@ import pytest
 from robocup_vision.commands import registered
 
 NAMES = {
-    "evaluate", "calibrate", "check", "live", "map", "fields", "import-boxes", "match", "tournament", "render",
-    "render-goal", "render-hall", "sensors", "learn-goal-evidence", "fit-evidence",
+    "evaluate", "compare", "calibrate", "check", "live", "map", "fields", "import-boxes", "match", "tournament",
+    "render", "render-goal", "render-hall", "sensors", "learn-goal-evidence", "fit-evidence",
 }  # fmt: skip
 
 
