@@ -10,7 +10,7 @@ COVERAGE := $(if $(CI),--cov --cov-report=term:skip-covered --cov-fail-under=90)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help .venv wheel test slow coverage browser-test ros-test docs demo match examples figures bench-check clean
+.PHONY: help .venv wheel test slow coverage browser-test ros-test docs pictures demo match examples figures bench-check clean
 
 help:
 	@echo "make demo      evaluate the sample datasets and write out/omni_ssl_2001/report.html, out/goal_four_legged/report.html"
@@ -21,6 +21,7 @@ help:
 	@echo "make browser-test  open the live page and a report in a headless Chromium, which is installed first"
 	@echo "make wheel     dist/robocup_vision-...-cp*.whl with all loops compiled, for robots like this machine"
 	@echo "make docs      the documentation: out/docs/index.html"
+	@echo "make pictures  draw the pictures of the guides anew, into docs/"
 	@echo "make match     play a simulated match of 60 s, 2 against 2, and write out/match/report.html"
 	@echo "make examples  run every program in examples/"
 	@echo "make figures   render the tables of README.md and benchmarks/README.md from benchmarks/figures"
@@ -91,6 +92,9 @@ docs: .venv/installed-docs
 .venv/installed-docs: $(INSTALLED)
 	$(PYTHON) -m pip install -qq --disable-pip-version-check --editable '.[docs]'
 	touch $@
+
+pictures: $(INSTALLED)
+	$(PYTHON) docs/pictures.py
 
 demo: $(INSTALLED)
 	.venv/bin/robocup-vision evaluate images/omni_ssl_2001 --out out/omni_ssl_2001

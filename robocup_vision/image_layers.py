@@ -13,6 +13,7 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.geometry import Pose2
 from robocup_vision.view import View
 
 Paths = tuple[FloatArray, ...]
@@ -84,6 +85,10 @@ class ImageLayerMaker:
             _obstacles(view),
             self._ball(view),
         )
+
+    def field_at(self, camera: OmniCamera | PinholeCamera, pose: Pose2) -> Paths:
+        """Return lines and walls of the field as a camera shows them from a pose of the robot."""
+        return _pieces(camera, camera.floor_to_pixel(pose.inverse().transform(self._lines)), self._line_ends)
 
     def _at_pose(self, view: View) -> tuple[Paths, Paths]:
         if not view.pose:

@@ -14,7 +14,7 @@ from robocup_vision.live.handover.controls import Controls
 from robocup_vision.live.handover.display import Display
 from robocup_vision.live.handover.moment import Moment, RobotSetup
 from robocup_vision.live.sources.opening import open_source, recordings_in
-from robocup_vision.live.sources.source import Source, SourceFrame, SourceOptions
+from robocup_vision.live.sources.source import PlacingSource, Source, SourceFrame, SourceOptions
 from robocup_vision.live.sources.source_loop import SourceLoop
 
 if TYPE_CHECKING:
@@ -92,6 +92,8 @@ class LiveRun(Controls):
         if len(sources) == 1 and sources[0].setups[0].camera is None:
             offers = offers - {"save"} | {"calibrate"}
             self._calibrator = Calibrator(self._display, sources[0].setups[0], self._out, self.say, self._use_camera)
+        if len(sources) == 1 and isinstance(sources[0], PlacingSource):
+            offers = offers | {"place"}
         for source in sources:
             self._loops.append(SourceLoop(source, self._display, self._watch, self.say, self._tell))
         if all(loop.vision(setup.name) is not None for loop in self._loops for setup in loop.source.setups):
@@ -151,6 +153,11 @@ class LiveRun(Controls):
         for loop in self._loops:
             loop.seek(t_s)
         self._tell()
+
+    def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
+        """Put a robot of a simulation, or its ball, elsewhere."""
+        self.need("place")
+        self._loops[0].place(thing, x_m, y_m, theta_rad)
 
     def open(self, recording: str, t_s: float) -> None:
         """Open another recording of the folder.

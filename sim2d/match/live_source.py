@@ -7,16 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import load_camera
-from robocup_vision.live.handover.moment import RobotPlan, RobotSetup
+from robocup_vision.geometry import Pose2
+from robocup_vision.live.handover.moment import RobotPlan, RobotSetup, TrueRobot, TrueWorld
 from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.recording.loops import mounting_of
 from robocup_vision.vision import Vision
 from sim2d.match.match import Match
 from sim2d.players.catalog import player_factory
 from sim2d.report.moment import Moment, RobotMoment
+from sim2d.world.state import WorldState
 
 _KEYS = ("players", "seed", "robots", "ours", "theirs")
 
@@ -83,8 +87,9 @@ class MatchSource:
         self.name = name
         self._match, self._robots = match, robots
         arena = match.arena
+        self._names = {_name(robot.index): robot.index for robot in arena.state.robots}
         self.setups = tuple(
-            RobotSetup(f"robot {index}", arena.field, arena.camera, arena.limits.radius_m) for index in robots
+            RobotSetup(_name(index), arena.field, arena.camera, arena.limits.radius_m) for index in robots
         )
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
@@ -101,6 +106,29 @@ class MatchSource:
         """Refuse: a match is played forwards."""
         raise ArgumentError("a match cannot go to a time")
 
+    def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
+        """Put a robot or the ball elsewhere, at rest: no robot's odometry measures that.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such thing, or the place is off the floor.
+        """
+        arena = self._match.arena
+        end_x_m, end_y_m = np.abs(arena.field.floor_polygon).max(axis=0)
+        if abs(x_m) > end_x_m or abs(y_m) > end_y_m:
+            raise ArgumentError(f"{thing} cannot be put at ({x_m:.2f}, {y_m:.2f}): that is off the floor")
+        if thing == "ball":
+            arena.world.place_ball(x_m, y_m)
+        elif thing in self._names:
+            index = self._names[thing]
+            heading_rad = arena.state.robots[index].pose.theta_rad if theta_rad is None else theta_rad
+            arena.world.place(index, Pose2(x_m, y_m, heading_rad))
+        else:
+            raise ArgumentError(
+                f"there is no {thing!r} in this match, only the ball and robots 0 to {len(self._names) - 1}"
+            )
+
     def close(self) -> None:
         """Nothing is held open."""
 
@@ -114,7 +142,7 @@ class MatchSource:
             # the player has not looked at this frame
             view = None
         return SourceFrame(
-            f"robot {index}",
+            _name(index),
             frame,
             frame_t_s,
             robot.senses.odometry,
@@ -123,7 +151,17 @@ class MatchSource:
             colors=robot.status.colors,
             plan=_plan(robot),
             truth=truth.pose if frame_t_s == moment.state.t_s else None,
+            world=_world(moment.state),
         )
+
+
+def _name(index: int) -> str:
+    return f"robot {index}"
+
+
+def _world(state: WorldState) -> TrueWorld:
+    robots = tuple(TrueRobot(_name(robot.index), robot.side, robot.pose) for robot in state.robots)
+    return TrueWorld(robots, None if state.ball is None else (state.ball.x_m, state.ball.y_m))
 
 
 def _plan(robot: RobotMoment) -> RobotPlan:

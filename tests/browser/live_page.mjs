@@ -1,7 +1,8 @@
-// Opens the live page of a match, does what a user does, and prints as JSON what it saw: node live_page.mjs ADDRESS PICTURE
+// Opens the live page of a match, does what a user does, and prints as JSON what it saw: node live_page.mjs ADDRESS PICTURES
+import { misplaced } from "./boxes.mjs";
 import { launch } from "./launch.mjs";
 
-const [address, picture] = process.argv.slice(2);
+const [address, pictures] = process.argv.slice(2);
 const browser = await launch();
 const told = { stage: "open", version: browser.version(), console: [], requests: [], errors: [] };
 const WAIT = { timeout: 60_000 };
@@ -38,7 +39,7 @@ try {
   told.stage = "pause and step";
   // pause, step, back
   await page.keyboard.press("Space");
-  await page.waitForFunction(() => status.paused, null, WAIT);
+  await page.waitForFunction(() => document.body.dataset.paused === "true", null, WAIT);
   await page.waitForTimeout(700);
   const paused = await number();
   await page.waitForTimeout(1000);
@@ -52,12 +53,12 @@ try {
   await page.waitForFunction(before => Number(document.querySelector("article.card").dataset.number) < before, before, WAIT);
   told.step_back = (await number()) - before;
   await page.click("#back30");
-  await page.waitForFunction(before => status.back_s > 1 && Number(document.querySelector("article.card").dataset.number) < before - 20, before, WAIT);
+  await page.waitForFunction(before => Number(document.body.dataset.back) > 1 && Number(document.querySelector("article.card").dataset.number) < before - 20, before, WAIT);
   told.state = await page.textContent("#state");
   await page.keyboard.press("n");
-  await page.waitForFunction(() => !status.paused && !status.stands_still, null, WAIT);
+  await page.waitForFunction(() => document.body.dataset.paused === "false" && document.body.dataset.still === "false", null, WAIT);
   await page.keyboard.press("Space");
-  await page.waitForFunction(() => status.paused, null, WAIT);
+  await page.waitForFunction(() => document.body.dataset.paused === "true", null, WAIT);
   await page.waitForTimeout(700);
 
   told.stage = "layers";
@@ -75,6 +76,40 @@ try {
   told.key_switches = !await page.isChecked('#legend input[data-layer="field"]');
   await page.keyboard.press("7");
 
+  told.stage = "zoom and pointer";
+  // what lies under the pointer, before and after the middle is enlarged
+  const field = card.locator('canvas[data-part="field"]'), where = card.locator('[data-part="field-where"]');
+  await field.scrollIntoViewIfNeeded();
+  const under = async (fx, fy, canvas = field, text = where) => {
+    const box = await canvas.boundingBox();
+    await page.mouse.move(box.x + fx * box.width, box.y + fy * box.height);
+    return (await text.textContent()).replaceAll("−", "-").match(/-?[0-9.]+/g).map(Number);
+  };
+  told.middle = await under(.5, .5);
+  told.right = await under(.75, .5);
+  told.pixel = await under(.5, .5, card.locator('canvas[data-part="image"]'), card.locator('[data-part="image-where"]'));
+  const small = await canvas("field");
+  await card.locator('canvas[data-part="field"] ~ .zoom button').first().click();
+  told.zoom_changes = small !== await canvas("field");
+  told.zoomed = await under(.75, .5);
+  await card.locator('canvas[data-part="field"] ~ .zoom button').last().click();
+  told.zoom_returns = small === await canvas("field");
+  told.plots = await card.locator(".plots figure").evaluateAll(all => all.map(one => one.textContent));
+
+  told.stage = "put elsewhere";
+  // the robot is dragged from where it is to a place of the field, while the match stands still
+  const truth = JSON.parse((await at()).truth), [x75] = told.right, [, y25] = await under(.5, .25);
+  const place = (x, y) => [.5 + .25 * x / x75, .5 - .25 * y / y25];
+  told.asked = [-.3 * Math.sign(truth[0]), .4];
+  const stood = await number();
+  await under(...place(...truth));
+  await page.mouse.down();
+  await under(...place(...told.asked));
+  await page.mouse.up();
+  await beyond(stood);
+  await page.waitForTimeout(500);
+  told.put = JSON.parse((await at()).truth);
+
   told.stage = "save";
   // save the frame; light and dark
   await page.keyboard.press("s");
@@ -91,7 +126,16 @@ try {
   const still = await number();
   await page.keyboard.press("Space");
   await beyond(still + 3);
-  await page.screenshot({ path: picture });
+  // it fits windows of all widths
+  await page.keyboard.press("Space");
+  await page.waitForFunction(() => document.body.dataset.paused === "true", null, WAIT);
+  told.widths = {};
+  for (const width of [390, 1920, 1280]) {
+    await page.setViewportSize({ width, height: 900 });
+    await page.waitForTimeout(700);
+    told.widths[width] = await page.evaluate(misplaced);
+    await page.screenshot({ path: `${pictures}/live-${width}.png`, fullPage: true });
+  }
   told.done = true;
 } catch (error) {
   told.errors.push(`${told.stage}: ${error}`);

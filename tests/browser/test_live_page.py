@@ -29,8 +29,7 @@ def match(tmp_path):
 
 
 def test_a_user_watches_a_match(node, match, tmp_path):
-    picture = tmp_path / "page.png"
-    done = node("live_page.mjs", match, picture)
+    done = node("live_page.mjs", match, tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])
     assert told["errors"] == []
@@ -58,8 +57,22 @@ def test_a_user_watches_a_match(node, match, tmp_path):
     assert "before the newest" in told["state"]
     assert all(layer["returns"] for layer in told["layers"].values())
     changing = {name for name, layer in told["layers"].items() if layer["changes"]}
-    assert changing >= {"edge", "lines", "free", "field", "map", "truth"}
+    assert changing >= {"edge", "lines", "free", "field", "map", "truth", "trail"}
     assert told["key_switches"]
     assert told["theme_switches"]
     assert len(load_dataset(told["saved"]).image_names) == 1
-    assert picture.stat().st_size > 20_000
+
+    assert told["middle"][:2] == pytest.approx([0.0, 0.0], abs=0.02)
+    assert told["right"][0] > 0.5
+    assert told["zoomed"][0] == pytest.approx(told["right"][0] / 1.5, abs=0.02)
+    assert told["zoom_changes"]
+    assert told["zoom_returns"]
+    assert told["pixel"] == pytest.approx([128, 110], abs=2)
+    assert [text.split()[0] for text in told["plots"]] == ["Position", "Heading", "Time"]
+    assert all(re.search(r"\d", text) for text in told["plots"])
+    # one control period later it has hardly moved
+    assert math.dist(told["put"][:2], told["asked"]) < 0.05
+    for width, seen in told["widths"].items():
+        assert seen["document_px"] <= int(width)
+        assert seen["beyond"] == []
+        assert seen["overlaps"] == []

@@ -11,6 +11,7 @@ _REFUSALS = {
     "open": "no recordings can be opened: start live with the folder that holds them",
     "record": "this source cannot be recorded",
     "save": "frames of this source cannot be saved: it has no camera file",
+    "place": "nothing can be put elsewhere here: only in a simulation",
     "calibrate": "this source needs no calibration: it has a camera file",
 }
 
@@ -23,8 +24,8 @@ class Controls:
     Attributes
     ----------
     offers : frozenset of str
-        What the run can do, of "pause", "seek", "open", "record", "save", "calibrate". A run without "pause" goes on by
-        itself, as a camera does: a page then stands still alone.
+        What the run can do, of "pause", "seek", "open", "record", "save", "calibrate", "place". A run without "pause"
+        goes on by itself, as a camera does: a page then stands still alone.
     """
 
     offers: frozenset[str] = frozenset()
@@ -63,6 +64,10 @@ class Controls:
     def save(self, robot: str, number: int) -> None:
         """Write a picture's frame as a dataset."""
         self.need("save")
+
+    def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
+        """Put a robot of a simulation, or its ball, somewhere on the field; without a heading a robot keeps its own."""
+        self.need("place")
 
     def collect(self, on: bool) -> None:
         """Begin or end collecting frames for a calibration."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
@@ -56,6 +57,21 @@ class RobotPlan:
     reasons: tuple[str, ...] = ()
 
 
+class TrueRobot(NamedTuple):
+    """Where a simulated robot is: its name, its side (+1 attacks the goal at +x, -1 the other one), its pose."""
+
+    name: str
+    side: int
+    pose: Pose2
+
+
+class TrueWorld(NamedTuple):
+    """Where everything is in a simulation, field frame; what has a name, and the "ball", can be put elsewhere."""
+
+    robots: tuple[TrueRobot, ...]
+    ball_m: Point | None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
     """One moment of one robot.
@@ -82,6 +98,8 @@ class Moment:
         How often the source gives frames, by their times.
     settings : mapping of str to str
         Words to show beside: the method, and what else does not change often.
+    world : TrueWorld or None
+        Where everything was in a simulation.
     """
 
     robot: str
@@ -94,3 +112,4 @@ class Moment:
     truth: Pose2 | None = None
     rate_hz: float | None = None
     settings: Mapping[str, str] | None = None
+    world: TrueWorld | None = None

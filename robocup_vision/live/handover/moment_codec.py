@@ -43,7 +43,7 @@ class MomentWriter:
                 now["map_state"] = belief.free_map.state
                 told["belief"] = replace(belief, free_map=replace(belief.free_map, state=_NO_FRAME))
         changed = {name: value for name, value in now.items() if value is not self._sent[name]}
-        rest = (moment.robot, moment.t_s, moment.problem, moment.plan, moment.truth, moment.rate_hz)
+        rest = (moment.robot, moment.t_s, moment.problem, moment.plan, moment.truth, moment.rate_hz, moment.world)
         return pickle.dumps((changed, told, rest), pickle.HIGHEST_PROTOCOL), changed
 
     def sent(self, changed: dict[str, object]) -> None:
@@ -59,7 +59,7 @@ class MomentReader:
 
     def read(self, data: bytes, frame: UInt8Array) -> Moment:
         """Return the moment; its frame comes apart from it."""
-        changed, told, (robot, t_s, problem, plan, truth, rate_hz) = pickle.loads(data)
+        changed, told, (robot, t_s, problem, plan, truth, rate_hz, world) = pickle.loads(data)
         self._known.update(changed)
         known, view = self._known, None
         if told is not None:
@@ -67,4 +67,4 @@ class MomentReader:
             if belief is not None and belief.free_map is not None:
                 told["belief"] = replace(belief, free_map=replace(belief.free_map, state=known["map_state"]))
             view = View(**told, polar=known["polar"], grid=known["grid"], camera=known["camera"])
-        return Moment(robot, frame, t_s, view, problem, known["colors"], plan, truth, rate_hz, known["settings"])
+        return Moment(robot, frame, t_s, view, problem, known["colors"], plan, truth, rate_hz, known["settings"], world)

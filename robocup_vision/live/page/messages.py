@@ -13,6 +13,8 @@ MAX_MESSAGE_BYTES = 1024
 
 _Name = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
 _Number = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+_Metres = Annotated[float, msgspec.Meta(ge=-1e3, le=1e3)]
+_Angle = Annotated[float, msgspec.Meta(ge=-10.0, le=10.0)]
 _Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 
 
@@ -67,6 +69,15 @@ class Save(msgspec.Struct, tag="save", tag_field="type", forbid_unknown_fields=T
     number: _Number
 
 
+class Place(msgspec.Struct, tag="place", tag_field="type", forbid_unknown_fields=True, frozen=True):
+    """Put a robot of a simulation, or its ball, somewhere on the field."""
+
+    thing: _Name
+    x_m: _Metres
+    y_m: _Metres
+    theta_rad: _Angle | None = None
+
+
 class Collect(msgspec.Struct, tag="collect", tag_field="type", forbid_unknown_fields=True, frozen=True):
     """Begin or end collecting frames for a calibration."""
 
@@ -79,7 +90,7 @@ class Calibrate(msgspec.Struct, tag="calibrate", tag_field="type", forbid_unknow
     kind: Literal["omni", "pinhole"]
 
 
-Message: TypeAlias = Drawn | Pause | Step | Back | Seek | Open | Record | Save | Collect | Calibrate
+Message: TypeAlias = Drawn | Pause | Step | Back | Seek | Open | Record | Save | Place | Collect | Calibrate
 
 _DECODER: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
 

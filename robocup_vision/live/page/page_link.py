@@ -102,6 +102,8 @@ class PageLink:
                 controls.record(on)
             case messages.Save(robot, number):
                 controls.save(robot, number)
+            case messages.Place(thing, x_m, y_m, theta_rad):
+                controls.place(thing, x_m, y_m, theta_rad)
             case messages.Collect(on):
                 controls.collect(on)
             case messages.Calibrate(kind):

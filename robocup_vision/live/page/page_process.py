@@ -55,6 +55,9 @@ class _FarControls(Controls):
     def record(self, on: bool) -> None:
         self._ask("record", "record", on)
 
+    def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
+        self._ask("place", "place", thing, x_m, y_m, theta_rad)
+
     def collect(self, on: bool) -> None:
         self._ask("calibrate", "collect", on)
 

@@ -17,10 +17,10 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.belief import Belief, MapPicture
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.image_layers import ImageLayerMaker, Paths
-from robocup_vision.live.handover.moment import Moment, RobotSetup
+from robocup_vision.live.handover.moment import Moment, RobotSetup, TrueWorld
 from robocup_vision.mapping.occupancy import FREE, NO_GO
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.view import View
@@ -130,6 +130,7 @@ def describe(moment: Moment, layers: ImageLayerMaker) -> dict[str, Any]:
         "problem": moment.problem,
         "rate_hz": moment.rate_hz,
         "truth": None if moment.truth is None else _pose(moment.truth),
+        "world": None if moment.world is None else _world(moment.world),
         "command": None if moment.plan.command is None else _rounded(moment.plan.command, 4),
         "way": [_rounded(point, 3) for point in moment.plan.way],
         "reasons": list(moment.plan.reasons),
@@ -137,16 +138,24 @@ def describe(moment: Moment, layers: ImageLayerMaker) -> dict[str, Any]:
         "colors": [] if moment.colors is None else _swatches(moment.colors),
     }
     if moment.view is not None:
-        told.update(_view(moment.view, layers))
+        told.update(_view(moment.view, layers, moment.truth))
     return told
 
 
-def _view(view: View, maker: ImageLayerMaker) -> dict[str, Any]:
+def _world(world: TrueWorld) -> dict[str, Any]:
+    return {
+        "robots": [[robot.name, robot.side, *_pose(robot.pose)] for robot in world.robots],
+        "ball": None if world.ball_m is None else _rounded(world.ball_m, 4),
+    }
+
+
+def _view(view: View, maker: ImageLayerMaker, truth: Pose2 | None) -> dict[str, Any]:
     layers = maker.layers(view)
     known = view.pose if view.belief is None else view.belief.pose
     told: dict[str, Any] = {
         "frame_pose": _estimate(view.pose),
         "pose": _estimate(known),
+        "error": _error(known, truth),
         "from_memory": view.belief is not None,
         "candidates": [_pose(pose) for pose in view.pose.candidates] if view.pose else [],
         "timings_ms": {name: round(1e3 * seconds, 3) for name, seconds in view.timings_s.items()},
@@ -158,6 +167,8 @@ def _view(view: View, maker: ImageLayerMaker) -> dict[str, Any]:
             "goals": _all_flat(layers.goals_px),
             "obstacles": _all_flat(layers.obstacles_px),
             "ball": _all_flat(layers.ball_px),
+            "truth": [] if truth is None else _all_flat(maker.field_at(view.camera, truth)),
+            **_edges(view.edge_points),
         },
         "ball": None,
         "free_m": [],
@@ -219,6 +230,21 @@ def _estimate(pose: PoseEstimate | NotLocated) -> dict[str, Any]:
         "ellipse": _ellipse(pose.covariance),
         "inlier_ratio": round(pose.inlier_ratio, 3),
         "residual_px": round(pose.residual_px, 2),
+    }
+
+
+def _error(known: PoseEstimate | NotLocated, truth: Pose2 | None) -> list[float] | None:
+    """Return metres and radians from the truth to the nearest of the poses that the estimate allows."""
+    if truth is None or isinstance(known, NotLocated):
+        return None
+    return _rounded(min((pose.error_to(truth) for pose in known.candidates), key=sum), 5)
+
+
+def _edges(points: EdgePoints | None) -> dict[str, list[float]]:
+    """Return where edges of the field were predicted, by what the frame shows there."""
+    states = (EdgeState.FOUND, EdgeState.HIDDEN, EdgeState.MISSING)
+    return {
+        state.name.lower(): [] if points is None else _flat(points.pixels[points.state == state]) for state in states
     }
 
 

@@ -1,4 +1,4 @@
-"""Serves the page on this machine: one HTML file, and one WebSocket for each page that is open.
+"""Serves the page on this machine: its few files, and one WebSocket for each page that is open.
 
 Needs the extra `live` (starlette, uvicorn), which is imported only when a page is served. Only pages that came from
 here are let in: a page of another origin, and a name that was pointed at this machine, are refused.
@@ -7,10 +7,7 @@ here are let in: a page of another origin, and a name that was pointed at this m
 from __future__ import annotations
 
 import asyncio
-import base64
-import hashlib
 import ipaddress
-import re
 import socket
 import threading
 import time
@@ -36,6 +33,14 @@ if TYPE_CHECKING:
     from starlette.requests import HTTPConnection
     from starlette.websockets import WebSocket
 
+# of the page's files by suffix; a browser runs none of another type
+_MEDIA_TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
+_PAGE = "page.html"
+# the page's own scripts and styles run, and nothing from elsewhere
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
 # pages at a time, and messages in a row that cannot be read, before a page is sent away
 MAX_PAGES, MAX_BAD_MESSAGES = 8, 10
 # a page that is not told of anything new is told so, so that it can tell a silent source from a lost connection
@@ -156,40 +161,34 @@ def make_app(feed: Feed, controls: Controls, hosts: frozenset[str] | None) -> St
     async def show_page(request: HTTPConnection) -> Response:
         if not pages.is_expected_host(request):
             return PlainTextResponse("this page is at another address", status_code=400)
-        text, policy = page()
+        name = request.url.path.removeprefix("/") or _PAGE
         headers = {
-            "Content-Security-Policy": policy,
+            "Content-Security-Policy": _POLICY,
             "X-Content-Type-Options": "nosniff",
             "Referrer-Policy": "no-referrer",
             "Cross-Origin-Resource-Policy": "same-origin",
             "Cross-Origin-Opener-Policy": "same-origin",
             "Cache-Control": "no-store",
         }
-        return Response(text, media_type="text/html", headers=headers)
+        return Response(page_files()[name], media_type=_MEDIA_TYPES[name.rpartition(".")[2]], headers=headers)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         with pages.open():
             yield
 
-    return Starlette(routes=[Route("/", show_page), WebSocketRoute("/live", pages.serve)], lifespan=lifespan)
-
-
-@cache
-def page() -> tuple[str, str]:
-    """Return the page and the policy that lets its own script and style run, and nothing from elsewhere."""
-    text = (files("robocup_vision.live.page") / "page.html").read_text(encoding="utf-8")
-    hashes = {tag: _hashes(text, tag) for tag in ("script", "style")}
-    return text, (
-        f"default-src 'none'; script-src {hashes['script']}; style-src {hashes['style']}; img-src data: blob:; "
-        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    files_beside = [Route(f"/{name}", show_page) for name in page_files() if name != _PAGE]
+    return Starlette(
+        routes=[Route("/", show_page), *files_beside, WebSocketRoute("/live", pages.serve)], lifespan=lifespan
     )
 
 
-def _hashes(text: str, tag: str) -> str:
-    blocks = re.findall(f"<{tag}>(.*?)</{tag}>", text, flags=re.DOTALL)
-    digests = (hashlib.sha256(block.encode()).digest() for block in blocks)
-    return " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
+@cache
+def page_files() -> dict[str, str]:
+    """Return the page, its style and its scripts by name."""
+    folder = files("robocup_vision.live.page") / "web"
+    own = (entry for entry in folder.iterdir() if entry.name.rpartition(".")[2] in _MEDIA_TYPES)
+    return {entry.name: entry.read_text(encoding="utf-8") for entry in own}
 
 
 class _Pages:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.mounting import Mounting
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.live.handover.moment import RobotPlan, RobotSetup
+from robocup_vision.live.handover.moment import RobotPlan, RobotSetup, TrueWorld
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
@@ -43,6 +43,8 @@ class SourceFrame:
         What the robot is about to do.
     truth : Pose2 or None
         Where it really was.
+    world : TrueWorld or None
+        Where everything was in a simulation.
     """
 
     robot: str
@@ -56,6 +58,7 @@ class SourceFrame:
     colors: Colors | None = None
     plan: RobotPlan = RobotPlan()
     truth: Pose2 | None = None
+    world: TrueWorld | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,4 +148,28 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Let go of files and devices."""
+        ...
+
+
+@runtime_checkable
+class PlacingSource(Source, Protocol):
+    """A simulation, in which robots and the ball can be put elsewhere between two reads."""
+
+    def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
+        """Put something elsewhere.
+
+        Parameters
+        ----------
+        thing : str
+            "ball", or a robot's name.
+        x_m, y_m : float
+            Where, field frame.
+        theta_rad : float or None
+            A robot's heading; None: as it is.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such thing, or the place is off the floor.
+        """
         ...

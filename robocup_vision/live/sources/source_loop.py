@@ -8,13 +8,13 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from field_models.errors import FrameError, RobocupVisionError
 from robocup_vision.live.handover.display import Display
 from robocup_vision.live.handover.moment import Moment, RobotSetup
 from robocup_vision.live.sources.frame_rate import FrameRate
-from robocup_vision.live.sources.source import Source, SourceFrame
+from robocup_vision.live.sources.source import PlacingSource, Source, SourceFrame
 from robocup_vision.vision import Vision
 
 # a source that gives nothing for so long stalls
@@ -35,6 +35,7 @@ class _Orders:
     paused: bool = False
     steps: int = 0
     seek_s: float | None = None
+    places: list[tuple[str, float, float, float | None]] = field(default_factory=list)
     stop: bool = False
 
 
@@ -111,6 +112,13 @@ class SourceLoop:
             self._orders.seek_s, self._orders.paused, self._orders.steps = t_s, True, 0
             self._news.notify_all()
 
+    def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
+        """Put something elsewhere before the next frame, which is taken even while standing still."""
+        with self._news:
+            self._orders.places.append((thing, x_m, y_m, theta_rad))
+            self._orders.steps += self._orders.paused
+            self._news.notify_all()
+
     def close(self) -> None:
         """End the loop, and let go of the source."""
         with self._news:
@@ -138,6 +146,7 @@ class SourceLoop:
                 self._go_to(seek_s)
                 clock.forget()
                 continue
+            self._place_things()
             frames = self._read()
             if frames is None:
                 self._end()
@@ -170,6 +179,16 @@ class SourceLoop:
             if seek_s is None and self._stands_still():
                 orders.steps -= 1
             return seek_s
+
+    def _place_things(self) -> None:
+        with self._news:
+            places, self._orders.places = self._orders.places, []
+        for place in places:
+            assert isinstance(self.source, PlacingSource), "nothing is placed where it is not offered"
+            try:
+                self.source.place(*place)
+            except RobocupVisionError as error:
+                self._say(f"{self.source.name}: {error}")
 
     def _stands_still(self) -> bool:
         # what does not wait goes on: a page then stands still alone
@@ -242,6 +261,7 @@ class SourceLoop:
             plan=frame.plan,
             truth=frame.truth,
             rate_hz=self._rate.rate_hz,
+            world=frame.world,
         )
         if vision is None:
             return moment if frame.view is not None else replace(moment, problem="not looked at")

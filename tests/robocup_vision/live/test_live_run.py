@@ -167,6 +167,41 @@ def test_a_film_pauses_steps_and_goes_on(run_of, vision, frames):
     assert run.loops[0].frames == 12
 
 
+class _Simulation(_Scripted):
+    """Things can be put elsewhere in it, but for one."""
+
+    def __init__(self, vision, script):
+        super().__init__(vision, script, waits=True)
+        self.placed = []
+
+    def place(self, thing, x_m, y_m, theta_rad):
+        if thing == "sun":
+            raise ArgumentError("there is no 'sun' in this match")
+        self.placed.append((thing, x_m, y_m, theta_rad))
+
+
+def test_things_are_put_elsewhere_even_while_it_stands_still(run_of, vision, frames):
+    source = _Simulation(vision, [(n / 20, frames[0]) for n in range(50)])
+    run, feed = run_of(source)
+    assert "place" in run.offers
+    run.pause(True)
+    run.start()
+    run.pause(True)
+    until(lambda: feed.wait_until_made(1.0))
+    before = run.loops[0].frames
+    run.place("ball", 0.5, 0.25, None)
+    until(lambda: run.loops[0].frames == before + 1)
+    assert source.placed == [("ball", 0.5, 0.25, None)]
+    run.place("sun", 0.0, 0.0, None)
+    until(lambda: lines(feed) == ["scripted: there is no 'sun' in this match"])
+
+
+def test_nothing_is_put_elsewhere_where_it_is_no_simulation(run_of, vision, frames):
+    run, _ = run_of(_Scripted(vision, [(0.0, frames[0])]))
+    with pytest.raises(ArgumentError, match="only in a simulation"):
+        run.place("ball", 0.0, 0.0, None)
+
+
 def test_a_camera_cannot_be_paused_or_sought(run_of, vision, frames):
     run, _ = run_of(_Scripted(vision, [(0.0, frames[0])]))
     assert run.offers == {"save", "record"}

@@ -3,6 +3,7 @@
 import pytest
 
 from field_models.errors import ArgumentError
+from robocup_vision.geometry import Pose2
 from robocup_vision.live.sources.opening import open_source
 from robocup_vision.live.sources.source import SourceOptions
 from sim2d.match.live_source import open_match
@@ -29,6 +30,36 @@ def test_the_same_seed_is_the_same_match():
     for _ in range(3):
         a, b = one.read(1.0)[0], two.read(1.0)[0]
     assert (a.frame == b.frame).all()
+
+
+def test_robots_and_the_ball_are_put_elsewhere():
+    source = open_source("sim:ssl_2001,players=1,seed=3", SourceOptions())
+    source.read(1.0)
+    source.place("robot 0", 0.3, -0.4, 1.5)
+    source.place("robot 1", 0.9, 0.6, None)
+    source.place("ball", -0.5, 0.25, None)
+    heading_rad = source.read(1.0)[0].world.robots[1].pose.theta_rad
+    frame = source.read(1.0)[0]
+    robots = {robot.name: robot for robot in frame.world.robots}
+    assert [robot.side for robot in frame.world.robots] == [1, -1]
+    # one control period later they have hardly moved
+    assert robots["robot 0"].pose.error_to(Pose2(0.3, -0.4, 1.5))[0] < 0.05
+    assert robots["robot 1"].pose.error_to(Pose2(0.9, 0.6, heading_rad))[1] < 0.2
+    assert frame.world.ball_m == pytest.approx((-0.5, 0.25), abs=0.05)
+    assert frame.truth.error_to(robots["robot 0"].pose) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        (("ball", 9.0, 0.0, None), r"ball cannot be put at \(9.00, 0.00\): that is off the floor"),
+        (("robot 7", 0.0, 0.0, None), "there is no 'robot 7' in this match, only the ball and robots 0 to 1"),
+    ],
+)
+def test_what_cannot_be_put_there_is_named(place, words):
+    source = open_source("sim:ssl_2001,players=1,seed=3", SourceOptions())
+    with pytest.raises(ArgumentError, match=words):
+        source.place(*place)
 
 
 @pytest.mark.parametrize(

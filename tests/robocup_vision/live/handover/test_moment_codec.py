@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from robocup_vision.geometry import Pose2
 from robocup_vision.image_layers import ImageLayerMaker
+from robocup_vision.live.handover.moment import TrueRobot, TrueWorld
 from robocup_vision.live.handover.moment_codec import MomentReader, MomentWriter
 from robocup_vision.live.page.picture import describe
 
@@ -17,6 +19,12 @@ def test_a_moment_is_described_alike_on_both_sides(setup, remembered):
     assert describe(got, layers) == describe(remembered, layers)
     assert np.array_equal(got.view.belief.free_map.state, remembered.view.belief.free_map.state)
     assert set(changed) == {"polar", "grid", "camera", "colors", "map_state"}
+
+
+def test_where_everything_is_in_a_simulation_passes(remembered):
+    world = TrueWorld((TrueRobot("robot 3", -1, Pose2(1.0, 0.0, 3.0)),), None)
+    data, _ = MomentWriter().write(replace(remembered, world=world))
+    assert MomentReader().read(data, remembered.frame).world == world
 
 
 def test_what_has_not_changed_is_sent_once(remembered):

@@ -19,6 +19,11 @@ GOOD = [
     ({"type": "open", "recording": "a.mcap"}, messages.Open("a.mcap", 0.0)),
     ({"type": "record", "on": False}, messages.Record(False)),
     ({"type": "save", "robot": "robot", "number": 0}, messages.Save("robot", 0)),
+    ({"type": "place", "thing": "ball", "x_m": 1, "y_m": -0.5}, messages.Place("ball", 1.0, -0.5, None)),
+    (
+        {"type": "place", "thing": "robot 1", "x_m": 1.5, "y_m": 0, "theta_rad": 3},
+        messages.Place("robot 1", 1.5, 0.0, 3.0),
+    ),
     ({"type": "collect", "on": True}, messages.Collect(True)),
     ({"type": "calibrate", "kind": "omni"}, messages.Calibrate("omni")),
 ]
@@ -37,6 +42,9 @@ def test_each_message_is_read(told, message):
         '{"type": "step", "frames": 100000}', '{"type": "back", "seconds": -1}', '{"type": "back", "seconds": NaN}',
         '{"type": "back", "seconds": 1e999}', '{"type": "save", "robot": "", "number": 1}',
         '{"type": "save", "robot": "r", "number": -1}', '{"type": "calibrate", "kind": "fisheye"}',
+        '{"type": "place", "thing": "ball", "x_m": 1}', '{"type": "place", "thing": "ball", "x_m": 1e999, "y_m": 0}',
+        '{"type": "place", "thing": "ball", "x_m": 1, "y_m": NaN}',
+        '{"type": "place", "thing": "", "x_m": 1, "y_m": 0}',
         '{"type": "open", "recording": "' + "a" * 300 + '"}', '{"type": "pause", "on": true}' + " " * 2000,
         '"\\ud800"', "\ud800",
     ],

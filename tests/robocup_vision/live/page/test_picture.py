@@ -1,17 +1,20 @@
 """What a page gets of a moment: every layer, the pose, the map, as plain JSON with a JPEG and a PNG."""
 
 import json
+import math
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
-from robocup_vision.estimates import NotLocated
-from robocup_vision.live.handover.moment import RobotPlan
+from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
+from robocup_vision.live.handover.moment import RobotPlan, TrueRobot, TrueWorld
 from robocup_vision.live.page.picture import PictureMaker, split_picture
 
-LAYERS = {"edge", "lines", "free", "field", "goals", "obstacles", "ball"}
+EDGES = {"found", "hidden", "missing"}
+LAYERS = {"edge", "lines", "free", "field", "goals", "obstacles", "ball", "truth"} | EDGES
 
 
 def test_a_moment_becomes_json_and_jpeg(setup, moment, frames):
@@ -82,3 +85,49 @@ def test_the_values_are_json_a_browser_reads(setup, remembered):
         raise AssertionError(f"{text} is no JSON")
 
     assert json.loads(picture.data[12 : 12 + json_bytes], parse_constant=refuse)["type"] == "moment"
+
+
+def test_edges_are_told_by_what_the_frame_shows_there(setup, moment):
+    pixels = np.array([[10.0, 20.0], [30.5, 40.5], [50.0, 60.0], [70.0, 80.0], [90.0, 100.0]])
+    states = [EdgeState.FOUND, EdgeState.HIDDEN, EdgeState.MISSING, EdgeState.UNSEEN, EdgeState.FOUND]
+    shown = moment()
+    shown = replace(shown, view=replace(shown.view, edge_points=EdgePoints(pixels, np.array(states))))
+    layers = split_picture(PictureMaker(setup, 85).make(shown, 0).data)[0]["layers"]
+    assert layers["found"] == [10.0, 20.0, 90.0, 100.0]
+    assert layers["hidden"] == [30.5, 40.5]
+    assert layers["missing"] == [50.0, 60.0]
+
+
+def test_the_error_is_that_of_the_nearest_candidate(setup, moment):
+    plain = moment()
+    pose, covariance = Pose2(1.0, 0.5, 0.3), np.eye(3) * 1e-4
+    both = PoseEstimate(pose, covariance, 1.0, 0.2, (pose, pose.half_turn()))
+    maker = PictureMaker(setup, 85)
+
+    def error(estimate, truth):
+        shown = replace(plain, view=replace(plain.view, pose=estimate), truth=truth)
+        return split_picture(maker.make(shown, 0).data)[0]["error"]
+
+    truth = Pose2(-1.0, -0.53, 0.4 - math.pi)
+    assert error(both, truth) == pytest.approx([0.03, 0.1], abs=1e-4)
+    # who is sure of the wrong half is wrong
+    sure = PoseEstimate(pose, covariance, 1.0, 0.2)
+    assert error(sure, truth)[0] == pytest.approx(math.hypot(2.0, 1.03), abs=1e-4)
+    assert error(both, None) is None
+    assert error(NotLocated("too dark"), truth) is None
+
+
+def test_the_truth_is_drawn_in_the_image_where_the_field_is_seen_from_there(setup, moment):
+    shown = moment()
+    told, _, _ = split_picture(PictureMaker(setup, 85).make(replace(shown, truth=shown.view.pose.pose), 0).data)
+    assert told["layers"]["truth"] == told["layers"]["field"]
+
+
+def test_everything_in_a_simulation_is_told(setup, moment):
+    robots = (TrueRobot("robot 0", 1, Pose2(0.1, 0.2, 0.3)), TrueRobot("robot 1", -1, Pose2(1.0, 0.0, 3.0)))
+    shown = replace(moment(), world=TrueWorld(robots, (0.5, -0.5)))
+    told, _, _ = split_picture(PictureMaker(setup, 85).make(shown, 0).data)
+    assert told["world"] == {
+        "robots": [["robot 0", 1, 0.1, 0.2, 0.3], ["robot 1", -1, 1.0, 0.0, 3.0]],
+        "ball": [0.5, -0.5],
+    }
