@@ -224,7 +224,7 @@ def team():
     save_plot(figure, "team.png")
 
 
-def boxes(name, size, places, arrows):
+def boxes(name, size, places, arrows, width=10.0):
     """Draw boxes by name and place, and arrows between them with words."""
     figure = new_figure(*size)
     axes = figure.subplots()
@@ -251,7 +251,7 @@ def boxes(name, size, places, arrows):
             bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"},
             zorder=7,
         )
-    axes.set_xlim(0, 10)
+    axes.set_xlim(0, width)
     axes.set_ylim(0, 4)
     axes.axis("off")
     save_plot(figure, name)
@@ -297,9 +297,50 @@ def machines():
     )
 
 
-PICTURES = {
-    one.__name__: one for one in (frames, score, calibration, steering, refused, cameras, team, league, machines)
-}
+def recordings():
+    """Draw where a recording comes from and what reads it."""
+    boxes(
+        "recordings.png",
+        (9.0, 3.6),
+        {
+            "robot's loop with Recorder,\nlive --record, match --record": (1.7, 2.0),
+            "run.mcap:\nframes, odometry,\nviews, commands, settings": (5.2, 2.0),
+            "replay: the same, bit for bit?": (8.6, 3.6),
+            "evaluate: how well?": (8.6, 2.5),
+            "live: look at a moment": (8.6, 1.4),
+            "Foxglove, ROS 2, evo": (8.6, 0.3),
+        },
+        [
+            ((3.3, 2.0), (4.0, 2.0), ""),
+            *(((6.4, 2.0), (7.3, y), "") for y in (3.5, 2.5, 1.4, 0.4)),
+        ],
+    )
+
+
+def landmarks():
+    """Draw how a map is built and used."""
+    boxes(
+        "landmarks.png",
+        (9.0, 2.6),
+        {
+            "three cameras,\nonce round the room": (1.2, 2.0),
+            "map.npz: features\nwith covariances": (4.6, 2.0),
+            "60 of them, chosen\nfor one place": (8.4, 3.3),
+            "one camera's frame": (8.4, 0.7),
+            "pose with\ncovariance": (11.4, 2.0),
+        },
+        [
+            ((2.3, 2.0), (3.5, 2.0), "map build"),
+            ((5.7, 2.2), (7.2, 3.2), ""),
+            ((9.5, 3.1), (10.6, 2.3), ""),
+            ((9.5, 0.9), (10.6, 1.7), "map locate"),
+        ],
+        width=12.4,
+    )
+
+
+_ALL = (frames, score, calibration, steering, refused, cameras, team, league, machines, recordings, landmarks)
+PICTURES = {one.__name__: one for one in _ALL}
 
 if __name__ == "__main__":
     for chosen in sys.argv[1:] or PICTURES:
