@@ -18,7 +18,7 @@ seen, from the outline in `View.boundary_px` downwards, and the carpet projected
 carpet ending 0.3 m behind the halfway line, since the photographs show a hall of half a field. Blur: whether the
 variance of the picture's Laplacian is below 60.
 
-PINHOLE. `calibrate_pinhole` on 12 rendered pictures (--quick: 6) of a goal from anywhere, from starts that are 12 % off
+PINHOLE. `calibrate_forward` on 12 rendered pictures (--quick: 6) of a goal from anywhere, from starts that are 12 % off
 in focal length and 3 cm in height; and on goal_spl from its own file. A consistent standard deviation s puts the error
 within 3 s.
 """
@@ -41,7 +41,7 @@ from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.calibration.colors import calibrate_colors
-from robocup_vision.calibration.pinhole import PinholeCalibration, calibrate_pinhole
+from robocup_vision.calibration.forward.calibrate import ForwardCalibration, calibrate_forward
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import CLASS_NAMES, build_color_table
@@ -302,7 +302,7 @@ def measure_pinhole(seed: int, count: int) -> bool:
                 focal_px=(true.focal_px[0] * off, true.focal_px[1] * off),
                 height_m=true.height_m + 0.03 * side,
             )
-            result = calibrate_pinhole(field, [s.frame for s in samples], start)
+            result = calibrate_forward(field, [s.frame for s in samples], start)
             height_m = float(np.mean([s.camera.height_m for s in samples]))
             all_ok &= _pinhole_row(table, f"{name}, {12 * side:+d} %", result, true, height_m, count)
     folder = REAL / "goal_spl"
@@ -310,7 +310,7 @@ def measure_pinhole(seed: int, count: int) -> bool:
         camera = load_camera(folder / "camera.toml")
         assert isinstance(camera, PinholeCamera)
         frames = [np.asarray(cv2.imread(str(p)), dtype=np.uint8) for p in sorted((folder / "images").iterdir())]
-        result = calibrate_pinhole(load_field("spl_2020"), frames, camera)
+        result = calibrate_forward(load_field("spl_2020"), frames, camera)
         _pinhole_row(table, "goal_spl", result, camera, camera.height_m, len(frames), judged=False)
     else:
         table.row("goal_spl", "not installed", *[None] * 6)
@@ -320,7 +320,7 @@ def measure_pinhole(seed: int, count: int) -> bool:
 def _pinhole_row(
     table: Table, label: str, result: object, true: PinholeCamera, height_m: float, count: int, *, judged: bool = True
 ) -> bool:
-    if not isinstance(result, PinholeCalibration):
+    if not isinstance(result, ForwardCalibration):
         table.row(label, 0, *[None] * 4, getattr(result, "reason", "")[:30], verdict(False) if judged else None)
         return not judged
     focal_off, focal_std = result.camera.focal_px[0] / true.focal_px[0] - 1, result.std["focal_px"] / true.focal_px[0]

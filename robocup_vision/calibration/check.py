@@ -18,9 +18,9 @@ import numpy as np
 
 from field_models.errors import FrameError
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.calibration.by_edges import calibrate_by_edges
 from robocup_vision.calibration.carpet import shows_carpet
 from robocup_vision.calibration.doctor import Doctor, Picture, make_vision
+from robocup_vision.calibration.forward.by_edges import calibrate_by_edges
 from robocup_vision.calibration.near_set_ups import NearSetUp
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
@@ -502,12 +502,12 @@ class _Check:
             return []
         some = dict(list(enumerate(self.frames))[:: -(-len(self.frames) // settings.max_calibrated)])
         fit = calibrate_by_edges(self.dataset.field, some, [start], dict.fromkeys(some), StartTrials())
-        if isinstance(fit, NotCalibrated) or len(fit.views) < settings.min_turns:
+        if isinstance(fit, NotCalibrated) or len(fit.fit.held) < settings.min_turns:
             return []
         tilt_std, _, height_std, focal_std, *_ = np.sqrt(np.diag(fit.covariance)).tolist()
         focal_px, height_m, tilt_rad = fit.camera.focal_px[0], fit.camera.height_m, fit.camera.tilt_rad or 0.0
         evidence = (
-            f"by {len(fit.views)} images the focal length is {focal_px:.1f} +- {focal_std * focal_px:.1f} px, "
+            f"by {len(fit.fit.held)} images the focal length is {focal_px:.1f} +- {focal_std * focal_px:.1f} px, "
             f"the height {height_m:.3f} +- {height_std:.3f} m, the tilt {math.degrees(tilt_rad):+.1f} +- "
             f"{math.degrees(tilt_std):.1f} degrees"
         )
@@ -522,7 +522,7 @@ class _Check:
         ]
         if not off:
             return [Finding("lens", "ok", f"{evidence}, as the camera file says")]
-        mend = "robocup-vision calibrate pinhole --start CAMERA corrects it"
+        mend = "robocup-vision calibrate forward --start CAMERA corrects it"
         return [Finding("lens", "wrong", f"{evidence}; not so {', '.join(off)} of the camera file: {mend}")]
 
     def _check_colors(self) -> Finding:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import cv2
@@ -16,6 +16,7 @@ import numpy as np
 from field_models.catalog import field_names, load_field
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
@@ -159,6 +160,24 @@ def _lens_of_other_size(own: SetUp) -> Iterator[NearSetUp]:
         )
 
 
+def _lens_model(own: SetUp) -> Iterator[NearSetUp]:
+    """Take a pinhole camera's lens for a fisheye, a fisheye for a pinhole camera, and either without its distortion."""
+    camera = own.camera
+    if not isinstance(camera, PinholeCamera):
+        return
+    mend = "robocup-vision calibrate forward --start CAMERA"
+    if isinstance(camera, FisheyeCamera):
+        others = [("a pinhole lens instead of a fisheye", camera.without_lens, 'model = "pinhole"')]
+    else:
+        values = {one.name: getattr(camera, one.name) for one in fields(PinholeCamera)} | {"distortion": ()}
+        others = [("a fisheye instead of a pinhole lens", FisheyeCamera(**values), f'model = "fisheye"; {mend}')]
+    if any(camera.distortion):
+        straight = replace(camera, distortion=())
+        others.append(("distortion = [] in the camera file", straight, f"of which lens model is it? {mend}"))
+    for words, other, wanted in others:
+        yield NearSetUp("lens", words, replace(own, camera=other), wanted)
+
+
 def _mirroring(own: SetUp) -> Iterator[NearSetUp]:
     """Look into the mirror the other way round."""
     camera = own.camera
@@ -201,7 +220,7 @@ def _sizes(own: SetUp) -> Iterator[NearSetUp]:
             yield NearSetUp("range", words, replace(own, camera=other), "robocup-vision calibrate omni --start CAMERA")
         return
     focal_px, height_m = camera.focal_px, camera.height_m
-    mend = "robocup-vision calibrate pinhole --start CAMERA"
+    mend = "robocup-vision calibrate forward --start CAMERA"
     for ratio in _RATIOS:
         longer = replace(camera, focal_px=(ratio * focal_px[0], ratio * focal_px[1]))
         words = f"a focal length of {longer.focal_px[0]:.0f} instead of {focal_px[0]:.0f} pixels"
@@ -227,6 +246,7 @@ NEAR: tuple[Callable[[SetUp], Iterator[NearSetUp]], ...] = (
     _picture,
     _tilt,
     _lens_of_other_size,
+    _lens_model,
     _mirroring,
     _sizes,
     _fields,

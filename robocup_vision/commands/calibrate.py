@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robocup_vision.commands.calibrate_colors import add_colors_parser
+from robocup_vision.commands.calibrate_forward import add_forward_parser
 from robocup_vision.commands.calibrate_options import add_calibration_options, start_trials
-from robocup_vision.commands.calibrate_pinhole import add_pinhole_parser
 
 if TYPE_CHECKING:
     from field_models.field import Field
@@ -32,7 +32,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     _add_omni_parser(kinds)
     add_colors_parser(kinds)
-    add_pinhole_parser(kinds)
+    add_forward_parser(kinds)
     return parser
 
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import re
 from typing import Any
 
-from robocup_vision.commands.options import angle, size
+from robocup_vision.commands.options import NEGATIVE_ANGLE, angle, size
 
 _FORMATS = {
     "ros": "ROS' camera_info, as camera_calibration writes it",
     "opencv": "a calibration that OpenCV's FileStorage has written",
     "kalibr": "Kalibr's camchain",
 }
-# argparse takes -15deg for an option otherwise
-_NEGATIVE = re.compile(r"^-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?(deg|rad)?$")
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -30,7 +27,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
             description=f"Make a camera file of {text} (YAML). Of the mounting, which such a file does not know, give"
             " what is known; angles are in radians, or in degrees such as -15deg.",
         )
-        one._negative_number_matcher = _NEGATIVE
+        one._negative_number_matcher = NEGATIVE_ANGLE
         add = one.add_argument
         add("file", help="the calibration")
         add("--height", type=float, required=True, metavar="M", help="of the lens over the floor, metres")

@@ -7,6 +7,10 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
+
+# argparse takes -15deg for an option otherwise
+NEGATIVE_ANGLE = re.compile(r"^-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?(deg|rad)?$")
 
 
 def count(text: str) -> int:

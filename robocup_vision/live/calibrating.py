@@ -177,9 +177,9 @@ class Calibrator:
         self._tell(f"calibrated by the frames in {self._folder}: start live with --camera {path} from now on")
 
     def _fit(self, kind: str, images: Path) -> OmniCamera | PinholeCamera | None:
+        from robocup_vision.calibration.forward.calibrate import calibrate_forward
         from robocup_vision.calibration.not_calibrated import NotCalibrated
         from robocup_vision.calibration.omni.calibrate import calibrate_omni
-        from robocup_vision.calibration.pinhole import calibrate_pinhole
         from robocup_vision.files.image_folder import ImageFiles
 
         files = ImageFiles([images])
@@ -189,7 +189,7 @@ class Calibrator:
                 return omni.camera
             self._fail(omni.reason)
             return None
-        pinhole = calibrate_pinhole(self._setup.field, files, names=files.names)
+        pinhole = calibrate_forward(self._setup.field, files, names=files.names)
         if not isinstance(pinhole, NotCalibrated):
             return pinhole.camera
         self._fail(pinhole.reason)

@@ -13,7 +13,7 @@ from robocup_vision import cli
 CORPUS = Path(__file__).parent / "corpus"
 # those that neither play nor serve for long, whatever words they get
 COMMANDS = (
-    "check", "evaluate", "fields", "calibrate omni", "calibrate colors", "calibrate pinhole", "render --count 0",
+    "check", "evaluate", "fields", "calibrate omni", "calibrate colors", "calibrate forward", "render --count 0",
     "replay", "log info", "log convert", "log score", "map", "tournament --matches 0", "match --seconds -1",
     "render-goal --count 0", "",
 )  # fmt: skip

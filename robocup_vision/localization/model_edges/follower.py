@@ -31,6 +31,7 @@ from robocup_vision.kernels.model_edges.tables import (
     TILT,
     UNKNOWNS,
     UNSEEN,
+    FieldEdges,
     Fit,
     Prior,
     Scene,
@@ -255,6 +256,11 @@ class EdgeFollower:
         self._camera_prior[1, :3] = tilt_std, roll_std, camera.height_std_m
         told, carried = self._camera_prior[1, :3] ** 2, self._sway[1, :3]
         self._sway[1, :3] = np.where(at_rest, told, np.minimum(carried, told))
+
+    @property
+    def painted_edges(self) -> FieldEdges:
+        """The field's edges, white paint as bright as the last pictures showed it."""
+        return self._scene.field
 
     @property
     def tilt_roll_rad(self) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.camera import PinholeCamera, save_camera
+from robocup_vision.camera import FisheyeCamera, PinholeCamera, save_camera
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.pinhole import render_pinhole
@@ -92,6 +92,14 @@ SLIPS = {
     "lens of half size": (
         {"camera": replace(FORWARD, focal_px=(114.0, 114.0), center_px=(79.5, 59.5))},
         "lens: with focal length and centre taken as those of pictures of half the size 4 of 4 pictures are located",
+    ),
+    "lens of another model": (
+        {"camera": FisheyeCamera((320, 240), (228.0, 228.0), (159.5, 119.5), 0.45, tilt_rad=TILT_RAD), "truth": TRUTH},
+        re.compile(r"lens: with a pinhole lens instead of a fisheye 4 of 4 pictures agree with the truth "),
+    ),
+    "distortion of another model": (
+        {"camera": replace(FORWARD, distortion=(-0.6, 0.3, 0.0, 0.0)), "truth": TRUTH},
+        re.compile(r"lens: with distortion = \[\] in the camera file 4 of 4 pictures agree with the truth "),
     ),
     "focal length": (
         {"camera": replace(FORWARD, focal_px=(205.0, 205.0)), "truth": TRUTH},

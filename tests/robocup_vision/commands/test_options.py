@@ -15,7 +15,7 @@ from robocup_vision.commands.options import count, seed
 COMMANDS = {
     "evaluate": ["nowhere"],
     "calibrate omni": ["nowhere", "--field", "ssl_2001", "--out", "c.toml"],
-    "calibrate pinhole": ["nowhere", "--field", "ssl_2001", "--out", "c.toml"],
+    "calibrate forward": ["nowhere", "--field", "ssl_2001", "--out", "c.toml"],
     "warm-up": [],
     "tournament": [],
     "render": ["--field", "ssl_2001", "--camera", "sekimori", "out"],
@@ -46,7 +46,7 @@ def test_seeds_begin_at_zero(value: int) -> None:
         ("evaluate", "--jobs", "0", "must be at least 1, got 0"),
         ("evaluate", "--jobs", "many", "must be a whole number, got 'many'"),
         ("calibrate omni", "--jobs", "0", "must be at least 1, got 0"),
-        ("calibrate pinhole", "--frames", "0", "must be at least 1, got 0"),
+        ("calibrate forward", "--frames", "0", "must be at least 1, got 0"),
         ("warm-up", "--jobs", "-2", "must be at least 1, got -2"),
         ("tournament", "--jobs", "0", "must be at least 1, got 0"),
         ("render", "--count", "0", "must be at least 1, got 0"),

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from field_models import load_field
+from robocup_vision.calibration.forward.calibrate import calibrate_forward
 from robocup_vision.calibration.not_calibrated import NotCalibrated
-from robocup_vision.calibration.pinhole import calibrate_pinhole
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.pinhole import render_pinhole
@@ -73,12 +73,12 @@ def assert_is_true(result, camera=TRUE):
     ],
 )
 def test_lines_alone_correct_a_start(ratio, height_m, tilt_deg, spl, frames):
-    assert_is_true(calibrate_pinhole(spl, frames, off(ratio, height_m, tilt_deg)))
+    assert_is_true(calibrate_forward(spl, frames, off(ratio, height_m, tilt_deg)))
 
 
 @pytest.mark.slow
 def test_the_result_does_not_depend_on_the_start(spl, frames):
-    one, other = (calibrate_pinhole(spl, frames, off(ratio)) for ratio in (0.95, 1.05))
+    one, other = (calibrate_forward(spl, frames, off(ratio)) for ratio in (0.95, 1.05))
     assert one
     assert other
     assert one.camera.focal_px[0] == pytest.approx(other.camera.focal_px[0], rel=1e-3)
@@ -88,7 +88,7 @@ def test_the_result_does_not_depend_on_the_start(spl, frames):
 @pytest.mark.slow
 def test_lines_do_without_any_start(spl, frames):
     """Tilt, focal length and height are of no file."""
-    assert_is_true(calibrate_pinhole(spl, frames))
+    assert_is_true(calibrate_forward(spl, frames))
 
 
 @pytest.mark.slow
@@ -104,7 +104,7 @@ def test_walls_serve_where_goals_have_no_posts():
     )
     shown = render(field, camera, places, 9)
     start = replace(camera, focal_px=(0.93 * camera.focal_px[0], 0.93 * camera.focal_px[1]))
-    assert_is_true(calibrate_pinhole(field, shown, start), camera)
+    assert_is_true(calibrate_forward(field, shown, start), camera)
 
 
 @pytest.mark.parametrize(
@@ -119,6 +119,6 @@ def test_walls_serve_where_goals_have_no_posts():
     ],
 )
 def test_what_would_do_is_said_where_nothing_is_in_view(start, ways, spl):
-    result = calibrate_pinhole(spl, [np.full((240, 320, 3), (50, 130, 45), np.uint8)], start)
+    result = calibrate_forward(spl, [np.full((240, 320, 3), (50, 130, 45), np.uint8)], start)
     assert isinstance(result, NotCalibrated)
     assert result.reason == f"no goal is found in any of the images, whatever the focal length may be{ways}"

@@ -1,9 +1,6 @@
-"""Estimates a pinhole camera's focal length, height and tilt from pictures of a field.
+"""Estimates a pinhole camera's focal length, height and tilt from pictures of a goal and the lines around it.
 
-All edges in view come first (`calibrate_by_edges`). Pictures of a goal and the lines around it are taken where edges
-fail, and where goals show the half and the start's tilt is unknown.
-
-There each picture is fitted with a focal length and a height of its own under wide priors, together with its pose
+Each picture is fitted with a focal length and a height of its own under wide priors, together with its pose
 (`GoalPoseEstimator`). The pictures' information on these two common numbers is added up, without the priors and each
 picture's own unknowns: one Gauss-Newton step of the joint fit. The pictures are fitted again about the result. Those
 that contradict the rest are left out.
@@ -17,10 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
-from robocup_vision.calibration.by_edges import calibrate_by_edges
+from robocup_vision.calibration.forward.result import ONLY_ONE, ForwardCalibration, ForwardFrame, too_uncertain
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import JsonForm, StartTrials
 from robocup_vision.camera import PinholeCamera
@@ -46,14 +42,13 @@ from robocup_vision.progress import progress
 
 _COMMON = (LOG_FOCAL, HEIGHT)
 _LOSS = FitLoss(np.ones(1), np.ones(1), False)
-_ONLY_ONE = "one image cannot be checked against others: use several"
 # median of chi-square with two degrees of freedom
 _MEDIAN_CHI2 = 1.386
 
 
 @dataclass(frozen=True, slots=True)
-class PinholeCalibrationSettings:
-    """Settings of a pinhole camera's calibration.
+class GoalCalibrationSettings:
+    """Settings of a calibration by goals.
 
     Parameters
     ----------
@@ -75,8 +70,6 @@ class PinholeCalibrationSettings:
         Lower bounds of those: a round that is too sure of itself would fix the next one.
     max_deviation : float
         Pictures farther from the rest than so many standard deviations, in two numbers, are left out.
-    max_result_focal_std, max_result_height_std_m : float
-        A less certain result is refused: relative focal length, height in metres.
     max_tilt_spread_rad : float
         A camera whose tilt differs less than this between pictures is fixed on its robot.
     """
@@ -96,45 +89,7 @@ class PinholeCalibrationSettings:
     min_focal_std: float = 0.01
     min_height_std_m: float = 0.01
     max_deviation: float = 3.5
-    max_result_focal_std: float = 0.03
-    max_result_height_std_m: float = 0.03
     max_tilt_spread_rad: float = math.radians(1.0)
-
-
-@dataclass(frozen=True)
-class PinholeFrame:
-    """One picture that was used: its index in the sequence, and its own tilt and roll (radians)."""
-
-    index: int
-    name: str
-    tilt_rad: float
-    roll_rad: float
-    with_lines: bool
-
-
-@dataclass(frozen=True)
-class PinholeCalibration:
-    """A calibrated pinhole camera with its uncertainty.
-
-    Parameters
-    ----------
-    camera : PinholeCamera
-        With its standard deviations; tilt and roll where they were the same in all pictures, else None.
-    std : mapping of str to float
-        Standard deviations of ``focal_px``, ``height_m`` and, where it is fixed, ``tilt_rad``.
-    correlation : float
-        Between focal length and height.
-    frames : tuple of PinholeFrame
-        Pictures used.
-    notes : tuple of str
-        Messages for the user.
-    """
-
-    camera: PinholeCamera
-    std: Mapping[str, float]
-    correlation: float
-    frames: tuple[PinholeFrame, ...]
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,133 +101,56 @@ class _Joint:
     agrees: FloatArray
 
 
-def calibrate_pinhole(
+def calibrate_by_goals(
     field: Field,
-    images: Sequence[np.ndarray],
-    start: PinholeCamera | None = None,
-    *,
-    names: Sequence[str] | None = None,
-    poses: Mapping[str, Pose2] | None = None,
-    max_frames: int = 24,
-    settings: PinholeCalibrationSettings = PinholeCalibrationSettings(),
-    trials: StartTrials | None = None,
-) -> PinholeCalibration | NotCalibrated:
-    """Calibrate a pinhole camera by pictures of a field, taken anywhere.
+    frames: Mapping[int, np.ndarray],
+    start: PinholeCamera | None,
+    prior: Mapping[int, Pose2 | None],
+    called: Sequence[str],
+    notes: tuple[str, ...],
+    trials: StartTrials,
+    settings: GoalCalibrationSettings = GoalCalibrationSettings(),
+) -> ForwardCalibration | NotCalibrated:
+    """Calibrate a camera, which a neck may turn, by goals and the lines around them.
 
     Parameters
     ----------
     field : Field
-        With goals of posts and a bar, unless the start's tilt is known.
-    images : sequence of (H, W, 3) uint8
-        BGR, all of one size. Each is read when it is needed.
-    start : PinholeCamera, optional
-        Within some 18 % in focal length and 5 cm in height. Its distortion is kept; its image centre is trusted. With
-        its tilt, known to some degrees, lines and walls do without a goal. Without a start several are tried, with the
-        image's middle as centre and no distortion.
-    names : sequence of str, optional
-        Of the images.
-    poses : mapping of str to Pose2, optional
-        Approximate camera poses (0.4 m, 9 degrees), by image. With one, lines are enough, without a goal in view.
-    max_frames : int
-        Largest number of pictures used; they are evenly spread.
-    settings : PinholeCalibrationSettings, optional
+        With goals of posts and a bar.
+    frames : mapping of int to (H, W, 3) uint8
+        BGR, by index.
+    start : PinholeCamera or None
+        Within some 18 % in focal length and 5 cm in height. Its distortion is kept; its image centre is trusted. None:
+        several are tried, with the image's middle as centre and no distortion.
+    prior : mapping of int to Pose2 or None
+        Where the camera roughly was (0.4 m, 9 degrees), by index. With one, lines are enough, without a goal in view.
+    called : sequence of str
+        Of all images.
+    notes : tuple of str
+        That were made before.
+    trials : StartTrials
+        Tries the starts.
+    settings : GoalCalibrationSettings, optional
         Of the starts, the joint fit and the decision.
-    trials : StartTrials, optional
-        Tries the starts: with other workers, or where an interrupted calibration was.
 
     Raises
     ------
     ArgumentError
-        If the field has no goals of posts and a bar, and the start's tilt is unknown.
+        If the field has no goals of posts and a bar.
     """
-    trials = trials or StartTrials()
-    count = len(images)
-    called = list(names) if names is not None else [str(index) for index in range(count)]
-    chosen = [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, max_frames)).round())]
-    frames, notes = {}, []
-    for index in chosen:
-        try:
-            frames[index] = images[index]
-        except FrameError as error:
-            notes.append(f"{error}: left out")
-    if not frames:
-        return NotCalibrated("none of the images can be read", tuple(notes))
-    prior = {index: (poses or {}).get(called[index]) for index in frames}
     starts = _starts(next(iter(frames.values())), start, settings)
-    is_tilt_known = start is not None and start.known_orientation
-    results: list[PinholeCalibration | NotCalibrated] = []
-    # where goals show the half, no tilt is told without one
-    if is_tilt_known or not field.shows_half:
-        by_edges = _by_edges(field, frames, starts, prior, called, tuple(notes), settings, trials)
-        # a tilt that differs between the pictures leaves few of them
-        if by_edges and 2 * len(by_edges.frames) >= len(frames):
-            return by_edges
-        if not any(goal.kind == "posts" for goal in field.goals):
-            return by_edges
-        results.append(by_edges)
     cameras = _best_starts(field, frames, starts, settings, trials)
     if not cameras and start is not None and any(pose is not None for pose in prior.values()):
         # with a pose, lines may be enough
         cameras = [_loosened(start, settings)]
-    for camera in cameras:
-        by_goals = _calibrated(field, camera, frames, prior, called, tuple(notes), settings)
-        results.append(by_goals)
-        if by_goals:
-            break
-    good = [result for result in results if isinstance(result, PinholeCalibration)]
-    if good:
-        return max(good, key=lambda result: len(result.frames))
-    if cameras:
-        return results[-1]
-    reason = "no goal is found in any of the images, whatever the focal length may be"
-    if not poses:
-        tilted = "" if is_tilt_known else " a start with its tilt_rad (--start), or"
-        reason += f"; without a goal{tilted} rough poses of the images (--poses) may do"
-    return NotCalibrated(reason, tuple(notes))
-
-
-def _by_edges(
-    field: Field,
-    frames: Mapping[int, np.ndarray],
-    starts: Sequence[PinholeCamera],
-    prior: Mapping[int, Pose2 | None],
-    called: Sequence[str],
-    notes: tuple[str, ...],
-    settings: PinholeCalibrationSettings,
-    trials: StartTrials,
-) -> PinholeCalibration | NotCalibrated:
-    """Calibrate by all edges in view."""
-    found = calibrate_by_edges(field, frames, starts, prior, trials)
-    if isinstance(found, NotCalibrated):
-        return NotCalibrated(found.reason, notes)
-    tilt_std_rad, _, height_std_m, focal_std, *_ = np.sqrt(np.diag(found.covariance)).tolist()
-    refusal = _too_uncertain(len(found.views), focal_std, height_std_m, settings)
-    if refusal is not None:
-        return NotCalibrated(refusal, notes)
-    if len(found.views) < len(frames):
-        left_out = len(frames) - len(found.views)
-        notes = (*notes, f"{left_out} of {len(frames)} images show too little of the field: left out")
-    if len(found.views) == 1:
-        notes = (*notes, _ONLY_ONE)
-    std = {"focal_px": focal_std * found.camera.focal_px[0], "height_m": height_std_m, "tilt_rad": tilt_std_rad}
-    camera = replace(found.camera, height_std_m=max(height_std_m, 1e-4), focal_std_px=std["focal_px"])
-    used = tuple(
-        PinholeFrame(index, called[index], held.tilt_rad or 0.0, held.roll_rad or 0.0, True)
-        for index, held in found.held.items()
+    result: ForwardCalibration | NotCalibrated = NotCalibrated(
+        "no goal is found in any of the images, whatever the focal length may be", notes
     )
-    return PinholeCalibration(camera, std, float(found.covariance[2, 3] / (height_std_m * focal_std)), used, notes)
-
-
-def _too_uncertain(
-    count: int, focal_std: float, height_std_m: float, settings: PinholeCalibrationSettings
-) -> str | None:
-    for what, is_refused, size in (
-        ("focal length", focal_std > settings.max_result_focal_std, f"{100 * focal_std:.0f} %"),
-        ("height", height_std_m > settings.max_result_height_std_m, f"{height_std_m:.3f} m"),
-    ):
-        if is_refused:
-            return f"{count} usable images leave the {what} uncertain by {size}"
-    return None
+    for camera in cameras:
+        result = _calibrated(field, camera, frames, prior, called, notes, settings)
+        if result:
+            break
+    return result
 
 
 def _calibrated(
@@ -282,8 +160,8 @@ def _calibrated(
     prior: Mapping[int, Pose2 | None],
     called: Sequence[str],
     earlier_notes: tuple[str, ...],
-    settings: PinholeCalibrationSettings,
-) -> PinholeCalibration | NotCalibrated:
+    settings: GoalCalibrationSettings,
+) -> ForwardCalibration | NotCalibrated:
     """Calibrate from one start, near enough for goals to be found."""
     notes = list(earlier_notes)
     joint, estimates = None, {}
@@ -303,7 +181,7 @@ def _calibrated(
         )
     used = [index for index, agrees in zip(estimates, joint.agrees, strict=True) if agrees]
     focal_std, height_std_m = (float(s) for s in np.sqrt(np.diag(joint.covariance)))
-    refusal = _too_uncertain(len(used), focal_std, height_std_m, settings)
+    refusal = too_uncertain(len(used), focal_std, height_std_m)
     if refusal is not None:
         return NotCalibrated(refusal, tuple(notes))
     if len(used) < len(frames):
@@ -311,7 +189,7 @@ def _calibrated(
             f"{len(frames) - len(used)} of {len(frames)} images show no goal, or contradict the rest: left out"
         )
     if len(used) == 1:
-        notes.append(_ONLY_ONE)
+        notes.append(ONLY_ONE)
     return _result(camera, joint, {index: estimates[index] for index in used}, called, tuple(notes), settings)
 
 
@@ -321,8 +199,8 @@ def _result(
     estimates: Mapping[int, CameraEstimate],
     called: Sequence[str],
     notes: tuple[str, ...],
-    settings: PinholeCalibrationSettings,
-) -> PinholeCalibration:
+    settings: GoalCalibrationSettings,
+) -> ForwardCalibration:
     focal_std, height_std_m = np.sqrt(np.diag(joint.covariance))
     tilts, rolls = (np.array([s.unknowns[at] for s in estimates.values()]) for at in (TILT, ROLL))
     std = {"focal_px": float(focal_std * camera.focal_px[0]), "height_m": float(height_std_m)}
@@ -341,14 +219,14 @@ def _result(
         focal_std_px=std["focal_px"],
     )
     used = tuple(
-        PinholeFrame(i, called[i], float(s.unknowns[TILT]), float(s.unknowns[ROLL]), s.lines is not None)
+        ForwardFrame(i, called[i], float(s.unknowns[TILT]), float(s.unknowns[ROLL]), s.lines is not None)
         for i, s in estimates.items()
     )
     correlation = float(joint.covariance[0, 1] / (focal_std * height_std_m))
-    return PinholeCalibration(final, std, correlation, used, notes)
+    return ForwardCalibration(final, std, correlation, used, notes)
 
 
-def _loosened(camera: PinholeCamera, settings: PinholeCalibrationSettings) -> PinholeCamera:
+def _loosened(camera: PinholeCamera, settings: GoalCalibrationSettings) -> PinholeCamera:
     """Return a start with wide priors: tilt and roll unknown but upright."""
     return replace(
         camera,
@@ -364,7 +242,7 @@ def _best_starts(
     field: Field,
     frames: Mapping[int, np.ndarray],
     starts: Sequence[PinholeCamera],
-    settings: PinholeCalibrationSettings,
+    settings: GoalCalibrationSettings,
     trials: StartTrials,
 ) -> list[PinholeCamera]:
     """Return the starts that find most goals, best first."""
@@ -376,9 +254,7 @@ def _best_starts(
     return [camera for _, camera in ranked[: settings.starts_tried]]
 
 
-def _starts(
-    frame: np.ndarray, given: PinholeCamera | None, settings: PinholeCalibrationSettings
-) -> list[PinholeCamera]:
+def _starts(frame: np.ndarray, given: PinholeCamera | None, settings: GoalCalibrationSettings) -> list[PinholeCamera]:
     """Return a start with the focal lengths that are tried about its own; without one, common lenses and heights."""
     if given is not None:
         (fu, fv), scales = given.focal_px, [math.exp(log) for log in settings.log_focals]
@@ -393,7 +269,7 @@ def _starts(
 class _RankStart:
     field: Field
     frames: Mapping[int, np.ndarray]
-    settings: PinholeCalibrationSettings
+    settings: GoalCalibrationSettings
 
     def __call__(self) -> Callable[[PinholeCamera], tuple[int, float]]:
         stds = self.settings.focal_std, self.settings.height_std_m
@@ -419,7 +295,7 @@ def _camera_estimates(
 
 
 def _join(
-    shape: GoalShape, camera: PinholeCamera, estimates: Sequence[CameraEstimate], settings: PinholeCalibrationSettings
+    shape: GoalShape, camera: PinholeCamera, estimates: Sequence[CameraEstimate], settings: GoalCalibrationSettings
 ) -> _Joint | None:
     """Add up the estimates' information on the common unknowns; None where it does not determine them."""
     of_each = [_common_information(shape, camera, estimate, settings) for estimate in estimates]
@@ -453,7 +329,7 @@ def _max_prior_information() -> FloatArray:
 
 
 def _common_information(
-    shape: GoalShape, camera: PinholeCamera, estimate: CameraEstimate, settings: PinholeCalibrationSettings
+    shape: GoalShape, camera: PinholeCamera, estimate: CameraEstimate, settings: GoalCalibrationSettings
 ) -> tuple[FloatArray, FloatArray]:
     """Return one picture's information (2, 2) on the common unknowns, and its product with their best values (2,)."""
     common, own = list(_COMMON), [i for i in range(UNKNOWNS) if i not in _COMMON]
@@ -475,7 +351,7 @@ def _common_information(
     return np.asarray(information, np.float64), np.asarray(weighted, np.float64)
 
 
-def _moved(camera: PinholeCamera, joint: _Joint, settings: PinholeCalibrationSettings) -> PinholeCamera:
+def _moved(camera: PinholeCamera, joint: _Joint, settings: GoalCalibrationSettings) -> PinholeCamera:
     # a step no longer than the priors allow: the picture is fitted again from there
     log_focal = float(np.clip(joint.mean[0], -2 * settings.focal_std, 2 * settings.focal_std))
     height_m = float(np.clip(joint.mean[1], camera.height_m / 2, camera.height_m * 2))

@@ -9,8 +9,8 @@ import pytest
 
 from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
+from robocup_vision.calibration.forward.calibrate import calibrate_forward
 from robocup_vision.calibration.not_calibrated import NotCalibrated
-from robocup_vision.calibration.pinhole import calibrate_pinhole
 from robocup_vision.camera import load_camera, save_camera
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2
@@ -39,7 +39,7 @@ def off(ratio, height_m):
 
 @pytest.mark.slow
 def test_focal_length_and_height_are_reported_with_their_uncertainty(field, samples):
-    result = calibrate_pinhole(field, [s.frame for s in samples], off(1.1, 0.21))
+    result = calibrate_forward(field, [s.frame for s in samples], off(1.1, 0.21))
     assert result
     height_m = float(np.mean([s.camera.height_m for s in samples]))
     assert abs(result.camera.focal_px[0] - TRUE.focal_px[0]) < min(3 * result.std["focal_px"], 0.03 * TRUE.focal_px[0])
@@ -54,7 +54,7 @@ def test_focal_length_and_height_are_reported_with_their_uncertainty(field, samp
 
 @pytest.mark.slow
 def test_a_fixed_camera_has_its_tilt_reported(field, samples):
-    result = calibrate_pinhole(field, [samples[0].frame] * 3, TRUE)
+    result = calibrate_forward(field, [samples[0].frame] * 3, TRUE)
     assert result
     assert result.camera.tilt_rad == pytest.approx(samples[0].camera.tilt_rad, abs=math.radians(1.0))
     assert result.std["tilt_rad"] > 0
@@ -63,7 +63,7 @@ def test_a_fixed_camera_has_its_tilt_reported(field, samples):
 def test_pictures_without_a_goal_are_refused_with_the_reason(field):
     blank = np.full((320, 416, 3), (50, 130, 45), np.uint8)
     for start in (TRUE, None):
-        result = calibrate_pinhole(field, [blank], start)
+        result = calibrate_forward(field, [blank], start)
         assert isinstance(result, NotCalibrated)
         assert not result
         assert "no goal" in result.reason
@@ -72,7 +72,7 @@ def test_pictures_without_a_goal_are_refused_with_the_reason(field):
 def test_one_far_goal_from_the_front_without_lines_is_refused(field):
     bare = replace(field, lines=field.lines[:0], arcs=field.arcs[:0])
     (far,) = sample_goal(bare, CONDITION, seed=4, count=1, places=[(-1.5, 0.0)], supersample=3)
-    result = calibrate_pinhole(bare, [far.frame], TRUE)
+    result = calibrate_forward(bare, [far.frame], TRUE)
     assert isinstance(result, NotCalibrated)
 
 
@@ -87,14 +87,14 @@ class Broken:
 
 
 def test_what_cannot_be_read_is_noted(field):
-    result = calibrate_pinhole(field, Broken(), TRUE)
+    result = calibrate_forward(field, Broken(), TRUE)
     assert result.reason == "none of the images can be read"
     assert result.notes == ("a.png: is empty: left out",)
 
 
 def test_a_field_without_posts_is_refused():
     with pytest.raises(ArgumentError, match="posts and a bar"):
-        calibrate_pinhole(load_field("ssl_2001"), [np.zeros((320, 416, 3), np.uint8)], TRUE)
+        calibrate_forward(load_field("ssl_2001"), [np.zeros((320, 416, 3), np.uint8)], TRUE)
 
 
 @pytest.mark.slow
@@ -103,7 +103,7 @@ def test_the_command(samples, tmp_path, capsys):
         cv2.imwrite(str(tmp_path / f"{one.index}.png"), one.frame)
     save_camera(off(1.05, 0.19), tmp_path / "start.toml")
     out = tmp_path / "camera.toml"
-    arguments = ["calibrate", "pinhole", str(tmp_path), "--field", "four_legged_2007", "--out", str(out)]
+    arguments = ["calibrate", "forward", str(tmp_path), "--field", "four_legged_2007", "--out", str(out)]
     assert main([*arguments, "--start", str(tmp_path / "start.toml")]) == 0
     said = capsys.readouterr().out
     assert "focal length" in said
@@ -113,7 +113,7 @@ def test_the_command(samples, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--start", "MIRROR"], "must be a pinhole camera"),
+        (["--start", "MIRROR"], "must look ahead"),
         (["--poses", "OTHER"], "names none of the images"),
         (["--out", "nowhere/c.toml"], "its folder does not exist"),
         ([], "no goal is found"),
@@ -126,7 +126,7 @@ def test_each_mistake_is_one_line(arguments, said, tmp_path, capsys):
     places = {"MIRROR": tmp_path / "mirror.toml", "OTHER": tmp_path / "other.csv"}
     if "MIRROR" in arguments:
         cv2.imwrite(str(tmp_path / "a.png"), np.zeros((220, 256, 3), np.uint8))
-    command = ["calibrate", "pinhole", str(tmp_path / "a.png"), "--field", "four_legged_2007"]
+    command = ["calibrate", "forward", str(tmp_path / "a.png"), "--field", "four_legged_2007"]
     command += ["--out", str(tmp_path / "c.toml"), *(str(places.get(a, a)) for a in arguments)]
     assert main(command) == 2
     told = capsys.readouterr().err.strip().splitlines()
@@ -138,6 +138,6 @@ def test_each_mistake_is_one_line(arguments, said, tmp_path, capsys):
 def test_a_pose_helps_where_the_prior_is_right(field, samples):
     poses = {str(s.index): Pose2(s.pose.x_m, s.pose.y_m, s.pose.theta_rad) for s in samples}
     names = [str(s.index) for s in samples]
-    result = calibrate_pinhole(field, [s.frame for s in samples], off(0.95, 0.18), names=names, poses=poses)
+    result = calibrate_forward(field, [s.frame for s in samples], off(0.95, 0.18), names=names, poses=poses)
     assert result
     assert result.camera.focal_px[0] == pytest.approx(TRUE.focal_px[0], rel=0.04)

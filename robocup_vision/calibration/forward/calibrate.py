@@ -1,0 +1,156 @@
+"""Calibrates a forward camera, pinhole or fisheye, by pictures of a field.
+
+All edges in view come first (`calibrate_by_edges`): of any field, if the tilt is the same in all pictures. Pictures of
+a goal and the lines around it are taken where edges fail, and where goals show the half and the start's tilt is
+unknown: a neck may have turned the camera (`calibrate_by_goals`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from field_models.errors import FrameError
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.calibration.forward.by_edges import EdgeCalibration, calibrate_by_edges
+from robocup_vision.calibration.forward.by_goals import calibrate_by_goals
+from robocup_vision.calibration.forward.circle import circle_of, dark_rim
+from robocup_vision.calibration.forward.parameters import CENTER, HEIGHT, LENS, LINE_WIDTH, LOG_FOCAL, ROLL, TILT
+from robocup_vision.calibration.forward.result import ONLY_ONE, ForwardCalibration, ForwardFrame, too_uncertain
+from robocup_vision.calibration.forward.starts import KnownOfCamera, starts_about, starts_of
+from robocup_vision.calibration.not_calibrated import NotCalibrated
+from robocup_vision.calibration.starts import StartTrials
+from robocup_vision.camera.fisheye import FisheyeCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import Pose2
+
+# of the logarithm of the lines' width: a tape measure's; where it is known better than it differs, it is told
+_SAME_WIDTH = 0.03
+
+
+def calibrate_forward(
+    field: Field,
+    images: Sequence[np.ndarray],
+    start: PinholeCamera | KnownOfCamera | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    poses: Mapping[str, Pose2] | None = None,
+    max_frames: int = 24,
+    trials: StartTrials | None = None,
+) -> ForwardCalibration | NotCalibrated:
+    """Calibrate a forward camera by pictures of a field, taken anywhere.
+
+    Parameters
+    ----------
+    field : Field
+        With goals of posts and a bar, if a neck turns the camera between the pictures.
+    images : sequence of (H, W, 3) uint8
+        BGR, all of one size. Each is read when it is needed.
+    start : PinholeCamera or KnownOfCamera, optional
+        A camera within some 18 % in focal length and 15 % in height, its tilt to 3 degrees or unknown; or what is known
+        of one: lenses, heights and tilts are tried for what is not. Without it, of a pinhole camera nothing.
+    names : sequence of str, optional
+        Of the images.
+    poses : mapping of str to Pose2, optional
+        Approximate camera poses (0.4 m, 9 degrees), by image.
+    max_frames : int
+        Largest number of pictures used; they are evenly spread.
+    trials : StartTrials, optional
+        Tries the starts: with other workers, or where an interrupted calibration was.
+
+    Raises
+    ------
+    ArgumentError
+        If the field has no goals of posts and a bar, and they are needed.
+    """
+    trials, start = trials or StartTrials(), start or KnownOfCamera()
+    count = len(images)
+    called = list(names) if names is not None else [str(index) for index in range(count)]
+    frames: dict[int, UInt8Array] = {}
+    notes: tuple[str, ...] = ()
+    for index in (int(i) for i in np.unique(np.linspace(0, count - 1, min(count, max_frames)).round())):
+        try:
+            frames[index] = images[index]
+        except FrameError as error:
+            notes = (*notes, f"{error}: left out")
+    if not frames:
+        return NotCalibrated("none of the images can be read", notes)
+    prior = {index: (poses or {}).get(called[index]) for index in frames}
+    camera = start if isinstance(start, PinholeCamera) else None
+    is_tilt_known = start.tilt_rad is not None
+    results: list[ForwardCalibration | NotCalibrated] = []
+    # where goals show the half, no tilt is told without one
+    is_fisheye = isinstance(start, FisheyeCamera) or (isinstance(start, KnownOfCamera) and start.model == "fisheye")
+    if is_tilt_known or is_fisheye or not field.shows_half:
+        rim = dark_rim(list(frames.values())) if is_fisheye else None
+        height, width = next(iter(frames.values())).shape[:2]
+        starts = starts_of((width, height), start) if isinstance(start, KnownOfCamera) else starts_about(start)
+        edges = calibrate_by_edges(field, frames, starts, prior, trials)
+        by_edges = _result(edges, field, len(frames), called, rim, notes)
+        # a tilt that differs between the pictures leaves few of them
+        if is_fisheye or (by_edges and 2 * len(by_edges.frames) >= len(frames)):
+            return by_edges
+        if not any(goal.kind == "posts" for goal in field.goals):
+            return by_edges
+        results.append(by_edges)
+    by_goals = calibrate_by_goals(field, frames, camera, prior, called, notes, trials)
+    if isinstance(by_goals, NotCalibrated) and by_goals.reason.startswith("no goal") and not poses:
+        tilted = "" if is_tilt_known else " a start with its tilt_rad (--start), or"
+        reason = f"{by_goals.reason}; without a goal{tilted} rough poses of the images (--poses) may do"
+        by_goals = NotCalibrated(reason, by_goals.notes)
+    results.append(by_goals)
+    good = [result for result in results if isinstance(result, ForwardCalibration)]
+    return max(good, key=lambda result: len(result.frames)) if good else results[-1]
+
+
+def _result(
+    found: EdgeCalibration | NotCalibrated,
+    field: Field,
+    count: int,
+    called: Sequence[str],
+    rim: tuple[float, float, float] | None,
+    notes: tuple[str, ...],
+) -> ForwardCalibration | NotCalibrated:
+    """Return a calibration by edges with what it says to the user, or why it is refused."""
+    if isinstance(found, NotCalibrated):
+        return NotCalibrated(found.reason, notes)
+    std, camera, used = np.sqrt(np.diag(found.covariance)), found.camera, found.fit.held
+    refusal = too_uncertain(len(used), float(std[LOG_FOCAL]), float(std[HEIGHT]))
+    if refusal is not None:
+        return NotCalibrated(refusal, notes)
+    if len(used) < count:
+        notes = (*notes, f"{count - len(used)} of {count} images show too little of the field: left out")
+    if len(used) == 1:
+        notes = (*notes, ONLY_ONE)
+    log_width = float(found.fit.vector[LINE_WIDTH])
+    is_width_known = float(std[LINE_WIDTH]) < _SAME_WIDTH
+    width_m = field.line_width_m * math.exp(log_width)
+    if is_width_known and abs(log_width) > max(_SAME_WIDTH, 3 * float(std[LINE_WIDTH])):
+        notes = (*notes, f"lines are {width_m:.3f} m wide by the images, {field.line_width_m:g} m in the field file")
+    center_u, center_v = std[CENTER].tolist()
+    named = {
+        "focal_px": float(std[LOG_FOCAL]) * camera.focal_px[0],
+        "height_m": float(std[HEIGHT]),
+        "tilt_rad": float(std[TILT]),
+        "roll_rad": float(std[ROLL]),
+        "center_u_px": center_u,
+        "center_v_px": center_v,
+        **{f"k{place}": one for place, one in enumerate(std[LENS:].tolist(), 1)},
+    }
+    camera = replace(camera, height_std_m=max(named["height_m"], 1e-4), focal_std_px=named["focal_px"])
+    if isinstance(camera, FisheyeCamera) and rim is not None:
+        camera = replace(camera, usable_radius_px=circle_of(rim, camera.center_px))
+    tilts = {index: held[3:5].tolist() for index, held in used.items()}
+    return ForwardCalibration(
+        camera,
+        named,
+        float(found.covariance[HEIGHT, LOG_FOCAL] / (std[HEIGHT] * std[LOG_FOCAL])),
+        tuple(ForwardFrame(index, called[index], tilt, roll, True) for index, (tilt, roll) in tilts.items()),
+        notes,
+        found.rms_px,
+        width_m if is_width_known else None,
+    )

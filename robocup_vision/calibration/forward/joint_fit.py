@@ -1,0 +1,299 @@
+"""Fits one camera and its pose in each of many pictures together, by the field's edges that the pictures show.
+
+What is common to all pictures is one vector (`parameters`). Each picture has its own place, heading, and how far tilt,
+roll and height were off their rest in it. These are eliminated picture by picture, so a step costs as much as its
+pictures. Edges are predicted and searched for anew in every step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
+from robocup_vision.calibration.forward.parameters import HEIGHT, LINE_WIDTH, ForwardParameters
+from robocup_vision.calibration.online.evidence import (
+    POSE_PRECISION,
+    NoiseSettings,
+    Residuals,
+    enough_agree,
+    known,
+    normal_equations,
+    spread_px,
+    tukey_weights,
+)
+from robocup_vision.camera.lens_table import lens_table
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges import tables
+from robocup_vision.kernels.model_edges.carpet import CARPET, carpet_look
+from robocup_vision.kernels.model_edges.follow import brightness
+from robocup_vision.kernels.model_edges.prediction import predict
+from robocup_vision.kernels.model_edges.search import search
+from robocup_vision.localization.model_edges.field_edges import field_edges
+from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
+
+_MAX_SAMPLES = 600
+_OWN = 6
+
+
+@dataclass(frozen=True, slots=True)
+class JointFitSettings:
+    """Settings of the joint fit. Pixels are of any picture, but for those of a picture 208 wide where it says so.
+
+    Parameters
+    ----------
+    sway_std_rad, sway_std_m : float
+        How far a body nods, rolls and rises about its rest.
+    gates_px : tuple of float
+        Of the first steps, pixels of a picture 208 wide: from what a start is off down to noise.
+    last_gate, last_steps : float, int
+        Of the steps that follow: in robust standard deviations of the residuals, and their number.
+    alone_px, shared_px : float
+        Noise of a sample alone, and of what all samples of an edge have in common.
+    min_points, min_agreeing_ratio : int, float
+        Samples that a picture must show, and of these those that the fit must explain, or it is left out.
+    """
+
+    sway_std_rad: float = 0.01
+    sway_std_m: float = 0.003
+    gates_px: tuple[float, ...] = (4.0, 4.0, 3.0, 2.0, 1.5)
+    last_gate: float = 3.5
+    last_steps: int = 5
+    alone_px: float = 0.15
+    shared_px: float = 0.2
+    min_points: int = 12
+    min_agreeing_ratio: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """A picture of which is known where it was taken.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR.
+    held : (7,) float64
+        Unknowns of `kernels.model_edges`: the camera's place, heading, tilt, roll and height; then 0.
+    edges : FieldEdges
+        The field's edges, paint as bright as the picture shows it.
+    """
+
+    frame: UInt8Array
+    held: FloatArray
+    edges: tables.FieldEdges
+
+
+@dataclass(frozen=True, eq=False)
+class JointFit:
+    """A camera by many pictures.
+
+    Parameters
+    ----------
+    vector, covariance : (G,), (G, G) float64
+        Of what is common.
+    held : mapping of int to (7,) float64
+        Of each picture that agrees: the unknowns of `kernels.model_edges`.
+    residual_px : mapping of int to (N,) float64
+        Of the samples that count in each of them.
+    """
+
+    vector: FloatArray
+    covariance: FloatArray
+    held: Mapping[int, FloatArray]
+    residual_px: Mapping[int, FloatArray]
+
+    def pose(self, index: int) -> Pose2:
+        """Pose of the camera in a picture."""
+        return Pose2(*self.held[index][:3].tolist())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Picture:
+    """What a picture tells at one state: of all unknowns, and with its own eliminated."""
+
+    information: FloatArray
+    gradient: FloatArray
+    inner: FloatArray
+    cross: FloatArray
+    inner_gradient: FloatArray
+    residual_px: FloatArray
+
+
+class JointFitter:
+    """Fits cameras of one kind of lens by pictures of one field.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    parameters : ForwardParameters
+        What is unknown, and the start.
+    settings : JointFitSettings, optional
+        How.
+    """
+
+    def __init__(
+        self, field: Field, parameters: ForwardParameters, settings: JointFitSettings = JointFitSettings()
+    ) -> None:
+        self._parameters, self._settings = parameters, settings
+        width, edges = parameters.start.size_px[0], field_edges(field)
+        self._numbers = EdgeSettings().for_doubted_frames().for_width(width, field.line_width_m)
+        self._room = tables.empty_room(_MAX_SAMPLES, 0)
+        self._scale = max(width / DESIGN_WIDTH_PX, 1.0)
+        own = settings
+        roll_std = parameters.start.roll_std_rad
+        sway = own.sway_std_rad if roll_std is None else roll_std
+        self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
+        first = [*edges.segments[edges.segments[:, 13] > 0, 11], *edges.arcs[:, 7]]
+        self._of_lines = np.array([edge for one in first for edge in (one, one + 1)], dtype=np.int64)
+
+    def fit(self, sightings: Mapping[int, Sighting], vector: FloatArray) -> JointFit | None:
+        """Fit a camera and its poses.
+
+        Parameters
+        ----------
+        sightings : mapping of int to Sighting
+            Pictures, by index.
+        vector : (G,) float64
+            Where to begin; what is believed before is the parameters' start.
+
+        Returns
+        -------
+        JointFit or None
+            None where no picture agrees.
+        """
+        settings, start = self._settings, self._parameters.vector(self._parameters.start)
+        precision = np.diag(self._parameters.start_std**-2.0)
+        held = {index: one.held.copy() for index, one in sightings.items()}
+        told: dict[int, _Picture] = {}
+        gates = [self._scale * gate for gate in settings.gates_px] + [0.0] * settings.last_steps
+        covariance: FloatArray = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+        for gate in gates:
+            camera = self._parameters.camera(vector)
+            lens = lens_table(camera)
+            told = {}
+            for index, one in held.items():
+                picture = self._told(sightings[index], one, vector, camera, lens, gate)
+                if picture is not None:
+                    told[index] = picture
+            if not told:
+                return None
+            total = precision + sum(one.information for one in told.values())
+            pull = precision @ (start - vector) + sum(one.gradient for one in told.values())
+            covariance = np.asarray(np.linalg.inv(total), dtype=np.float64)
+            step = covariance @ pull
+            vector = vector + step
+            for index, picture in told.items():
+                own = np.linalg.solve(picture.inner, picture.inner_gradient - picture.cross.T @ step)
+                held[index][:_OWN] += own
+            held = {index: held[index] for index in told}
+        return JointFit(
+            vector,
+            covariance + _spread(told.values(), precision, covariance),
+            held,
+            {index: one.residual_px for index, one in told.items()},
+        )
+
+    def _told(
+        self,
+        sighting: Sighting,
+        held: FloatArray,
+        vector: FloatArray,
+        camera: PinholeCamera,
+        lens: FloatArray,
+        gate: float,
+    ) -> _Picture | None:
+        settings, room = self._settings, self._room
+        count = self._search(sighting, held, camera, lens, gate or self._scale * settings.gates_px[-1])
+        samples, found = room.samples, room.found
+        seen = found.candidates[:count] > 0
+        if np.count_nonzero(seen) < settings.min_points:
+            return None
+        jacobian, normal = samples.jacobian[:count][seen], samples.normal[:count][seen]
+        feature = samples.feature[:count][seen]
+        pixels = samples.uv[:count][seen]
+        by_width = self._by_line_width(samples, count, seen)
+        by_camera = np.column_stack(
+            [
+                np.zeros((len(pixels), HEIGHT + 1)),
+                jacobian[:, tables.LOG_FOCAL],
+                normal,
+                by_width,
+                self._parameters.by_coefficients(camera, pixels, normal),
+            ]
+        )
+        offsets, candidates = found.offset_px[:count][seen], found.candidates[:count][seen]
+        offsets = np.where(np.arange(offsets.shape[1]) < candidates[:, None], offsets, np.inf)
+        expected = by_width * vector[LINE_WIDTH]
+        nearest = np.argmin(np.abs(offsets - expected[:, None]), axis=1)
+        residual = expected - offsets[np.arange(len(offsets)), nearest]
+        inside = np.abs(residual) < (gate or self._scale * settings.gates_px[-1])
+        spread = spread_px(residual[inside], settings.alone_px)
+        limit = gate or settings.last_gate * spread
+        weight = tukey_weights(residual, limit)
+        used = weight > 0
+        if not enough_agree(int(np.count_nonzero(used)), len(used), settings.min_points, settings.min_agreeing_ratio):
+            return None
+        points = Residuals(residual, by_camera, jacobian[:, :_OWN], feature)
+        noise = NoiseSettings(spread, settings.shared_px * spread / settings.alone_px)
+        information, gradient = normal_equations(known(used, points), weight[used], noise)
+        size = len(vector)
+        sway = np.zeros(_OWN)
+        sway[tables.TILT : tables.HEIGHT + 1] = held[tables.TILT : tables.HEIGHT + 1] - vector[: HEIGHT + 1]
+        return _picture(information, gradient, size, self._own, -self._own * sway, residual[used])
+
+    def _search(
+        self, sighting: Sighting, held: FloatArray, camera: PinholeCamera, lens: FloatArray, reach_px: float
+    ) -> int:
+        """Predict the field's edges, and look for them; return how many samples there are."""
+        room, carpet, frame, edges = self._room, np.zeros(CARPET), sighting.frame, sighting.edges
+        room.reach_px[:] = reach_px
+        carpet_look(frame, int(camera.center_px[1] + camera.focal_px[1] * math.tan(held[tables.TILT])), carpet)
+        count = int(predict(edges, lens, held, self._numbers.spacing_px, room.samples))
+        search(frame, edges.channels, carpet, brightness(carpet), self._numbers, room, count)
+        return count
+
+    def _by_line_width(self, samples: tables.Samples, count: int, seen: BoolArray) -> FloatArray:
+        """Return derivatives (N,) along the normals by the logarithm of the lines' width."""
+        is_edge = (samples.kind[:count] == tables.EDGE) & np.isin(samples.feature[:count], self._of_lines)
+        return np.where(is_edge, -0.5 * samples.width_px[:count], 0.0)[seen]
+
+
+def _picture(
+    information: FloatArray,
+    gradient: FloatArray,
+    size: int,
+    own: FloatArray,
+    own_gradient: FloatArray,
+    residual_px: FloatArray,
+) -> _Picture:
+    """Eliminate a picture's own unknowns; those that are off their rest pull what is common along."""
+    common = information[:size, :size].copy()
+    cross, right = information[:size, size:].copy(), gradient[:size].copy()
+    inner, inner_gradient = information[size:, size:] + np.diag(own), gradient[size:] + own_gradient
+    # tilt, roll and height of the picture are off those common to all by its sway
+    at, sway = np.arange(HEIGHT + 1), np.arange(_OWN - HEIGHT - 1, _OWN)
+    common[at, at] += own[sway]
+    cross[at, sway] -= own[sway]
+    right[at] -= own_gradient[sway]
+    solved = np.linalg.solve(inner, np.column_stack([cross.T, inner_gradient]))
+    reduced = common - cross @ solved[:, :-1]
+    return _Picture((reduced + reduced.T) / 2, right - cross @ solved[:, -1], inner, cross, inner_gradient, residual_px)
+
+
+def _spread(told: Iterable[_Picture], precision: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Covariance by what each picture moves the result: pictures differ by more than their samples' noise."""
+    pictures = list(told)
+    count = len(pictures)
+    if count < 2:
+        return np.zeros_like(covariance)
+    total = np.linalg.inv(covariance)
+    moved = np.array([np.linalg.solve(total - one.information, -one.gradient) for one in pictures])
+    off = moved - moved.mean(axis=0)
+    return np.asarray((count - 1) / count * off.T @ off)

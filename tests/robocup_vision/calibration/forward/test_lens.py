@@ -1,0 +1,210 @@
+"""Lenses, fisheye and pinhole, by the field's lines alone: rendered with known truth, and the laws of the parts."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from field_models import load_field
+from field_models.errors import ArgumentError
+from robocup_vision.calibration.forward.calibrate import calibrate_forward
+from robocup_vision.calibration.forward.circle import circle_of, dark_rim
+from robocup_vision.calibration.forward.parameters import CENTER, ForwardParameters
+from robocup_vision.calibration.forward.starts import KnownOfCamera, starts_about, starts_of
+from robocup_vision.camera import FisheyeCamera, PinholeCamera
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.scene import Room, Scene
+from sim2d.rendering.sensor import Sensor
+
+FISHEYE = FisheyeCamera(
+    (304, 400),
+    (163.0, 163.0),
+    (148.0, 203.0),
+    0.75,
+    (-0.02, -0.003, 0.0, 0.0),
+    pan_rad=0.0,
+    tilt_rad=0.02,
+    roll_rad=-0.01,
+    usable_radius_px=(0.0, 190.0),
+)
+BENT = PinholeCamera(
+    (320, 240), (228.0, 228.0), (161.0, 118.0), 0.45, (-0.25, 0.08, 0.0, 0.0), (0.0, 0.0), 0.0, math.radians(-15.0), 0.0
+)
+IN_MIDDLE_SIZE = (
+    Pose2(1.0, -2.5, 1.6),
+    Pose2(-5.0, 2.0, 2.9),
+    Pose2(4.0, 1.5, -0.4),
+    Pose2(6.0, -3.0, 0.6),
+    Pose2(-1.5, 3.0, -1.2),
+    Pose2(-7.0, -1.0, 3.0),
+    Pose2(2.0, 0.5, 2.5),
+    Pose2(-3.0, -4.0, -1.9),
+)
+IN_STANDARD = (
+    Pose2(1.5, -0.5, 1.75),
+    Pose2(-2.4, 1.2, -1.4),
+    Pose2(0.4, 1.4, -1.8),
+    Pose2(2.6, -1.6, 1.2),
+    Pose2(-1.0, -1.0, 1.5),
+    Pose2(-3.0, -1.5, 1.6),
+)
+
+
+def render(field, camera, places, seed):
+    rng = np.random.default_rng(seed)
+    scene, sensor = Scene(field, room=Room(seed=seed), carpet_margin_m=0.6), Sensor(noise_sigma=2.0, blur_px=0.5)
+    return [sensor.expose(render_pinhole(camera, scene, pose, supersample=3), rng) for pose in places]
+
+
+@pytest.fixture(scope="module")
+def middle_size():
+    return load_field("msl_18x12")
+
+
+@pytest.fixture(scope="module")
+def fisheye_frames(middle_size):
+    return render(middle_size, FISHEYE, IN_MIDDLE_SIZE, 5)
+
+
+def assert_is_true(result, truth):
+    assert result, result.reason
+    camera, std = result.camera, result.std
+    focal = truth.focal_px[0]
+    assert abs(camera.focal_px[0] - focal) < 3 * std["focal_px"] + 0.003 * focal
+    assert std["focal_px"] < 0.03 * focal
+    assert abs(camera.height_m - truth.height_m) < 3 * std["height_m"] + 0.003
+    assert abs(camera.tilt_rad - truth.tilt_rad) < 3 * std["tilt_rad"] + 0.002
+    assert abs(camera.roll_rad - truth.roll_rad) < 3 * std["roll_rad"] + 0.002
+    for name, found, true in zip("uv", camera.center_px, truth.center_px, strict=True):
+        assert abs(found - true) < 3 * std[f"center_{name}_px"] + 0.5
+
+
+@pytest.mark.slow  # renders eight pictures, and tries seven focal lengths
+def test_a_fisheye_is_found_from_its_rough_height_and_tilt(middle_size, fisheye_frames):
+    known = KnownOfCamera("fisheye", height_m=0.7, tilt_rad=0.0)
+    result = calibrate_forward(middle_size, fisheye_frames, known)
+    assert_is_true(result, FISHEYE)
+    assert result.residual_px < 0.35
+    assert len(result.frames) >= 6
+    # floor by lens and mounting, where lines were seen
+    pixels = np.array([(60.0, 300.0), (150.0, 280.0), (150.0, 340.0), (240.0, 270.0)])
+    off_m = np.hypot(*(result.camera.pixel_to_floor(pixels) - FISHEYE.pixel_to_floor(pixels)).T)
+    assert off_m.max() < 0.04
+    inner, outer = result.camera.usable_radius_px
+    assert inner == 0.0
+    assert 0.9 * 190 < outer <= 190 + 1
+
+
+@pytest.mark.slow  # renders six pictures, and fits them four times
+def test_a_lens_that_bends_lines_is_noticed_without_a_word():
+    field = load_field("spl_2020")
+    start = replace(BENT, distortion=(), center_px=(159.5, 119.5), focal_px=(216.0, 216.0))
+    result = calibrate_forward(field, render(field, BENT, IN_STANDARD, 8), start)
+    assert_is_true(result, BENT)
+    assert abs(result.camera.distortion[0] - BENT.distortion[0]) < 3 * result.std["k1"] + 0.02
+
+
+LENSES = (FISHEYE, replace(FISHEYE, distortion=()), BENT, replace(BENT, distortion=()))
+
+
+@pytest.mark.parametrize("camera", LENSES)
+@given(
+    numbers=st.lists(st.floats(-1.0, 1.0), min_size=9, max_size=9),
+)
+def test_a_camera_becomes_a_vector_and_back(camera, numbers):
+    parameters = ForwardParameters(camera)
+    vector = parameters.vector(parameters.start) + np.array(numbers) * 0.01 * np.sign(parameters.start_std)
+    assert parameters.vector(parameters.camera(vector), vector[6]) == pytest.approx(vector)
+
+
+@pytest.mark.parametrize("camera", LENSES)
+def test_pixels_move_by_coefficients_as_the_camera_says(camera):
+    parameters = ForwardParameters(camera)
+    vector = parameters.vector(parameters.start)
+    pixels = np.array([(40.0, 60.0), (150.0, 120.0), (250.0, 200.0), (150.0, 230.0)])
+    rays = parameters.start.pixel_to_camera_ray(pixels)
+    normal = np.array([(1.0, 0.0), (0.0, 1.0), (0.6, 0.8), (-0.8, 0.6)])
+    step = 1e-3
+    for place in range(parameters.coefficients):
+        moved = vector.copy()
+        moved[7 + place] += step
+        along = ((parameters.camera(moved).camera_ray_to_pixel(rays) - pixels) * normal).sum(axis=1)
+        told = parameters.by_coefficients(parameters.start, pixels, normal)[:, place] * step
+        assert told == pytest.approx(along, abs=1e-3)
+
+
+def test_a_lens_that_is_known_has_no_coefficients():
+    assert ForwardParameters(BENT, bends=False).coefficients == 0
+    assert ForwardParameters(replace(FISHEYE, distortion=(), projection="equisolid")).coefficients == 0
+    assert ForwardParameters(FISHEYE).start_std[CENTER][0] > ForwardParameters(BENT).start_std[CENTER][0]
+
+
+def disc(radius_px, middle_px=(160.0, 118.0), size_px=(320, 240), level=120):
+    u, v = np.meshgrid(np.arange(size_px[0]), np.arange(size_px[1]))
+    lit = np.hypot(u - middle_px[0], v - middle_px[1]) < radius_px
+    return np.repeat(np.where(lit, level, 4).astype(np.uint8)[..., None], 3, axis=-1)
+
+
+@given(st.floats(90.0, 180.0), st.floats(-6.0, 6.0), st.floats(-6.0, 6.0))
+def test_the_circle_that_the_lens_fills_is_found(radius_px, aside_px, below_px):
+    middle = (159.5 + aside_px, 119.5 + below_px)
+    u, v, found = dark_rim([disc(radius_px, middle)])
+    assert (u, v) == pytest.approx(middle, abs=1.0)
+    assert found == pytest.approx(radius_px, abs=1.5)
+    assert circle_of((u, v, found), (u + 3.0, v))[1] == pytest.approx(0.98 * found - 3.0, abs=0.5)
+
+
+def test_no_circle_is_made_up():
+    whole = np.full((240, 320, 3), 120, np.uint8)
+    assert dark_rim([whole]) is None
+    # a dark room, and a robot's part in a corner
+    assert dark_rim([np.full((240, 320, 3), 3, np.uint8)]) is None
+    part = whole.copy()
+    part[180:, :120] = 5
+    assert dark_rim([part]) is None
+    # what is dark in one picture only is no rim
+    assert dark_rim([disc(110.0), whole]) is None
+
+
+@pytest.mark.parametrize("model", ["pinhole", "fisheye"])
+@given(share=st.floats(0.0, 1.0), height_m=st.floats(0.16, 0.95), tilt_rad=st.floats(-0.7, 0.1))
+def test_some_start_is_near_whatever_the_camera_is(model, share, height_m, tilt_rad):
+    low, high = (42.0, 96.0) if model == "pinhole" else (75.0, 190.0)
+    half = math.radians(low + share * (high - low)) / 2
+    focal = 320.0 / (math.tan(half) if model == "pinhole" else half)
+    starts = starts_of((640, 480), KnownOfCamera(model))
+    assert isinstance(starts[0], FisheyeCamera) == (model == "fisheye")
+    assert any(
+        abs(math.log(one.focal_px[0] / focal)) < 0.07
+        and abs(math.log(one.height_m / height_m)) < 0.17
+        and abs(one.tilt_rad - tilt_rad) < 0.06
+        for one in starts
+    )
+
+
+def test_what_is_known_is_not_tried():
+    (only,) = starts_of((640, 480), KnownOfCamera("fisheye", math.radians(120.0), 0.5, -0.1))
+    assert (only.height_m, only.tilt_rad) == (0.5, -0.1)
+    assert only.focal_px[0] == pytest.approx(320.0 / math.radians(60.0))
+    assert {one.tilt_rad for one in starts_about(BENT)} == {BENT.tilt_rad}
+    assert len({one.tilt_rad for one in starts_about(replace(BENT, tilt_rad=None))}) > 5
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"model": "omni"}, "model must be one of pinhole, fisheye, got 'omni'"),
+        ({"view_rad": 4.0}, "the view of a pinhole camera is less than 180 degrees, got 4.0"),
+        ({"height_m": 450.0}, "height must be in metres, above 0 and at most 3, got 450.0"),
+        ({"height_m": 0.0}, "height must be in metres, above 0 and at most 3, got 0.0"),
+        ({"tilt_rad": -15.0}, "tilt must be in radians, between -pi/2 and pi/2, got -15.0"),
+    ],
+)
+def test_what_cannot_be_is_refused(values, said):
+    with pytest.raises(ArgumentError) as caught:
+        KnownOfCamera(**values)
+    assert str(caught.value) == said
