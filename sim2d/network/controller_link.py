@@ -28,6 +28,8 @@ _NS_PER_S = 1e9
 # a person's eyes and fingers are no faster
 _OPERATOR_S = 0.2
 _DIVISION_A_KICK_S = 5.0
+# a game controller that goes by the simulator's time answers each moment within milliseconds
+_ANSWER_S = 0.2
 
 
 class ControllerLink(Closing):
@@ -93,7 +95,10 @@ class ControllerLink(Closing):
         self._frames += 1
         packet = tracker_packet(state, self._frames, epoch_s)
         try:
-            return self._ci.exchange(CiInput(round(_NS_PER_S * (epoch_s + state.t_s)), packet, geometry=geometry), 0.0)
+            # it must have done with a moment before it hears of the next: one that has not yet given the command that
+            # is due gives it twice, and ends
+            told = CiInput(round(_NS_PER_S * (epoch_s + state.t_s)), packet, geometry=geometry)
+            return self._ci.exchange(told, _ANSWER_S)
         except (ArgumentError, PacketError) as error:
             self.problems.add(str(error))
             self._ci = None
