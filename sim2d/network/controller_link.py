@@ -28,8 +28,9 @@ _NS_PER_S = 1e9
 # a person's eyes and fingers are no faster
 _OPERATOR_S = 0.2
 _DIVISION_A_KICK_S = 5.0
-# a game controller that goes by the simulator's time answers each moment within milliseconds
-_ANSWER_S = 0.2
+# a game controller that goes by the simulator's time answers each moment within milliseconds, unless the machine is
+# busy
+_ANSWER_S = 1.0
 
 
 class ControllerLink(Closing):
@@ -98,11 +99,14 @@ class ControllerLink(Closing):
             # it must have done with a moment before it hears of the next: one that has not yet given the command that
             # is due gives it twice, and ends
             told = CiInput(round(_NS_PER_S * (epoch_s + state.t_s)), packet, geometry=geometry)
-            return self._ci.exchange(told, _ANSWER_S)
+            answers = self._ci.exchange(told, _ANSWER_S)
         except (ArgumentError, PacketError) as error:
             self.problems.add(str(error))
             self._ci = None
             return []
+        if not answers:
+            self.problems.add(f"the game controller has not answered for {_ANSWER_S:g} s")
+        return answers
 
     def judge(self, state: LeagueState, epoch_s: float) -> None:
         """Tell the game controller what has happened, and press what is due."""
