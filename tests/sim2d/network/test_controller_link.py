@@ -37,7 +37,7 @@ def slow_controller():
             connection.settimeout(WAIT_S)
             buffer = bytearray()
             with connection:
-                while len(got) < MOMENTS and (data := connection.recv(1 << 16)):
+                while data := connection.recv(1 << 16):
                     buffer += data
                     while (frame := take_frame(buffer)) is not None:
                         time.sleep(0.02)
