@@ -233,10 +233,14 @@ def load_dataset(
     times = _times(_beside(folder, description.frames), image_names)
     if times is None and video is not None and video.has_times:
         times = {name: FrameTime(t_s, None) for name, t_s in zip(image_names, video.times_s, strict=True)}
-    boxes_path = folder / box_file.NAME
     map_path = Path(landmark_map) if landmark_map is not None else _beside(folder, description.map)
     wanted = method or ("landmarks" if landmark_map is not None else description.method)
     chosen = _method(description_path, wanted, loaded_field, loaded_camera)
+    boxes_path = folder / box_file.NAME
+    has_boxes = boxes_path.is_file()
+    if has_boxes and chosen == "landmarks":
+        notes += (f"{box_file.NAME} is not scored: method 'landmarks' tells neither balls nor obstacles",)
+        has_boxes = False
     _check_mountings(_beside(folder, description.frames), times, loaded_camera, chosen)
     return Dataset(
         name=folder.resolve().name if folder.is_dir() else folder.stem,
@@ -254,7 +258,7 @@ def load_dataset(
         notes=notes,
         landmarks=_landmarks(description_path, map_path, loaded_camera) if chosen == "landmarks" else None,
         left_out=len(other_pictures(source)) if source.is_dir() else 0,
-        boxes=box_file.load_boxes(boxes_path, image_names, loaded_camera.size_px) if boxes_path.is_file() else None,
+        boxes=box_file.load_boxes(boxes_path, image_names, loaded_camera.size_px) if has_boxes else None,
     )
 
 

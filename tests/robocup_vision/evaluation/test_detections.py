@@ -1,6 +1,7 @@
 """Balls and obstacles against boxes: hits, misses, false finds and ranges, by views whose truth is known."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from field_models import ArgumentError, FileError, load_field
-from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera import PinholeCamera, save_camera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.evaluation.boxes import Box, load_boxes
 from robocup_vision.evaluation.dataset import load_dataset
@@ -19,6 +20,7 @@ from robocup_vision.evaluation.detections import (
     match_boxes,
 )
 from robocup_vision.evaluation.run import evaluate
+from robocup_vision.landmarks.landmark_map import LandmarkMap, save_map
 
 FIELD = load_field("ssl_division_b")
 CAMERA = PinholeCamera((320, 240), (300.0, 300.0), (160.0, 120.0), 0.3, tilt_rad=-0.3, pan_rad=0.0, roll_rad=0.0)
@@ -142,6 +144,22 @@ def test_a_run_scores_the_boxes_and_shows_misses(folder: Path, tmp_path: Path):
     # in other processes the same
     again = evaluate(load_dataset(folder), tmp_path / "two", jobs=2, make_vision=TellsOneBall)
     assert again.detections == summary.detections
+
+
+def test_boxes_of_images_that_landmarks_locate_are_said_not_to_be_scored(folder: Path, tmp_path: Path):
+    some = np.array([0])
+    sizes, places = np.array([0.05]), np.array([[1.0, 0.5, 0.4]])
+    landmarks = LandmarkMap(
+        places, np.eye(3)[None] * 1e-4, np.ones(1), some, some, some, some,
+        np.zeros((1, 128), np.uint8), sizes, sizes, sizes, np.zeros((2, 3)), np.zeros((2, 3, 3)),
+    )  # fmt: skip
+    save_map(landmarks, tmp_path / "map.npz")
+    save_camera(replace(CAMERA, size_px=(64, 56), center_px=(31.5, 27.5)), folder / "camera.toml")
+    (folder / "boxes.csv").write_text("image,kind,xmin,ymin,xmax,ymax\n0.png,ball,35,25,45,35\n")
+    assert load_dataset(folder).boxes is not None
+    dataset = load_dataset(folder, landmark_map=tmp_path / "map.npz")
+    assert dataset.boxes is None
+    assert "boxes.csv is not scored: method 'landmarks' tells neither balls nor obstacles" in dataset.notes
 
 
 def test_crops_of_things_at_a_pictures_corner_are_pictures():
