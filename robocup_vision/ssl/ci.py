@@ -41,8 +41,11 @@ class CiClient(Closing):
         """Close the connection."""
         self._connection.close()
 
-    def exchange(self, value: CiInput, wait_s: float = 0.05) -> list[Referee]:
+    def exchange(self, value: CiInput, wait_s: float = 1.0) -> list[Referee]:
         """Send an input, wait for an answer at most so long, and return all packets that have come.
+
+        A game controller answers each input within milliseconds. One that hears of the next moment before it has done
+        with this one may give the command that is due twice, and ends.
 
         Raises
         ------

@@ -28,9 +28,6 @@ _NS_PER_S = 1e9
 # a person's eyes and fingers are no faster
 _OPERATOR_S = 0.2
 _DIVISION_A_KICK_S = 5.0
-# a game controller that goes by the simulator's time answers each moment within milliseconds, unless the machine is
-# busy
-_ANSWER_S = 1.0
 
 
 class ControllerLink(Closing):
@@ -96,16 +93,13 @@ class ControllerLink(Closing):
         self._frames += 1
         packet = tracker_packet(state, self._frames, epoch_s)
         try:
-            # it must have done with a moment before it hears of the next: one that has not yet given the command that
-            # is due gives it twice, and ends
-            told = CiInput(round(_NS_PER_S * (epoch_s + state.t_s)), packet, geometry=geometry)
-            answers = self._ci.exchange(told, _ANSWER_S)
+            answers = self._ci.exchange(CiInput(round(_NS_PER_S * (epoch_s + state.t_s)), packet, geometry=geometry))
         except (ArgumentError, PacketError) as error:
             self.problems.add(str(error))
             self._ci = None
             return []
         if not answers:
-            self.problems.add(f"the game controller has not answered for {_ANSWER_S:g} s")
+            self.problems.add("the game controller has left a moment unanswered")
         return answers
 
     def judge(self, state: LeagueState, epoch_s: float) -> None:
