@@ -1,6 +1,7 @@
 """Where to look: which half of the field this is, and which undecided floor lies on the way.
 
-First a four-legged robot that knows its pose but for the half of the field pans its head until a goal's colour decides.
+First a four-legged robot sees a goal, forgets which one it was, and turns away: by that frame and odometry it knows its
+pose but for the half of the field. It pans its head until a goal's colour decides.
 Then a robot with a mirror camera knows part of the floor, and asks what to look at before it drives on. The simulator
 plays both robots; the code gets frames, odometry and the head's pan only.
 """
@@ -13,6 +14,7 @@ from field_models import load_field
 from robocup_vision import Memory, Vision
 from robocup_vision.belief import Hypothesis
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import half_turn_covariance
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.mapping.occupancy import FREE, NO_GO
@@ -24,11 +26,19 @@ from sim2d.robot_link import Command
 # which half: a look at a time, until little entropy is left or no look would help
 field = load_field("four_legged_2007")
 arena = Arena(field, players=1, seed=3)
-for _ in range(30):  # it faces away from both goals
-    arena.step({0: Command(turn_rps=2.0)})
 assert isinstance(arena.camera, PinholeCamera)
 estimator, question = GoalPoseEstimator(field, arena.camera), GoalQuestion(field, arena.camera)
-pose, covariance = arena.state.robots[0].pose, np.diag([0.05, 0.05, 0.05]) ** 2
+seen: PoseEstimate | NotLocated = NotLocated("no frame yet")
+while not isinstance(seen, PoseEstimate):
+    senses = arena.senses()[0]
+    if senses.frame is not None:
+        seen = estimator.locate(senses.frame)
+    arena.step({0: Command()})
+pose, covariance = seen.seen_from(arena.camera.camera_in_robot.inverse()).pose, np.diag([0.05, 0.05, 0.05]) ** 2
+for _ in range(30):  # it turns away from both goals
+    pose = pose.compose(arena.senses()[0].odometry)
+    arena.step({0: Command(turn_rps=2.0)})
+pose = pose.compose(arena.senses()[0].odometry)
 halves = [(pose.half_turn(), half_turn_covariance(covariance)), (pose, covariance)]
 probability, pan_rad = np.array([0.5, 0.5]), 0.0
 for _ in range(6):
@@ -48,7 +58,7 @@ for _ in range(6):
     goal = identified_goal(field, estimator.locate(senses.frame))
     print(f"    at {math.degrees(pan_rad):+.0f} deg:", {1: "goal at +x", -1: "goal at -x", 0: "no goal"}[goal])
     probability = question.observe(hypotheses, pan_rad, goal)
-print("the true half has probability", probability[1].round(3))
+print("the half of that first frame has probability", probability[1].round(3))
 
 # which floor: as a map of what the camera has seen so far has it, a few metres ahead
 field = load_field("ssl_2001")

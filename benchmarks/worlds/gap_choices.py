@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.worlds.error_law import MATCHED, Errors
 from benchmarks.worlds.uncertain_robot import (
     DISC_STD_M,
     LIMITS,
@@ -89,10 +90,10 @@ def draw_row(narrowest_m: float, aside_m: float, sensor: WidthSensor, rng: np.ra
     return Row((*gaps, Gap((x, side * max(low, end)), 0.0, _ROUND_M, 1e-3)), sensor)
 
 
-def draw_widths(row: Row, rng: np.random.Generator) -> FloatArray:
+def draw_widths(row: Row, rng: np.random.Generator, errors: Errors = MATCHED) -> FloatArray:
     """Draw the true widths from their estimates."""
     width, sigma = np.array([(gap.width_m, gap.sigma_m) for gap in row.gaps]).T
-    return np.array(width + sigma * rng.standard_normal(len(width)))
+    return np.array(width + sigma * errors.obstacle.draw(rng, len(width)))
 
 
 def pick(rule: str, times: PassageTimes, place_m: Point, gaps: Sequence[Gap]) -> int:
@@ -109,12 +110,12 @@ def pick(rule: str, times: PassageTimes, place_m: Point, gaps: Sequence[Gap]) ->
 class _Opponents:
     """The opponents that make the gaps: where they stand, and where they are estimated to."""
 
-    def __init__(self, row: Row, widths_m: FloatArray, rng: np.random.Generator) -> None:
-        self._row, self._rng = row, rng
+    def __init__(self, row: Row, widths_m: FloatArray, rng: np.random.Generator, errors: Errors) -> None:
+        self._row, self._rng, self._law = row, rng, errors.obstacle
         believed, truth, variance = [], [], []
         for gap, width in zip(row.gaps[:-1], widths_m.tolist(), strict=False):
             # errors of the two are independent: that of their middle is not that of the width
-            middle = 0.5 * gap.sigma_m * rng.standard_normal()
+            middle = 0.5 * gap.sigma_m * float(self._law.draw(rng, 1)[0])
             for side in (-1, 1):
                 y = gap.center_m[1] + side * (0.5 * gap.width_m + RADIUS_M)
                 believed.append(y)
@@ -128,7 +129,7 @@ class _Opponents:
         for k, gap in enumerate(self.gaps()[:-1]):
             one = slice(2 * k, 2 * k + 2)
             variance = 0.5 * self._row.sensor.sigma_m(gap, eye_m) ** 2
-            seen = self.truth_m[one, 1] + math.sqrt(variance) * self._rng.standard_normal(2)
+            seen = self.truth_m[one, 1] + math.sqrt(variance) * self._law.draw(self._rng, 2)
             gain = self._variance[one] / (self._variance[one] + variance)
             self._y[one] += gain * (seen - self._y[one])
             self._variance[one] *= 1 - gain
@@ -180,10 +181,11 @@ def drive_row(
     times: PassageTimes,
     rng: np.random.Generator,
     first: int | None = None,
+    errors: Errors = MATCHED,
 ) -> RowDrive:
     """Drive to the goal by a rule, asked again as `again` says; `first` is the gap taken first if that is given."""
-    opponents = _Opponents(row, widths_m, np.random.default_rng(rng.integers(2**32)))
-    robot = UncertainRobot(rng)
+    opponents = _Opponents(row, widths_m, np.random.default_rng(rng.integers(2**32)), errors)
+    robot = UncertainRobot(rng, errors)
     round_it, collided, missed_s, speed = len(row.gaps) - 1, False, 0.0, 0.0
     blocked: set[int] = set()
     taken, path, stuck, places = -1, np.empty((0, 2)), False, [robot.place_m]
@@ -229,6 +231,7 @@ class RowJob:
     rule: str
     again: tuple[str, ...]
     draws: int = 6
+    errors: Errors = MATCHED
 
 
 def row_seconds(job: RowJob) -> FloatArray | None:
@@ -245,15 +248,15 @@ def row_seconds(job: RowJob) -> FloatArray | None:
         return None
     found = []
     for _ in range(job.draws):
-        widths, drive_seed = draw_widths(row, rng), int(rng.integers(2**32))
+        widths, drive_seed = draw_widths(row, rng, job.errors), int(rng.integers(2**32))
         known = [dataclasses.replace(gap, width_m=w) for gap, w in zip(row.gaps, widths.tolist(), strict=True)]
         best = pick("mean width", times, start, known)
         drives = [
-            drive_row(row, widths, rule, again, times, np.random.default_rng(drive_seed))
+            drive_row(row, widths, rule, again, times, np.random.default_rng(drive_seed), errors=job.errors)
             for again in job.again
             for rule in rules
         ]
         oracle_rng = np.random.default_rng(drive_seed)
-        drives.append(drive_row(row, widths, "mean width", "if blocked", times, oracle_rng, best))
+        drives.append(drive_row(row, widths, "mean width", "if blocked", times, oracle_rng, best, job.errors))
         found.append([drive.seconds for drive in drives] + [float(any(drive.collided for drive in drives))])
     return np.array(np.mean(found, axis=0))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.worlds.error_law import MATCHED, Errors
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion.path_following import drive, nearest_on_path
@@ -76,10 +77,19 @@ def draw_opponents(rng: np.random.Generator) -> FloatArray:
 class Robot:
     """Estimates from its looks: cells' log-odds, and opponents found where cells are blocked."""
 
-    def __init__(self, opponents: FloatArray, rule: str, constant_mps: float | None, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        opponents: FloatArray,
+        rule: str,
+        constant_mps: float | None,
+        rng: np.random.Generator,
+        errors: Errors = MATCHED,
+    ) -> None:
+        self.missed = errors.missed
+        off_m = PLACE_STD_M * errors.obstacle.draw(rng, 2 * len(opponents)).reshape(-1, 2)
         self.opponents, self.rule, self.constant_mps, self.rng = opponents, rule, constant_mps, rng
         # where a tracker has those that are found: their size is known, and their place up to its error
-        self.tracked = opponents + PLACE_STD_M * np.pad(rng.standard_normal((len(opponents), 2)), ((0, 0), (0, 1)))
+        self.tracked = opponents + np.pad(off_m, ((0, 0), (0, 1)))
         self.log_odds = np.zeros(_X.shape)
         self.found = np.zeros(len(opponents), dtype=int)
         self.follower, self.undecided = PathFollower(LIMITS), UndecidedSpeed(LIMITS, RADIUS_M, EVERY * PERIOD_S)
@@ -100,7 +110,7 @@ class Robot:
         real = np.where(hits, away * np.cos(off) - depth, np.inf)
         nearest = real.argmin(axis=1)
         front = real[np.arange(BEARINGS), nearest]
-        noticed = self.rng.random(len(away)) < seen_ratio(away)
+        noticed = self.rng.random(len(away)) < 1 - self.missed * (1 - seen_ratio(away))
         range_m = np.hypot(_X - place[0], _Y - place[1])
         ray = (np.arctan2(_Y - place[1], _X - place[0]) * (BEARINGS / math.tau)).astype(int) % BEARINGS
         # what is not noticed looks like floor, but hides what is behind it all the same
@@ -179,10 +189,10 @@ def way_round(start: FloatArray, goal: FloatArray, known: FloatArray) -> FloatAr
     return np.asarray(nodes[path[::-1]])
 
 
-def run(seed: tuple[int, int], rule: str, constant_mps: float | None) -> Run:
+def run(seed: tuple[int, int], rule: str, constant_mps: float | None, errors: Errors = MATCHED) -> Run:
     """Drive from end to end among hidden opponents."""
     opponents = draw_opponents(np.random.default_rng([*seed, 0]))
-    robot = Robot(opponents, rule, constant_mps, np.random.default_rng([*seed, 1]))
+    robot = Robot(opponents, rule, constant_mps, np.random.default_rng([*seed, 1]), errors)
     place, velocity, pending = (0.4, WIDTH_M / 2), (0.0, 0.0), (0.0, 0.0)
     collided = False
     for step in range(int(40 / PERIOD_S)):

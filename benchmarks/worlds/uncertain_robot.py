@@ -1,4 +1,4 @@
-"""A robot located by a look now and then, and by odometry that slips in between: for speed.py and gap_choices.py.
+"""A robot located by a look now and then, and by odometry that slips in between: for slalom.py and gap_choices.py.
 
 Its planner gets estimates only; it moves in truth.
 """
@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from benchmarks.worlds.error_law import MATCHED, Errors
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion.path_following import drive, spread
@@ -36,12 +37,14 @@ class UncertainRobot:
     ----------
     rng : Generator
         Draws all errors.
+    errors : Errors, optional
+        How they are distributed.
     """
 
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-        self._bias = BIAS_STD * rng.standard_normal(3)
-        truth = LOOK_STD * rng.standard_normal(3) - self._bias
+    def __init__(self, rng: np.random.Generator, errors: Errors = MATCHED) -> None:
+        self._rng, self._law = rng, errors.pose
+        self._bias = BIAS_STD * self._law.draw(rng, 3)
+        truth = LOOK_STD * self._law.draw(rng, 3) - self._bias
         self.place_m, self._turn = (float(truth[0]), float(truth[1])), float(truth[2])
         self.velocity_mps, self._pending = (0.0, 0.0), (0.0, 0.0)
         self._believed, self._covariance = np.zeros(3), np.diag(LOOK_STD**2)
@@ -69,7 +72,7 @@ class UncertainRobot:
         """Look, if it is time to; return whether it was."""
         if self._step % _LOOK_EVERY != 0:
             return False
-        seen = np.array([*self.place_m, self._turn]) + self._bias + LOOK_STD * self._rng.standard_normal(3)
+        seen = np.array([*self.place_m, self._turn]) + self._bias + LOOK_STD * self._law.draw(self._rng, 3)
         gain = self._covariance @ np.linalg.inv(self._covariance + np.diag(LOOK_STD**2))
         self._believed = self._believed + gain @ (seen - self._believed)
         self._covariance = (np.eye(3) - gain) @ self._covariance
@@ -123,4 +126,4 @@ class UncertainRobot:
         return bool((away < discs_m[:, 2] + RADIUS_M).any())
 
     def _draw_slip(self) -> FloatArray:
-        return np.array([NOISE.along, NOISE.aside]) * self._rng.standard_normal(2)
+        return np.array([NOISE.along, NOISE.aside]) * self._law.draw(self._rng, 2)
