@@ -28,6 +28,8 @@ from sim2d.network.team.client import TeamClient
 _SENDERS = 5
 # messages between two turns of the simulator, and turns between two of the team
 _A_TURN, _A_COMMAND = 20, 10
+# two seconds: whom to follow is in doubt until the flood's senders have been silent for one
+_TURNS_AFTER = 600
 # of all, how many are repeated until they are large
 _LARGE_RATIO = 0.02
 
@@ -86,7 +88,7 @@ def flood(count: int, seed: int, ports: Ports, vision_port: int) -> Flooded:
         refused, steps = simulator.bad_datagrams, simulator.world.steps
         simulator.vision_port = vision_port
         sent = team.sent
-        for turn in range(300):
+        for turn in range(_TURNS_AFTER):
             _turn(server)
             if turn % _A_COMMAND == 0:
                 team.turn()
@@ -95,7 +97,7 @@ def flood(count: int, seed: int, ports: Ports, vision_port: int) -> Flooded:
             refused,
             steps,
             all(map(math.isfinite, _numbers(simulator))),
-            simulator.world.steps >= steps + 250 and team.sent > sent,
+            simulator.world.steps >= steps + _TURNS_AFTER - 50 and team.sent > sent,
         )
 
 
