@@ -22,7 +22,7 @@ from sim2d.rendering.hall.hall import Hall, HallCamera
 from sim2d.rendering.sensor import Sensor
 
 SPEED_MPS = 0.15
-PERIOD_S = 0.25
+PERIOD_S = 0.4
 # of these wheels: how far lengths and directions are off for a whole drive, and from period to period
 _SLIP, _SKEW_RAD, _JITTER = 0.05, 0.04, 0.15
 _TURN_PER_S, _MAX_TURN_RPS = 1.2, 0.5
