@@ -1,70 +1,75 @@
-"""The final fit of a goal of a hue: its posts, bar and feet as profiles of colour and brightness.
+"""The final fit of a goal of a hue: whole rows across its posts, whole columns across its bar and down to its feet.
 
-Camera chips and JPEG keep colour at half the resolution, while brightness may hardly differ from what is behind the
-goal; both together, each with a blur of its own, give what either lacks (see `kernels.goal.profile`).
+The camera follows from all sections at once, under the point spread that the picture itself shows (see
+`kernels.goal.sections`). What each piece of an edge adds to that is a sample of the fit that the field's lines join.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.edge_places import goal_points
-from robocup_vision.kernels.goal.profile import (
+from robocup_vision.kernels.goal.sections import (
+    BAR,
     CHANNELS,
+    KINDS,
+    LEVELS,
     MEMBERS,
-    OWN,
-    PER_MEMBER,
-    SHARED,
+    SHAPES,
     DueGoal,
-    ProfilePicture,
-    ProfilePixels,
-    ProfileSpread,
-    ProfileUnknowns,
-    gather_profiles,
+    Response,
+    SectionPicture,
+    Sections,
+    SectionSpread,
+    fit_sections,
+    gather_sections,
 )
-from robocup_vision.kernels.goal.profile_fit import ProfilePriors, fit_profiles
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance, EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalFit, GoalModel, fit, residuals
-from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES
+from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES, LOG_FOCAL
+from robocup_vision.localization.goal.point_spread import HALVED, PER_PX, SPREADS, TYPICAL, PointSpread, step_response
 
 _BRIGHTNESS = (0.114, 0.587, 0.299)  # of B, G and R: the luma of BT.601
 _SCALES = np.array([1.0, 0.5, 0.3, 0.3])  # of the robust loss in each iteration, pixels: the start is right to a pixel
+_CELLS = 8  # of even light across a member; those at its edges are the narrowest
+_STEPS = np.array([1e-4, 1e-4, 1e-5, 1e-5, 1e-5, 1e-4])  # of the camera for differences: metres, radians
+_FIRST_STD = 3.0  # of a pixel's noise, grey levels, before the picture tells
+_MIN_VARIANCE = 0.5  # of it: grey levels are whole
+_OFFSETS = EDGES + 2  # what whole edges and feet are off
 
 
 @dataclass(frozen=True, slots=True)
 class ProfileSettings:
-    """Which pixels are taken, what is known of paint and optics before, and when the profiles' fit counts.
+    """Which pixels are taken, what is known of paint before, and when the fit counts.
 
     Parameters
     ----------
-    pieces : int
-        Segments of a member: enough to see one that is hidden, long enough to average noise.
-    max_lines : int
-        Rows (bar: columns) of a segment: more add little, for their errors are alike.
-    rounds : int
-        Of the profiles' fit: it moves by less than a pixel.
-    reach_px : float
-        Of background beside an edge: wider than the blur.
+    pieces, max_lines : int
+        Pieces of a member, enough to see one that is hidden, and most rows (bar: columns) of each.
+    outside_px, inside_px : float
+        Of background and of paint beside an edge: wider than the point spread.
     clear_of_corners_px : float
         Left out at corners and feet, where two members blur into each other.
-    margin_px : int
-        Around the goal in the picture: room for background and for an edge a pixel off.
     saturated : int
         Level from which a pixel shines: a chip's response bends there.
-    blur_px, blur_std_px : (float, float), float
-        Prior on the blur of colour and of brightness: JPEG keeps colour at half the resolution.
-    across_std, curve_std, along_std : float
-        Prior on the paint's light across a member, its curve, and along it: lamps and the evenness of paint.
+    light_std : float
+        Prior on how the paint's light changes across a member, grey levels.
+    steps : int
+        Of the fit, before the point spread is chosen and after: it moves by less than a pixel.
+    cut : float
+        Squared residuals over what the noise lets expect, at which a section counts a quarter.
     move_std_px : float
         Prior on an edge's move: the edges' fit is right to a pixel.
     max_std_px : float
-        Noise from which a segment's edge is left out: it is less certain than the edges' fit.
+        Noise from which a piece's edge is left out: it is less certain than the edges' fit.
     edge_error_px, foot_error_px : float
         Error that whole edges and feet have in common, beside their noise.
     min_samples : int
@@ -76,17 +81,14 @@ class ProfileSettings:
     """
 
     pieces: int = 6
-    max_lines: int = 3
-    rounds: int = 4
-    reach_px: float = 3.0
+    max_lines: int = 8
+    outside_px: float = 3.0
+    inside_px: float = 4.5
     clear_of_corners_px: float = 1.8
-    margin_px: int = 14
     saturated: int = 246
-    blur_px: tuple[float, float] = (0.7, 0.6)
-    blur_std_px: float = 0.3
-    across_std: float = 0.2
-    curve_std: float = 0.2
-    along_std: float = 0.1
+    light_std: float = 30.0
+    steps: int = 2
+    cut: float = 9.0
     move_std_px: float = 1.0
     max_std_px: float = 0.6
     edge_error_px: float = 0.03
@@ -97,114 +99,244 @@ class ProfileSettings:
     trusted: float = 2.0
 
 
-def expected_profile(
-    settings: ProfileSettings = ProfileSettings(),
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the prior (SHARED,) on the unknowns common to all profiles: values, and inverse variances."""
-    expected, weight = np.zeros(SHARED), np.full(SHARED, 1e-6)
-    expected[:CHANNELS], weight[:CHANNELS] = settings.blur_px, settings.blur_std_px**-2
-    for base in range(CHANNELS, SHARED, PER_MEMBER):
-        weight[base], weight[base + 1] = settings.across_std**-2, settings.curve_std**-2
-        weight[base + 3 : base + PER_MEMBER : 2] = settings.along_std**-2
-    return expected, weight
+@lru_cache(maxsize=4)
+def _paint(light_std: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Knots, jumps and tightness of the paint's light, see `Response`: even, a slope, a lit cylinder, a terminator."""
+    knots = (1 - np.cos(np.pi * np.arange(_CELLS + 1) / _CELLS)) / 2
+    light = np.zeros((SHAPES, _CELLS + 2))
+    for cell in range(_CELLS):
+        xi = np.linspace(2 * knots[cell] - 1, 2 * knots[cell + 1] - 1, 41)
+        shapes = (np.ones_like(xi), xi, np.sqrt(np.maximum(0.0, 1 - xi * xi)) - math.pi / 4, np.abs(xi) - 0.5)
+        light[:, cell + 1] = [shape.mean() for shape in shapes]
+    tightness = np.full((KINDS, LEVELS), light_std**-2)
+    tightness[:, : LEVELS - SHAPES + 1] = 1e-6
+    # a foot is no cylinder's side, and lamps hang above the bar
+    tightness[[0, 1, 3, 4], LEVELS - 1] = tightness[MEMBERS:, LEVELS - 2] = np.inf
+    held = np.where(np.isinf(tightness), 1e12, tightness)
+    return knots, np.ascontiguousarray(np.diff(light, axis=1)), held
 
 
-def measure_profiles(
-    image: npt.NDArray[np.uint8],
-    camera: PinholeCamera,
-    model: GoalModel,
-    unknowns: npt.NDArray[np.float64],
-    appearance: EdgeAppearance,
-    settings: ProfileSettings = ProfileSettings(),
-) -> EdgeSamples | None:
-    """Measure both edges of each segment of posts and bar, and the feet, near where `unknowns` put them.
+class _Due(NamedTuple):
+    """Where a camera has the goal: edges, spans and arcs as `DueGoal` takes them."""
+
+    edges: FloatArray
+    spans: FloatArray
+    arcs: FloatArray
+
+
+def _due(camera: PinholeCamera, model: GoalModel, p: FloatArray, clear_px: float) -> _Due | None:
+    """Where a camera (8,) has the goal; None behind it."""
+    points = np.empty((2 * EDGES + 4 * len(FOOT_OFFSETS), 2))
+    if not goal_points(model.scene, p, points):
+        return None
+    return _Due(*_predicted(from_ideal(camera, points), clear_px))
+
+
+class _SectionFit:
+    """The sections of one picture, and the camera that fits them.
 
     Parameters
     ----------
-    image : (H, W, 3) uint8
-        BGR.
-    camera, model : PinholeCamera, GoalModel
-        The camera, and goal and view without distortion.
-    unknowns : (8,) float64
-        Right to a pixel, in the order of goal/geometry.py.
-    appearance : EdgeAppearance
-        Of the paint.
-    settings : ProfileSettings, optional
-        Which pixels are taken, what is known before, and when the fit counts.
-
-    Returns
-    -------
-    EdgeSamples or None
-        Their noise is that of each alone. None where too little of the goal is in view.
+    image, camera, model, appearance, settings
+        See `polish`.
+    start : (8,) float64
+        The camera, right to a pixel.
     """
-    feet = len(FOOT_OFFSETS)
-    points = np.empty((2 * EDGES + 4 * feet, 2))
-    if not goal_points(model.scene, unknowns, points):
-        return None
-    points = from_ideal(camera, points)
-    width, height = camera.size_px
-    u0, v0 = (int(max(0.0, low)) for low in points.min(axis=0) - settings.margin_px)
-    u1, v1 = (int(x) for x in np.minimum(points.max(axis=0) + settings.margin_px, (width, height)))
-    if u1 - u0 < 8 or v1 - v0 < 8:
-        return None
-    part = image[v0:v1, u0:u1]
-    shine = np.asarray(cv2.inRange(part, (0, 0, 0), (settings.saturated - 1,) * 3) == 0, np.uint8)
-    points -= (u0, v0)
-    edges, spans, arcs = _predicted(points, settings.clear_of_corners_px)
-    segments = MEMBERS * settings.pieces + 2
-    room = settings.pieces * settings.max_lines * (2 * (part.shape[0] + part.shape[1]) // 3) + 400
-    pixels = ProfilePixels(
-        np.empty((room, CHANNELS)),
-        np.empty((room, 4)),
-        np.empty(room, np.int64),
-        np.empty(room, np.int64),
-        np.empty(segments),
-    )
-    picture = ProfilePicture(part, np.array([appearance.towards, _BRIGHTNESS]), shine)
-    count = gather_profiles(
-        picture,
-        DueGoal(edges, spans, arcs),
-        ProfileSpread(settings.pieces, settings.reach_px, settings.max_lines),
-        pixels,
-    )
-    if count < SHARED:
-        return None
-    middle = pixels.middle
-    pixels = ProfilePixels(
-        pixels.values[:count], pixels.places[:count], pixels.owner[:count], pixels.lane[:count], middle
-    )
-    expected, weight = expected_profile(settings)
-    own, variance = np.zeros((segments, OWN)), np.empty((segments, 2))
-    profiles = ProfileUnknowns(expected.copy(), own)
-    priors = ProfilePriors(expected, weight, settings.move_std_px)
-    if not fit_profiles(pixels, settings.pieces, priors, settings.rounds, profiles, variance):
-        return None
-    variance[np.isnan(variance) | (np.abs(own[:, :2]) > 2 * settings.move_std_px)] = np.inf
-    at = middle[: MEMBERS * settings.pieces, None]
-    member = np.repeat(np.arange(MEMBERS), settings.pieces)[:, None]
-    edge = 2 * member + [0, 1]
-    slope = edges[edge, 1]
-    across = edges[edge, 0] + slope * at + np.array([-1.0, 1.0]) * own[: len(at), :2] * np.sqrt(1 + slope**2)
-    along = np.broadcast_to(at, across.shape)
-    uv = np.where((edge < BAR_TOP)[..., None], np.stack([across, along], -1), np.stack([along, across], -1))
-    good = variance[: len(at)] < settings.max_std_px**2
-    steep = arcs[:, 1] / (
-        0.5 * (edges[[1, 3], 0] - edges[[0, 2], 0] + (edges[[1, 3], 1] - edges[[0, 2], 1]) * arcs[:, 0])
-    )
-    direction = np.stack([-steep, np.ones(2)], axis=-1) / np.sqrt(1 + steep**2)[:, None]
-    middle_foot = 2 * EDGES + np.array([feet // 2, feet + feet // 2])
-    foot_uv = points[middle_foot] + own[len(at) :, :1] * direction
-    stands = variance[len(at) :, 0] < settings.max_std_px**2
-    return EdgeSamples(
-        np.ascontiguousarray(edge[good]),
-        np.ascontiguousarray(to_ideal(camera, uv[good] + (u0, v0))),
-        np.flatnonzero(stands),
-        np.full(int(stands.sum()), feet // 2),
-        np.ascontiguousarray(to_ideal(camera, foot_uv[stands] + (u0, v0))),
-        np.ascontiguousarray(direction[stands]),
-        np.sqrt(np.concatenate([variance[: len(at)][good], variance[len(at) :, 0][stands]])),
-        np.bincount(edge[np.isfinite(along)], minlength=EDGES),
-    )
+
+    def __init__(
+        self,
+        image: UInt8Array,
+        camera: PinholeCamera,
+        model: GoalModel,
+        start: FloatArray,
+        appearance: EdgeAppearance,
+        settings: ProfileSettings,
+    ) -> None:
+        self._camera, self._model, self._settings = camera, model, settings
+        self.p = np.concatenate([start, np.zeros(_OFFSETS)])
+        due = _due(camera, model, start, settings.clear_of_corners_px)
+        self.count = 0
+        if due is None:
+            return
+        room = MEMBERS * settings.pieces * settings.max_lines * 2 + 40
+        index = np.empty((3, room), np.int64)
+        self.sections = Sections(
+            np.empty((room * 14, CHANNELS + 1)),
+            np.zeros(room + 1, np.int64),
+            np.empty((room, 3)),
+            *index,
+            np.empty(MEMBERS * settings.pieces + 2),
+        )
+        picture = SectionPicture(image, np.array([appearance.towards, _BRIGHTNESS]), settings.saturated)
+        spread = SectionSpread(settings.pieces, settings.max_lines, settings.outside_px, settings.inside_px)
+        self.count = count = gather_sections(picture, DueGoal(*due), spread, self.sections)
+        self.kind, self.piece = self.sections.kind[:count], self.sections.piece[:count]
+        self._line, self._down = self.sections.line[:count].astype(np.float64), self.kind >= BAR
+        self._spreads = [[TYPICAL] * CHANNELS, [TYPICAL] * CHANNELS]
+        self._variance = np.full((2, CHANNELS), _FIRST_STD**2)
+        self._told, self._misfit = np.empty((count, CHANNELS, 5)), np.empty((count, CHANNELS))
+        self._all = np.arange(count)
+        weight = np.where(np.isinf(model.weight), 1e12, model.weight)
+        errors = [settings.edge_error_px] * EDGES + [settings.foot_error_px] * 2
+        self._weight = np.concatenate([weight, np.array(errors) ** -2])
+        self._prior = np.concatenate([model.prior, np.zeros(_OFFSETS)])
+
+    def fit(self) -> bool:
+        """Fit noise, point spread and camera; whether that went well."""
+        self._jacobian = self._differences()
+        self._measure(math.inf)
+        self._update_noise()
+        self._move()
+        self._choose(1, [SPREADS, SPREADS])
+        whole = [axis[1] for axis in self._spreads]
+        self._choose(0, [(one, *(one._replace(halved=kind) for kind in HALVED)) for one in whole])
+        self._measure(math.inf)
+        self._update_noise()
+        return self._move() and bool(np.isfinite(self.p).all())
+
+    def samples(self) -> EdgeSamples | None:
+        """Return what each piece of an edge and each foot tells, as the fit of a goal takes it."""
+        settings, pieces = self._settings, MEMBERS * self._settings.pieces
+        due = _due(self._camera, self._model, self.p[:8], settings.clear_of_corners_px)
+        if due is None:
+            return None
+        self._measure(settings.cut)
+        told = np.zeros((pieces + 2, 5))
+        np.add.at(told, self.piece, self._summed())
+        information = told[:, [0, 2]] + settings.move_std_px**-2
+        move = told[:, 3:] / information
+        move[:pieces] += self.p[8 : 8 + EDGES].reshape(MEMBERS, 2).repeat(settings.pieces, axis=0)
+        move[pieces:, 1] += self.p[8 + EDGES :]
+        variance = 1 / information
+        variance[np.abs(move) > 2 * settings.move_std_px] = np.inf
+        edges, _, arcs = due
+        at = self.sections.middle[:pieces, None]
+        edge = 2 * np.repeat(np.arange(MEMBERS), settings.pieces)[:, None] + [0, 1]
+        slope = edges[edge, 1]
+        across, along = edges[edge, 0] + slope * at + move[:pieces], np.broadcast_to(at, edge.shape)
+        uv = np.where((edge < BAR_TOP)[..., None], np.stack([across, along], -1), np.stack([along, across], -1))
+        square = variance[:pieces] / (1 + slope**2)
+        good = (square < settings.max_std_px**2) & np.isfinite(along)
+        left, right = (
+            edges[first : first + 3 : 2, 0] + edges[first : first + 3 : 2, 1] * arcs[:, 0] for first in (0, 1)
+        )
+        steep = 2 * arcs[:, 1] / (right - left)
+        direction = np.stack([-steep, np.ones(2)], axis=-1) / np.sqrt(1 + steep**2)[:, None]
+        foot_uv = np.stack([(left + right) / 2, arcs[:, 0] + move[pieces:, 1]], axis=-1)
+        foot_square = variance[pieces:, 1] / (1 + steep**2)
+        stands = foot_square < settings.max_std_px**2
+        return EdgeSamples(
+            np.ascontiguousarray(edge[good]),
+            np.ascontiguousarray(to_ideal(self._camera, uv[good])),
+            np.flatnonzero(stands),
+            np.full(int(stands.sum()), len(FOOT_OFFSETS) // 2),
+            np.ascontiguousarray(to_ideal(self._camera, foot_uv[stands])),
+            np.ascontiguousarray(direction[stands]),
+            np.sqrt(np.concatenate([square[good], foot_square[stands]])),
+            np.bincount(edge[np.isfinite(along)], minlength=EDGES),
+        )
+
+    def _places(self, p: FloatArray) -> FloatArray:
+        """Where a camera (8,) has both edges of each section: (S, 2), pixels across."""
+        due = _due(self._camera, self._model, p, self._settings.clear_of_corners_px)
+        if due is None:
+            return np.full((self.count, 2), np.nan)
+        edges, _, arcs = due
+        member = np.minimum(self.kind, BAR)
+        places = np.stack(
+            [edges[2 * member + side, 0] + edges[2 * member + side, 1] * self._line for side in (0, 1)], -1
+        )
+        depth = self._settings.inside_px + self._settings.outside_px
+        for post in (0, 1):
+            row, foot = arcs[post, 0], self.kind == MEMBERS + post
+            left, right = (edges[2 * post + side, 0] + edges[2 * post + side, 1] * row for side in (0, 1))
+            s = np.clip(2 * (self._line[foot] - left) / (right - left) - 1, -1, 1)
+            places[foot, 1] = row + (arcs[post, 1] + arcs[post, 2] * s) * s
+            places[foot, 0] = places[foot, 1] - 2 * depth
+        return places
+
+    def _differences(self) -> FloatArray:
+        """Differentiate (S, 2, 16) the edges' places by the camera and by what whole edges and feet are off."""
+        by = np.zeros((self.count, 2, 8 + _OFFSETS))
+        for k in range(LOG_FOCAL):  # where edges are due goes by the stated focal length
+            if np.isinf(self._model.weight[k]):
+                continue
+            step = np.zeros(8)
+            step[k] = _STEPS[k]
+            by[:, :, k] = (self._places(self.p[:8] + step) - self._places(self.p[:8] - step)) / (2 * _STEPS[k])
+        index, is_foot = np.arange(self.count), self.kind >= MEMBERS
+        by[index, 0, np.where(is_foot, 0, 8 + 2 * self.kind)] = 1
+        by[index, 1, np.where(is_foot, 8 + EDGES - MEMBERS + self.kind, 9 + 2 * self.kind)] = 1
+        by[is_foot, 0] = 0
+        return by
+
+    def _responses(self) -> tuple[Response, Response, Response, Response]:
+        paint = _paint(self._settings.light_std)
+        a, b, c, d = (
+            Response(step_response(spread), float(PER_PX), *paint) for axis in self._spreads for spread in axis
+        )
+        return a, b, c, d
+
+    def _measure(self, cut: float) -> None:
+        """Fit all sections where the camera has their edges now."""
+        self.sections.place[: self.count, 1:] = self._places(self.p[:8]) + self._jacobian[:, :, 8:] @ self.p[8:]
+        fit_sections(
+            self.sections,
+            self._all,
+            (0, CHANNELS),
+            self._responses(),
+            self._variance,
+            cut,
+            self._told,
+            self._misfit,
+        )
+
+    def _summed(self) -> FloatArray:
+        """Sum up what both channels tell (S, 5): values that several pixels share count once."""
+        shared = np.array([[1 / spread.shared for spread in axis] for axis in self._spreads])
+        return np.asarray((self._told * shared[self._down.astype(np.int64)][:, :, None]).sum(axis=1))
+
+    def _update_noise(self) -> None:
+        for axis in (0, 1):
+            misfit = self._misfit[self._down == axis]
+            if len(misfit):
+                scaled = self._variance[axis] * np.median(misfit, axis=0) / 0.85
+                self._variance[axis] = np.maximum(scaled, _MIN_VARIANCE)
+
+    def _move(self) -> bool:
+        """Move the camera by some steps of Gauss and Newton; whether that went well."""
+        by_a, by_b = self._jacobian[:, 0], self._jacobian[:, 1]
+        for _ in range(self._settings.steps):
+            self._measure(self._settings.cut)
+            aa, ab, bb, ga, gb = self._summed().T[:, :, None]
+            mixed = (by_a * ab).T @ by_b
+            normal = (by_a * aa).T @ by_a + (by_b * bb).T @ by_b + mixed + mixed.T
+            normal[np.diag_indices(len(normal))] += self._weight + 1e-9
+            right = (by_a * ga + by_b * gb).sum(axis=0) - self._weight * (self.p - self._prior)
+            if not np.isfinite(normal).all():
+                return False
+            self.p = self.p + np.linalg.solve(normal, right)
+            self._update_noise()
+        return True
+
+    def _choose(self, channel: int, candidates: list[tuple[PointSpread, ...]]) -> None:
+        """Choose for rows and for columns the point spread under which their sections fit best."""
+        few = self._all[::4]
+        best = [math.inf, math.inf]
+        chosen = [axis[channel] for axis in self._spreads]
+        for pair in zip(*candidates, strict=True):
+            for axis in (0, 1):
+                self._spreads[axis][channel] = pair[axis]
+            told = (self._told, self._misfit)
+            channels = (channel, channel + 1)
+            fit_sections(self.sections, few, channels, self._responses(), self._variance, math.inf, *told)
+            misfit = np.minimum(self._misfit[few, channel], self._settings.cut)
+            for axis in (0, 1):
+                cost = float(misfit[self._down[few] == axis].sum())
+                if cost < best[axis]:
+                    best[axis], chosen[axis] = cost, pair[axis]
+        for axis in (0, 1):
+            self._spreads[axis][channel] = chosen[axis]
 
 
 def _predicted(points: npt.NDArray[np.float64], clear_px: float) -> tuple[npt.NDArray[np.float64], ...]:
@@ -232,7 +364,7 @@ def polish(
     appearance: EdgeAppearance,
     settings: ProfileSettings = ProfileSettings(),
 ) -> GoalFit:
-    """Fit the profiles from where the edges' fit ended; what was found, unchanged, where they do not confirm it.
+    """Fit the sections from where the edges' fit ended; what was found, unchanged, where they do not confirm it.
 
     Parameters
     ----------
@@ -247,11 +379,12 @@ def polish(
     settings : ProfileSettings, optional
         Which pixels are taken, what is known before, and when the fit counts.
     """
-    alone = measure_profiles(image, camera, model, found.unknowns, appearance, settings)
+    sections = _SectionFit(image, camera, model, found.unknowns, appearance, settings)
+    alone = sections.samples() if sections.count >= settings.min_samples and sections.fit() else None
     if alone is None or len(alone.edge) < settings.min_samples or len(np.unique(alone.edge)) < EDGES:
         return found
     samples, single = _with_feet(*_weighed(alone, settings), found.samples)
-    p, cost, information = fit(model, samples, found.unknowns, _SCALES)
+    p, cost, information = fit(model, samples, sections.p[:8], _SCALES)
     shift = p - found.unknowns
     if not math.isfinite(cost) or shift @ found.information @ shift > settings.max_shift**2:
         return found

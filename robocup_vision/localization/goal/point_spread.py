@@ -1,0 +1,73 @@
+"""Point spreads that a picture may have, as the light of a step in each pixel near it.
+
+Every pixel is the mean over its own square; demosaicing mixes neighbours, a lens spreads as a normal distribution does.
+JPEG and video keep colour at half the resolution: two pixels share one value, which is spread again on the way back.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+
+PER_PX = 64
+_REACH_PX = 4
+# how a row of values at half the resolution is spread over an even pixel and, mirrored, over an odd one
+_HALVED = {"linear": ((-2, 0.125), (-1, 0.125), (0, 0.375), (1, 0.375)), "nearest": ((0, 0.5), (1, 0.5))}
+
+
+class PointSpread(NamedTuple):
+    """A point spread along one axis of the picture.
+
+    Parameters
+    ----------
+    mixed : float
+        Share of each neighbour in a pixel.
+    lens_px : float
+        Standard deviation of what the lens spreads.
+    halved : str
+        How a channel at half the resolution is spread over the pixels: "linear" or "nearest"; empty: it is whole.
+    """
+
+    mixed: float
+    lens_px: float
+    halved: str = ""
+
+    @property
+    def shared(self) -> int:
+        """How many pixels, in rows and columns, share one value."""
+        return 4 if self.halved else 1
+
+
+SPREADS = tuple(PointSpread(mixed, lens_px) for mixed in (0.0, 0.125, 0.25) for lens_px in (0.2, 0.5, 0.8))
+HALVED = tuple(_HALVED)
+TYPICAL = PointSpread(0.125, 0.5)
+
+
+@lru_cache(maxsize=64)
+def step_response(spread: PointSpread) -> FloatArray:
+    """Light of a step in even and odd pixels behind it, and its derivative: (2, K, 2), `PER_PX` entries to a pixel."""
+    at = np.arange(-_REACH_PX * PER_PX, _REACH_PX * PER_PX + 1) / PER_PX
+    light, density = np.zeros_like(at), np.zeros_like(at)
+    for offset, share in ((-1, spread.mixed), (0, 1 - 2 * spread.mixed), (1, spread.mixed)):
+        before, behind = (_blurred(at - offset + half, spread.lens_px) for half in (-0.5, 0.5))
+        light += share * (behind[0] - before[0])
+        density += share * (behind[1] - before[1])
+    if not spread.halved:
+        response = np.stack([light, density], axis=-1)
+        return np.stack([response, response])
+    parities = []
+    for sign in (1, -1):
+        parts = [(share, at + sign * offset) for offset, share in _HALVED[spread.halved]]
+        parities.append([sum(share * np.interp(where, at, f) for share, where in parts) for f in (light, density)])
+    return np.ascontiguousarray(np.moveaxis(np.array(parities), 1, 2))
+
+
+def _blurred(at: FloatArray, std: float) -> tuple[FloatArray, FloatArray]:
+    """Integral of a step blurred by a normal distribution, and that step."""
+    step = np.array([0.5 * math.erfc(-t / (std * math.sqrt(2.0))) for t in at])
+    return at * step + std * np.exp(-0.5 * (at / std) ** 2) / math.sqrt(2.0 * math.pi), step
