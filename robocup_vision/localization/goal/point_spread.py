@@ -43,12 +43,14 @@ class PointSpread(NamedTuple):
         return 4 if self.halved else 1
 
 
-SPREADS = tuple(PointSpread(mixed, lens_px) for mixed in (0.0, 0.125, 0.25) for lens_px in (0.2, 0.5, 0.8))
+SPREADS = tuple(
+    PointSpread(mixed, lens_px) for mixed in (0.0, 0.05, 0.1, 0.15, 0.2, 0.25) for lens_px in (0.05, 0.3, 0.5, 0.7, 0.9)
+)
 HALVED = tuple(_HALVED)
-TYPICAL = PointSpread(0.125, 0.5)
+TYPICAL = PointSpread(0.1, 0.5)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=128)
 def step_response(spread: PointSpread) -> FloatArray:
     """Light of a step in even and odd pixels behind it, and its derivative: (2, K, 2), `PER_PX` entries to a pixel."""
     at = np.arange(-_REACH_PX * PER_PX, _REACH_PX * PER_PX + 1) / PER_PX

@@ -62,8 +62,8 @@ class ProfileSettings:
         Level from which a pixel shines: a chip's response bends there.
     light_std : float
         Prior on how the paint's light changes across a member, grey levels.
-    steps : int
-        Of the fit, before the point spread is chosen and after: it moves by less than a pixel.
+    turns, steps : int
+        Of the fit, and its steps in each: the point spread is chosen anew where the camera has moved.
     cut : float
         Squared residuals over what the noise lets expect, at which a section counts a quarter.
     move_std_px : float
@@ -87,6 +87,7 @@ class ProfileSettings:
     clear_of_corners_px: float = 1.8
     saturated: int = 246
     light_std: float = 30.0
+    turns: int = 3
     steps: int = 2
     cut: float = 9.0
     move_std_px: float = 1.0
@@ -184,15 +185,16 @@ class _SectionFit:
     def fit(self) -> bool:
         """Fit noise, point spread and camera; whether that went well."""
         self._jacobian = self._differences()
-        self._measure(math.inf)
-        self._update_noise()
-        self._move()
-        self._choose(1, [SPREADS, SPREADS])
-        whole = [axis[1] for axis in self._spreads]
-        self._choose(0, [(one, *(one._replace(halved=kind) for kind in HALVED)) for one in whole])
-        self._measure(math.inf)
-        self._update_noise()
-        return self._move() and bool(np.isfinite(self.p).all())
+        for turn in range(self._settings.turns):
+            if turn:
+                self._choose(1, [SPREADS, SPREADS])
+                whole = [axis[1] for axis in self._spreads]
+                self._choose(0, [(one, *(one._replace(halved=kind) for kind in HALVED)) for one in whole])
+            self._measure(math.inf)
+            self._update_noise()
+            if not self._move():
+                return False
+        return bool(np.isfinite(self.p).all())
 
     def samples(self) -> EdgeSamples | None:
         """Return what each piece of an edge and each foot tells, as the fit of a goal takes it."""
