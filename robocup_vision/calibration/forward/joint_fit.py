@@ -195,7 +195,7 @@ class JointFitter:
             held = {index: held[index] for index in told}
         return JointFit(
             vector,
-            covariance + _spread(told.values(), precision, covariance),
+            covariance + _spread(told.values(), covariance),
             held,
             {index: one.residual_px for index, one in told.items()},
         )
@@ -287,13 +287,12 @@ def _picture(
     return _Picture((reduced + reduced.T) / 2, right - cross @ solved[:, -1], inner, cross, inner_gradient, residual_px)
 
 
-def _spread(told: Iterable[_Picture], precision: FloatArray, covariance: FloatArray) -> FloatArray:
+def _spread(told: Iterable[_Picture], covariance: FloatArray) -> FloatArray:
     """Covariance by what each picture moves the result: pictures differ by more than their samples' noise."""
     pictures = list(told)
     count = len(pictures)
     if count < 2:
         return np.zeros_like(covariance)
-    total = np.linalg.inv(covariance)
-    moved = np.array([np.linalg.solve(total - one.information, -one.gradient) for one in pictures])
+    moved = np.array([covariance @ one.gradient for one in pictures])
     off = moved - moved.mean(axis=0)
-    return np.asarray((count - 1) / count * off.T @ off)
+    return np.asarray(count / (count - 1) * off.T @ off)
