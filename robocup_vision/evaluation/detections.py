@@ -52,7 +52,16 @@ class Detection(NamedTuple):
         return self.box is not None and self.place_px is not None
 
 
-def match_boxes(view: Any, boxes: Sequence[Box], field: Field) -> tuple[Detection, ...]:
+def told_kinds(boxes: Iterable[Box]) -> tuple[str, ...]:
+    """Return which of "ball" and "obstacle" a dataset's boxes mark; both where there is no box at all."""
+    marked = {box.kind for box in boxes}
+    kinds = (BALL,) * (BALL in marked) + (OBSTACLE,) * (not marked.isdisjoint(OBSTACLE_KINDS))
+    return kinds if marked else (BALL, OBSTACLE)
+
+
+def match_boxes(
+    view: Any, boxes: Sequence[Box], field: Field, kinds: Sequence[str] = (BALL, OBSTACLE)
+) -> tuple[Detection, ...]:
     """Hold what a view tells against the boxes of its image.
 
     Parameters
@@ -63,6 +72,8 @@ def match_boxes(view: Any, boxes: Sequence[Box], field: Field) -> tuple[Detectio
         Those of kinds that no view tells are left out.
     field : Field
         Gives the ball's size.
+    kinds : sequence of str
+        Which of "ball" and "obstacle" are held against boxes.
 
     Raises
     ------
@@ -73,14 +84,16 @@ def match_boxes(view: Any, boxes: Sequence[Box], field: Field) -> tuple[Detectio
         if not hasattr(view, name):
             raise ArgumentError(f"the localiser's views have no {name}, which boxes.csv needs")
     camera: OmniCamera | PinholeCamera = view.camera
+    found: list[Detection] = []
     balls = [((ball.u_px, ball.v_px), math.hypot(ball.x_m, ball.y_m)) for ball in view.balls]
     feet = np.array([(one.x_m, one.y_m) for one in view.obstacles], dtype=np.float64).reshape(-1, 2)
     shown = camera.floor_to_pixel(feet) if len(feet) else feet
     things = [((float(u), float(v)), math.hypot(x, y)) for (u, v), (x, y) in zip(shown, feet, strict=True)]
-    return (
-        *_matched(balls, BALL, [box for box in boxes if box.kind == BALL], camera, field.ball_radius_m),
-        *_matched(things, OBSTACLE, [box for box in boxes if box.kind in OBSTACLE_KINDS], camera, None),
-    )
+    if BALL in kinds:
+        found += _matched(balls, BALL, [box for box in boxes if box.kind == BALL], camera, field.ball_radius_m)
+    if OBSTACLE in kinds:
+        found += _matched(things, OBSTACLE, [box for box in boxes if box.kind in OBSTACLE_KINDS], camera, None)
+    return tuple(found)
 
 
 def _matched(
@@ -148,11 +161,13 @@ class KindFigures:
     median_range_error_m: float | None
 
 
-def detection_figures(detections: Iterable[Detection]) -> dict[str, KindFigures]:
-    """Compute the figures of each kind, balls first; "obstacle" holds what was told of any kind but balls."""
+def detection_figures(
+    detections: Iterable[Detection], kinds: Sequence[str] = (BALL, OBSTACLE)
+) -> dict[str, KindFigures]:
+    """Compute the figures of these kinds, and of each kind of box; "obstacle" holds all told of any kind but balls."""
     every = list(detections)
-    kinds = {BALL: None, OBSTACLE: None} | dict.fromkeys(sorted({one.kind for one in every}))
-    return {kind: _figures(kind, every) for kind in kinds}
+    shown = dict.fromkeys((*kinds, *sorted({one.kind for one in every})))
+    return {kind: _figures(kind, every) for kind in shown}
 
 
 def _figures(kind: str, every: list[Detection]) -> KindFigures:

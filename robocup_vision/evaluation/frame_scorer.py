@@ -18,7 +18,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation.boxes import Box
 from robocup_vision.evaluation.dataset import Dataset, Truth
-from robocup_vision.evaluation.detections import match_boxes
+from robocup_vision.evaluation.detections import BALL, OBSTACLE, match_boxes
 from robocup_vision.evaluation.kept_rows import FrameResult
 from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, error_crops
 from robocup_vision.evaluation.scoring import Row, pose_error
@@ -128,6 +128,8 @@ class ScorePlan:
         Score the estimate over time, `view.belief`, in place of what each frame shows.
     steering : SteerPlan, optional
         Steer by each frame, too: the localiser's views then need `free_space`.
+    told_kinds : tuple of str
+        Which of "ball" and "obstacle" are held against the dataset's boxes.
     """
 
     dataset: Dataset
@@ -137,6 +139,7 @@ class ScorePlan:
     spread: frozenset[int]
     scores_belief: bool = False
     steering: SteerPlan | None = None
+    told_kinds: tuple[str, ...] = (BALL, OBSTACLE)
 
     def without_images(self) -> ScorePlan:
         """Return the plan as a worker needs it, that gets each image's name and truth with the image."""
@@ -217,7 +220,9 @@ class FrameScorer:
             if self._steering is not None:
                 row = replace(row, steering=self._steering.steer(view, t_s, odometry))
             if self.plan.dataset.boxes is not None:
-                row = replace(row, detections=match_boxes(view, job.boxes, self.plan.dataset.field))
+                row = replace(
+                    row, detections=match_boxes(view, job.boxes, self.plan.dataset.field, self.plan.told_kinds)
+                )
         except Exception as error:  # a bug in one frame must not cost the others
             row = replace(row, estimate=None, error=None, reason=_describe(error), failed=True)
             with contextlib.suppress(Exception):

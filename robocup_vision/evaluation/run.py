@@ -12,7 +12,7 @@ from field_models.errors import ArgumentError, FileError, RobocupVisionError
 from robocup_vision.arguments import require_kind
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Dataset
-from robocup_vision.evaluation.detections import SCORED_KINDS, KindFigures, detection_figures
+from robocup_vision.evaluation.detections import SCORED_KINDS, KindFigures, detection_figures, told_kinds
 from robocup_vision.evaluation.frame_scorer import (
     DrawOverlay,
     FrameScorer,
@@ -188,8 +188,8 @@ def evaluate(
     missing = report.missing_packages()
     if missing:
         notes.append(f"no report.html: {' and '.join(missing)} not installed (pip install 'robocup-vision[report]')")
-    marked = {box.kind for boxes in (dataset.boxes or {}).values() for box in boxes}
-    if others := sorted(marked - set(SCORED_KINDS)):
+    marked = [box for boxes in (dataset.boxes or {}).values() for box in boxes]
+    if others := sorted({box.kind for box in marked} - set(SCORED_KINDS)):
         notes.append(f"boxes of these kinds are not scored, for no view tells them: {', '.join(others)}")
     is_sequence = dataset.times is not None
     in_turn = is_sequence or dataset.is_video
@@ -199,7 +199,9 @@ def evaluate(
         notes.append("a sequence cannot be gone on with in its middle: --resume is ignored")
         resume = False
     spread = frozenset() if missing else spread_indices(len(dataset.image_names))
-    plan = ScorePlan(dataset, make_vision, draw_overlay, not missing, spread, scores_belief, steering)
+    plan = ScorePlan(
+        dataset, make_vision, draw_overlay, not missing, spread, scores_belief, steering, told_kinds(marked)
+    )
     # built here even when others do the work: a wrong field or colour is reported once, and compiled code is cached
     scorer = FrameScorer(plan)
     run = _Run(plan)
@@ -250,7 +252,9 @@ def _write_files(
         dataset.method,
         dataset.times is not None,
         left_out=dataset.left_out,
-        detections=None if dataset.boxes is None else detection_figures(one for row in rows for one in row.detections),
+        detections=None
+        if dataset.boxes is None
+        else detection_figures([one for row in rows for one in row.detections], run.told_kinds),
     )
     try:
         write_summary(
@@ -283,6 +287,7 @@ class _Run:
         self.crops: list[Crop] = []
         self.crops_left_out = 0
         self._spread = plan.spread
+        self.told_kinds = plan.told_kinds
 
     def take(self, result: FrameResult) -> None:
         """Take in the next image's result."""

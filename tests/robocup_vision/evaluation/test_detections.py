@@ -18,6 +18,7 @@ from robocup_vision.evaluation.detections import (
     detections_json,
     detections_of,
     match_boxes,
+    told_kinds,
 )
 from robocup_vision.evaluation.run import evaluate
 from robocup_vision.landmarks.landmark_map import LandmarkMap, save_map
@@ -86,6 +87,17 @@ def test_kinds_that_no_view_tells_are_left_out():
     assert match_boxes(view(), [Box("goal_post", 1, 1, 9, 9)], FIELD) == ()
 
 
+def test_what_a_file_does_not_mark_is_not_scored():
+    ball, robot = Box("ball", 1, 1, 9, 9), Box("robot", 1, 1, 9, 9)
+    assert told_kinds([ball]) == ("ball",)
+    assert told_kinds([robot]) == ("obstacle",)
+    assert told_kinds([]) == told_kinds([ball, robot]) == ("ball", "obstacle")
+    thing = SimpleNamespace(x_m=1.0, y_m=0.0)
+    assert match_boxes(view(obstacles=[thing]), [], FIELD, told_kinds([ball])) == ()
+    assert len(match_boxes(view(obstacles=[thing]), [], FIELD, told_kinds([]))) == 1
+    assert set(detection_figures([], told_kinds([ball]))) == {"ball"}
+
+
 def test_detections_survive_json():
     ball = ball_at(0.8, 0.0)
     found = match_boxes(view([ball]), [Box("ball", 1, 1, 9, 9)], FIELD)
@@ -136,6 +148,7 @@ def test_a_run_scores_the_boxes_and_shows_misses(folder: Path, tmp_path: Path):
     figures = json.loads((tmp_path / "out" / "summary.json").read_text())["detections"]["ball"]
     assert (figures["boxes"], figures["found"], figures["told"]) == (2, 1, 5)
     assert (figures["recall"], figures["precision"]) == (0.5, 0.2)
+    assert set(summary.detections or {}) == {"ball"}
     assert "boxes of these kinds are not scored, for no view tells them: parking" in summary.notes
     assert summary.report is not None
     page = summary.report.read_text()
