@@ -15,6 +15,7 @@ from benchmarks.scores.photograph_rows import REAL, PhotographRow, photographs, 
 from field_models import load_field
 from robocup_vision import Vision
 from robocup_vision.calibration.forward.calibrate import calibrate_forward
+from robocup_vision.calibration.forward.result import ForwardCalibration
 from robocup_vision.calibration.forward.starts import KnownOfCamera
 from robocup_vision.camera import FisheyeCamera
 from robocup_vision.geometry import Pose2
@@ -83,12 +84,13 @@ def lens() -> PhotographRow | None:
     frames = [frame for name, frame in photographs(FOLDER) if name.startswith(CALIBRATED)]
     field, known = load_field(FIELD), KnownOfCamera("fisheye", height_m=0.75, tilt_rad=0.0)
     whole, *halves = (calibrate_forward(field, some, known) for some in (frames, frames[::2], frames[1::2]))
-    if not whole or not all(halves):
+    good = [half for half in halves if isinstance(half, ForwardCalibration)]
+    if not isinstance(whole, ForwardCalibration) or len(good) < 2 or whole.residual_px is None:
         return PhotographRow("msl_fisheye, lens by lines", "not calibrated", LENS_TARGET, False)
     (focal, height), center = (whole.camera.focal_px[0], whole.camera.height_m), np.array(whole.camera.center_px)
     ahead = np.array([(3.0, -1.5), (3.0, 0.0), (3.0, 1.5)])
     pixels = whole.camera.floor_to_pixel(ahead)
-    one, other = (half.camera.pixel_to_floor(pixels) for half in halves)
+    one, other = (half.camera.pixel_to_floor(pixels) for half in good)
     apart_m = float(np.hypot(*(one - other).T).max())
     off = abs(focal - CAMERA.focal_px[0]), np.abs(center - CAMERA.center_px).max(), abs(height - CAMERA.height_m)
     measured = (
