@@ -160,12 +160,13 @@ class _SectionFit:
         if due is None:
             return
         room = MEMBERS * settings.pieces * settings.max_lines * 2 + 40
-        index = np.empty((3, room), np.int64)
         self.sections = Sections(
             np.empty((room * 14, CHANNELS + 1)),
             np.zeros(room + 1, np.int64),
             np.empty((room, 3)),
-            *index,
+            np.empty(room, np.int64),
+            np.empty(room, np.int64),
+            np.empty(room, np.int64),
             np.empty(MEMBERS * settings.pieces + 2),
         )
         picture = SectionPicture(image, np.array([appearance.towards, _BRIGHTNESS]), settings.saturated)
