@@ -112,13 +112,15 @@ class MatchSource:
         Raises
         ------
         ArgumentError
-            If there is no such thing, or the place is off the floor.
+            If there is no such thing, the place is off the floor, or the rules hold the ball.
         """
         arena = self._match.arena
         end_x_m, end_y_m = np.abs(arena.field.floor_polygon).max(axis=0)
         if abs(x_m) > end_x_m or abs(y_m) > end_y_m:
             raise ArgumentError(f"{thing} cannot be put at ({x_m:.2f}, {y_m:.2f}): that is off the floor")
         if thing == "ball":
+            if arena.state.phase == "kick_off":
+                raise ArgumentError("the ball lies at the centre until the whistle of the kick-off")
             arena.world.place_ball(x_m, y_m)
         elif thing in self._names:
             index = self._names[thing]

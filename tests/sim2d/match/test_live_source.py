@@ -1,12 +1,15 @@
 """Robots of a simulated match as a source: what each sees itself, beside the truth."""
 
 import pytest
+from sim2d_players import SMALL_CAMERA, Sleeper
 
+from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.sources.opening import open_source
 from robocup_vision.live.sources.source import SourceOptions
-from sim2d.match.live_source import open_match
+from sim2d.match.live_source import MatchSource, open_match
+from sim2d.match.match import Match
 
 
 def test_each_robot_shows_what_it_sees_itself():
@@ -37,7 +40,6 @@ def test_robots_and_the_ball_are_put_elsewhere():
     source.read(1.0)
     source.place("robot 0", 0.3, -0.4, 1.5)
     source.place("robot 1", 0.9, 0.6, None)
-    source.place("ball", -0.5, 0.25, None)
     heading_rad = source.read(1.0)[0].world.robots[1].pose.theta_rad
     frame = source.read(1.0)[0]
     robots = {robot.name: robot for robot in frame.world.robots}
@@ -45,8 +47,20 @@ def test_robots_and_the_ball_are_put_elsewhere():
     # one control period later they have hardly moved
     assert robots["robot 0"].pose.error_to(Pose2(0.3, -0.4, 1.5))[0] < 0.05
     assert robots["robot 1"].pose.error_to(Pose2(0.9, 0.6, heading_rad))[1] < 0.2
-    assert frame.world.ball_m == pytest.approx((-0.5, 0.25), abs=0.05)
     assert frame.truth.error_to(robots["robot 0"].pose) == (0.0, 0.0)
+
+
+def test_the_ball_is_put_elsewhere_once_play_has_begun():
+    match = Match(load_field("ssl_2001"), 1, 3, ours=Sleeper, theirs=Sleeper, camera=SMALL_CAMERA)
+    source = MatchSource("sim", match, (0,))
+    source.read(1.0)
+    with pytest.raises(ArgumentError, match="until the whistle of the kick-off"):
+        source.place("ball", -0.5, 0.25, None)
+    while match.arena.state.phase == "kick_off":
+        source.read(1.0)
+    source.place("ball", -0.5, 0.25, None)
+    source.read(1.0)
+    assert source.read(1.0)[0].world.ball_m == pytest.approx((-0.5, 0.25), abs=0.01)
 
 
 @pytest.mark.parametrize(
