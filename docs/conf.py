@@ -23,6 +23,8 @@ html_theme = "pydata_sphinx_theme"
 html_title = f"robocup-vision {release}"
 html_show_sourcelink = False
 html_copy_source = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_sidebars = {"**": ["site-nav"]}
 html_theme_options = {
     # the sidebar has all pages; their titles would fill the header
