@@ -1,4 +1,4 @@
-"""The report of `evaluate` in a real browser: it fits its window, in light and dark, and shows one reason alone."""
+"""Reports in a real browser: they fit their window, in light and dark; that of `evaluate` shows one reason alone."""
 
 import json
 from pathlib import Path
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robocup_vision.estimates import PoseEstimate
+from robocup_vision.evaluation.comparison import Evaluation, ImageOutcome, compare, render_comparison
 from robocup_vision.evaluation.dataset import Truth, load_dataset
 from robocup_vision.evaluation.report import render_report
 from robocup_vision.evaluation.scoring import Row, figures, pose_error
@@ -68,3 +69,47 @@ def test_a_report_fits_its_window_and_filters_by_reason(node, report, tmp_path):
     assert told["by_reason"].pop("") == told["all"]
     assert told["by_reason"].pop("too dark: brightness …") == ["0004.png", "0005.png"]
     assert [len(images) for images in told["by_reason"].values()] == [1]
+
+
+def test_a_comparison_fits_its_window(node, tmp_path):
+    names = (
+        "out/the_last_evening_of_the_cup/with_the_old_colour_file",
+        "out/the_last_evening_of_the_cup/with_the_new_one",
+    )
+    keys = (
+        "located",
+        "within_5cm_3deg",
+        "within_10cm_5deg",
+        "median_error_m",
+        "rms_theta_rad",
+        "nees_mean",
+        "median_ms",
+    )
+    summary = {"method": "edges", "images": 12, **dict.fromkeys(keys, 0.5)}
+    far = "the pose that fits best is 12.3 standard deviations from the one that odometry and the last frame lead to"
+    outcomes = [
+        ImageOutcome("located", 0.01, 2.0, ""),
+        ImageOutcome("wrong", 3.0, 2.0, ""),
+        ImageOutcome("refused", None, 2.0, far),
+    ]
+    images = [f"second_half_of_the_final/camera_front_left_{number:06}.png" for number in range(9)]
+    first, second = (
+        Evaluation(name, summary, {image: outcomes[of(number)] for number, image in enumerate(images)})
+        for name, of in zip(names, (lambda number: number % 3, lambda number: number // 3), strict=True)
+    )
+    for image in images:
+        path = tmp_path / image
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(cv2.imencode(".png", np.full((220, 256, 3), 120, np.uint8))[1].tobytes())
+    path = tmp_path / "comparison.html"
+    path.write_text(render_comparison(compare(first, second), tmp_path), encoding="utf-8")
+    done = node("report_page.mjs", path, tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert told["errors"] == told["console"] == []
+    assert set(told["widths"]) == {"390", "1280", "1920"}
+    for width, seen in told["widths"].items():
+        assert seen["boxes"] > 100
+        assert seen["overlaps"] == [], width
+        assert seen["beyond"] == [], width
+        assert seen["document_px"] <= int(width)
