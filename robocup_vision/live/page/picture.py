@@ -29,6 +29,8 @@ from robocup_vision.view import View
 _ELLIPSE_SIGMAS = 2.448
 # hypotheses less probable than this are not shown
 _MIN_PROBABILITY = 0.02
+# probabilities that differ by no more than rounding
+_TIE = 1e-6
 # free floor and no-go of the map, BGRA, over a field in a light or a dark page
 _FREE_BGRA, _NO_GO_BGRA = (110, 200, 60, 70), (40, 60, 220, 110)
 # lengths of JSON, JPEG and PNG, little-endian, before the three
@@ -155,7 +157,7 @@ def _view(view: View, maker: ImageLayerMaker, truth: Pose2 | None) -> dict[str, 
     told: dict[str, Any] = {
         "frame_pose": _estimate(view.pose),
         "pose": _estimate(known),
-        "error": _error(known, truth),
+        "error": _error(view, truth),
         "from_memory": view.belief is not None,
         "candidates": [_pose(pose) for pose in view.pose.candidates] if view.pose else [],
         "timings_ms": {name: round(1e3 * seconds, 3) for name, seconds in view.timings_s.items()},
@@ -233,11 +235,17 @@ def _estimate(pose: PoseEstimate | NotLocated) -> dict[str, Any]:
     }
 
 
-def _error(known: PoseEstimate | NotLocated, truth: Pose2 | None) -> list[float] | None:
-    """Return metres and radians from the truth to the nearest of the poses that the estimate allows."""
+def _error(view: View, truth: Pose2 | None) -> list[float] | None:
+    """Return metres and radians from the truth to the pose, or to another one that is exactly as probable."""
+    belief = view.belief
+    known = view.pose if belief is None else belief.pose
     if truth is None or isinstance(known, NotLocated):
         return None
-    return _rounded(min((pose.error_to(truth) for pose in known.candidates), key=sum), 5)
+    allowed = known.candidates
+    if belief is not None:
+        most = (1 - _TIE) * max((one.probability for one in belief.hypotheses), default=0.0)
+        allowed = (known.pose, *(one.pose for one in belief.hypotheses if one.probability >= most))
+    return _rounded(min((pose.error_to(truth) for pose in allowed), key=sum), 5)
 
 
 def _edges(points: EdgePoints | None) -> dict[str, list[float]]:

@@ -98,7 +98,7 @@ def test_edges_are_told_by_what_the_frame_shows_there(setup, moment):
     assert layers["missing"] == [50.0, 60.0]
 
 
-def test_the_error_is_that_of_the_nearest_candidate(setup, moment):
+def test_the_error_of_a_frame_is_that_of_the_nearest_candidate(setup, moment):
     plain = moment()
     pose, covariance = Pose2(1.0, 0.5, 0.3), np.eye(3) * 1e-4
     both = PoseEstimate(pose, covariance, 1.0, 0.2, (pose, pose.half_turn()))
@@ -115,6 +115,18 @@ def test_the_error_is_that_of_the_nearest_candidate(setup, moment):
     assert error(sure, truth)[0] == pytest.approx(math.hypot(2.0, 1.03), abs=1e-4)
     assert error(both, None) is None
     assert error(NotLocated("too dark"), truth) is None
+
+
+def test_an_improbable_hypothesis_makes_no_error_smaller(setup, remembered):
+    view, maker = remembered.view, PictureMaker(setup, 85)
+    first = view.belief.hypotheses[0]
+    truth = Pose2(first.pose.x_m - 0.5, first.pose.y_m, first.pose.theta_rad)
+    for probability, error_m in ((0.3, 0.5), (0.5, 0.0)):
+        likely = replace(first, probability=1.0 - probability)
+        hypotheses = (likely, replace(first, pose=truth, probability=probability))
+        shown = replace(remembered, view=replace(view, belief=replace(view.belief, hypotheses=hypotheses)), truth=truth)
+        told = split_picture(maker.make(shown, 0).data)[0]
+        assert told["error"] == pytest.approx([error_m, 0.0], abs=0.01)
 
 
 def test_the_truth_is_drawn_in_the_image_where_the_field_is_seen_from_there(setup, moment):
