@@ -23,7 +23,8 @@ from benchmarks.harness.markdown import render_page
 from benchmarks.harness.programs import ROOT, program_names, run_program
 
 PAPERS = ("sekimori", "yako", "ogawa", "miura")
-PAGES = ("README.md", "benchmarks/README.md", *(f"docs/papers/{name}.md" for name in PAPERS))
+PROGRAM_PAGES = tuple(f"docs/benchmarks/{name}.md" for name in program_names())
+PAGES = ("README.md", "docs/benchmarks/short.md", *PROGRAM_PAGES, *(f"docs/papers/{name}.md" for name in PAPERS))
 Run = Callable[[str, Sequence[str]], "tuple[int, str]"]
 
 

@@ -5,6 +5,7 @@ A page holds markers, each on a line of its own:
     <!-- figures: mirror/omni_accuracy -->            all tables of that program
     <!-- figures: mirror/omni_accuracy: poses, balls -->   some, by name
     <!-- figures: headlines -->                       the list of figures/headlines.json
+    <!-- figures: short -->                           all rows that are short of their targets
     <!-- end of figures -->
 
 What stands between a marker and the end is replaced; all other text stays.
@@ -16,10 +17,10 @@ import json
 import re
 from pathlib import Path
 
-from benchmarks.harness.figures import FOLDER, Cell, FigureError, Figures, FigureTable, cell_text, read_figures
+from benchmarks.harness.figures import FOLDER, QUICK_FOLDER, Cell, FigureError, Figures, FigureTable, cell_text, read_figures
 from benchmarks.harness.machine import describe
 
-HEADLINES = "headlines"
+HEADLINES, SHORT = "headlines", "short"
 _BLOCK = re.compile(
     r"^(?P<begin><!-- figures: (?P<what>[^\n]*?) -->)\n(?P<body>.*?)^(?P<end><!-- end of figures -->)$",
     re.MULTILINE | re.DOTALL,
@@ -73,6 +74,8 @@ def _line(cells: list[str]) -> str:
 def _block(what: str, folder: Path) -> str:
     if what == HEADLINES:
         return render_headlines(folder)
+    if what == SHORT:
+        return render_short(folder)
     program, _, names = what.partition(":")
     figures = read_figures(folder / f"{program.strip()}.json")
     tables = [figures.table(name.strip()) for name in names.split(",")] if names else figures.tables
@@ -105,6 +108,26 @@ def render_headlines(folder: Path) -> str:
         except KeyError as error:
             raise FigureError(f"{path}: {entry['what']!r}: no column {error} in {sorted(cells)}") from None
         lines.append(_line([entry["what"], text, f"`{figures.program}`", figures.date]))
+    return "\n".join(lines) + "\n\n"
+
+
+def render_short(folder: Path) -> str:
+    """Render the rows of all programs, of the runs kept in a folder, that are short of their targets."""
+    lines = ["| program | row | figures |", "|---|---|---|"]
+    for path in sorted(folder.glob("*/*.json")):
+        if path.parent == folder / QUICK_FOLDER.name:
+            continue
+        figures = read_figures(path)
+        for table in figures.tables:
+            first: Cell = ""
+            for row in table.rows:
+                first = first if row.cells[0] in (None, "") else row.cells[0]
+                texts = [cell_text(cell).strip() for cell in row.cells]
+                if "SHORT" not in texts:
+                    continue
+                pairs = zip(table.columns[1:], texts[1:], strict=True)
+                said = [f"{column.name.strip()} {text}" for column, text in pairs if text not in ("", "-", "SHORT")]
+                lines.append(_line([f"`{figures.program}`", cell_text(first), "; ".join(said)]))
     return "\n".join(lines) + "\n\n"
 
 

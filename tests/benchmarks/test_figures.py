@@ -217,6 +217,13 @@ def test_headlines_take_cells_of_rows(written: Path) -> None:
             render_page("<!-- figures: headlines -->\n<!-- end of figures -->\n", folder)
 
 
+def test_rows_that_are_short_are_listed(written: Path) -> None:
+    page = render_page("<!-- figures: short -->\n<!-- end of figures -->\n", written.parents[1])
+    program = read_figures(written).program
+    assert f"| `{program}` | far | located 50.00; \\|mm\\| inf |" in page
+    assert "near" not in page
+
+
 def test_figures_of_no_run() -> None:
     figures = Figures("a/b", "", "default", 1, "2026-11-21", "", {})
     with pytest.raises(FigureError, match="a/b: no table 'x'"):
