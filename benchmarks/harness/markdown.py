@@ -17,7 +17,16 @@ import json
 import re
 from pathlib import Path
 
-from benchmarks.harness.figures import FOLDER, QUICK_FOLDER, Cell, FigureError, Figures, FigureTable, cell_text, read_figures
+from benchmarks.harness.figures import (
+    FOLDER,
+    QUICK_FOLDER,
+    Cell,
+    FigureError,
+    Figures,
+    FigureTable,
+    cell_text,
+    read_figures,
+)
 from benchmarks.harness.machine import describe
 
 HEADLINES, SHORT = "headlines", "short"
