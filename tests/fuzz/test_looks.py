@@ -76,7 +76,7 @@ def drive(vision, frames, count, seed):
     return count - len(messages), len(messages)
 
 
-@pytest.mark.parametrize(("memory", "count"), [(False, 2600), (True, 800)])
+@pytest.mark.parametrize(("memory", "count"), [(False, 1200), (True, 400)])
 def test_mirror_looks_end_in_views_or_in_errors_of_the_family(memory, count):
     field = load_field("ssl_2001")
     camera = load_camera(IMAGES / "omni_ssl_2001" / "camera.toml")
@@ -87,7 +87,7 @@ def test_mirror_looks_end_in_views_or_in_errors_of_the_family(memory, count):
     assert refused > 0.1 * count
 
 
-@pytest.mark.parametrize(("tilt_rad", "count"), [(None, 250), (-0.15, 350)])
+@pytest.mark.parametrize(("tilt_rad", "count"), [(None, 150), (-0.15, 200)])
 def test_pinhole_looks_end_in_views_or_in_errors_of_the_family(tilt_rad, count):
     camera = load_camera(IMAGES / "goal_four_legged" / "camera.toml")
     if tilt_rad is not None:

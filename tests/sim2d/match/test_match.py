@@ -218,8 +218,8 @@ def test_the_link_knows_nothing_of_the_world():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("field", ["ssl_2001", "four_legged_2007"])
-def test_the_same_seed_is_the_same_match_in_another_process(field, tmp_path):
+def test_the_same_seed_is_the_same_match_in_another_process(tmp_path):
+    field = "four_legged_2007"  # most loops are a forward camera's
     code = (
         "import sys, json\n"
         "from field_models import load_field\n"
