@@ -260,8 +260,7 @@ class OutlineFitter:
         return self.fixes_pose(fit) and self.weigh(fit, floor_column).log_odds >= log_odds
 
     def _answer(self, fit: OutlineFit, radius_px: FloatArray) -> tuple[PoseEstimate | NotLocated, FloatArray]:
-        """Return what a fit gives that is believed, with a lean, centre and tilt fitted where the outline asks."""
-        fit = self._camera.leaned(fit, radius_px)
+        """Return what a believed fit gives, with the camera's centre and tilt fitted where the outline asks for it."""
         estimate = self._judge(fit, self.settings.max_std_m)
         if isinstance(estimate, NotLocated):
             return estimate, _nothing(radius_px)

@@ -49,7 +49,7 @@ class BrightnessVision:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setitem(run.evaluate.__kwdefaults__, "make_vision", lambda dataset: BrightnessVision())
+    monkeypatch.setattr(run, "make_default_vision", lambda dataset: BrightnessVision())
     monkeypatch.setitem(run.evaluate.__kwdefaults__, "draw_overlay", lambda view, frame, vision: frame)
     monkeypatch.chdir(tmp_path)
     images = tmp_path / "drive"
@@ -127,8 +127,8 @@ def test_an_unreadable_image_is_one_line_and_status_2(
         ),
         (["fields", "spl"], "robocup-vision fields: unknown argument spl (see robocup-vision fields --help)"),
         (
-            ["calibrate", "pinhol", "drive"],
-            "robocup-vision calibrate: argument KIND: 'pinhol' is unknown; did you mean 'pinhole'? (see",
+            ["calibrate", "forwrad", "drive"],
+            "robocup-vision calibrate: argument KIND: 'forwrad' is unknown; did you mean 'forward'? (see",
         ),
         (
             ["evaluate", "drive", "--field", "spl_2002", "--camera", "camera.toml"],
