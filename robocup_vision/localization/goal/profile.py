@@ -324,7 +324,8 @@ class _SectionFit:
 
     def _choose(self, channel: int, candidates: list[tuple[PointSpread, ...]]) -> None:
         """Choose for rows and for columns the point spread under which their sections fit best."""
-        few = self._all[::4]
+        # contiguous, as the whole is: the loop is compiled once
+        few = np.ascontiguousarray(self._all[::4])
         best = [math.inf, math.inf]
         chosen = [axis[channel] for axis in self._spreads]
         for pair in zip(*candidates, strict=True):
