@@ -171,7 +171,7 @@ class Vision:
         # of odometry since the last view
         self._doubts: list[str] = []
         self._looked_s: float | None = None
-        self._takes_covariance, self._takes_mounting = chosen.takes_covariance, chosen.takes_mounting
+        self._by_edges = chosen.by_edges
 
     def look(
         self,
@@ -290,7 +290,7 @@ class Vision:
                 raise ArgumentError("the pan is told twice, by pan_rad and by the mounting")
             mounting = replace(mounting, pan_rad=pan_rad)
         if not mounting.pans_only:
-            if not self._takes_mounting:
+            if not self._by_edges:
                 raise ArgumentError(
                     f"method '{self.method}' takes no mounting but the pan: method 'edges' does, where the camera file"
                     " has a tilt_rad"
@@ -324,7 +324,7 @@ class Vision:
         by_view = memory.ego_motion is not None
         if odometry is not None and not by_view:
             memory.predict(odometry, t_s)
-        if prior is None and self._takes_covariance:
+        if prior is None and self._by_edges:
             prior = memory.prior_estimate(t_s)
         elif prior is None:
             before = memory.prior(t_s)

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.pool import open_pool
-from benchmarks.scores.tracker_runs import TUNED, nearest_neighbours, score, track_splitting
+from benchmarks.scores.tracker_runs import COLUMNS, TUNED, nearest_neighbours, score, track_splitting
 from benchmarks.scores.tracking_score import NEAR_M
 from benchmarks.worlds.crowd import Frame, camera_film
 from field_models import load_field
@@ -39,17 +39,7 @@ def main() -> None:
         films = list(pool.map(partial(camera_film, FIELD), [[arguments.seed, k, 4] for k in range(runs)]))
     seconds = round(sum(frames[-1].t_s - frames[0].t_s for frames in films))
     table = Table(
-        (
-            "tracker        ",
-            col.label("runs"),
-            col.score("MOTA"),
-            col.loss("missed %"),
-            col.loss("false %"),
-            col.count("switches"),
-            col.count("false tracks"),
-            col.error("RMS mm"),
-            "verdict",
-        ),
+        ("tracker        ", *COLUMNS),
         name="trackers",
         # of two frames one after the other the second adds little
         samples=seconds,

@@ -18,8 +18,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.harness import Table, finish, parse_arguments, verdict
-from benchmarks.harness import columns as col
-from benchmarks.scores.tracker_runs import TUNED, nearest_neighbours, score, stone_soup, track_splitting
+from benchmarks.scores.tracker_runs import COLUMNS, TUNED, nearest_neighbours, score, stone_soup, track_splitting
 from benchmarks.scores.tracking_score import Score
 from benchmarks.worlds.crowd import Frame, film
 from field_models import load_field
@@ -53,17 +52,7 @@ def main() -> None:
     detections = [len(frame.detections) for frames in films for frame in frames]
     in_view = [frame.in_view for frames in films for frame in frames]
     table = Table(
-        (
-            "tracker                        ",
-            col.label("runs"),
-            col.score("MOTA"),
-            col.loss("missed %"),
-            col.loss("false %"),
-            col.count("switches"),
-            col.count("false tracks"),
-            col.error("RMS mm"),
-            "verdict",
-        ),
+        ("tracker                        ", *COLUMNS),
         f"{np.mean(detections):.1f} detections a frame, {100 * np.mean(in_view):.0f} % of the others in view",
         name="trackers",
         # seconds of all runs: of two frames one after the other the second adds little

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from benchmarks.harness import columns as col
 from benchmarks.peers.tracking_peers import NearestNeighbours, Reports, StoneSoup
 from benchmarks.scores.tracking_score import Score
 from benchmarks.worlds.crowd import Frame
@@ -13,6 +14,17 @@ from robocup_vision.tracking import MovingObjects
 from robocup_vision.tracking.detections import in_field
 
 PERIOD_S = 1 / 15
+# of a table of trackers, behind their names
+COLUMNS = (
+    col.label("runs"),
+    col.score("MOTA"),
+    col.loss("missed %"),
+    col.loss("false %"),
+    col.count("switches"),
+    col.count("false tracks"),
+    col.error("RMS mm"),
+    "verdict",
+)
 # chosen on seeds that this program does not use
 TUNED = {
     "hits": 3,

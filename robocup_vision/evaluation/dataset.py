@@ -405,6 +405,8 @@ def _check_mountings(
     path: Path | None, times: Mapping[str, FrameTime] | None, camera: OmniCamera | PinholeCamera, method: str
 ) -> None:
     """Refuse mountings that would not be used."""
+    from robocup_vision.localization.methods import choose_method
+
     told = {name for time in (times or {}).values() if time.mounting is not None for name in time.mounting.known}
     if path is None or not told:
         return
@@ -412,7 +414,7 @@ def _check_mountings(
         whose = "a mirror camera" if not isinstance(camera, PinholeCamera) else "method 'landmarks'"
         raise FileError(path, f"tells how a head holds the camera, which {whose} does not take", value=min(told))
     others = sorted(told - {"pan_rad", "pan_std_rad"})
-    if others and (method != "edges" or not camera.known_orientation):
+    if others and (not camera.known_orientation or not choose_method(camera, method).by_edges):
         problem = f"is for method 'edges' and a camera file with tilt_rad; the method is '{method}'"
         raise FileError(path, problem, key=others[0])
 

@@ -39,12 +39,11 @@ class Method:
         What it needs of field and camera beyond that.
     needs_tilt : bool
         Whether a pinhole camera's tilt must be known.
-    takes_covariance : bool
-        Whether it takes the prior's covariance as a factor of its answer.
+    by_edges : bool
+        Whether it goes by edges: it takes the prior's covariance as a factor of its answer, and tilt, roll and height
+        of a pinhole camera may be told frame by frame.
     is_baseline : bool
         Whether it is a published method, kept for comparison.
-    takes_mounting : bool
-        Whether tilt, roll and height of a pinhole camera may be told frame by frame.
     needs_map : bool
         Whether it needs a map of landmarks: `LandmarkVision` runs it, not `Vision`.
     """
@@ -53,28 +52,25 @@ class Method:
     camera: str
     needs: str
     needs_tilt: bool = False
-    takes_covariance: bool = False
+    by_edges: bool = False
     is_baseline: bool = False
-    takes_mounting: bool = False
     needs_map: bool = False
 
     @property
     def loops(self) -> str:
         """Under which name the loops that it compiles are listed."""
-        return "edges" if self.takes_mounting else self.name
+        return "edges" if self.by_edges else self.name
 
 
-# by edges: of all that the field has, or of one kind of feature alone
-_EDGES = {"needs_tilt": True, "takes_covariance": True, "takes_mounting": True}
 # the first of each kind of camera is the default, where the camera has what it needs
 METHODS = (
     Method("field", MIRROR, "walls or boards, or white lines"),
     Method("floor", MIRROR, "walls or boards that bound the floor"),
     Method("hull", MIRROR, "walls or boards that bound a floor longer than wide", is_baseline=True),
-    Method("edges", PINHOLE, "lines, goals, beacons or walls: everything in view", **_EDGES),
+    Method("edges", PINHOLE, "lines, goals, beacons or walls: everything in view", needs_tilt=True, by_edges=True),
     Method("goal", PINHOLE, "goals of posts and a bar"),
-    Method("field", PINHOLE, "white lines", **_EDGES),
-    Method("floor", PINHOLE, "walls or boards that bound the floor", **_EDGES),
+    Method("field", PINHOLE, "white lines", needs_tilt=True, by_edges=True),
+    Method("floor", PINHOLE, "walls or boards that bound the floor", needs_tilt=True, by_edges=True),
     Method("angles", PINHOLE, "goals of posts and a bar, in colours of a hue", is_baseline=True),
     Method("landmarks", PINHOLE, "a map of landmarks", needs_tilt=True, needs_map=True),
 )

@@ -57,73 +57,6 @@ class LineFitSettings:
     min_points: int = 18
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LineRowsFit:
-    """A pose fitted to line points, with the rows there.
-
-    Parameters
-    ----------
-    unknowns : (3,) float64
-        x, y (m) and theta (rad).
-    rows : PointRows
-        At the end.
-    scale_px : float
-        Residuals well beyond this were ignored.
-    settings : LineFitSettings
-        Of the fit.
-    """
-
-    unknowns: FloatArray
-    rows: PointRows
-    scale_px: float
-    settings: LineFitSettings
-
-    def estimate(self, floor_m: FloatArray, weights: FloatArray) -> PoseEstimate | NotLocated:
-        """Pose and its covariance.
-
-        Parameters
-        ----------
-        floor_m : (N, 2) float64
-            The points on the floor, robot frame: neighbours there err together.
-        weights : (N,) float64
-            Of the points.
-        """
-        settings = self.settings
-        residual, jacobian = self.rows.residual, self.rows.jacobian
-        good = residual <= settings.inlier_px
-        if np.count_nonzero(good) < settings.min_points:
-            return NotLocated("too few line points lie on lines")
-        sigma2 = max(spread_px(residual, self.scale_px, np.empty((2, len(residual) + 1))), settings.min_noise_px) ** 2
-        weight = weights / (1 + (residual / self.scale_px) ** 2) ** 2 / sigma2
-        fisher = (jacobian.T * weight) @ jacobian
-        # one group per line and stretch of floor: what errs there errs together (a cluster-robust "sandwich")
-        member = stretches(self.rows.nearest, floor_m, settings)
-        count = np.bincount(member)
-        scores = np.zeros((len(count), 3))
-        np.add.at(scores, member, jacobian * (weight * residual)[:, None])
-        spread = scores.T @ scores * (len(count) / max(len(count) - 3, 1))
-        shifts = np.zeros((len(count), 2))
-        np.add.at(shifts, member, self.rows.normal_px * np.where(good, residual, 0.0)[:, None])
-        long = count >= 5
-        shift2_px2 = float(np.mean((shifts[long] / count[long, None]) ** 2)) * 2 if long.any() else sigma2
-        pull = jacobian.T @ (self.rows.normal_px * weight[:, None])
-        meat = fisher + spread + settings.hidden_shift**2 * shift2_px2 * (pull @ pull.T)
-        try:
-            bread = np.linalg.inv(fisher)
-        except np.linalg.LinAlgError:
-            return NotLocated("the lines in view do not fix the pose")
-        covariance = bread @ meat @ bread
-        known = np.isfinite(covariance).all() and np.isfinite(self.unknowns).all()
-        if not (known and (np.diag(covariance) > 0).all()):
-            return NotLocated("the lines in view do not fix the pose")
-        return PoseEstimate(
-            Pose2(*self.unknowns[:3].tolist()),
-            (covariance + covariance.T) / 2,
-            float(weights[good].sum() / weights.sum()),
-            float(np.sqrt(np.mean(residual[good] ** 2))),
-        )
-
-
 def seen_points(points: LinePoints, line_map: LineMap) -> SeenPoints:
     """Return line points (N) as the compiled fit takes them."""
     # copies: what is read only would be compiled for once more
@@ -176,7 +109,46 @@ def refine_by_lines(
     scale = fit_points(unknowns, seen_points(points, line_map), np.array(points.weight), start_px, rules, rows)
     if not math.isfinite(scale):
         return NotLocated("the lines in view do not fix the pose")
-    return LineRowsFit(unknowns, rows, scale, settings).estimate(points.floor_m, points.weight)
+    return _estimate(unknowns, rows, scale, points, settings)
+
+
+def _estimate(
+    unknowns: FloatArray, rows: PointRows, scale_px: float, points: LinePoints, settings: LineFitSettings
+) -> PoseEstimate | NotLocated:
+    """Return a fitted pose x, y, theta with its covariance; residuals well beyond the scale were ignored."""
+    residual, jacobian, weights = rows.residual, rows.jacobian, points.weight
+    good = residual <= settings.inlier_px
+    if np.count_nonzero(good) < settings.min_points:
+        return NotLocated("too few line points lie on lines")
+    sigma2 = max(spread_px(residual, scale_px, np.empty((2, len(residual) + 1))), settings.min_noise_px) ** 2
+    weight = weights / (1 + (residual / scale_px) ** 2) ** 2 / sigma2
+    fisher = (jacobian.T * weight) @ jacobian
+    # one group per line and stretch of floor: what errs there errs together (a cluster-robust "sandwich")
+    member = stretches(rows.nearest, points.floor_m, settings)
+    count = np.bincount(member)
+    scores = np.zeros((len(count), 3))
+    np.add.at(scores, member, jacobian * (weight * residual)[:, None])
+    spread = scores.T @ scores * (len(count) / max(len(count) - 3, 1))
+    shifts = np.zeros((len(count), 2))
+    np.add.at(shifts, member, rows.normal_px * np.where(good, residual, 0.0)[:, None])
+    long = count >= 5
+    shift2_px2 = float(np.mean((shifts[long] / count[long, None]) ** 2)) * 2 if long.any() else sigma2
+    pull = jacobian.T @ (rows.normal_px * weight[:, None])
+    meat = fisher + spread + settings.hidden_shift**2 * shift2_px2 * (pull @ pull.T)
+    try:
+        bread = np.linalg.inv(fisher)
+    except np.linalg.LinAlgError:
+        return NotLocated("the lines in view do not fix the pose")
+    covariance = bread @ meat @ bread
+    known = np.isfinite(covariance).all() and np.isfinite(unknowns).all()
+    if not (known and (np.diag(covariance) > 0).all()):
+        return NotLocated("the lines in view do not fix the pose")
+    return PoseEstimate(
+        Pose2(*unknowns.tolist()),
+        (covariance + covariance.T) / 2,
+        float(weights[good].sum() / weights.sum()),
+        float(np.sqrt(np.mean(residual[good] ** 2))),
+    )
 
 
 def residuals_px(pose: Pose2, points: LinePoints, line_map: LineMap) -> FloatArray:

@@ -223,6 +223,22 @@ def test_a_mounting_that_cannot_be_used_is_refused(folder: Path, camera: str | N
     assert str(caught.value).startswith(f"{folder / 'frames.csv'}: {problem}")
 
 
+@pytest.mark.parametrize("method", ["edges", "field"])
+def test_methods_by_edges_take_a_mounting(folder: Path, method: str) -> None:
+    add(folder, 'frames = "frames.csv"')
+    text = (folder / "dataset.toml").read_text()
+    (folder / "dataset.toml").write_text(re.sub(r'method = "\w+"\n', "", text) + f'method = "{method}"\n')
+    (folder / "camera.toml").write_text(
+        'format = 1\nmodel = "pinhole"\nsize_px = [64, 56]\nfocal_px = [60, 60]\ncenter_px = [31.5, 27.5]\n'
+        "height_m = 0.4\ntilt_rad = -0.2\n"
+    )
+    lines = [f"{line},0.3" if number else f"{line},height_m" for number, line in enumerate(FRAMES.splitlines())]
+    (folder / "frames.csv").write_text("\n".join(lines) + "\n")
+    times = load_dataset(folder).times
+    assert times is not None
+    assert {time.mounting.height_m for time in times.values() if time.mounting is not None} == {0.3}
+
+
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [

@@ -5,34 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from forward_pictures import PLACES, render
 
 from field_models import load_field
 from robocup_vision.calibration.forward.calibrate import calibrate_forward
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
-from sim2d.rendering.pinhole import render_pinhole
-from sim2d.rendering.scene import Room, Scene
-from sim2d.rendering.sensor import Sensor
 
 TRUE = PinholeCamera(
     (320, 240), (228.0, 228.0), (159.5, 119.5), 0.45, pan_rad=0.0, tilt_rad=math.radians(-15.0), roll_rad=0.0
 )
-# of no goal is any part in view
-PLACES = (
-    Pose2(1.5, -0.5, 1.75),
-    Pose2(-2.4, 1.2, -1.4),
-    Pose2(0.4, 1.4, -1.8),
-    Pose2(2.6, -1.6, 1.2),
-    Pose2(-1.0, -1.0, 1.5),
-    Pose2(-3.0, -1.5, 1.6),
-)
-
-
-def render(field, camera, places, seed):
-    rng = np.random.default_rng(seed)
-    scene, sensor = Scene(field, room=Room(seed=seed), carpet_margin_m=0.4), Sensor(noise_sigma=2.0, blur_px=0.5)
-    return [sensor.expose(render_pinhole(camera, scene, pose, supersample=3), rng) for pose in places]
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +25,7 @@ def spl():
 
 @pytest.fixture(scope="module")
 def frames(spl):
-    return render(spl, TRUE, PLACES, 8)
+    return render(spl, TRUE, PLACES, 8, margin_m=0.4)
 
 
 def off(ratio, height_m=0.0, tilt_deg=0.0):
@@ -102,7 +85,7 @@ def test_walls_serve_where_goals_have_no_posts():
         Pose2(-0.2, 0.1, -2.2),
         Pose2(0.6, 0.2, 2.9),
     )
-    shown = render(field, camera, places, 9)
+    shown = render(field, camera, places, 9, margin_m=0.4)
     start = replace(camera, focal_px=(0.93 * camera.focal_px[0], 0.93 * camera.focal_px[1]))
     assert_is_true(calibrate_forward(field, shown, start), camera)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from forward_pictures import PLACES, render
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,9 +17,6 @@ from robocup_vision.calibration.forward.parameters import CENTER, ForwardParamet
 from robocup_vision.calibration.forward.starts import KnownOfCamera, starts_about, starts_of
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
-from sim2d.rendering.pinhole import render_pinhole
-from sim2d.rendering.scene import Room, Scene
-from sim2d.rendering.sensor import Sensor
 
 FISHEYE = FisheyeCamera(
     (304, 400),
@@ -44,20 +42,6 @@ IN_MIDDLE_SIZE = (
     Pose2(2.0, 0.5, 2.5),
     Pose2(-3.0, -4.0, -1.9),
 )
-IN_STANDARD = (
-    Pose2(1.5, -0.5, 1.75),
-    Pose2(-2.4, 1.2, -1.4),
-    Pose2(0.4, 1.4, -1.8),
-    Pose2(2.6, -1.6, 1.2),
-    Pose2(-1.0, -1.0, 1.5),
-    Pose2(-3.0, -1.5, 1.6),
-)
-
-
-def render(field, camera, places, seed):
-    rng = np.random.default_rng(seed)
-    scene, sensor = Scene(field, room=Room(seed=seed), carpet_margin_m=0.6), Sensor(noise_sigma=2.0, blur_px=0.5)
-    return [sensor.expose(render_pinhole(camera, scene, pose, supersample=3), rng) for pose in places]
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +51,7 @@ def middle_size():
 
 @pytest.fixture(scope="module")
 def fisheye_frames(middle_size):
-    return render(middle_size, FISHEYE, IN_MIDDLE_SIZE, 5)
+    return render(middle_size, FISHEYE, IN_MIDDLE_SIZE, 5, margin_m=0.6)
 
 
 def assert_is_true(result, truth):
@@ -103,7 +87,7 @@ def test_a_fisheye_is_found_from_its_rough_height_and_tilt(middle_size, fisheye_
 def test_a_lens_that_bends_lines_is_noticed_without_a_word():
     field = load_field("spl_2020")
     start = replace(BENT, distortion=(), center_px=(159.5, 119.5), focal_px=(216.0, 216.0))
-    result = calibrate_forward(field, render(field, BENT, IN_STANDARD, 8), start)
+    result = calibrate_forward(field, render(field, BENT, PLACES, 8, margin_m=0.6), start)
     assert_is_true(result, BENT)
     assert abs(result.camera.distortion[0] - BENT.distortion[0]) < 3 * result.std["k1"] + 0.02
 
