@@ -30,6 +30,7 @@ class StrictStruct(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 _KINDS = {
     "camera file": {"model", "size_px"},
     "field file": {"length_m", "width_m"},
+    "rig file": {"cameras"},
     "dataset file": {"camera", "images"},
     "colour file": {"floor", "line"},
 }

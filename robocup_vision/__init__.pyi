@@ -4,6 +4,7 @@ from .avoidance.wayfinder import Wayfinder
 from .belief import Belief
 from .camera.files import load_camera
 from .camera.mounting import Mounting
+from .camera.rig import Rig, load_rig
 from .errors import ArgumentError, FileError, FrameError, PacketError, RobocupVisionError
 from .estimates import NotLocated, PoseEstimate, SwappedChannels
 from .fields import Field, field_names, load_field
@@ -29,6 +30,7 @@ __all__ = [
     "PacketError",
     "Pose2",
     "PoseEstimate",
+    "Rig",
     "RobocupVisionError",
     "Steering",
     "SteeringCommand",
@@ -42,4 +44,5 @@ __all__ = [
     "load_camera",
     "load_colors",
     "load_field",
+    "load_rig",
 ]

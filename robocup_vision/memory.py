@@ -318,8 +318,9 @@ class Memory:
             around = self.object_radius_m + self.settings.mask_margin_m
             discs = np.array([(track.x_m, track.y_m, around) for track in self._tracks])
             self.free_map.move(robot.pose)
-            if view.marks.any():
-                self.free_map.update(_FLOOR, floor_profile(view), mask=discs)
+            for one in view.views:
+                if one.marks.any():
+                    self.free_map.update(_FLOOR, floor_profile(one), mask=discs)
 
     def _forget_surroundings(self) -> None:
         self._tracks, self._last = (), None

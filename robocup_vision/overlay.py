@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import cast
 
@@ -17,7 +18,8 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated
 from robocup_vision.image_layers import ImageLayerMaker, Paths
 from robocup_vision.pipeline.frames import to_bgr
-from robocup_vision.vision import View, Vision
+from robocup_vision.view import RigView, View
+from robocup_vision.vision import Vision
 
 Bgr = tuple[int, int, int]
 
@@ -40,7 +42,7 @@ _SHIFT = 4
 _REASON_LETTERS = 72
 
 
-def draw(view: View, frame: Frame, vision: Vision, out: Frame | None = None) -> UInt8Array:
+def draw(view: View, frame: Frame | Sequence[Frame | None], vision: Vision, out: Frame | None = None) -> UInt8Array:
     """Draw a view over its frame.
 
     The fitted field and its goals of posts in cyan, the floor's detected edge in red, the free space as a green fan,
@@ -52,7 +54,8 @@ def draw(view: View, frame: Frame, vision: Vision, out: Frame | None = None) -> 
     view : View
         What `vision` saw.
     frame : (H, W, 3) uint8
-        In this frame, of the channels that `vision` takes.
+        In this frame, of the channels that `vision` takes. Of a rig the sequence that was looked at: the pictures then
+        stand side by side.
     vision : Vision
         The object that looked.
     out : (s H, s W, 3) uint8, optional
@@ -71,7 +74,9 @@ def draw(view: View, frame: Frame, vision: Vision, out: Frame | None = None) -> 
     if not isinstance(view, View) or not isinstance(vision, Vision):
         kinds = ", ".join(type(value).__name__ for value in (view, frame, vision))
         raise ArgumentError(f"draw takes a view, its frame and the Vision that looked, got {kinds}")
-    width, height = vision.camera.size_px
+    if isinstance(view, RigView):
+        return _draw_rig(view, frame, vision, out)
+    width, height = view.camera.size_px
     if not isinstance(frame, np.ndarray) or frame.shape != (height, width, 3) or frame.dtype != np.uint8:
         given = getattr(frame, "shape", type(frame).__name__)
         raise ArgumentError(f"the frame to draw must be ({height}, {width}, 3) uint8, got {given}")
@@ -86,6 +91,22 @@ def draw(view: View, frame: Frame, vision: Vision, out: Frame | None = None) -> 
     draw_layers(view, canvas, vision, scale)
     _write(canvas, _summary(view))
     return canvas
+
+
+def _draw_rig(view: RigView, frames: object, vision: Vision, out: Frame | None) -> UInt8Array:
+    """Draw the pictures of a rig's cameras side by side, those that gave none left dark."""
+    count = len(view.views)
+    if out is not None or not isinstance(frames, (tuple, list)) or len(frames) != count:
+        raise ArgumentError(
+            f"draw takes the {count} frames of a rig's view and no out; draw(view.views[0], ...) is for one"
+        )
+    pictures = []
+    for one, frame in zip(view.views, frames, strict=True):
+        width, height = one.camera.size_px
+        dark = np.zeros((height, width, 3), dtype=np.uint8)
+        pictures.append(draw(one, dark if frame is None else frame, vision))
+    height = max(len(picture) for picture in pictures)
+    return np.hstack([np.pad(picture, ((0, height - len(picture)), (0, 0), (0, 0))) for picture in pictures])
 
 
 def draw_layers(view: View, canvas: UInt8Array, vision: Vision, scale: int = 1) -> None:

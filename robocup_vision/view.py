@@ -14,10 +14,12 @@ from robocup_vision.belief import Belief
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
+from robocup_vision.perception.joined import join_obstacles, move_obstacle
 from robocup_vision.perception.obstacles import Obstacle, ObstacleFinder
 from robocup_vision.perception.polar_view import PolarView
 
@@ -113,6 +115,11 @@ class View:
             array.setflags(write=False)
 
     @property
+    def views(self) -> tuple[View, ...]:
+        """The view of each camera: this one, or those of a rig (`RigView`), to draw on their frames."""
+        return (self,)
+
+    @property
     def ball(self) -> Ball | None:
         """The likeliest ball, robot frame; None: none is seen."""
         return self.balls[0] if self.balls else None
@@ -148,3 +155,36 @@ class View:
         if self.polar is None:
             return read_only(np.empty((0, 2)))
         return read_only(self.polar.pixels[self.marks == free_floor.LINE])
+
+
+@dataclass(frozen=True)
+class RigView(View):
+    """What the frames of several cameras on one body show together.
+
+    `pose`, `free_space`, `balls`, `obstacles` and `measurement` are the body's, at the time `t_s`. What belongs to one
+    picture stands in `views`: here `marks`, the boundary and the edge points are empty, `polar` and `grid` are None,
+    and `camera` is the first one's. The free space goes all around; its range is NaN where no camera sees the floor.
+
+    Parameters
+    ----------
+    views : tuple of View
+        Of each camera, in the rig's order and at its frame's time. Its pose is the body's, its `measurement` what this
+        camera measured. Without a frame it is `NotLocated`.
+    motions : tuple of Pose2
+        How the body has moved from each frame to `t_s`, in its frame of then.
+    robot_radius_m : float
+        Of a robot on this field.
+    """
+
+    views: tuple[View, ...] = ()
+    motions: tuple[Pose2, ...] = ()
+    robot_radius_m: float = 0.0
+
+    @cached_property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """See `View.obstacles`: one for each thing, whether one or several cameras show it."""
+        seen = [
+            [move_obstacle(obstacle, motion) for obstacle in view.obstacles]
+            for view, motion in zip(self.views, self.motions, strict=True)
+        ]
+        return join_obstacles(seen, self.robot_radius_m)

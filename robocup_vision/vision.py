@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Literal, Protocol, cast
 
@@ -24,6 +26,7 @@ from robocup_vision.arrays import Frame, UInt8Array
 from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.rig import Rig, as_rig
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.settings import PoseFilterSettings
@@ -36,10 +39,13 @@ from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.pipeline.frames import FrameOptions, to_bgr
 from robocup_vision.pipeline.omni import OmniPipeline
 from robocup_vision.pipeline.pinhole import PinholePipeline
+from robocup_vision.pipeline.rig import RigFrames, RigPipeline, rig_frames
 from robocup_vision.view import View
 
 _NO_TIME = "memory needs the time of a frame: hand t_s to look"
 _NO_FLOOR = "this camera maps none of its pixels to the floor (is its tilt_rad known?)"
+
+_OF_EACH_CAMERA = "the cameras of a rig have floor samples of their own: view.views[0].polar and .grid are the first's"
 
 # finer cells than one a tenth of a degree, or a centimetre on a large field, hold no sample of their own
 _MAX_DIRECTIONS, _MAX_RINGS = 3600, 1000
@@ -51,12 +57,22 @@ def _is_same_field(one: Field, other: Field) -> bool:
     return one is other or (one.name, one.length_m, one.width_m) == (other.name, other.length_m, other.width_m)
 
 
+def _masks(mask: object, count: int, *, is_rig: bool) -> tuple[UInt8Array | None, ...]:
+    """Return the mask of each camera."""
+    if mask is None or not is_rig:
+        return (cast("UInt8Array | None", mask),) * count
+    if not isinstance(mask, (tuple, list)) or len(mask) != count:
+        raise ArgumentError(f"mask of a rig must be a sequence of {count}, None for a camera without one")
+    return tuple(mask)
+
+
 def _with_camera(
-    pipeline: OmniPipeline | PinholePipeline, camera: OmniCamera | PinholeCamera
+    pipeline: OmniPipeline | PinholePipeline | RigPipeline, camera: OmniCamera | PinholeCamera
 ) -> OmniPipeline | PinholePipeline:
     if isinstance(pipeline, PinholePipeline):
         assert isinstance(camera, PinholeCamera)
         return pipeline.with_camera(camera)
+    assert isinstance(pipeline, OmniPipeline)
     assert isinstance(camera, OmniCamera)
     return pipeline.with_camera(camera)
 
@@ -78,8 +94,8 @@ class Vision:
     ----------
     field : Field or str
         The pitch, or the name of a built-in one, or the path of a field file.
-    camera : OmniCamera or PinholeCamera
-        The camera.
+    camera : OmniCamera or PinholeCamera, or Rig or sequence of PinholeCamera
+        The camera, or the cameras of a rig: `load_rig(path)`, or `(left, right)`. A rig's views are `RigView`.
     colors : Colors, optional
         Fixed colours. Without them they are learnt from the first frame, and again when the light has changed.
     method : str, optional
@@ -93,7 +109,7 @@ class Vision:
         by the convex hull of the whole floor mask; "angles" (pinhole) by Yako et al., by the angles between posts and
         bar.
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never looked at. Of a rig a sequence: one, or None, for each camera.
     directions : int
         Number J of directions of the free space, all around or over what a pinhole camera has in view.
     rings : int or tuple of float
@@ -103,7 +119,7 @@ class Vision:
         `FreeSpaceGrid`.
     online : CameraRefiner, optional
         An `OnlineCalibration`, which refines this camera while frames are looked at; `camera` is then the one now in
-        use, and `online.state` holds how far it has moved.
+        use, and `online.state` holds how far it has moved. Not for a rig.
     channels : {"bgr", "rgb"}
         Order of the frames' channels: "bgr" as OpenCV reads images, "rgb" as rgb8 of ROS, picamera2 and Pillow give
         them. Where balls and goals show that it is the other one, the view has a warning, once. Where goals or beacons
@@ -116,17 +132,18 @@ class Vision:
     ------
     ArgumentError
         If `channels` is neither, the mask's size is not the camera's, the method does not fit the field or the camera,
-        `online` was made for another camera, or the memory's `ego_motion` is to serve a pinhole camera.
+        `online` was made for another camera, the memory's `ego_motion` is to serve a pinhole camera, or the cameras
+        are no rig (`Rig`).
     """
 
     def __init__(
         self,
         field: Field | str | Path,
-        camera: OmniCamera | PinholeCamera,
+        camera: OmniCamera | PinholeCamera | Rig | Sequence[PinholeCamera],
         colors: Colors | None = None,
         *,
         method: str | None = None,
-        mask: UInt8Array | None = None,
+        mask: UInt8Array | Sequence[UInt8Array | None] | None = None,
         directions: int = 80,
         rings: int | tuple[float, ...] = 20,
         free_ratio: float = FREE_RATIO,
@@ -134,7 +151,9 @@ class Vision:
         memory: Memory | None = None,
         channels: Literal["bgr", "rgb"] = "bgr",
     ) -> None:
-        field, camera = as_field(field), as_camera(camera)
+        field = as_field(field)
+        self.rig = as_rig(camera) if isinstance(camera, (Rig, tuple, list)) else None
+        camera = as_camera(camera) if self.rig is None else self.rig.cameras[0]
         if colors is not None:
             require_kind("colors", colors, Colors, "what load_colors(path) returns")
         if memory is not None:
@@ -147,6 +166,8 @@ class Vision:
         free_ratio = as_number("free_ratio", free_ratio)
         if not 0.0 < free_ratio <= 1.0:
             raise ArgumentError(f"free_ratio must be above 0 and at most 1, got {free_ratio!r}")
+        if online is not None and self.rig is not None:
+            raise ArgumentError("online refines one camera: it does not serve a rig")
         if online is not None and getattr(online, "camera", None) is not camera:
             raise ArgumentError("online must be made for this very camera")
         if memory is not None and memory.ego_motion is not None and isinstance(camera, PinholeCamera):
@@ -155,16 +176,22 @@ class Vision:
             memory.serve(camera)
         self._memory = memory
         chosen = choose_method(camera, method)
-        options = FrameOptions(chosen, colors, mask, directions, rings, channels, free_ratio)
-        self._pipeline: OmniPipeline | PinholePipeline
-        if isinstance(camera, PinholeCamera):
+        masks = _masks(mask, 1 if self.rig is None else len(self.rig), is_rig=self.rig is not None)
+        options = FrameOptions(chosen, colors, masks[0], directions, rings, channels, free_ratio)
+        self._pipeline: OmniPipeline | PinholePipeline | RigPipeline
+        if self.rig is not None:
+            for other in self.rig.cameras:
+                if choose_method(other, method) is not chosen:
+                    raise ArgumentError("the cameras of a rig need one method: has each a tilt_rad, or none?")
+            self._pipeline = RigPipeline(field, self.rig, tuple(replace(options, mask=one) for one in masks))
+        elif isinstance(camera, PinholeCamera):
             self._pipeline = PinholePipeline(field, camera, options)
         else:
             self._pipeline = OmniPipeline(field, camera, options)
         self.field = field
         self.camera = camera
         self.method = chosen.name
-        self.mask, self.directions, self.rings, self.free_ratio = mask, directions, rings, free_ratio
+        self.mask, self.directions, self.rings, self.free_ratio = masks[0], directions, rings, free_ratio
         self.fixed_colors, self.online = colors, online
         self.channels = channels
         self._is_fresh = True
@@ -175,8 +202,8 @@ class Vision:
 
     def look(
         self,
-        frame: Frame | None,
-        t_s: float | None = None,
+        frame: Frame | Sequence[Frame | None] | None,
+        t_s: float | Sequence[float | None] | None = None,
         odometry: Pose2 | None = None,
         prior: PoseEstimate | Pose2 | None = None,
         pan_rad: float | None = None,
@@ -189,12 +216,15 @@ class Vision:
         frame : (H, W, 3) uint8 or None
             Of the camera's size, its channels as said by `channels`. None: the camera gave none this time. The view is
             then `NotLocated`, its free space that of the last frame moved by the odometry, for half a second at most,
-            and the belief is predicted.
+            and the belief is predicted. Of a rig a sequence in the order of its cameras, None for one without a frame.
         t_s : float, optional
-            When it was taken; stands in the view. Needed with a memory.
+            When it was taken; stands in the view. Needed with a memory. Of a rig one time for all frames, or a
+            sequence; the view is of the latest one, to which the odometry, or the memory's, moves older frames.
+            Without either their poses are as uncertain as a robot may have moved.
         odometry : Pose2, optional
-            The robot's motion since the frame before, in its frame then; with the last pose it makes a prior. What no
-            robot can do in that time (`PoseFilterSettings`) is not believed, and the view has a warning.
+            The robot's motion since the frame before (of a rig up to the latest time), in its frame then; with the last
+            pose it makes a prior. What no robot can do in that time (`PoseFilterSettings`) is not believed, and the
+            view has a warning.
         prior : PoseEstimate or Pose2, optional
             Where the robot probably is: saves time, and orders candidates that the frame itself does not separate; a
             pinhole camera refines it where the frame alone would not do.
@@ -209,31 +239,36 @@ class Vision:
         Raises
         ------
         FrameError
-            If the frame has another size or type.
+            If the frame has another size or type, or a rig's frames are not as many as its cameras.
         ArgumentError
             With a memory: if `t_s` is missing, or runs backwards where odometry is handed over. If a mirror camera is
             given a pan or mounting, the method or `online` does not take a mounting, an argument is of another type,
             or not finite.
         """
-        t_s = None if t_s is None else as_time(t_s)
         odometry = None if odometry is None else as_pose("odometry", odometry)
         prior = None if prior is None else as_prior(prior)
+        given: RigFrames | None = None
+        if self.rig is not None:
+            given, t_s = rig_frames(self.rig, frame, t_s, partial(self._motion_between, odometry, self._looked_s))
+        else:
+            # a sequence is no time: it is refused
+            t_s = None if t_s is None else as_time(t_s)
         mounting = self._as_mounting(mounting, None if pan_rad is None else as_angle("pan_rad", pan_rad))
         self._is_fresh = False
         self._doubt(odometry, t_s)
         if self._memory is None and self._doubts:
             odometry = None
         self._looked_s = t_s
-        if frame is None:
+        if frame is None or (given is not None and not any(one is not None for one in given.frames)):
             view = self._look_at_nothing(t_s, odometry)
         else:
             # the pipeline refuses what is not of bytes
-            frame = cast("UInt8Array", frame)
+            shown = cast("UInt8Array", frame) if given is None else given
             if self._memory is None:
-                view = self._look(frame, t_s, odometry, prior, mounting)
-                self._refine_camera(frame, view)
+                view = self._look(shown, t_s, odometry, prior, mounting)
+                self._refine_camera(shown, view)
             else:
-                view = self._look_and_remember(self._memory, frame, t_s, odometry, prior, mounting)
+                view = self._look_and_remember(self._memory, shown, t_s, odometry, prior, mounting)
         if self._doubts:
             view = replace(view, warnings=(*view.warnings, *self._doubts))
             self._doubts.clear()
@@ -255,8 +290,31 @@ class Vision:
                 f"odometry of {way_m:.3g} m and {turn_rad:.3g} rad at {t_s:g} s is not believed: no robot moves so fast"
             )
 
-    def _refine_camera(self, frame: UInt8Array, view: View) -> bool:
+    def _motion_between(
+        self, odometry: Pose2 | None, before_s: float | None, then_s: float, now_s: float
+    ) -> Pose2 | None:
+        """Return the robot's motion from a frame of a rig to the look, in its frame of then; None: not known.
+
+        Parameters
+        ----------
+        odometry : Pose2 or None
+            Since the look before.
+        before_s : float or None
+            When that was.
+        then_s, now_s : float
+            Of the frame and of the look.
+        """
+        if self._memory is not None:
+            return self._memory.poses.motion_since(then_s)
+        if odometry is None or before_s is None or not before_s < now_s:
+            return None
+        part = (now_s - then_s) / (now_s - before_s)
+        return Pose2(part * odometry.x_m, part * odometry.y_m, part * odometry.theta_rad)
+
+    def _refine_camera(self, frame: UInt8Array | RigFrames, view: View) -> bool:
         """Refine the camera by a frame and its view; whether it is now another one."""
+        if isinstance(frame, RigFrames):
+            return False
         better = None if self.online is None else self.online.follow(to_bgr(frame, self.channels), view)
         if better is None:
             return False
@@ -266,12 +324,16 @@ class Vision:
 
     def _look(
         self,
-        frame: UInt8Array,
+        frame: UInt8Array | RigFrames,
         t_s: float | None,
         odometry: Pose2 | None,
         prior: PoseEstimate | Pose2 | None,
         mounting: Mounting | None,
     ) -> View:
+        if isinstance(frame, RigFrames):
+            assert isinstance(self._pipeline, RigPipeline)
+            return self._pipeline.look(frame, t_s, odometry, prior)
+        assert not isinstance(self._pipeline, RigPipeline)
         if isinstance(self._pipeline, PinholePipeline):
             return self._pipeline.look(frame, t_s, odometry, prior, mounting)
         return self._pipeline.look(frame, t_s, odometry, prior)
@@ -280,6 +342,10 @@ class Vision:
         """Return how the camera is held in a frame, by both arguments; None: as its file says."""
         if mounting is None and pan_rad is None:
             return None
+        if self.rig is not None:
+            raise ArgumentError(
+                "pan_rad and mounting are for one camera on a head: those of a rig are fixed to the body"
+            )
         if not isinstance(self.camera, PinholeCamera):
             raise ArgumentError("pan_rad and mounting are for a pinhole camera on a head: a mirror camera has no pan")
         if mounting is None:
@@ -313,7 +379,7 @@ class Vision:
     def _look_and_remember(
         self,
         memory: Memory,
-        frame: UInt8Array,
+        frame: UInt8Array | RigFrames,
         t_s: float | None,
         odometry: Pose2 | None,
         prior: PoseEstimate | Pose2 | None,
@@ -402,11 +468,12 @@ class Vision:
         Raises
         ------
         ArgumentError
-            If the camera maps nothing to the floor: a pinhole camera of unknown tilt, or one that looks above it.
+            If the camera maps nothing to the floor: a pinhole camera of unknown tilt, or one that looks above it; or
+            there are several: each has its own in `view.views`.
         """
         polar = self._pipeline.polar
         if polar is None:
-            raise ArgumentError(_NO_FLOOR)
+            raise ArgumentError(_NO_FLOOR if self.rig is None else _OF_EACH_CAMERA)
         return polar
 
     @property
@@ -414,5 +481,5 @@ class Vision:
         """The cells of the free space; raises as `polar` does."""
         grid = self._pipeline.grid
         if grid is None:
-            raise ArgumentError(_NO_FLOOR)
+            raise ArgumentError(_NO_FLOOR if self.rig is None else _OF_EACH_CAMERA)
         return grid

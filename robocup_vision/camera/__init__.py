@@ -7,6 +7,7 @@ from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.rig import Rig, load_camera_or_rig, load_rig
 from robocup_vision.camera.rolling_shutter import RollingShutter
 
 __all__ = [
@@ -17,10 +18,13 @@ __all__ = [
     "Mounting",
     "OmniCamera",
     "PinholeCamera",
+    "Rig",
     "RollingShutter",
     "Table",
     "Tangent",
     "camera_rotation",
     "load_camera",
+    "load_camera_or_rig",
+    "load_rig",
     "save_camera",
 ]

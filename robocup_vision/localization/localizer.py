@@ -38,6 +38,8 @@ class FrameEvidence(NamedTuple):
         Class of each sample: 0 blocked, 1 floor, 2 line; None where it is not computed before the pose.
     t_s : float or None
         When the frame was taken.
+    may_search : bool
+        Whether a robot that is not where the prior has it may be searched for elsewhere, which takes long.
     """
 
     frame: UInt8Array
@@ -48,6 +50,7 @@ class FrameEvidence(NamedTuple):
     floor_column: Int64Array
     marks: UInt8Array | None = None
     t_s: float | None = None
+    may_search: bool = True
 
 
 class Localization(NamedTuple):

@@ -127,7 +127,8 @@ class FreeSpaceGrid:
             first, width = self.view.span_rad
             turn = np.arctan2(y, x) - first
             if not self.view.is_ring:
-                turn = np.remainder(turn + math.pi, math.tau) - math.pi
+                # about the middle: a lens may show more than a half turn
+                turn = np.remainder(turn - width / 2 + math.pi, math.tau) - math.pi + width / 2
             direction = np.nan_to_num(np.floor(turn * (self.directions / width))).astype(int)
         if self.view.is_ring:
             direction %= self.directions
@@ -155,6 +156,17 @@ class FreeSpaceGrid:
             (needed > 0).argmax(axis=0),
             self.view.is_ring,
         )
+
+    @property
+    def nearest_m(self) -> FloatArray:
+        """(J,) float64: range from which on a forward camera sees the floor in each direction, metres; inf: nowhere."""
+        cells = self._cells
+        return read_only(np.where(cells.seen > 0, self.ring_bounds_m[cells.first_seen], np.inf))
+
+    @property
+    def farthest_m(self) -> FloatArray:
+        """(J,) float64: range up to which a forward camera sees the floor in each direction, metres."""
+        return read_only(self.ring_bounds_m[self._cells.seen])
 
     def measure(self, passable: UInt8Array) -> FreeSpace:
         """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""

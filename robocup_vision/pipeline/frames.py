@@ -238,7 +238,8 @@ class FramePipeline:
         self._has_warned = True
         return (reason,)
 
-    def _checked(self, frame: UInt8Array) -> UInt8Array:
+    def checked(self, frame: UInt8Array) -> UInt8Array:
+        """Return a frame of the right size and type as blue, green, red, black under the mask; else refuse it."""
         width, height = self._size_px
         if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8:
             raise FrameError(f"frame must be a uint8 array, got {getattr(frame, 'dtype', type(frame).__name__)}")

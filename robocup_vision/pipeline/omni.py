@@ -98,7 +98,7 @@ class OmniPipeline(FramePipeline):
     ) -> View:
         """See `Vision.look`."""
         begin = perf_counter()
-        frame = self._checked(frame)
+        frame = self.checked(frame)
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
         measured = self._measure(frame, t_s)
@@ -156,7 +156,7 @@ class OmniPipeline(FramePipeline):
 
     def measure(self, frame: UInt8Array) -> FrameEvidence | None:
         """Return what a frame (H, W, 3) shows to a localiser; None where no floor is found around the robot."""
-        measured = self._measure(self._checked(frame), None)
+        measured = self._measure(self.checked(frame), None)
         return None if measured is None else measured[0]
 
     def _measure(self, frame: UInt8Array, t_s: float | None) -> tuple[FrameEvidence, float, float] | None:

@@ -21,7 +21,7 @@ from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import dark_feet
-from robocup_vision.localization.localizer import FrameEvidence
+from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.localization.methods import calibrated_localizer, make_pinhole_localizer
 from robocup_vision.localization.swapped_channels import (
     SwappedChannelsSettings,
@@ -135,22 +135,62 @@ class PinholePipeline(FramePipeline):
     ) -> View:
         """See `Vision.look`."""
         begin = perf_counter()
-        frame = self._checked(frame)
-        timings: dict[str, float] = {}
+        frame = self.checked(frame)
         camera = self.camera if mounting is None else self.camera.held(mounting)
-        made = self._floors.about(camera) if camera.known_orientation else None
-        start = perf_counter()
         if prior is None and odometry is not None and self._last_pose is not None:
             prior = self._last_pose.compose(odometry)
-        answer = self._localizer.locate(_evidence(frame, camera, t_s), prior)
+        return self.see(frame, camera, self.locate(frame, camera, t_s, prior), t_s, begin)
+
+    def locate(
+        self,
+        frame: UInt8Array,
+        camera: PinholeCamera,
+        t_s: float | None,
+        prior: PoseEstimate | Pose2 | None,
+        *,
+        may_search: bool = True,
+    ) -> Localization:
+        """Locate the robot by a frame, the first step of `look`.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            As `checked` returns it.
+        camera : PinholeCamera
+            As it is held in this frame.
+        t_s : float or None
+            When the frame was taken.
+        prior : PoseEstimate or Pose2 or None
+            As in `look`.
+        may_search : bool
+            See `FrameEvidence`.
+        """
+        evidence = _evidence(frame, camera, t_s)
+        answer = self._localizer.locate(evidence if may_search else evidence._replace(may_search=False), prior)
         if isinstance(answer.pose, NotLocated):
             # whatever is missing: a dark picture is why
             light = f"mean brightness {frame[::_LIGHT_STEP, ::_LIGHT_STEP].mean():.0f} of 255"
             answer = answer._replace(pose=replace(answer.pose, reason=f"{answer.pose.reason} ({light})"))
-        answer = self._in_open_halves(answer, prior)
+        return self._in_open_halves(answer, prior)
+
+    def see(
+        self, frame: UInt8Array, camera: PinholeCamera, answer: Localization, t_s: float | None, begin: float
+    ) -> View:
+        """Return the view of a frame of which the pose is known, the second step of `look`.
+
+        Parameters
+        ----------
+        frame, camera, t_s
+            As in `locate`.
+        answer : Localization
+            What that returned.
+        begin : float
+            When the look began, by `perf_counter`.
+        """
         pose = answer.pose
+        timings = {"pose": perf_counter() - begin}
         self._last_pose = pose.pose if pose else None
-        timings["pose"] = perf_counter() - start
+        made = self._floors.about(camera) if camera.known_orientation else None
         if pose and not camera.known_orientation:
             made = self._floors.about(_as_held(answer.camera))
         if made is None:

@@ -14,6 +14,7 @@ from field_models import catalog, load_field
 from field_models.errors import FileError
 from robocup_vision import load_camera, load_colors
 from robocup_vision.camera import files as camera_files
+from robocup_vision.camera import rig as rig_file
 from robocup_vision.camera import save_camera
 from robocup_vision.camera.mounting import MOUNTING_NAMES
 from robocup_vision.evaluation import boxes, dataset, result_files
@@ -61,6 +62,7 @@ EXPECTED = {
     "camera.toml table": keys_of(camera_files._TableFile),
     "camera.toml pinhole": keys_of(camera_files._PinholeFile),
     "camera.toml fisheye": keys_of(camera_files._FisheyeFile),
+    "rig.toml": keys_of(rig_file._RigFile),
     "colors.toml": keys_of(color_table._ColorsFile),
     "colors.toml floor": keys_of(color_table._FloorFile),
     "colors.toml paint": keys_of(color_table._PaintFile),
@@ -113,6 +115,7 @@ def test_every_table_and_example_is_tested():
         "truth.csv",
         "frames.csv",
         "boxes.csv",
+        "rig.toml",
         "colors.toml",
         "field.toml",
         "run.toml",
@@ -130,6 +133,15 @@ def test_cameras_are_loaded_and_written_again(name, write, tmp_path):
     again = load_camera(tmp_path / "again.toml")
     assert again.size_px == camera.size_px
     assert again.offset_m == camera.offset_m
+
+
+def test_a_rig_is_loaded(write, tmp_path):
+    path = write("rig.toml")
+    example = FILES["camera.toml (fisheye)"]
+    (tmp_path / "cam0.toml").write_text(example, encoding="utf-8")
+    (tmp_path / "cam1.toml").write_text(example.replace("pan_rad = 0.0", "pan_rad = 1.57"), encoding="utf-8")
+    rig = rig_file.load_rig(path)
+    assert (rig.names, rig.latency_s) == (("cam0", "cam1"), (0.0, 0.012))
 
 
 def test_an_error_names_file_key_and_value(tmp_path):

@@ -83,7 +83,7 @@ class EdgeLocalizer:
         else:
             near = _camera_prior(self._as_estimate(prior), camera)
             answer, points = self._follow(evidence, near)
-            if isinstance(answer, NotLocated):
+            if isinstance(answer, NotLocated) and evidence.may_search:
                 found = self._search_beside(evidence, near)
                 answer = answer if isinstance(found, NotLocated) else found
         self._was_located = bool(answer)

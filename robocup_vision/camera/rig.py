@@ -1,0 +1,126 @@
+"""Several cameras on one body, and rig.toml, the file that names them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from field_models.errors import ArgumentError, FileError
+from field_models.toml_file import StrictStruct, convert, read_toml
+from robocup_vision.camera.files import Camera, load_camera
+from robocup_vision.camera.pinhole import PinholeCamera
+
+# as long as the pose filter remembers how the robot moved; what is larger counts milliseconds
+_MAX_LATENCY_S = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """Forward cameras, pinhole or fisheye, fixed to one body.
+
+    Parameters
+    ----------
+    cameras : tuple of PinholeCamera
+        Each with its own `offset_m` and `pan_rad`.
+    latency_s : tuple of float
+        How long before the time that comes with it each camera's frame was taken; empty: all 0.
+    names : tuple of str
+        Of the cameras, as messages name them; empty: "camera 0", "camera 1" and so on.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no camera, one of several is a mirror camera or has no pan, two have the same place and
+        orientation, or latencies or names are not as many as the cameras.
+    """
+
+    cameras: tuple[PinholeCamera, ...]
+    latency_s: tuple[float, ...] = ()
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        cameras = tuple(self.cameras)
+        count = len(cameras)
+        if not count:
+            raise ArgumentError("a rig needs at least one camera, got none")
+        names = tuple(self.names) or tuple(f"camera {number}" for number in range(count))
+        latency_s = tuple(self.latency_s) or (0.0,) * count
+        for key, values in (("latency_s", latency_s), ("names", names)):
+            if len(values) != count:
+                raise ArgumentError(f"{key} of a rig must be one for each of its {count} cameras, got {len(values)}")
+        for name, latency in zip(names, latency_s, strict=True):
+            if not 0.0 <= latency <= _MAX_LATENCY_S:
+                raise ArgumentError(f"latency_s of {name} must be from 0 to {_MAX_LATENCY_S:g} s, got {latency!r}")
+        for name, camera in zip(names, cameras, strict=True):
+            if not isinstance(camera, PinholeCamera):
+                raise ArgumentError(f"{name} of a rig must be a pinhole or fisheye camera, got {type(camera).__name__}")
+            if count > 1 and camera.pan_rad is None:
+                raise ArgumentError(f"{name} of a rig needs a pan_rad: where on the body it looks")
+        for number, camera in enumerate(cameras):
+            for other in range(number):
+                if _mounting(camera) == _mounting(cameras[other]):
+                    raise ArgumentError(
+                        f"{names[other]} and {names[number]} of a rig have the same offset_m {list(camera.offset_m)},"
+                        f" pan_rad {camera.pan_rad} and tilt_rad {camera.tilt_rad}: is one file named twice?"
+                    )
+        object.__setattr__(self, "cameras", cameras)
+        object.__setattr__(self, "names", names)
+        object.__setattr__(self, "latency_s", latency_s)
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+
+def _mounting(camera: PinholeCamera) -> tuple[object, ...]:
+    return (*camera.offset_m, camera.pan_rad, camera.tilt_rad, camera.height_m)
+
+
+class _RigFile(StrictStruct):
+    format: Literal[1]
+    cameras: tuple[str, ...]
+    latency_s: tuple[Annotated[float, msgspec.Meta(ge=0)], ...] = ()
+
+
+def load_rig(path: str | Path) -> Rig:
+    """Load and check a rig file and the camera files that it names.
+
+    Parameters
+    ----------
+    path : str or Path
+        A ``rig.toml``; camera files are looked for beside it.
+
+    Raises
+    ------
+    FileError
+        If a file is missing or wrong, there is no camera, or the cameras are no rig (`Rig`).
+    """
+    described = convert(path, read_toml(path), _RigFile)
+    if not described.cameras:
+        raise FileError(path, "names no camera", key="cameras", value=[])
+    if len(set(described.cameras)) < len(described.cameras):
+        raise FileError(path, "names a camera file twice", key="cameras", value=list(described.cameras))
+    names = tuple(Path(name).stem for name in described.cameras)
+    if len(set(names)) < len(names):
+        raise FileError(path, "has camera files of one name", key="cameras", value=list(described.cameras))
+    if described.latency_s and len(described.latency_s) != len(names):
+        problem = f"must have one entry for each of the {len(names)} cameras"
+        raise FileError(path, problem, key="latency_s", value=list(described.latency_s))
+    cameras = tuple(load_camera(Path(path).parent / name) for name in described.cameras)
+    try:
+        return Rig(cameras, described.latency_s, names)  # type: ignore[arg-type]
+    except ArgumentError as error:
+        raise FileError(path, str(error)) from None
+
+
+def load_camera_or_rig(path: str | Path) -> Camera | Rig:
+    """Load a camera file, or a rig file where it has the key `cameras`; raises as `load_camera` and `load_rig` do."""
+    return load_rig(path) if "cameras" in read_toml(path) else load_camera(path)
+
+
+def as_rig(cameras: Sequence[object] | Rig) -> Rig:
+    """Return cameras as a rig; raises as `Rig` does."""
+    return cameras if isinstance(cameras, Rig) else Rig(tuple(cameras))  # type: ignore[arg-type]
