@@ -109,6 +109,7 @@ def _score_dataset(options: argparse.Namespace) -> tuple[Summary, str]:
         colors=options.colors,
         method=options.method,
         landmark_map=options.map,
+        takes_rig=True,
     )
     for name in ("memory", "steer"):
         if getattr(options, name) and dataset.landmarks is not None:

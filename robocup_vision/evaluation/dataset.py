@@ -24,10 +24,19 @@ from field_models.field import Field
 from field_models.near_names import did_you_mean
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.camera import Mounting, OmniCamera, PinholeCamera, load_camera
+from robocup_vision.camera import Mounting, OmniCamera, PinholeCamera
 from robocup_vision.camera.mounting import MOUNTING_NAMES
+from robocup_vision.camera.rig import Rig, load_camera_or_rig
 from robocup_vision.evaluation import boxes as box_file
 from robocup_vision.evaluation.boxes import Box
+from robocup_vision.evaluation.rig_images import (
+    RigImages,
+    decode_rig,
+    find_rig_images,
+    read_rig_times,
+    rig_contents,
+    rig_mask_paths,
+)
 from robocup_vision.files.csv_table import CsvRow, read_csv
 from robocup_vision.files.image_folder import no_pictures, picture_folder
 from robocup_vision.files.images import IMAGE_SUFFIXES, orientation_note, other_pictures, read_image, read_mask
@@ -73,12 +82,14 @@ class Truth:
 class FrameTime:
     """When a frame was taken, seconds, and how the robot moved since the frame before, in that frame's robot frame.
 
-    `mounting`: how neck and body held the camera; None: as the camera file says.
+    `mounting`: how neck and body held the camera; None: as the camera file says. `camera_times_s`: of a rig when each
+    camera's frame was taken, None where it gave none; `t_s` is the latest of them.
     """
 
     t_s: float
     odometry: Pose2 | None
     mounting: Mounting | None = None
+    camera_times_s: tuple[float | None, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +127,11 @@ class Dataset:
         How many frames, or files that look like images, are not among the images; the notes say why.
     boxes : mapping of str to tuple of Box, or None
         By image, from boxes.csv; an image without any shows nothing that is marked. None: there is no such file.
+    rig : Rig or None
+        Of several cameras, `camera` being the first: an image's name then stands for the images of that name in the
+        folders of the cameras.
+    rig_masks : tuple of ((H, W) uint8 or None)
+        Of a rig's cameras, in place of `mask`.
     """
 
     name: str
@@ -134,6 +150,8 @@ class Dataset:
     landmarks: LandmarkMap | None = None
     left_out: int = 0
     boxes: Mapping[str, tuple[Box, ...]] | None = None
+    rig: Rig | None = None
+    rig_masks: tuple[npt.NDArray[np.uint8] | None, ...] = ()
 
     @property
     def is_video(self) -> bool:
@@ -158,7 +176,14 @@ class Dataset:
         """
         if self.is_video:
             raise ArgumentError(f"{self.path}: frames of a video are read in order, by read_frames")
+        if self.rig is not None:
+            raise ArgumentError(f"{self.path}: the images of a rig are read together, by read_rig_frames")
         return read_image(self.path / self.image_names[index], self.camera.size_px)
+
+    def read_rig_frames(self, name: str) -> RigImages:
+        """Read the frames of a rig's look, one for each camera; raises as `read_frame` does."""
+        assert self.rig is not None
+        return decode_rig(rig_contents(self.path, self.rig, name), self.rig, name)
 
     def read_frames(self) -> Iterator[UInt8Array | FrameError]:
         """Read all frames; where one cannot be used, yield the error in its place."""
@@ -180,6 +205,7 @@ def load_dataset(
     colors: str | Path | None = None,
     method: str | None = None,
     landmark_map: str | Path | None = None,
+    takes_rig: bool = False,
 ) -> Dataset:
     """Load and check a dataset, without reading its frames.
 
@@ -196,6 +222,8 @@ def load_dataset(
         How the pose is found: a name in `robocup_vision.localization.methods.METHODS`.
     landmark_map : str or Path, optional
         Path of the map that method "landmarks" locates by; given alone, it chooses that method.
+    takes_rig : bool
+        Whether the camera may be a rig file.
 
     Raises
     ------
@@ -226,7 +254,16 @@ def load_dataset(
         description = _DatasetFile(format=1, field="", camera="", images="")
 
     loaded_field = load_field(field if field is not None else _field_source(folder, description.field))
-    loaded_camera = load_camera(camera if camera is not None else folder / description.camera)
+    camera_path = camera if camera is not None else folder / description.camera
+    loaded = load_camera_or_rig(camera_path)
+    if isinstance(loaded, Rig):
+        if not takes_rig:
+            raise FileError(camera_path, "names several cameras, a rig: this command takes one camera")
+        if method == "landmarks" or landmark_map is not None or description.method == "landmarks":
+            raise FileError(camera_path, "names several cameras, a rig: method 'landmarks' takes one camera")
+        colors_path = colors if colors is not None else _beside(folder, description.colors)
+        return _rig_dataset(description_path, folder, source, description, loaded, loaded_field, colors_path, method)
+    loaded_camera = loaded
     colors_path = colors if colors is not None else _beside(folder, description.colors)
     mask_path = _beside(folder, description.mask)
     image_names, video, notes = _find_images(description_path, source, mask_path)
@@ -259,6 +296,55 @@ def load_dataset(
         landmarks=_landmarks(description_path, map_path, loaded_camera) if chosen == "landmarks" else None,
         left_out=len(other_pictures(source)) if source.is_dir() else 0,
         boxes=box_file.load_boxes(boxes_path, image_names, loaded_camera.size_px) if has_boxes else None,
+    )
+
+
+def _rig_dataset(
+    path: Path,
+    folder: Path,
+    source: Path,
+    description: _DatasetFile,
+    rig: Rig,
+    field: Field,
+    colors: str | Path | None,
+    method: str | None,
+) -> Dataset:
+    """Return a dataset of several cameras on one body."""
+    if description.pose_of != "robot":
+        raise FileError(path, "must be robot with a rig, whose cameras are several", key="pose_of")
+    if not source.is_dir():
+        raise FileError(
+            path, "must be a folder with a folder of images for each camera", key="images", value=source.name
+        )
+    names = find_rig_images(path, source, rig)
+    times = None
+    frames_path = _beside(folder, description.frames)
+    if frames_path is not None:
+        told = read_rig_times(frames_path, source, rig, names)
+        times = {
+            name: FrameTime(max(one for one in each if one is not None), odometry, camera_times_s=each)
+            for name, (each, odometry) in told.items()
+        }
+    masks = tuple(
+        None if one is None else _mask(one, camera.size_px)
+        for one, camera in zip(rig_mask_paths(path, _beside(folder, description.mask), rig), rig.cameras, strict=True)
+    )
+    notes = (f"{box_file.NAME} is not scored: with a rig it is not told whose boxes they are",)
+    return Dataset(
+        name=folder.resolve().name if folder.is_dir() else folder.stem,
+        path=source,
+        image_names=names,
+        field=field,
+        camera=rig.cameras[0],
+        colors=_colors(colors),
+        method=_method(path, method or description.method, field, rig.cameras[0]),
+        times=times,
+        truth=_truth(_beside(folder, description.truth), names),
+        mask=None,
+        symmetry=_one_of(path, "symmetry", description.symmetry, SYMMETRIES),
+        notes=notes if (folder / box_file.NAME).is_file() else (),
+        rig=rig,
+        rig_masks=masks,
     )
 
 

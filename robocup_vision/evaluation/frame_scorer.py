@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from itertools import islice
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -21,6 +20,7 @@ from robocup_vision.evaluation.dataset import Dataset, Truth
 from robocup_vision.evaluation.detections import BALL, OBSTACLE, match_boxes
 from robocup_vision.evaluation.kept_rows import FrameResult
 from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, error_crops
+from robocup_vision.evaluation.rig_images import RigContents, RigImages, decode_rig, rig_contents
 from robocup_vision.evaluation.scoring import Row, pose_error
 from robocup_vision.evaluation.steering import FrameSteering, SteerPlan
 from robocup_vision.files.images import decode_image, file_bytes, read_image
@@ -74,6 +74,9 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
         return LandmarkVision(dataset.landmarks, dataset.camera, mask=dataset.mask)
     from robocup_vision import vision
 
+    if dataset.rig is not None:
+        masks = dataset.rig_masks
+        return vision.Vision(dataset.field, dataset.rig, dataset.colors, method=dataset.method, mask=masks)
     return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
 
 
@@ -94,6 +97,9 @@ def make_vision_with_memory(dataset: Dataset, half: Half | None = None) -> Visio
     has_odometry = any(time.odometry is not None for time in (dataset.times or {}).values())
     motion = None if has_odometry or isinstance(dataset.camera, PinholeCamera) else ViewMotion()
     memory = Memory(dataset.field, ego_motion=motion, half=half)
+    if dataset.rig is not None:
+        masks = dataset.rig_masks
+        return Vision(dataset.field, dataset.rig, dataset.colors, method=dataset.method, mask=masks, memory=memory)
     return Vision(
         dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask, memory=memory
     )
@@ -159,8 +165,8 @@ class ImageJob(NamedTuple):
         Its name.
     truth : Truth or None
         None where it is unknown.
-    content : bytes or FrameError or None
-        What stands in its file; the error where it cannot be read; None where the worker reads the file.
+    content : bytes, tuple of bytes, FrameError or None
+        What stands in its file, or its files; the error where it cannot be read; None where the worker reads them.
     boxes : tuple of Box
         What is marked in it.
     """
@@ -168,7 +174,7 @@ class ImageJob(NamedTuple):
     number: int
     image: str
     truth: Truth | None
-    content: bytes | FrameError | None = None
+    content: bytes | RigContents | FrameError | None = None
     boxes: tuple[Box, ...] = ()
 
 
@@ -187,19 +193,24 @@ class FrameScorer:
     def score_file(self, job: ImageJob) -> FrameResult:
         """Read an image, or decode what was sent of it, and score it."""
         dataset = self.plan.dataset
-        frame: UInt8Array | FrameError
+        frame: UInt8Array | RigImages | FrameError
         try:
             if isinstance(job.content, FrameError):
                 frame = job.content
+            elif dataset.rig is not None and isinstance(job.content, tuple):
+                frame = decode_rig(job.content, dataset.rig, job.image)
+            elif dataset.rig is not None:
+                frame = dataset.read_rig_frames(job.image)
             elif job.content is None:
                 frame = read_image(dataset.path / job.image, dataset.camera.size_px)
             else:
+                assert isinstance(job.content, bytes)
                 frame = decode_image(job.content, job.image, dataset.camera.size_px)
         except FrameError as error:
             frame = error
         return self.score(job, frame)
 
-    def score(self, job: ImageJob, frame: UInt8Array | FrameError) -> FrameResult:
+    def score(self, job: ImageJob, frame: UInt8Array | RigImages | FrameError) -> FrameResult:
         """Score one frame; an error of any kind becomes its row's reason."""
         image = job.image
         row = Row(image, truth=job.truth)
@@ -214,7 +225,9 @@ class FrameScorer:
             if self.plan.dataset.times is None:
                 self._vision.forget()
             started_s = time.perf_counter()
-            view = self._vision.look(frame, t_s=t_s, odometry=odometry, **self._mounting(image))
+            # a rig's localiser takes frames and times of several cameras
+            shown: Any = frame
+            view = self._vision.look(shown, t_s=self._times(image, t_s), odometry=odometry, **self._mounting(image))
             row = replace(row, time_s=time.perf_counter() - started_s)
             row = self._score(row, self._pose(view))
             if self._steering is not None:
@@ -232,6 +245,10 @@ class FrameScorer:
     def _mounting(self, image: str) -> dict[str, Any]:
         time = None if self.plan.dataset.times is None else self.plan.dataset.times[image]
         return {} if time is None or time.mounting is None else {"mounting": time.mounting}
+
+    def _times(self, image: str, t_s: float | None) -> Any:
+        time = None if self.plan.dataset.times is None else self.plan.dataset.times[image]
+        return t_s if time is None or time.camera_times_s is None else time.camera_times_s
 
     def _motion(self, image: str) -> tuple[float | None, Pose2 | None]:
         if self.plan.dataset.times is None:
@@ -264,17 +281,19 @@ class FrameScorer:
             raise ArgumentError('the localiser gives no camera_pose, which pose_of = "camera" in dataset.toml needs')
         return pose
 
-    def _picture(self, index: int, row: Row, view: ViewLike | None, frame: UInt8Array) -> FrameResult:
+    def _picture(self, index: int, row: Row, view: ViewLike | None, frame: UInt8Array | RigImages) -> FrameResult:
         is_worst = self._worst.admits(index, row.severity)
         if not self.plan.wants_overlays:
             return FrameResult(row)
-        crops = error_crops(row.image, frame, row.detections)
+        bare = frame if isinstance(frame, np.ndarray) else next(one for one in frame if one is not None)
+        crops = error_crops(row.image, bare, row.detections)
         if not (is_worst or index in self.plan.spread):
             return FrameResult(row, crops=crops)
-        picture, problem = frame, ""
+        picture, problem = bare, ""
         if view is not None:
             try:
-                picture = self.plan.draw_overlay(view, frame, self._vision)
+                shown: Any = frame
+                picture = self.plan.draw_overlay(view, shown, self._vision)
             except Exception as error:  # a picture is no reason to lose a figure
                 problem = _describe(error)
         jpeg = encode_jpeg(picture)
@@ -296,6 +315,10 @@ def _one_line(text: str) -> str:
 def score_sequence(scorer: FrameScorer, first: int = 0) -> Generator[FrameResult, None, None]:
     """Score a dataset's frames from number `first` on in order, in this process."""
     dataset = scorer.plan.dataset
+    if dataset.rig is not None:
+        for index, name in islice(enumerate(dataset.image_names), first, None):
+            yield scorer.score_file(ImageJob(index, name, dataset.truth_of(index)))
+        return
     for index, frame in islice(enumerate(dataset.read_frames()), first, None):
         name = dataset.image_names[index]
         yield scorer.score(ImageJob(index, name, dataset.truth_of(index), boxes=dataset.boxes_of(index)), frame)
@@ -330,7 +353,7 @@ def score_images(
             index,
             name,
             dataset.truth_of(index),
-            _content(dataset.path / name) if sends else None,
+            _content(dataset, name) if sends else None,
             dataset.boxes_of(index),
         )
         for index, name in enumerate(dataset.image_names[first:], start=first)
@@ -343,9 +366,11 @@ def score_images(
     return in_order(run_pieces(start, jobs, workers, batch=batch, describe=lambda job: f"image {job.image}"))
 
 
-def _content(path: Path) -> bytes | FrameError:
+def _content(dataset: Dataset, name: str) -> bytes | RigContents | FrameError:
     try:
-        return file_bytes(path)
+        if dataset.rig is not None:
+            return rig_contents(dataset.path, dataset.rig, name)
+        return file_bytes(dataset.path / name)
     except FrameError as error:
         return error
 

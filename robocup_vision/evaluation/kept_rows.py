@@ -47,7 +47,7 @@ def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, A
         "images": len(dataset.image_names),
         "image names": _digest(dataset.image_names),
         "field": dataset.field.name,
-        "camera": _digest(dataset.camera),
+        "camera": _digest(dataset.camera if dataset.rig is None else dataset.rig),
         "colors": _digest(dataset.colors),
         "method": dataset.method,
         "pose_of": dataset.pose_of,

@@ -210,18 +210,21 @@ def _kinds(figures: Mapping[str, KindFigures]) -> list[tuple[str, ...]]:
 
 def _conditions(dataset: Dataset) -> list[tuple[str, str]]:
     field, camera = dataset.field, dataset.camera
-    hidden = 0.0 if dataset.mask is None else float(np.mean(dataset.mask != 0))
+    masks = [mask for mask in (dataset.mask, *dataset.rig_masks) if mask is not None]
+    hidden = float(np.mean([np.mean(mask != 0) for mask in masks])) if masks else 0.0
+    cameras = [camera] if dataset.rig is None else [*dataset.rig.cameras]
+    lenses = "; ".join(f"{type(one).__name__}, {one.size_px[0]} × {one.size_px[1]} px" for one in cameras)
     versions = {"Python": platform.python_version(), "NumPy": np.__version__, "OpenCV": cv2.__version__}
     return [
         ("Field", f"{field.name}: {field.length_m:g} m × {field.width_m:g} m, {field.boundary} around the floor"),
-        ("Camera", f"{type(camera).__name__}, {camera.size_px[0]} × {camera.size_px[1]} px"),
+        ("Camera" if dataset.rig is None else "Cameras", lenses),
         ("Colours", _color_source(dataset)),
         ("Method", dataset.method),
         ("Images", "one sequence" if dataset.times is not None else "each stands alone"),
         ("Truth", f"{len(dataset.truth)} of {len(dataset.image_names)} images"),
         ("Poses", f"of the {dataset.pose_of}"),
         ("Symmetry", "errors modulo a half turn" if dataset.symmetry == "point" else "none"),
-        ("Mask", "none" if dataset.mask is None else f"hides {100 * hidden:.1f} % of the image"),
+        ("Mask", f"hides {100 * hidden:.1f} % of the image" if masks else "none"),
         ("Versions", ", ".join(f"{name} {number}" for name, number in versions.items())),
         ("robocup-vision", package_version()),
         ("Date", time.strftime("%Y-%m-%d %H:%M")),

@@ -6,52 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from rig_pictures import CAMERAS, FIELD, POSE, render
 
-from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision import Memory, MotionLimits, Rig, Steering, Vision, draw
-from robocup_vision.camera import FisheyeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
-from sim2d.rendering.pinhole import render_pinhole
-from sim2d.rendering.scene import Ball, Robot, Room, Scene
-from sim2d.rendering.sensor import Sensor
-
-SIZE = (264, 200)
-FIELD = load_field("msl_6x4")
-# pans of four cameras, the last one's picture is smaller
-PANS = (0.0, math.pi / 2, math.pi, -math.pi / 2)
-# with a ball between the first two cameras, and a robot ahead of the first
-POSE = Pose2(-0.9, -0.4, 0.35)
-BALL = POSE.transform((0.9, 0.9))
-ROBOT = POSE.transform((1.5, 0.0))
-
-
-def camera(pan_rad, size_px=SIZE):
-    width, height = size_px
-    return FisheyeCamera(
-        size_px,
-        (0.3 * width, 0.3 * width),
-        ((width - 1) / 2, (height - 1) / 2),
-        0.55,
-        projection="equidistant",
-        offset_m=(0.15 * math.cos(pan_rad), 0.15 * math.sin(pan_rad)),
-        pan_rad=pan_rad,
-        tilt_rad=-0.5,
-        roll_rad=0.0,
-    )
-
-
-CAMERAS = (*map(camera, PANS[:3]), camera(PANS[3], (256, 200)))
-
-
-def render(pose, seed, *, things=False, cameras=CAMERAS):
-    rng, sensor = np.random.default_rng(seed), Sensor(noise_sigma=3.0, blur_px=0.6)
-    robots = (Robot(*ROBOT, 0.26, 0.8),) if things else ()
-    ball = Ball(*BALL, FIELD.ball_radius_m) if things else None
-    scene = Scene(FIELD, robots=robots, ball=ball, room=Room(seed=4, bystanders=0), carpet_margin_m=0.8)
-    return tuple(sensor.expose(render_pinhole(one, scene, pose, supersample=2), rng) for one in cameras)
 
 
 @pytest.fixture(scope="module")
@@ -175,6 +136,7 @@ def test_a_camera_that_saw_nothing_leaves_its_directions_unknown(fresh, frames, 
     assert np.isfinite(space.range_m[np.abs(space.bearing_rad - math.pi / 2) < 0.3]).all()
 
 
+@pytest.mark.slow  # renders eight pictures and starts two rigs
 def test_late_frames_are_moved_by_odometry():
     # the first frame was taken at the beginning of the step, the others at its end
     step = Pose2(0.10, 0.02, 0.08)
