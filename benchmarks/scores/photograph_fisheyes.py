@@ -1,12 +1,14 @@
 """Rows on photographs of middle-size robots by a fisheye: calibrated and located by lines; none of other things.
 
 The lens is that of the notes on the photographs, found by the field's lines in one robot's pictures; other robots of
-the team share it. Reference poses are good to 2 cm and 0.1 degrees; errors count modulo a half turn.
+the team share it. Its circle, and which rows show the robot's own wheels, are read off the pictures. Reference poses
+are good to 2 cm and 0.1 degrees; errors count modulo a half turn.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +16,13 @@ import numpy as np
 from benchmarks.scores.photograph_rows import REAL, PhotographRow, photographs, photographs_of_other_things, table_of
 from field_models import load_field
 from robocup_vision import Vision
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.forward.calibrate import calibrate_forward
 from robocup_vision.calibration.forward.result import ForwardCalibration
 from robocup_vision.calibration.forward.starts import KnownOfCamera
 from robocup_vision.camera import FisheyeCamera
 from robocup_vision.geometry import Pose2
+from robocup_vision.view import View
 
 FOLDER, HOME = "msl_fisheye", "2026"
 FIELD = Path(__file__).resolve().parents[2] / "tests" / "data" / "msl_fisheye_field.toml"
@@ -34,9 +38,31 @@ CAMERA = FisheyeCamera(
     roll_std_rad=0.01,
 )
 WRONG_M = 0.3
+THINGS, BOX_KEYS = ("obstacle", "human"), ("xmin", "xmax", "ymax")
+# boxes are 4 px too wide
+BOX_RIM_PX, NEAR_M = 2.0, 6.0
 # the pictures of one camera, and what is asked of a lens by them
 CALIBRATED = "20260503_r5_cam0"
 LENS_TARGET = "0.35 px; 325.9 +-2; 304.7, 393.7 +-2; 0.769 +-0.01 m; 20 mm"
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A year's camera with its lens's circle, and the mask that hides the robot's own wheels."""
+
+    camera: FisheyeCamera
+    own_parts: UInt8Array | None
+
+
+def _events() -> dict[str, Event]:
+    wheels = np.zeros((800, 608), dtype=np.uint8)
+    wheels[755:] = 255
+    first = replace(CAMERA, focal_px=(338.0, 338.0), usable_radius_px=(0.0, 420.0))
+    later = Event(replace(CAMERA, usable_radius_px=(0.0, 382.0)), wheels)
+    return {"2022": Event(first, None), "2024": later, "2025": later, "2026": later}
+
+
+EVENTS = _events()
 
 
 def home() -> PhotographRow | None:
@@ -64,6 +90,68 @@ def home() -> PhotographRow | None:
     measured = f"{located} of {looks}; median {1000 * median_m:.1f} mm of {len(errors)}, {wrong} wrong"
     is_met = located >= 0.9 * looks and median_m <= 0.02 and not wrong
     return PhotographRow("msl_fisheye, home, no prior", measured, "90 %; 20 mm; 0 wrong", is_met)
+
+
+def floor_before_things() -> PhotographRow | None:
+    """Measure where the floor ends in the direction of robots and people whose feet are nearer than 6 m.
+
+    A box's feet are at its lower end; its direction is the middle half of it, and its floor ends where the first of
+    these directions does. Boxes that another one hides, or that the picture cuts, are left out.
+    """
+    if not (REAL / FOLDER).is_dir():
+        return None
+    boxes: dict[str, list[dict[str, str]]] = {}
+    for row in table_of(FOLDER, "boxes.csv"):
+        boxes.setdefault(row["image"], []).append(row)
+    held = {row["image"]: row for row in table_of(FOLDER, "poses.csv")}
+    field = load_field(FIELD)
+    ratios: dict[str, list[float]] = {}
+    for name, frame in photographs(FOLDER):
+        event = EVENTS[name[:4]]
+        camera = event.camera
+        if name in held:
+            tilt, roll, height = (float(held[name][key]) for key in ("tilt_rad", "roll_rad", "height_m"))
+            camera = replace(camera, tilt_rad=tilt, roll_rad=roll, height_m=height)
+        view = Vision(field, camera, mask=event.own_parts).look(frame)
+        found = _floor_ratios(
+            view, [[float(row[key]) for key in BOX_KEYS] + [row["kind"] in THINGS] for row in boxes.get(name, [])]
+        )
+        ratios.setdefault(name[:4], []).extend(found)
+    parts = [f"{event} {sum(map(_is_at_feet, found))}/{len(found)}" for event, found in sorted(ratios.items())]
+    together = [ratio for found in ratios.values() for ratio in found]
+    share = sum(map(_is_at_feet, together)) / len(together)
+    return PhotographRow(
+        "msl_fisheye, floor ends at feet", f"{100 * share:.0f} %: {', '.join(parts)}", "95 %", share >= 0.95
+    )
+
+
+def _is_at_feet(ratio: float) -> bool:
+    return 0.8 <= ratio <= 1.1
+
+
+def _floor_ratios(view: View, boxes: list[list[float]]) -> list[float]:
+    """Return where floor ends, of the range of their feet, before those of the boxes that are things near by."""
+    found = []
+    bearing, free_m = view.free_space.bearing_rad, view.free_space.range_m
+    for n, (left, right, low, is_thing) in enumerate(boxes):
+        quarter = 0.25 * (right - left)
+        hidden = any(
+            other[2] > low and other[0] < right - quarter and other[1] > left + quarter
+            for k, other in enumerate(boxes)
+            if k != n
+        )
+        if not is_thing or hidden or low >= view.camera.size_px[1] - 3:
+            continue
+        across = np.array([(u, low - BOX_RIM_PX) for u in (left + quarter, 0.5 * (left + right), right - quarter)])
+        feet = view.camera.pixel_to_floor(across)
+        range_m = float(np.hypot(*feet[1]))
+        if not range_m <= NEAR_M:
+            continue
+        turn = np.arctan2(feet[:, 1], feet[:, 0])
+        within = (bearing >= turn.min()) & (bearing <= turn.max())
+        within[np.argmin(np.abs(bearing - turn[1]))] = True
+        found.append(float(free_m[within].min()) / range_m)
+    return found
 
 
 def other_things() -> PhotographRow | None:
@@ -101,4 +189,4 @@ def lens() -> PhotographRow | None:
     return PhotographRow("msl_fisheye, lens by lines", measured, LENS_TARGET, is_met)
 
 
-ROWS: tuple[Callable[[], PhotographRow | None], ...] = (lens, home, other_things)
+ROWS: tuple[Callable[[], PhotographRow | None], ...] = (lens, home, floor_before_things, other_things)

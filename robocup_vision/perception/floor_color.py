@@ -24,6 +24,8 @@ RING_COLUMNS = 10
 LEVEL_STEP = 0.25
 LEVELS = np.arange(-7, 6) * LEVEL_STEP
 _CENTER = 7
+# a channel of which the floor shows nothing has a ratio, too
+_LEAST_RATIO = 0.01
 # the steps reach so far up for sure
 _SUN = float(LEVELS[-2]) - 0.1
 
@@ -115,7 +117,8 @@ class FloorColor:
         level = np.log(np.maximum(brightness, 0.5) / self.level)
         red_ratio = np.interp(level, LEVELS, self.red_ratio)
         blue_ratio = np.interp(level, LEVELS, self.blue_ratio)
-        floor = self._log_density(blue, green, red, red_ratio, blue_ratio)
+        away = white or PaintColor(1.0, 1.0)
+        floor = self._log_density(blue, green, red, red_ratio, blue_ratio, away)
         # brightness is blurred by the noise, too: the green it stands for
         expected_green = self._green_of(brightness, red_ratio, blue_ratio)
         # any colour: R and B anything between 0 and twice the green
@@ -134,7 +137,8 @@ class FloorColor:
         blue_ratio = np.interp(log_level, LEVELS, self.blue_ratio)
         background = -np.log(4 * self._green_of(level, red_ratio, blue_ratio) ** 2)
         outside = np.maximum(LEVELS[0] - log_level, 0.0) + np.maximum(log_level - LEVELS[-2], 0.0)
-        floor = self._density_numbers(level, red_ratio, blue_ratio)
+        numbers = self._density_numbers(level, red_ratio, blue_ratio)
+        floor = np.vstack([numbers, _purer(white, red_ratio, blue_ratio, numbers[kernel.RED_RED : kernel.PEAK])])
         floor[kernel.PEAK] -= background + 0.5 * (outside / 0.2) ** 2
         of_white = np.full_like(level, white.red_ratio), np.full_like(level, white.blue_ratio)
         rival = self._density_numbers(level, *of_white)
@@ -161,14 +165,27 @@ class FloorColor:
         return var_red, var_blue, n2 * red_ratio * blue_ratio
 
     def _log_density(
-        self, blue: FloatArray, green: FloatArray, red: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray
+        self,
+        blue: FloatArray,
+        green: FloatArray,
+        red: FloatArray,
+        red_ratio: FloatArray,
+        blue_ratio: FloatArray,
+        white: PaintColor | None = None,
     ) -> FloatArray:
-        """Log density of (R, B) given the brightness, for paint of these ratios under this camera's noise."""
+        """Log density of (R, B) given the brightness, for paint of these ratios under this camera's noise.
+
+        With `white`, for paint that may be purer than that, too.
+        """
         expected_green = self._green_of(brightness_of(blue, green, red), red_ratio, blue_ratio)
         d_red, d_blue = red - red_ratio * green, blue - blue_ratio * green
         var_red, var_blue, cov = self._covariance(expected_green, red_ratio, blue_ratio)
         det = var_red * var_blue - cov**2
         distance2 = (var_blue * d_red**2 - 2 * cov * d_red * d_blue + var_red * d_blue**2) / det
+        if white is not None:
+            inverse = np.stack([var_blue / det, -cov / det, var_red / det])
+            of_red, of_blue = _purer(white, red_ratio, blue_ratio, inverse)
+            distance2 = distance2 - np.maximum(of_red * d_red + of_blue * d_blue, 0.0) ** 2
         return np.asarray(-0.5 * distance2 - 0.5 * np.log(det) - math.log(math.tau))
 
 
@@ -272,6 +289,26 @@ def brightness_of(blue: FloatArray, green: FloatArray, red: FloatArray) -> Float
     return np.asarray((red + 2 * green + blue) / 4)
 
 
+def _purer(white: PaintColor, red_ratio: FloatArray, blue_ratio: FloatArray, inverse: FloatArray) -> FloatArray:
+    """Return (2, ...) what R and B beyond the floor's count, in standard deviations, towards a purer floor.
+
+    Light that glances off the carpet, strays in the lens or is hazy adds white to its colour, here more and there less.
+    Where there is less than where the colour was learnt, the same floor is farther from white, in the same direction.
+
+    Parameters
+    ----------
+    white : PaintColor
+        Of this frame.
+    red_ratio, blue_ratio : (...) float64
+        Of the floor as learnt.
+    inverse : (3, ...) float64
+        Inverse covariance of R and B: red, mixed, blue.
+    """
+    red, blue = red_ratio - white.red_ratio, blue_ratio - white.blue_ratio
+    weighed = np.stack([inverse[0] * red + inverse[1] * blue, inverse[1] * red + inverse[2] * blue])
+    return np.asarray(weighed / np.sqrt(np.maximum(weighed[0] * red + weighed[1] * blue, 1e-300)))
+
+
 def _lit_level(level: FloatArray) -> float:
     """Return the usual brightness, or where sun and shade lie farther apart than the steps reach, a sunnier one."""
     usual, sunny = np.percentile(level, (50, 95))
@@ -326,9 +363,13 @@ def _follow(
         last_red, last_blue = red_ratio[before], blue_ratio[before]
         b, g, r = channels[:, first[here] : first[here + 1]]
         red_slack, blue_slack = (width + settings.max_step_drift / 2 for width in spread)
+        # towards white from the next darker step; a shadow's colour changes in proportion
+        red_scale, blue_scale = (
+            max(ratio, 1.0 - ratio) if here > _CENTER else ratio for ratio in (last_red, last_blue)
+        )
         green2 = g * g
-        var_red = noise**2 * (1 + last_red**2) + 0.25 + (red_slack * last_red) ** 2 * green2
-        var_blue = noise**2 * (1 + last_blue**2) + 0.25 + (blue_slack * last_blue) ** 2 * green2
+        var_red = noise**2 * (1 + last_red**2) + 0.25 + (red_slack * red_scale) ** 2 * green2
+        var_blue = noise**2 * (1 + last_blue**2) + 0.25 + (blue_slack * blue_scale) ** 2 * green2
         member = (r - last_red * g) ** 2 / var_red + (b - last_blue * g) ** 2 / var_blue < settings.gate
         red_ratio[here], blue_ratio[here] = last_red, last_blue
         b, g, r = b[member], g[member], r[member]
@@ -336,9 +377,16 @@ def _follow(
             continue
         drifts = []
         for c, last, start in ((r, last_red, red0), (b, last_blue, blue0)):
-            step = math.log(max(float(c.sum()), 1.0) / max(float(g.sum()), 1.0) / last)
-            drift = math.log(last / start) + _within(step, settings.max_step_drift)
-            drifts.append(_within(drift, settings.max_drift))
+            seen = max(float(c.sum()), 1.0) / max(float(g.sum()), 1.0)
+            if here > _CENTER:
+                # a highlight adds white, of which next to no red or blue makes something
+                scale = max(start, 1.0 - start)
+                step = _within((seen - last) / scale, settings.max_step_drift)
+                ratio = start + scale * _within((last - start) / scale + step, settings.max_drift)
+                drifts.append(math.log(max(ratio, _LEAST_RATIO) / start))
+            else:
+                drift = math.log(last / start) + _within(math.log(seen / last), settings.max_step_drift)
+                drifts.append(_within(drift, settings.max_drift))
         if here < _CENTER:
             # a shadow changes the light's colour, but does not make paint grey: grey samples are something black
             grey = max(0.0, sum(drifts) - settings.max_grey_drift) / 2

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array, read_only
+from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
@@ -31,6 +32,10 @@ _STEEPEST = 8.0
 FAR_BELOW_PX = 20_000
 # rows that see nothing after those in view: loops look at two neighbours on either side, and a ring's last is its first
 _EMPTY_ROWS = 3
+# places around a fisheye's rim
+_AROUND = 1024
+# pixels between those by which it is told what a mask leaves in view
+_MASK_STEP = 4
 # bearings at which it is looked at one time for the end of what is in view
 _STEPS_AT_ONCE = 64
 # what a head's pan changes: where samples lie about the robot; and what a nod or roll of the body does: where in the
@@ -77,12 +82,24 @@ class FloorView:
         u, v = np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)
         sides = [np.stack([np.full(height, side), v], axis=1) for side in (0.0, width - 1.0)]
         ends = [np.stack([u, np.full(width, end)], axis=1) for end in (0.0, height - 1.0)]
-        ray = self.camera.pixel_to_ray(np.vstack([*sides, *ends]))
+        ray = self.camera.pixel_to_ray(np.vstack([*sides, *ends, self._circle_px]))
         ray = ray[np.isfinite(ray).all(axis=1)]
         bearing = np.arctan2(ray[:, 1], ray[:, 0]) - (self.camera.pan_rad or 0.0)
         level = np.hypot(ray[:, 0], ray[:, 1])
         slope = ray[:, 2] / np.maximum(level, 1e-9)
         return np.remainder(bearing + math.pi, math.tau) - math.pi, slope
+
+    @property
+    def _circle_px(self) -> FloatArray:
+        """(N, 2) float64: the part of a fisheye's own rim that lies in the picture."""
+        camera = self.camera
+        if not isinstance(camera, FisheyeCamera) or camera.usable_radius_px is None:
+            return np.empty((0, 2))
+        turn = np.linspace(0.0, math.tau, _AROUND, endpoint=False)
+        # a little inside, where rounding leaves it within the lens
+        radius = (1.0 - 1e-9) * camera.usable_radius_px[1] / camera.focal_px[0]
+        on_rim = camera.center_px + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1) * camera.focal_px
+        return np.asarray(on_rim[((on_rim >= 0) & (on_rim <= np.array(camera.size_px) - 1.0)).all(axis=1)])
 
     def held(self, camera: PinholeCamera) -> FloorView:
         """Return the view of the same samples by the same camera, whose neck or body has turned a little.
@@ -133,12 +150,23 @@ class FloorView:
         """Whether floor is in view that is near enough to be measured."""
         return float(self._rim[1].min()) < -1.0 / _FARTHEST_HEIGHTS
 
+    @property
+    def _steepest_shown(self) -> float:
+        """Slope of the nearest floor in view: the robot's own parts, which a mask hides, may fill a picture's end."""
+        steepest = float(self._rim[1].min())
+        if self.mask is None:
+            return steepest
+        v, u = np.nonzero(self.mask[::_MASK_STEP, ::_MASK_STEP] == 0)
+        ray = self.camera.pixel_to_ray(_MASK_STEP * np.stack([u, v], axis=1).astype(np.float64))
+        slope = ray[:, 2] / np.maximum(np.hypot(ray[:, 0], ray[:, 1]), 1e-9)
+        return max(steepest, float(np.nanmin(slope))) if np.isfinite(slope).any() else steepest
+
     @cached_property
     def _slopes(self) -> FloatArray:
         """(M,) float64: the columns' slopes, negative on the floor, at equal steps in the picture straight ahead."""
         rim = self._rim[1]
         beyond = _BEYOND_HORIZON_PX / self.camera.focal_px[1]
-        low, high = max(float(rim.min()), -_STEEPEST), min(float(rim.max()), beyond)
+        low, high = max(self._steepest_shown, -_STEEPEST), min(float(rim.max()), beyond)
         dense = np.linspace(math.atan(low), math.atan(high), 1024)
         pan = self.camera.pan_rad or 0.0
         ahead = np.stack([np.cos(dense) * math.cos(pan), np.cos(dense) * math.sin(pan), np.sin(dense)], axis=1)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import FloatArray, Int32Array, UInt8Array, read_only
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Array, read_only
 from robocup_vision.kernels.floor import free_floor, free_ranges
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
@@ -47,8 +47,9 @@ class FreeSpace:
 class FreeSpaceGrid:
     """The polar cells of one camera: I rings times J directions on the floor around the robot.
 
-    A pinhole camera takes the floor nearer than it sees for free; where the nearest in view is blocked, the range is 0.
-    Its rings grow with the range, so that a range ends at the first blocked sample of its first blocked cell.
+    A pinhole camera takes the floor nearer than it sees for free; where something stands as soon as floor comes into
+    view, the range is 0. Its rings grow with the range, so that a range ends at the first blocked sample of its first
+    blocked cell.
 
     Parameters
     ----------
@@ -146,14 +147,14 @@ class FreeSpaceGrid:
         needed = np.ceil(total * self.threshold - 1e-6)
         seen = (np.arange(1, rings + 1)[:, None] * (needed > 0)).max(axis=0)
         middle = np.hypot(self.view.floor_m[..., 0], self.view.floor_m[..., 1])
-        near_m = middle - 0.5 * np.diff(middle, axis=1, prepend=middle[:, :1])
+        near_m = (middle - 0.5 * np.diff(middle, axis=1, prepend=middle[:, :1])).astype(np.float32)
         return free_ranges.FreeCells(
             self.cell,
             (total - needed).astype(np.int32),
             seen,
             self.ring_bounds_m,
-            near_m.astype(np.float32),
-            (needed > 0).argmax(axis=0),
+            near_m,
+            self._first_m(near_m),
             self.view.is_ring,
         )
 
@@ -161,12 +162,24 @@ class FreeSpaceGrid:
     def nearest_m(self) -> FloatArray:
         """(J,) float64: range from which on a forward camera sees the floor in each direction, metres; inf: nowhere."""
         cells = self._cells
-        return read_only(np.where(cells.seen > 0, self.ring_bounds_m[cells.first_seen], np.inf))
+        return read_only(np.where(cells.seen > 0, cells.first_m, np.inf))
 
     @property
     def farthest_m(self) -> FloatArray:
         """(J,) float64: range up to which a forward camera sees the floor in each direction, metres."""
         return read_only(self.ring_bounds_m[self._cells.seen])
+
+    def _first_m(self, near_m: Float32Array) -> FloatArray:
+        """(J,) float64: where each direction comes into view, on all its bearings; near rims (K, M) of the samples."""
+        seen = self.cell >= 0
+        first = seen.argmax(axis=1)
+        at = np.flatnonzero(seen.any(axis=1))
+        # about a camera beside the robot's centre, rows cross directions: some begin none of their own
+        nearest_m = np.full(self.directions, np.inf)
+        np.minimum.at(nearest_m, self.cell[seen] % self.directions, near_m[seen])
+        first_m = np.where(np.isfinite(nearest_m), nearest_m, 0.0)
+        np.maximum.at(first_m, self.cell[at, first[at]] % self.directions, near_m[at, first[at]])
+        return first_m
 
     def measure(self, passable: UInt8Array) -> FreeSpace:
         """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""

@@ -376,6 +376,7 @@ class PinholePipeline(FramePipeline):
             dark_feet.doubt_beyond(samples.columns, int(self.edge_settings.certain_nats / LLR_PER_UNIT), llr)
             marks = floor.marking.mark(samples.colors, llr)
             dark_feet.block_dark_feet(samples.colors, floor.view.shown, floor.view.columns_in_use, marks)
+            dark_feet.block_dark_bodies(samples.colors, floor.view.shown, floor.view.columns_in_use, marks)
             for ball in balls:
                 floor.finder.clear(ball, floor.view, marks)
             free_space = floor.grid.measure(marks)

@@ -9,8 +9,9 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 
-# rows of a density's numbers by brightness: R/G, B/G, inverse covariance (red, mixed, blue), logarithm of its peak
-RED, BLUE, RED_RED, RED_BLUE, BLUE_BLUE, PEAK = range(6)
+# rows of a density's numbers by brightness: R/G, B/G, inverse covariance (red, mixed, blue), logarithm of its peak, and
+# of the floor what R and B off these ratios count towards a purer colour, in standard deviations
+RED, BLUE, RED_RED, RED_BLUE, BLUE_BLUE, PEAK, PURER_RED, PURER_BLUE = range(8)
 # steps of brightness a count
 FINE = 8.0
 
@@ -32,7 +33,7 @@ def tabulate(
     ----------
     blue, green, red : (32,), (64,), (32,) float64
         Counts that the bins stand for.
-    floor, white : (6, S) float64
+    floor, white : (8, S), (6, S) float64
         Numbers of their densities relative to any colour's, at brightnesses of 1 / `FINE` counts.
     clip, unit : float
         Nats beyond which the ratio is cut, and those of one unit of the table.
@@ -47,10 +48,12 @@ def tabulate(
             for r in range(red.shape[0]):
                 s = min(int((red[r] + 2 * green[g] + blue[b]) / 4 * FINE + 0.5), last)
                 d_red, d_blue = red[r] - floor[RED, s] * green[g], blue[b] - floor[BLUE, s] * green[g]
+                purer = max(floor[PURER_RED, s] * d_red + floor[PURER_BLUE, s] * d_blue, 0.0)
                 value = floor[PEAK, s] - 0.5 * (
                     floor[RED_RED, s] * d_red * d_red
                     + 2 * floor[RED_BLUE, s] * d_red * d_blue
                     + floor[BLUE_BLUE, s] * d_blue * d_blue
+                    - purer * purer
                 )
                 # most colours are none of the floor's
                 if value <= -clip:

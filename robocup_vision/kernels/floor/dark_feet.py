@@ -12,10 +12,13 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.bits import NO_BITS
-from robocup_vision.kernels.floor.free_floor import BLOCKED, FLOOR
+from robocup_vision.kernels.floor.free_floor import BLOCKED, FLOOR, LINE
 
 # columns over which an edge is spread: by the averages over 3 x 3 samples, by the lens, and by motion
 SPREAD = 4
+# darker than this part of the floor that lies so many columns before it, at most, is shade or a black body: the shade
+# of a body deepens towards its foot
+DARK_RATIO, FADE = 0.4, 12
 
 
 @compiled(inline="always")
@@ -74,6 +77,54 @@ def block_dark_feet(samples: UInt8Array, valid: UInt8Array, columns_in_use: int,
                 while at > first and row[at] == FLOOR and 2 * _brightness(samples, k, at) < floor + behind:
                     row[at] = BLOCKED
                     at -= 1
+
+
+@compiled
+def block_dark_bodies(samples: UInt8Array, valid: UInt8Array, columns_in_use: int, marks: UInt8Array) -> None:
+    """Block dark stretches of the floor's hue that go over into something that is no floor.
+
+    A black body on a green carpet has the hue of what it mirrors: by colour it is floor in a deep shadow. But behind a
+    shadow the lit floor goes on, and above a body's foot the rest of it follows, or the horizon.
+
+    Parameters
+    ----------
+    samples : (K, M, 3) uint8
+        Colours.
+    valid : (K, M) uint8
+        Non-zero where a sample may be looked at.
+    columns_in_use : int
+        Columns below the horizon.
+    marks : (K, M) uint8
+        What the samples show, FLOOR and LINE turned to BLOCKED where it is so.
+    """
+    for k in range(len(marks)):
+        row = marks[k]
+        m = 1
+        while m < columns_in_use:
+            if row[m] != FLOOR or not valid[k, m]:
+                m += 1
+                continue
+            lit, first, here = 0, m, _brightness(samples, k, m)
+            for j in range(max(m - FADE, 0), m):
+                if row[j] == FLOOR and valid[k, j]:
+                    lit = max(lit, _brightness(samples, k, j))
+            if here >= DARK_RATIO * lit:
+                m += 1
+                continue
+            while row[first - 1] == FLOOR and 2 * _brightness(samples, k, first - 1) < lit:
+                first -= 1
+            end = m
+            while end < columns_in_use and valid[k, end]:
+                if row[end] == FLOOR and 2 * _brightness(samples, k, end) >= lit:
+                    break
+                if row[end] == BLOCKED and (end + 1 >= columns_in_use or row[end + 1] == BLOCKED):
+                    break
+                end += 1
+            if end >= columns_in_use or row[end] == BLOCKED:
+                for j in range(first, end):
+                    if row[j] == FLOOR or row[j] == LINE:
+                        row[j] = BLOCKED
+            m = max(end, m + 1)
 
 
 @compiled

@@ -34,8 +34,8 @@ class FreeCells(NamedTuple):
         Ranges between which the rings lie.
     near_m : (K, M) float32
         Range of each sample's near rim, metres.
-    first_seen : (J,) int64
-        Nearest ring of each direction that any sample sees.
+    first_m : (J,) float64
+        Range in each direction from which on each of its bearings is in view, metres.
     is_ring : bool
         Whether the samples lie all around the robot, and from its body on. Then neither of the last two is used.
     """
@@ -45,7 +45,7 @@ class FreeCells(NamedTuple):
     seen: Int64Array
     bounds_m: FloatArray
     near_m: Float32Array
-    first_seen: Int64Array
+    first_m: FloatArray
     is_ring: bool
 
 
@@ -54,7 +54,7 @@ def measure_ranges(passable_mask: UInt8Array, valid: UInt8Array, cells: FreeCell
     """Measure how far the floor is free in each direction: up to its first cell that is not.
 
     In a view that is no ring samples lie far apart along a direction: within that cell the floor is free up to the
-    nearest blocked sample. What stands in the nearest floor in view may stand anywhere nearer: the range is 0.
+    nearest blocked sample. What stands where the floor comes into view may stand anywhere nearer: the range is 0.
 
     Parameters
     ----------
@@ -93,9 +93,10 @@ def measure_ranges(passable_mask: UInt8Array, valid: UInt8Array, cells: FreeCell
         range_m[j] = cells.bounds_m[ring]
         if cells.is_ring:
             continue
-        if ring < rings and nearest[ring * directions + j] < np.inf:
-            range_m[j] = max(range_m[j], nearest[ring * directions + j])
-        if ring <= cells.first_seen[j]:
+        if ring == rings or nearest[ring * directions + j] == np.inf:
+            continue
+        range_m[j] = max(range_m[j], nearest[ring * directions + j])
+        if nearest[ring * directions + j] <= cells.first_m[j]:
             range_m[j] = 0.0
 
 

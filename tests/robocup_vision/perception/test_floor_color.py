@@ -60,6 +60,29 @@ def test_a_hard_bluish_shadow_is_floor_too():
     assert not is_floor(np.array(WHITE) * shadow, floor)
 
 
+def test_a_purer_floor_is_floor_and_nothing_is_that_lies_elsewhere():
+    rng = np.random.default_rng(3)
+    haze = 0.25
+    # where it is learnt, light strays over the carpet
+    near = (1 - haze) * np.array(GREEN) + haze * 110.0
+    samples = cv2.blur(np.clip(np.rint(near + rng.normal(0, 6, (160, 83, 3))), 0, 255).astype(np.uint8), (3, 3))
+    floor = learn_floor_color(samples, ALL)
+    for part in (0.0, 0.1, 0.2):
+        assert is_floor((1 - part) * np.array(GREEN) + part * 110.0, floor)
+    for other in (WHITE, ORANGE, BLUE, (40.0, 130.0, 130.0), (130.0, 130.0, 40.0)):
+        assert not is_floor(np.array(other), floor)
+
+
+def test_a_floor_without_any_red_is_floor_where_light_glances_off_it():
+    rng = np.random.default_rng(4)
+    glare = np.linspace(0.0, 0.35, 83)[None, :, None]
+    samples = (1 - glare) * (70.0, 100.0, 12.0) + glare * 255.0 + rng.normal(0, 6, (160, 83, 3))
+    floor = learn_floor_color(cv2.blur(np.clip(np.rint(samples), 0, 255).astype(np.uint8), (3, 3)), ALL)
+    for part in (0.0, 0.1, 0.2, 0.3):
+        assert is_floor((1 - part) * np.array((70.0, 100.0, 12.0)) + part * 255.0, floor)
+    assert not is_floor(np.array(WHITE), floor)
+
+
 def test_noise_is_measured():
     rng = np.random.default_rng(2)
     for sigma in (1.0, 3.0, 6.0):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.turned_view import sample_turned
 from robocup_vision.perception.floor_view import FloorView
@@ -99,3 +99,35 @@ def test_free_space_goes_by_the_tilt_that_the_frame_shows():
         measured.append(float(view.free_space.range_m[bearing]))
     # by the file's tilt a nod of 1.4 degrees makes 1.0 or 1.5 m of it
     np.testing.assert_allclose(measured, ahead_m, rtol=0.06)
+
+
+def fisheye(circle_px):
+    return FisheyeCamera(
+        (304, 400),
+        (163.0, 163.0),
+        (151.5, 199.5),
+        0.75,
+        pan_rad=0.0,
+        tilt_rad=0.0,
+        roll_rad=0.0,
+        projection="equidistant",
+        usable_radius_px=(0.0, circle_px),
+    )
+
+
+def test_a_fisheye_looks_as_near_as_its_circle_shows():
+    view = FloorView(fisheye(190.0))
+    # straight down the picture the circle ends so far off the axis
+    assert view.range_m[0] == pytest.approx(0.75 / math.tan(190.0 / 163.0), rel=0.01)
+    assert view.valid[view.seen_bearings // 2, 1:50].all()
+
+
+def test_floor_begins_beyond_the_robots_own_parts_that_a_mask_hides():
+    mask = np.zeros((400, 304), dtype=np.uint8)
+    mask[360:] = 255
+    view = FloorView(fisheye(190.0), mask=mask)
+    # within the pixels by which it is told
+    nearest_m = [0.75 / math.tan((row - 199.5) / 163.0) for row in (360.0, 356.0)]
+    assert nearest_m[0] <= view.range_m[0] <= 1.001 * nearest_m[1]
+    nothing = FloorView(fisheye(190.0), mask=np.full((400, 304), 255, dtype=np.uint8))
+    assert not nothing.valid.any()

@@ -5,8 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.floor.dark_feet import SPREAD, block_dark_feet, doubt_beyond, foot_px
-from robocup_vision.kernels.floor.free_floor import BLOCKED, FLOOR
+from robocup_vision.kernels.floor.dark_feet import (
+    FADE,
+    SPREAD,
+    block_dark_bodies,
+    block_dark_feet,
+    doubt_beyond,
+    foot_px,
+)
+from robocup_vision.kernels.floor.free_floor import BLOCKED, FLOOR, LINE
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -87,3 +94,33 @@ def test_only_weak_evidence_beyond_the_outermost_floor_is_taken_back(seed, certa
     expected[beyond & (llr > 0) & (llr < certain)] = 0
     doubt_beyond(columns, certain, llr)
     np.testing.assert_array_equal(llr, expected)
+
+
+def dark_stretch(behind, level=0.3):
+    """Return samples and marks of one bearing: floor, at column 12 a stretch as dark as `level`, at 22 what follows."""
+    brightness = np.full(40, 120.0)
+    brightness[12:22] *= level
+    marks = np.full((1, 40), FLOOR, dtype=np.uint8)
+    marks[0, 22:26] = behind
+    return np.repeat(brightness.astype(np.uint8)[None, :, None], 3, axis=2), marks
+
+
+def blocked_of(samples, marks):
+    block_dark_bodies(samples, np.ones(marks.shape, dtype=np.uint8), 36, marks)
+    return np.flatnonzero(marks[0] == BLOCKED).tolist()
+
+
+def test_a_dark_stretch_of_floor_before_something_else_is_its_body_and_before_floor_a_shadow():
+    assert blocked_of(*dark_stretch(BLOCKED)) == list(range(12, 26))
+    assert blocked_of(*dark_stretch(FLOOR)) == []
+    assert blocked_of(*dark_stretch(LINE)) == []
+    # what is no darker than a shadow stays floor
+    assert blocked_of(*dark_stretch(BLOCKED, level=0.6)) == list(range(22, 26))
+
+
+def test_a_body_that_is_dark_up_to_the_horizon_is_blocked_where_half_of_the_light_is_left():
+    at = np.arange(40)
+    brightness = np.interp(at, [10, 10 + FADE - 2], [120, 20])
+    samples = np.repeat(brightness.astype(np.uint8)[None, :, None], 3, axis=2)
+    marks = np.full((1, 40), FLOOR, dtype=np.uint8)
+    assert blocked_of(samples, marks) == list(range(int(np.flatnonzero(brightness < 60)[0]), 36))

@@ -17,10 +17,10 @@ def test_ranges_are_those_of_numpy(seed, is_ring, columns):
     valid = (rng.random((30, columns)) < 0.9).astype(np.uint8)
     cell = rng.integers(-1, 12, (30, columns), dtype=np.int32)
     allowed = rng.integers(0, 50, (4, 3), dtype=np.int32)
-    seen, first_seen = rng.integers(0, 5, 3), rng.integers(0, 2, 3)
+    seen, first_m = rng.integers(0, 5, 3), 0.1 * rng.random(3)
     bounds_m, near_m = np.cumsum(rng.random(5)), rng.random((30, columns)).astype(np.float32)
     range_m = np.empty(3)
-    measure_ranges(mask, valid, FreeCells(cell, allowed, seen, bounds_m, near_m, first_seen, is_ring), range_m)
+    measure_ranges(mask, valid, FreeCells(cell, allowed, seen, bounds_m, near_m, first_m, is_ring), range_m)
     is_blocked = (mask == 0) & (cell >= 0) & (valid > 0)
     count = np.bincount(cell[is_blocked], minlength=12).reshape(4, 3)
     ring = np.arange(4)[:, None]
@@ -29,9 +29,7 @@ def test_ranges_are_those_of_numpy(seed, is_ring, columns):
     for j, rings in enumerate(free):
         nearest = near_m[is_blocked & (cell == rings * 3 + j)]
         if rings < 4 and len(nearest) and not is_ring:
-            expected[j] = max(expected[j], nearest.min())
-        if rings <= first_seen[j] and not is_ring:
-            expected[j] = 0.0
+            expected[j] = 0.0 if nearest.min() <= first_m[j] else max(expected[j], nearest.min())
     np.testing.assert_array_equal(range_m, expected)
 
 
