@@ -47,6 +47,7 @@ class _Goal(StrictStruct):
 class _Area(StrictStruct):
     depth_m: Length
     width_m: Length
+    corner_radius_m: Distance = 0.0
 
 
 class _PenaltyArc(StrictStruct):
@@ -136,6 +137,8 @@ def _check(path: Path, f: _FieldFile) -> None:
             raise FileError(path, f"is wider than the field ({f.width_m} m)", key=f"{key}.width_m", value=area.width_m)
         if 2 * area.depth_m > f.length_m:
             raise FileError(path, "reaches over the centre line", key=f"{key}.depth_m", value=area.depth_m)
+        if area.corner_radius_m > min(area.depth_m, area.width_m / 2):
+            raise FileError(path, "is wider than the area", key=f"{key}.corner_radius_m", value=area.corner_radius_m)
     for key, radius in (
         ("center_circle_radius_m", f.center_circle_radius_m),
         ("corner_arc_radius_m", f.corner_arc_radius_m),
@@ -248,10 +251,11 @@ def _lines(f: _FieldFile) -> list[list[float]]:
         if area is not None:
             for side in (1, -1):
                 front, half = side * (x - area.depth_m), area.width_m / 2
+                round_x, round_y = front + side * area.corner_radius_m, half - area.corner_radius_m
                 rows += [
-                    [side * x, -half, front, -half],
-                    [front, -half, front, half],
-                    [front, half, side * x, half],
+                    [side * x, -half, round_x, -half],
+                    [front, -round_y, front, round_y],
+                    [round_x, half, side * x, half],
                 ]
     return rows if not f.half else _lines_of_half(rows)
 
@@ -267,6 +271,14 @@ def _arcs(f: _FieldFile) -> list[list[float]]:
     if f.center_circle_radius_m is not None:
         start, sweep = (-math.pi / 2, math.pi) if f.half else (0.0, math.tau)
         rows.append([0.0, 0.0, f.center_circle_radius_m, start, sweep])
+    for area in (f.goal_area, f.penalty_area):
+        if area is not None and area.corner_radius_m > 0:
+            inside_x, inside_y = (
+                f.length_m / 2 - area.depth_m + area.corner_radius_m,
+                area.width_m / 2 - area.corner_radius_m,
+            )
+            for sx, sy, start in ((1, 1, math.pi / 2), (-1, 1, 0.0), (-1, -1, -math.pi / 2), (1, -1, math.pi)):
+                rows.append([sx * inside_x, sy * inside_y, area.corner_radius_m, start, math.pi / 2])
     if f.penalty_arc is not None:
         center, radius = f.penalty_arc.center_x_m, f.penalty_arc.radius_m
         # only the part outside the penalty area is painted

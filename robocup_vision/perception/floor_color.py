@@ -208,15 +208,16 @@ def learn_floor_color(
     FloorColor or None
         None if the ring around the robot is too dark, or too little of it is in view.
     """
-    ring = samples[:, :RING_COLUMNS]
-    usable = valid[:, :RING_COLUMNS] > 0
-    if np.count_nonzero(usable) < settings.min_samples:
+    # of what a mask leaves: it may hide the body, and more of it at some bearings
+    outwards = np.cumsum(valid > 0, axis=1)
+    ring = (valid > 0) & (outwards <= RING_COLUMNS)
+    if np.count_nonzero(ring) < settings.min_samples:
         return None
-    noise = _noise(ring.astype(np.float64), usable)
+    noise = _noise(samples, ring)
     # the ring may lie in a highlight or beside a robot: samples around it count, too
-    near = slice(RING_COLUMNS, samples.shape[1] // 2)
-    blue, green, red = np.hstack([pick_colors(ring, usable), pick_colors(samples[:, near], valid[:, near])])
-    weight = np.where(np.arange(len(green)) < np.count_nonzero(usable), settings.ring_weight, 1.0)
+    near = (valid > 0) & ~ring & (outwards <= samples.shape[1] // 2)
+    blue, green, red = np.hstack([pick_colors(samples, ring), pick_colors(samples, near)])
+    weight = np.where(np.arange(len(green)) < np.count_nonzero(ring), settings.ring_weight, 1.0)
     level = brightness_of(blue, green, red)
     bright = (level > 4) & (green > 2)
     if np.count_nonzero(bright) < settings.min_samples:
@@ -259,9 +260,10 @@ def follow_floor_color(
     FloorColor or None
         None if too few samples are floor.
     """
-    ring = samples[:, :RING_COLUMNS].astype(np.float64)
     usable = is_floor[:, :RING_COLUMNS]
-    noise = _noise(ring, usable) if np.count_nonzero(usable) >= settings.min_samples else before.noise
+    noise = (
+        _noise(samples[:, :RING_COLUMNS], usable) if np.count_nonzero(usable) >= settings.min_samples else before.noise
+    )
     # bearings share pixels with their neighbours: every other one tells as much, and a frame waits for this
     samples, valid, is_floor = samples[::2], valid[::2], is_floor[::2]
     blue, green, red = pick_colors(samples, is_floor)
@@ -315,10 +317,10 @@ def _lit_level(level: FloatArray) -> float:
     return float(max(usual, sunny * math.exp(-_SUN)))
 
 
-def _noise(ring: FloatArray, usable: npt.NDArray[np.bool_]) -> float:
+def _noise(samples: UInt8Array, usable: npt.NDArray[np.bool_]) -> float:
     # samples three bearings apart share no pixel, and texture between them is noise for this purpose
     both = usable[:-3] & usable[3:]
-    difference = np.abs(ring[:-3] - ring[3:]).max(axis=2)[both]
+    difference = np.abs(samples[:-3][both].astype(np.float64) - samples[3:][both]).max(axis=1)
     # the largest of three half-normal channels has its lower quartile near 0.83 sigma sqrt(2)
     return float(np.percentile(difference, 25)) / (0.83 * math.sqrt(2.0)) if len(difference) else 1.0
 

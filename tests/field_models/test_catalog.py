@@ -120,6 +120,22 @@ def test_ssl_2001():
     assert field.is_bounded
 
 
+@pytest.mark.parametrize("half", [False, True])
+def test_round_corners_of_an_area_join_its_lines(write: Write, half: bool):
+    text = OWN.replace("width_m = 1.8", "width_m = 1.8\ncorner_radius_m = 0.4")
+    field = load_field(write(text.replace("length_m = 7.8", f"length_m = 7.8\nhalf = {str(half).lower()}")))
+    corners = field.arcs[field.arcs[:, 2] == 0.4]
+    assert len(corners) == (2 if half else 4)
+    for x, y, radius, start, sweep in corners:
+        assert (abs(x), abs(y)) == pytest.approx((3.4, 0.5))
+        for angle in (start, start + sweep):
+            end = np.array([x + radius * np.cos(angle), y + radius * np.sin(angle)])
+            assert np.hypot(*(field.lines.reshape(-1, 2) - end).T).min() < 1e-9
+        # the corner is rounded off towards the field's middle
+        middle = start + sweep / 2
+        assert np.cos(middle) * x < 0 < np.sin(middle) * y
+
+
 @pytest.mark.parametrize(
     ("name", "length", "width", "goal_width", "depth"),
     [("ssl_division_a", 12, 9, 1.8, 1.8), ("ssl_division_b", 9, 6, 1.0, 1.0)],
@@ -295,6 +311,11 @@ def test_a_line_from_goal_to_goal_where_the_file_says_so(write: Write):
         ('["white", "pink"]', "[]", "key 'beacons[0].colors': expected `array` of length >= 1, got []"),
         ("width_m = 1.8", "width_m = 5.5", "key 'penalty_area.width_m': is wider than the field (5.4 m), got 5.5"),
         ("depth_m = 0.9", "depth_m = 4", "key 'penalty_area.depth_m': reaches over the centre line, got 4.0"),
+        (
+            "width_m = 1.8",
+            "width_m = 1.8\ncorner_radius_m = 0.91",
+            "key 'penalty_area.corner_radius_m': is wider than the area",
+        ),
         ("m = 0.5\nball", "m = 2.8\nball", "key 'center_circle_radius_m': is wider than the field, got 2.8"),
         ("format = 1", "format = 1\ncorner_arc_radius_m = 3", "key 'corner_arc_radius_m': is wider than the field"),
         (

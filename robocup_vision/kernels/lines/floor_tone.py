@@ -93,6 +93,8 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
             spread[i] = max(spread[i], around / (ratio * usual[0]))
     for i in range(2):
         least, most = mode[i] - known.tone_stds * spread[i], mode[i] + known.tone_stds * spread[i]
+        # grey is no carpet whose own tone is clear of it
+        most = min(most, max(0.5 * mode[i], mode[i] + 2.0 * spread[i]))
         tone[2 * i], tone[2 * i + 1] = math.exp(least) if least > -_SPAN else 0.0, math.exp(most)
     tone[4], tone[5], tone[6] = known.dark_ratio * usual[0], known.bright_ratio * usual[0], known.slack
     return True

@@ -93,9 +93,16 @@ def test_noise_is_measured():
 def test_nothing_is_learnt_in_the_dark_or_with_the_ring_hidden():
     assert learn_floor_color(np.zeros((160, 83, 3), dtype=np.uint8), ALL) is None
     assert learn_floor_color(np.full((160, 83, 3), 3, dtype=np.uint8), ALL) is None
-    hidden = ALL.copy()
-    hidden[:, :10] = 0
-    assert learn_floor_color(scene(np.random.default_rng(0)), hidden) is None
+    assert learn_floor_color(scene(np.random.default_rng(0)), np.zeros_like(ALL)) is None
+
+
+def test_behind_a_mask_the_ring_begins_where_the_mask_ends():
+    samples, shown = scene(np.random.default_rng(3)), ALL.copy()
+    samples[:100, :15], samples[100:, :25] = (20, 20, 20), (20, 20, 20)
+    shown[:100, :16] = shown[100:, :26] = 0
+    floor = learn_floor_color(samples, shown)
+    assert is_floor(GREEN, floor)
+    assert not is_floor((20, 20, 20), floor)
 
 
 @settings(deadline=None, max_examples=40)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -85,6 +86,24 @@ def test_the_carpet_is_distinguished_from_a_grey_hall_floor_that_fills_more_of_t
     points = finder.find(paint_field(mirror_camera, FIELD, pose, margin_m=0.15))
     assert len(points) > 100
     assert np.median(errors_m(points, pose)) < 0.01
+
+
+def test_what_is_grey_is_no_carpet_however_the_carpet_varies(finder, mirror_camera, paint_field):
+    rng = np.random.default_rng(5)
+    frame = paint_field(mirror_camera, FIELD, POSE).astype(np.float64)
+    height, width = frame.shape[:2]
+    is_carpet = frame.min(axis=2) < 100
+    # light of many colours on a carpet that is three parts green to two parts each of the others
+    light = cv2.resize(rng.uniform(0.75, 1.25, (8, 10, 3)), (width, height), interpolation=cv2.INTER_CUBIC)
+    frame[is_carpet] = (np.array([80.0, 120.0, 80.0]) * light)[is_carpet]
+    v, u = np.mgrid[:height, :width]
+    around = np.hypot(u - mirror_camera.center_px[0], v - mirror_camera.center_px[1]) > 80
+    frame[around] = 60.0
+    frame[around & ((u + v) % 12 < 2)] = 130.0
+    points = finder.find(np.clip(np.round(frame + rng.normal(0.0, 2.0, frame.shape)), 0, 255).astype(np.uint8))
+    is_far = np.hypot(*(points.pixels - mirror_camera.center_px).T) > 84
+    assert not np.any(points.weight[is_far] == 1)
+    assert np.median(errors_m(points.take(~is_far), POSE)) < 0.02
 
 
 def test_bare_floor_holds_no_line(finder, mirror_camera, paint_field):
