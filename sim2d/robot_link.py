@@ -13,7 +13,7 @@ from typing import Literal, Protocol, TypeAlias
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.online import OnlineState
-from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.camera import OmniCamera, PinholeCamera, Rig
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.motion_limits import MotionLimits
@@ -96,6 +96,8 @@ class PlayerSetup:
         The robot's true camera may differ from `camera`, and may be knocked: a player should calibrate while it plays.
     has_legs : bool
         The odometry is that of legs.
+    rig : Rig or None
+        All cameras of a robot with several, `camera` being the first; None: it has one.
     """
 
     field: Field
@@ -107,6 +109,12 @@ class PlayerSetup:
     seed: int
     camera_is_rough: bool = False
     has_legs: bool = False
+    rig: Rig | None = None
+
+    @property
+    def sees_ahead_only(self) -> bool:
+        """Whether the robot has one camera, and that looks ahead."""
+        return self.rig is None and isinstance(self.camera, PinholeCamera)
 
 
 @dataclass(frozen=True)
@@ -118,7 +126,7 @@ class Senses:
     t_s : float
         Now.
     frame : (H, W, 3) uint8 or None
-        The newest camera frame, BGR; None if it was dropped.
+        The newest camera frame, BGR; None if it was dropped. Of a rig the first camera's.
     frame_t_s : float or None
         When it was exposed; may lie back.
     odometry : Pose2
@@ -136,6 +144,8 @@ class Senses:
         Where the ball shall be placed, in phase "ball_placement", field frame.
     messages : tuple of bytes
         What others of the team have sent and what has come since the senses before, in the order in which it came.
+    rig_frames : tuple of ((H, W, 3) uint8 or None) or None
+        Of a rig all cameras' frames, exposed together; None with `frame`, and where the robot has one camera.
     """
 
     t_s: float
@@ -148,6 +158,7 @@ class Senses:
     frame_pan_rad: float | None = None
     placement_in_field: tuple[float, float] | None = None
     messages: tuple[bytes, ...] = ()
+    rig_frames: tuple[UInt8Array | None, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,8 @@ from robocup_vision.perception.obstacles import Obstacle
 
 # chi-square with 2 degrees of freedom that one in a hundred pairs of places of one ball exceeds
 _MAX_SAME_DISTANCE2 = 9.21
+# variance that each ball's place has at least, whatever its frame states: of 5 mm
+_LEAST_SPREAD = 0.005**2 * np.eye(2)
 # error of an obstacle's range, of the range
 _RANGE_ERROR = 0.1
 
@@ -104,13 +106,15 @@ def join_balls(seen: Sequence[Sequence[Ball]]) -> tuple[Ball, ...]:
 
 def _distance2(one: Ball, other: Ball) -> float:
     offset = np.array([one.x_m - other.x_m, one.y_m - other.y_m])
-    return float(offset @ np.linalg.solve(one.covariance + other.covariance, offset))
+    spread = one.covariance + other.covariance + 2 * _LEAST_SPREAD
+    return float(offset @ np.linalg.solve(spread, offset))
 
 
 def _joined_ball(one: Ball, other: Ball) -> Ball:
-    gain = np.linalg.solve(one.covariance + other.covariance, one.covariance).T
+    mine, its = one.covariance + _LEAST_SPREAD, other.covariance + _LEAST_SPREAD
+    gain = np.linalg.solve(mine + its, mine).T
     x, y = (gain @ [other.x_m - one.x_m, other.y_m - one.y_m]).tolist()
-    covariance = one.covariance - gain @ one.covariance
+    covariance = mine - gain @ mine
     return replace(one, x_m=one.x_m + x, y_m=one.y_m + y, covariance=(covariance + covariance.T) / 2)
 
 

@@ -13,7 +13,18 @@ if TYPE_CHECKING:
 
 
 # names only: reading the options must load no simulator, so that --help answers at once
-CAMERA_NAMES = ("sekimori", "ers7", "nao", "kid_head", "adult_head", "ssl_forward", "ssl_mirror", "msl_mirror")
+CAMERA_NAMES = (
+    "sekimori",
+    "ers7",
+    "nao",
+    "kid_head",
+    "kid_fisheye",
+    "adult_head",
+    "ssl_forward",
+    "ssl_mirror",
+    "msl_mirror",
+    "msl_fisheyes",
+)
 ROBOT_NAMES = ("small", "small_size", "four_legged", "humanoid", "kid", "adult", "middle_size")
 
 
@@ -22,7 +33,7 @@ def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
     add = parser.add_argument
     add("--field", default="ssl_2001", metavar="F", help="built-in field's name, or a field file (default: ssl_2001)")
     add("--players", type=int, metavar="N", help="players per side (default: as the field's league)")
-    add("--camera", metavar="C", help="camera of every robot: a camera.toml, or " + ", ".join(CAMERA_NAMES))
+    add("--camera", metavar="C", help="camera of every robot: a camera.toml or rig.toml, or " + ", ".join(CAMERA_NAMES))
     add("--robot", metavar="R", help="every robot: " + ", ".join(ROBOT_NAMES))
     add("--seconds", type=float, default=60.0, metavar="T", help="length of a match (default: 60)")
     add("--seed", type=int, default=0, metavar="S", help="the same seed plays the same match (default: 0)")
@@ -59,5 +70,5 @@ def _disturbances(setup: MatchSetup, names: str) -> Disturbances | None:
         return None
     if names == "none":
         return NONE
-    usual = disturbances_for(setup.robot, setup.camera)
+    usual = disturbances_for(setup.robot, setup.camera, setup.rig)
     return usual.only(NAMES if names == "all" else names.split(","))

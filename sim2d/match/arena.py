@@ -12,7 +12,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
-from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera import PinholeCamera, Rig
 from sim2d.match.disturbances import Disturbances, disturbances_for
 from sim2d.match.setups import Camera, RobotKind, setup_for
 from sim2d.rendering.sensor import Sensor
@@ -22,6 +22,7 @@ from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, SenseFault
 from sim2d.sensors.late_frames import LateFrames
 from sim2d.sensors.light_drift import LightDrift
 from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera
+from sim2d.sensors.match_rig import MatchRig
 from sim2d.sensors.team_channel import UNDISTURBED, TeamChannel
 from sim2d.sensors.true_cameras import TrueCamera, with_doubt
 from sim2d.world.referee import RefereeFactory
@@ -43,7 +44,7 @@ class Arena:
         Robots per side; None: as the field's league (`sim2d.match.setups`).
     seed : int
         The same seed gives the same senses for the same commands, bit for bit.
-    camera : OmniCamera or PinholeCamera, optional
+    camera : OmniCamera, PinholeCamera or Rig, optional
         On every robot; default: that of the field's league.
     robot : RobotKind, optional
         Every robot; default: those of the field's league.
@@ -73,7 +74,7 @@ class Arena:
         players: int | None,
         seed: int,
         *,
-        camera: Camera | None = None,
+        camera: Camera | Rig | None = None,
         robot: RobotKind | None = None,
         limits: RobotLimits | None = None,
         faults: Sequence[Fault] = (),
@@ -87,9 +88,13 @@ class Arena:
         setup = setup_for(field, players=players, camera=camera, robot=robot, limits=limits)
         self.field = field
         self.players = players = setup.players
+        self.rig = setup.rig
         self.camera, self.limits, self._has_legs = setup.camera, setup.robot.limits, setup.robot.has_legs
         self.faults = tuple(faults)
-        self.disturbances = disturbances_for(setup.robot, self.camera) if disturbances is None else disturbances
+        usual = disturbances_for(setup.robot, self.camera, self.rig)
+        self.disturbances = usual if disturbances is None else disturbances
+        if self.rig is not None and not {"shutter", "camera", "knock"}.isdisjoint(self.disturbances.names):
+            raise ArgumentError("shutter, camera and knock are of robots with one camera: these have several")
         physics = setup.robot.physics if physics is None else physics
         if self.disturbances.slip is not None:
             physics = dataclasses.replace(physics, body=self.disturbances.slip.of(physics.body))
@@ -102,6 +107,12 @@ class Arena:
         camera_rng = np.random.default_rng([seed, _SENSOR])
         shutter = self.disturbances.shutter if isinstance(self.camera, PinholeCamera) else None
         self._cameras = MatchCamera(field, self.camera, self.limits, camera_rng, sensor=sensor, shutter=shutter)
+        self._further = MatchRig(
+            [
+                MatchCamera(field, camera, self.limits, camera_rng, sensor=sensor)
+                for camera in (() if self.rig is None else self.rig.cameras[1:])
+            ]
+        )
         self._faulty = [
             FaultySenses(
                 [f for f in faults if isinstance(f, SenseFault) and f.robot == index],
@@ -166,6 +177,7 @@ class Arena:
             self._player_seeds[index],
             camera_is_rough=on.camera is not None or on.knock is not None,
             has_legs=self._has_legs,
+            rig=self.rig,
         )
 
     def senses(self) -> tuple[Senses, ...]:
@@ -177,7 +189,9 @@ class Arena:
         state = self.world.state
         sensed = []
         if self._drift is not None:
-            self._cameras.set_light(self._drift.at(state.t_s))
+            light = self._drift.at(state.t_s)
+            self._cameras.set_light(light)
+            self._further.set_light(light)
         for index, true in enumerate(self._true_cameras):
             if true.is_knocked_by(state.t_s):
                 self._cameras.set_camera(index, true.camera)
@@ -188,6 +202,7 @@ class Arena:
                 sway = self._sways[robot.index].update(robot, robot.index in kickers)
             frame = np.array(self._cameras.render(state, robot.index, sway))
             frame.flags.writeable = False
+            rig_frames = None if self.rig is None else (frame, *self._further.render(state, robot.index, sway))
             senses = Senses(
                 state.t_s,
                 frame,
@@ -196,9 +211,10 @@ class Arena:
                 self.world.ball_in_mouth(robot.index),
                 state.phase,
                 state.kick_off_side == robot.side,
-                robot.pan_rad if isinstance(self.camera, PinholeCamera) else None,
+                robot.pan_rad if self.rig is None and isinstance(self.camera, PinholeCamera) else None,
                 state.placement_m,
                 self._channels[robot.index // self.players].received(robot.index % self.players, state.t_s),
+                rig_frames,
             )
             if self._late:
                 senses = self._late[robot.index].apply(senses)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from field_models.errors import ArgumentError
-from robocup_vision.camera import OmniCamera
+from robocup_vision.camera import OmniCamera, Rig
 from sim2d.match.setups import Camera, RobotKind
 from sim2d.sensors.body_sway import LEGS_SWAY, WHEELS_SWAY, SwaySettings
 from sim2d.sensors.late_frames import LatencySettings
@@ -116,8 +116,8 @@ WHEELS = replace(
 LEGS = replace(WHEELS, sway=LEGS_SWAY, slip=Slip())
 
 
-def disturbances_for(robot: RobotKind, camera: Camera) -> Disturbances:
-    """Return those of a kind of robot, legs or wheels; of bodies and messages alone with a mirror camera."""
-    if isinstance(camera, OmniCamera):
+def disturbances_for(robot: RobotKind, camera: Camera, rig: Rig | None = None) -> Disturbances:
+    """Return those of a kind of robot, legs or wheels; of bodies and messages alone with a mirror camera or a rig."""
+    if rig is not None or isinstance(camera, OmniCamera):
         return MIRRORS_ON_LEGS if robot.has_legs else MIRRORS_ON_WHEELS
     return LEGS if robot.has_legs else WHEELS

@@ -125,6 +125,8 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             raise ArgumentError(f"seconds must be positive, got {seconds!r}")
         self._field = load_field(field) if isinstance(field, str) else field
         setup = setup_for(self._field, players=players, camera=camera, robot=robot, limits=limits)
+        if setup.rig is not None:
+            raise ArgumentError("an agent's observation is of one camera, and these robots carry several")
         players, self._camera, self._robot = setup.players, setup.camera, setup.robot
         if observation == "percepts" and isinstance(self._camera, PinholeCamera):
             raise ArgumentError("percepts need a mirror camera; a pinhole camera has observation='image'")

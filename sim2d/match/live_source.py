@@ -6,6 +6,7 @@ Registered as the kind `sim`: ``sim:FIELD[,players=N][,seed=S][,robots=0+1][,our
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -143,6 +144,8 @@ class MatchSource:
         if view is not None and view.t_s != frame_t_s:
             # the player has not looked at this frame
             view = None
+        # of several cameras the page shows the first
+        view = None if view is None else replace(view.views[0], belief=view.belief)
         return SourceFrame(
             _name(index),
             frame,

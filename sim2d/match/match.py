@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from field_models.field import Field
+from robocup_vision.camera import Rig
 from sim2d.match.arena import Arena
 from sim2d.match.disturbances import Disturbances
 from sim2d.match.seat import Seat
@@ -56,7 +57,7 @@ class Match:
         *,
         ours: PlayerFactory = BuiltInPlayer,
         theirs: PlayerFactory = BuiltInPlayer,
-        camera: Camera | None = None,
+        camera: Camera | Rig | None = None,
         robot: RobotKind | None = None,
         limits: RobotLimits | None = None,
         faults: Sequence[Fault] = (),

@@ -57,6 +57,8 @@ class MatchRecorders:
     ) -> None:
         self._writers: list[_RobotRecorder] = []
         arena = match.arena
+        if arena.rig is not None:
+            raise ArgumentError("a recording holds the frames of one camera, and these robots carry several")
         for robot in arena.state.robots:
             name = players[0] if robot.side > 0 else players[1]
             caveat = "" if name in PLAYERS else f"the player {name!r} is not one of {', '.join(PLAYERS)}"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from field_models import load_field
 from field_models.errors import ArgumentError
+from robocup_vision.camera import Rig
 from robocup_vision.files.out_file import telling_write_errors
 from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
 from robocup_vision.progress import progress
@@ -47,7 +48,7 @@ class MatchPlan:
     ours, theirs : PlayerFactory
         Make the players of the side that attacks the goal at +x, and of the other. `sim2d.players.catalog.BuiltInTeam`
         makes built-in players with options and settings.
-    camera : OmniCamera, PinholeCamera or str, optional
+    camera : OmniCamera, PinholeCamera, Rig or str, optional
         On every robot, or its name (`sim2d.match.setups.CAMERAS`) or file; default: that of the field's league.
     robot : RobotKind or str, optional
         Every robot, or its name (`sim2d.match.setups.ROBOTS`); default: those of the field's league.
@@ -66,7 +67,7 @@ class MatchPlan:
     seed: int = 0
     ours: PlayerFactory = BuiltInPlayer
     theirs: PlayerFactory = BuiltInPlayer
-    camera: Camera | str | None = None
+    camera: Camera | Rig | str | None = None
     robot: RobotKind | str | None = None
     faults: tuple[Fault, ...] = ()
     referee: RefereeFactory | None = None
@@ -100,7 +101,7 @@ class MatchPlan:
             self.seed,
             ours=self.ours,
             theirs=self.theirs,
-            camera=setup.camera,
+            camera=setup.camera if setup.rig is None else setup.rig,
             robot=setup.robot,
             faults=self.faults,
             referee=self.referee,

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 from field_models import Field
 from field_models.errors import ArgumentError
-from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
+from robocup_vision.camera import FisheyeCamera, OmniCamera, PinholeCamera, Rig, load_camera, load_camera_or_rig
 from sim2d.kick_off import kick_off_pose
 from sim2d.rendering.cameras import camera_by_name, sekimori_camera
 from sim2d.rendering.goal.scenes import ers7_camera, nao_camera
@@ -25,6 +25,7 @@ Camera: TypeAlias = OmniCamera | PinholeCamera
 
 # a head's pictures, small enough to process in time
 _HEAD_SIZE_PX = (208, 160)
+_FISHEYE_SIZE_PX = (200, 152)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +59,14 @@ class MatchSetup:
         On every robot.
     robot : RobotKind
         Every robot.
+    rig : Rig or None
+        All cameras of every robot where each has several, `camera` being the first.
     """
 
     players: int
     camera: Camera
     robot: RobotKind
+    rig: Rig | None = None
 
 
 def _held(camera: PinholeCamera, tilt_deg: float) -> PinholeCamera:
@@ -73,15 +77,53 @@ def _built_in(name: str) -> Camera:
     return load_camera(Path(str(files("field_models"))) / "cameras" / f"{name}.toml")
 
 
-CAMERAS: dict[str, Callable[[], Camera]] = {
+def _msl_fisheyes() -> Rig:
+    """Return four fisheyes of a middle-size robot, ahead, to the left, behind and to the right, in small pictures."""
+    width, height = _FISHEYE_SIZE_PX
+    ahead = FisheyeCamera(
+        (width, height),
+        (0.3 * width, 0.3 * width),
+        ((width - 1) / 2, (height - 1) / 2),
+        0.55,
+        projection="equidistant",
+        tilt_rad=-0.5,
+        roll_rad=0.0,
+        roll_std_rad=math.radians(0.5),
+    )
+    cameras = tuple(
+        replace(ahead, pan_rad=pan_rad, offset_m=(0.15 * math.cos(pan_rad), 0.15 * math.sin(pan_rad)))
+        for pan_rad in (0.0, math.pi / 2, math.pi, -math.pi / 2)
+    )
+    return Rig(cameras, names=("ahead", "left", "behind", "right"))
+
+
+def _kid_fisheye() -> FisheyeCamera:
+    """Return the fisheye in the head of a humanoid of a child's size."""
+    width, height = _FISHEYE_SIZE_PX
+    return FisheyeCamera(
+        (width, height),
+        (0.4 * width, 0.4 * width),
+        ((width - 1) / 2, (height - 1) / 2),
+        0.55,
+        projection="equidistant",
+        pan_rad=0.0,
+        tilt_rad=math.radians(-25.0),
+        roll_rad=0.0,
+        roll_std_rad=math.radians(1.5),
+    )
+
+
+CAMERAS: dict[str, Callable[[], Camera | Rig]] = {
     "sekimori": sekimori_camera,
     "ers7": lambda: _held(ers7_camera(*_HEAD_SIZE_PX), -12.0),
     "nao": lambda: _held(nao_camera(*_HEAD_SIZE_PX), -20.0),
     "kid_head": lambda: _held(replace(nao_camera(*_HEAD_SIZE_PX), height_m=0.55), -20.0),
+    "kid_fisheye": _kid_fisheye,
     "adult_head": lambda: _held(replace(nao_camera(*_HEAD_SIZE_PX), height_m=1.2), -25.0),
     "ssl_forward": partial(_built_in, "ssl_forward"),
     "ssl_mirror": partial(_built_in, "ssl_mirror"),
     "msl_mirror": partial(_built_in, "msl_mirror"),
+    "msl_fisheyes": _msl_fisheyes,
 }
 
 ROBOTS: dict[str, RobotKind] = {
@@ -187,7 +229,7 @@ def setup_for(
     field: Field,
     *,
     players: int | None = None,
-    camera: str | Camera | None = None,
+    camera: str | Camera | Rig | None = None,
     robot: str | RobotKind | None = None,
     limits: RobotLimits | None = None,
 ) -> MatchSetup:
@@ -200,8 +242,8 @@ def setup_for(
         `ssl_2001`.
     players : int, optional
         Per side; default: as the field's league.
-    camera : OmniCamera, PinholeCamera or str, optional
-        On every robot: a camera, a name of `CAMERAS`, ``sekimori:WIDTHxHEIGHT`` or a camera file.
+    camera : OmniCamera, PinholeCamera, Rig or str, optional
+        On every robot: a camera or several, a name of `CAMERAS`, ``sekimori:WIDTHxHEIGHT``, a camera or rig file.
     robot : RobotKind or str, optional
         Every robot: a kind, or a name of `ROBOTS`.
     limits : RobotLimits, optional
@@ -223,10 +265,13 @@ def setup_for(
     carried = usual[1] if camera is None else camera
     kind = usual[2] if robot is None else robot
     robots = _robot_named(kind) if isinstance(kind, str) else kind
+    cameras = _camera_named(carried) if isinstance(carried, str) else carried
+    rig = cameras if isinstance(cameras, Rig) else None
     setup = MatchSetup(
         count,
-        _camera_named(carried) if isinstance(carried, str) else carried,
+        cameras.cameras[0] if isinstance(cameras, Rig) else cameras,
         robots if limits is None else replace(robots, limits=limits),
+        rig,
     )
     check_setup(field, setup)
     return setup
@@ -259,14 +304,14 @@ def check_setup(field: Field, setup: MatchSetup) -> None:
         raise ArgumentError(f"'{field.name}' has neither lines nor walls: no player can know where it is")
 
 
-def _camera_named(name: str) -> Camera:
+def _camera_named(name: str) -> Camera | Rig:
     if name in CAMERAS:
         return CAMERAS[name]()
     if name.startswith("sekimori:"):
         return camera_by_name(name)
     if not name.endswith(".toml"):
-        raise ArgumentError(f"there is no camera '{name}': give a camera file (.toml), or {', '.join(CAMERAS)}")
-    return load_camera(name)
+        raise ArgumentError(f"there is no camera '{name}': give a camera or rig file (.toml), or {', '.join(CAMERAS)}")
+    return load_camera_or_rig(name)
 
 
 def _robot_named(name: str) -> RobotKind:

@@ -84,8 +84,8 @@ class BuiltInPlayer:
         self._setup, self._settings = setup, settings
         field, limits, camera = setup.field, setup.limits, setup.camera
         self._head: Head | None = None
-        self._sees_ahead_only = isinstance(camera, PinholeCamera)
-        if isinstance(camera, PinholeCamera) and limits.pan_limit_rad > 0:
+        self._sees_ahead_only = setup.sees_ahead_only
+        if self._sees_ahead_only and isinstance(camera, PinholeCamera) and limits.pan_limit_rad > 0:
             self._head = Head(
                 field, limits, camera, plans=plans, asks=asks, looks_again=plans and looks_again, settings=settings.head
             )
@@ -101,7 +101,7 @@ class BuiltInPlayer:
         self._start = kick_off_pose(field, setup.attacks, setup.number, setup.players, limits.radius_m)
         self._filter.expect(self._start)
         self._straight: StraightFrames | None = None
-        if isinstance(camera, PinholeCamera) and camera.readout_s:
+        if self._sees_ahead_only and isinstance(camera, PinholeCamera) and camera.readout_s:
             self._straight = StraightFrames(camera, self._filter)
         self._tactics = parts.tactics(setup, settings)
         self._driving = parts.driving(setup, settings)
@@ -225,11 +225,13 @@ class BuiltInPlayer:
         if self._straight is not None:
             frame = self._straight.straighten(frame, frame_t_s, 0.0 if self._head is None else self._head.pan_rad)
         hypotheses = self._filter.hypotheses
-        view = self._localizer.look(frame, frame_t_s, pan_rad=None if self._head is None else self._head.pan_rad)
+        pan_rad = None if self._head is None else self._head.pan_rad
+        shown = frame if senses.rig_frames is None else senses.rig_frames
+        view = self._localizer.look(shown, frame_t_s, pan_rad=pan_rad)
         if self._head is not None:
             self._head.observe(view, hypotheses)
         self._view = view
-        if view.polar is None or not view.marks.any():
+        if not any(one.polar is not None and one.marks.any() for one in view.views):
             return
         motion = self._filter.motion_since(frame_t_s)
         before = self._filter.motion_since(self._view_t_s)

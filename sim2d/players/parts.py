@@ -56,7 +56,9 @@ class LocalizerPart(Protocol):
         """What calibrates its camera meanwhile; a player's status tells the state of an `OnlineCalibration`."""
         ...
 
-    def look(self, frame: UInt8Array, t_s: float, *, pan_rad: float | None = None) -> View:
+    def look(
+        self, frame: UInt8Array | Sequence[UInt8Array | None], t_s: float, *, pan_rad: float | None = None
+    ) -> View:
         """Return what a frame shows."""
         ...
 
@@ -142,6 +144,8 @@ def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool
         noise = settings.legs_odometry if setup.has_legs else settings.wheels_odometry
         of_memory = replace(of_memory, odometry=noise)
     memory = Memory.of_everything(setup.field, of_memory) if remembers else Memory(setup.field, settings=of_memory)
+    if setup.rig is not None:
+        return Vision(setup.field, setup.rig, memory=memory)
     calibrates = setup.camera_is_rough and settings.calibrates
     online = OnlineCalibration(setup.field, setup.camera) if calibrates else None
     return Vision(setup.field, setup.camera, memory=memory, online=online)
@@ -178,8 +182,7 @@ def make_tactics(setup: PlayerSetup, settings: PlayerSettings) -> TacticsPart:
 def make_driving(setup: PlayerSetup, settings: PlayerSettings) -> DrivingPart:
     """Return the built-in driving."""
     rng = np.random.default_rng(setup.seed)
-    sees_ahead_only = isinstance(setup.camera, PinholeCamera)
-    return Motion(setup.limits, rng, settings.motion, sees_ahead_only=sees_ahead_only)
+    return Motion(setup.limits, rng, settings.motion, sees_ahead_only=setup.sees_ahead_only)
 
 
 @dataclass(frozen=True, slots=True)

@@ -175,7 +175,7 @@ class MatchPictures:
         if frame is not None:
             picture = np.asarray(cv2.GaussianBlur(frame, (0, 0), _SMOOTHING_PX), dtype=np.uint8)
             if view is not None and view.t_s == robot.senses.frame_t_s:
-                draw_layers(view, picture, self._vision)
+                draw_layers(view.views[0], picture, self._vision)
         if picture is not None:
             size = (self._panel_width, self._view_height)
             panel[_LINE_HEIGHT:] = cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR)

@@ -135,7 +135,7 @@ class FaultySenses:
         self._rng = rng
         self._longest_delay_s = max((f.amount for f in self._faults if f.kind == "delayed"), default=0.0)
         self._exposed: deque[Senses] = deque()
-        self._last_good: UInt8Array | None = None
+        self._last_good: tuple[UInt8Array, tuple[UInt8Array | None, ...] | None] | None = None
         self._handed_on_s = -math.inf
 
     def apply(self, senses: Senses) -> Senses:
@@ -151,18 +151,20 @@ class FaultySenses:
         if "frozen" in on:
             # the picture is old; its time and the pan are not
             came = self._last_good is not None
+            frame, rig_frames = (None, None) if self._last_good is None else self._last_good
             senses = replace(
                 senses,
-                frame=self._last_good,
+                frame=frame,
+                rig_frames=rig_frames,
                 frame_t_s=senses.t_s if came else None,
                 frame_pan_rad=pan_now_rad if came else None,
             )
         elif senses.frame is not None:
-            self._last_good = senses.frame
+            self._last_good = senses.frame, senses.rig_frames
         if "black" in on and senses.frame is not None:
-            black = np.zeros_like(senses.frame)
-            black.flags.writeable = False
-            senses = replace(senses, frame=black)
+            black = _black(senses.frame)
+            rig_black = None if senses.rig_frames is None else tuple(map(_black, senses.rig_frames))
+            senses = replace(senses, frame=black, rig_frames=rig_black)
         if "dropped" in on and self._rng.random() < on["dropped"]:
             senses = _without_frame(senses)
         return senses
@@ -179,11 +181,25 @@ class FaultySenses:
         if newest is None:
             return _without_frame(senses)
         self._handed_on_s = _exposed_s(newest)
-        return replace(senses, frame=newest.frame, frame_t_s=newest.frame_t_s, frame_pan_rad=newest.frame_pan_rad)
+        return replace(
+            senses,
+            frame=newest.frame,
+            frame_t_s=newest.frame_t_s,
+            frame_pan_rad=newest.frame_pan_rad,
+            rig_frames=newest.rig_frames,
+        )
+
+
+def _black(frame: UInt8Array | None) -> UInt8Array | None:
+    if frame is None:
+        return None
+    black = np.zeros_like(frame)
+    black.flags.writeable = False
+    return black
 
 
 def _without_frame(senses: Senses) -> Senses:
-    return replace(senses, frame=None, frame_t_s=None, frame_pan_rad=None)
+    return replace(senses, frame=None, frame_t_s=None, frame_pan_rad=None, rig_frames=None)
 
 
 def _exposed_s(senses: Senses) -> float:

@@ -68,5 +68,11 @@ class LateFrames:
         while self._waiting and self._waiting[0][0] <= senses.t_s + _TIME_SLACK_S:
             newest = self._waiting.popleft()[1]
         if newest is None:
-            return replace(senses, frame=None, frame_t_s=None, frame_pan_rad=None)
-        return replace(senses, frame=newest.frame, frame_t_s=newest.frame_t_s, frame_pan_rad=newest.frame_pan_rad)
+            return replace(senses, frame=None, frame_t_s=None, frame_pan_rad=None, rig_frames=None)
+        return replace(
+            senses,
+            frame=newest.frame,
+            frame_t_s=newest.frame_t_s,
+            frame_pan_rad=newest.frame_pan_rad,
+            rig_frames=newest.rig_frames,
+        )

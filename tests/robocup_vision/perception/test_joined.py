@@ -83,7 +83,14 @@ def test_a_ball_that_two_cameras_show_is_one():
     (one,) = join_balls([[ball(1.0, 0.0, 9.0)], [ball(1.06, 0.02, 12.0)]])
     assert one.log_likelihood_ratio == 12.0
     assert (one.x_m, one.y_m) == (pytest.approx(1.03), pytest.approx(0.01))
-    assert one.covariance[0, 0] == pytest.approx(0.05**2 / 2)
+    assert one.covariance[0, 0] == pytest.approx(0.05**2 / 2, rel=0.02)
+
+
+def test_balls_whose_error_lies_along_the_ray_alone_are_joined():
+    ray = np.array([1.0, 0.0])
+    one = Ball(1.0, 0.0, 0.01 * np.outer(ray, ray), 10.0, 20.0, 9.0)
+    (both,) = join_balls([[one], [Ball(1.05, 0.0, 0.01 * np.outer(ray, ray), 10.0, 20.0, 8.0)]])
+    assert both.x_m == pytest.approx(1.025)
 
 
 def test_balls_apart_and_two_of_one_camera_stay_two_the_likeliest_first():

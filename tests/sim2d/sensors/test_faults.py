@@ -1,6 +1,7 @@
 """Faults spoil what they say, when they say it, and the built-in player gets over each of them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,24 @@ def spoil(*faults, count=60):
 
 def brightness(sensed):
     return [None if one.frame is None else int(one.frame[0, 0, 0]) for one in sensed]
+
+
+def test_faults_spoil_the_frames_of_all_cameras():
+    def with_rig(index):
+        one = senses(index)
+        return replace(one, rig_frames=(one.frame, None, one.frame + 1))
+
+    def spoilt(kind):
+        faulty = FaultySenses([SenseFault(0, kind, 0.5, amount=1.0)], np.random.default_rng(3))
+        return [faulty.apply(with_rig(index)) for index in range(30)]
+
+    black, frozen, dropped = spoilt("black")[-1], spoilt("frozen")[-1], spoilt("dropped")[-1]
+    assert not black.rig_frames[0].any()
+    assert black.rig_frames[1] is None
+    assert not black.rig_frames[2].any()
+    # the last that came before half a second
+    assert int(frozen.rig_frames[2][0, 0, 0]) == int(frozen.frame[0, 0, 0]) + 1 < 20
+    assert dropped.rig_frames is None
 
 
 def test_no_fault_changes_nothing():
