@@ -83,7 +83,7 @@ def test_another_camera_and_other_robots_may_be_named(tmp_path):
         ({"players": 0}, "players must be at least 1, got 0"),
         ({"players": 40}, "40 robots of 0.09 m radius have no room side by side on 'ssl_2001'"),
         ({"robot": "middle_size", "players": 4}, "4 robots of 0.25 m radius have no room"),
-        ({"camera": "eyes"}, "there is no camera 'eyes': give a camera file"),
+        ({"camera": "eyes"}, "there is no camera 'eyes': give a camera or rig file"),
         ({"robot": "flying"}, "there are no robots 'flying', only small"),
     ],
 )
