@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Generic, TypeVar, overload
@@ -20,6 +21,8 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.joined import join_obstacles, move_obstacle
+from robocup_vision.perception.markings.finder import MarkingSource
+from robocup_vision.perception.markings.marking import Markings
 from robocup_vision.perception.obstacles import Obstacle, ObstacleFinder
 from robocup_vision.perception.polar_view import PolarView
 
@@ -91,6 +94,8 @@ class View:
     warnings : tuple of str
         What seems to be wrong with the set-up: red and blue swapped, told once, and odometry up to this frame that no
         robot can do. Empty in almost every view.
+    marking_source : MarkingSource or None
+        What `markings` are found by; None: there are none.
     """
 
     pose: PoseEstimate | NotLocated
@@ -109,6 +114,7 @@ class View:
     edge_points: WhenAsked[EdgePoints] = WhenAsked()
     obstacle_finder: ObstacleFinder | None = None
     warnings: tuple[str, ...] = ()
+    marking_source: MarkingSource | None = None
 
     def __post_init__(self) -> None:
         for array in (self.boundary_radius_px, self.marks, self.wall_radius_px, self.free_space.range_m):
@@ -141,6 +147,29 @@ class View:
         if self.polar is None or self.obstacle_finder is None or not (self.marks.size and self.marks.max()):
             return ()
         return self.obstacle_finder.find(self.polar, self.marks, self.pose, self.boundary_radius_px)
+
+    @cached_property
+    def markings(self) -> Markings:
+        """Line segments, crossings, circles and goal posts, robot frame, each with its covariance.
+
+        Measured by this frame alone; a located pose only says what of the field each is. Worked out when asked, from
+        the frame itself: ask before its array is written to again. Empty where the camera's tilt is not known.
+
+        Raises
+        ------
+        FrameError
+            If the frame's array has been written to since it was looked at.
+        """
+        return Markings() if self.marking_source is None else self.marking_source.find(self.pose)
+
+    def of_frame(self, frame: UInt8Array) -> View:
+        """Return the view for whoever keeps its frame in an array of their own: (H, W, 3) uint8, BGR."""
+        source = self.marking_source
+        if source is None or frame is source.frame:
+            return self
+        other = copy(self)
+        vars(other)["marking_source"] = MarkingSource.of(source.finder, frame, source.camera)
+        return other
 
     @cached_property
     def boundary_px(self) -> FloatArray:
@@ -188,3 +217,14 @@ class RigView(View):
             for view, motion in zip(self.views, self.motions, strict=True)
         ]
         return join_obstacles(seen, self.robot_radius_m)
+
+    @cached_property
+    def markings(self) -> Markings:
+        """See `View.markings`: those of all cameras, each by its own frame; what two of them show is there twice."""
+        seen = [view.markings.moved(motion) for view, motion in zip(self.views, self.motions, strict=True)]
+        return Markings(
+            tuple(one for markings in seen for one in markings.segments),
+            tuple(one for markings in seen for one in markings.crossings),
+            tuple(one for markings in seen for one in markings.circles),
+            tuple(one for markings in seen for one in markings.posts),
+        )

@@ -27,6 +27,7 @@ from robocup_vision.perception.color_memory import ColorMemory
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FREE_RATIO, FreeSpace
+from robocup_vision.perception.markings.finder import MarkingFinder
 from robocup_vision.perception.obstacles import ObstacleFinder
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.pipeline.channel_order import ChannelOrder
@@ -134,6 +135,7 @@ class FramePipeline:
             if mask.shape != (height, width) or mask.dtype != np.uint8:
                 raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
         self._mask, self._options = mask, replace(options, mask=mask)
+        self._marking_finder = MarkingFinder(field, mask)
         self._keep = None if mask is None else (mask == 0).astype(np.uint8)
         self._color_memory = ColorMemory(field, options.colors, strongest_cast)
         self._last_pose: Pose2 | None = None

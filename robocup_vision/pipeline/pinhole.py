@@ -37,6 +37,7 @@ from robocup_vision.perception.balls.patterned import PatternedBallFinder
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
+from robocup_vision.perception.markings.finder import MarkingSource
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
 from robocup_vision.pipeline.held_floors import HeldFloor, HeldFloors
 from robocup_vision.view import View
@@ -193,11 +194,11 @@ class PinholePipeline(FramePipeline):
         made = self._floors.about(camera) if camera.known_orientation else None
         if pose and not camera.known_orientation:
             made = self._floors.about(_as_held(answer.camera))
+        # as the pose tells that the body holds it in this frame
+        held = _as_held(answer.camera) if pose else camera
         if made is None:
             self._floor = None
         else:
-            # as the pose tells that the body holds it in this frame
-            held = _as_held(answer.camera) if pose else camera
             self._floor = made.held(held, answer.sway_std_rad if pose else None)
         floor = self._floor
         if floor is None:
@@ -241,6 +242,7 @@ class PinholePipeline(FramePipeline):
             edge_points=answer.edge_points,
             obstacle_finder=self._obstacle_finder,
             warnings=self._warnings(told),
+            marking_source=MarkingSource.of(self._marking_finder, frame, _with_sway(held, floor.sway_std_rad)),
         )
 
     def _judge_channels(
@@ -396,3 +398,10 @@ def _evidence(frame: UInt8Array, camera: PinholeCamera, t_s: float | None) -> Fr
 def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:
     assert isinstance(camera, PinholeCamera)
     return camera
+
+
+def _with_sway(camera: PinholeCamera, sway_std_rad: tuple[float, float] | None) -> PinholeCamera:
+    """Return a camera whose tilt and roll are known as well as the frame told them."""
+    if sway_std_rad is None:
+        return camera
+    return camera.held(Mounting(tilt_std_rad=sway_std_rad[0], roll_std_rad=sway_std_rad[1]))

@@ -13,11 +13,15 @@ from typing import Any
 import numpy as np
 
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.mounting import MOUNTING_NAMES, Mounting
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.live.handover.moment import Moment
+from robocup_vision.perception.markings.finder import MarkingSource
 from robocup_vision.view import View
 
 # parts of a view, and then of a moment, that are sent when they are another object than the time before
-_SELDOM = ("polar", "grid", "camera", "colors", "settings", "map_state")
+_SELDOM = ("polar", "grid", "camera", "colors", "settings", "map_state", "marking_finder")
 _VIEW_FIELDS = tuple(field.name for field in fields(View))
 _NO_FRAME = np.empty((0, 0, 3), dtype=np.uint8)
 
@@ -38,6 +42,10 @@ class MomentWriter:
             told = {name: getattr(view, name) for name in _VIEW_FIELDS}
             now |= {name: told.pop(name) for name in ("polar", "grid", "camera")}
             told["timings_s"] = dict(view.timings_s)
+            # its frame comes apart from it, and its camera is the view's, held as the frame says
+            source = told.pop("marking_source")
+            now["marking_finder"] = None if source is None else source.finder
+            told["mounting"] = None if source is None else _mounting(source.camera)
             belief = view.belief
             if belief is not None and belief.free_map is not None:
                 now["map_state"] = belief.free_map.state
@@ -66,5 +74,14 @@ class MomentReader:
             belief = told["belief"]
             if belief is not None and belief.free_map is not None:
                 told["belief"] = replace(belief, free_map=replace(belief.free_map, state=known["map_state"]))
-            view = View(**told, polar=known["polar"], grid=known["grid"], camera=known["camera"])
+            finder, camera, mounting, source = known["marking_finder"], known["camera"], told.pop("mounting"), None
+            if finder is not None:
+                source = MarkingSource.of(finder, frame, camera if mounting is None else camera.held(mounting))
+            view = View(**told, polar=known["polar"], grid=known["grid"], camera=camera, marking_source=source)
         return Moment(robot, frame, t_s, view, problem, known["colors"], plan, truth, rate_hz, known["settings"], world)
+
+
+def _mounting(camera: OmniCamera | PinholeCamera) -> Mounting | None:
+    if isinstance(camera, OmniCamera):
+        return None
+    return Mounting(**{name: getattr(camera, name) for name in MOUNTING_NAMES})

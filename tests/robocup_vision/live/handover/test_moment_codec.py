@@ -18,7 +18,9 @@ def test_a_moment_is_described_alike_on_both_sides(setup, remembered):
     got = reader.read(data, remembered.frame)
     assert describe(got, layers) == describe(remembered, layers)
     assert np.array_equal(got.view.belief.free_map.state, remembered.view.belief.free_map.state)
-    assert set(changed) == {"polar", "grid", "camera", "colors", "map_state"}
+    assert set(changed) == {"polar", "grid", "camera", "colors", "map_state", "marking_finder"}
+    there, here = ([one.start_m for one in view.markings.segments] for view in (got.view, remembered.view))
+    assert there == here != []
 
 
 def test_where_everything_is_in_a_simulation_passes(remembered):

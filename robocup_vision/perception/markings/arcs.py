@@ -1,0 +1,201 @@
+"""Circles and arcs of the field's radii in one frame's line points, on the floor, without a pose."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
+from robocup_vision.perception.line_points import LinePoints
+from robocup_vision.perception.markings.floor_errors import FloorErrors
+from robocup_vision.perception.markings.line_pieces import LinePieces
+from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.straight import fit_line, is_bare, scale_m
+
+# how the camera is held is tried at so many standard deviations from what it says
+_SWAYS = (-1.3, 0.0, 1.3)
+_FIT_STEPS = 8
+# an arc's extent is counted in so many parts of a turn
+_PARTS = 36
+# so many pieces, evenly among all, propose a centre on either side
+_MAX_VOTERS = 60
+# a proposal gathers points within so many gates
+_WIDE = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arc:
+    """An arc of a circle.
+
+    Parameters
+    ----------
+    center_m : (2,) float64
+        Robot frame.
+    covariance : (2, 2) float64
+        Of its centre, with the errors of how the camera is held.
+    held : (K,) float64
+        These errors as they fit, standard deviations.
+    cost_nats : float
+        Half the sum of the points' squared errors, in standard deviations of samples.
+    noise_px : float
+        Of the points.
+    radius_m : float
+        Of the field's circle.
+    points : (P,) int64
+        Which of the line points lie on it.
+    """
+
+    center_m: FloatArray
+    covariance: FloatArray
+    held: FloatArray
+    cost_nats: float
+    noise_px: float
+    radius_m: float
+    points: Int64Array
+
+
+def find_arcs(
+    points: LinePoints,
+    pieces: LinePieces,
+    errors: FloorErrors,
+    line_width_m: float,
+    radii_m: FloatArray,
+    free: BoolArray,
+    settings: MarkingSettings,
+) -> list[Arc]:
+    """Return the arcs of these radii, the one with most points first.
+
+    Arguments are as those of `find_straight`; `free` (N,) are the points, and `pieces` those, that lie on no straight
+    line.
+    """
+    slack_m = settings.slack_widths * line_width_m
+    shifts = errors.shifts_m(points.pixels) if len(radii_m) else np.empty((0, 2, 0))
+    piece_shifts = errors.shifts_m(pieces.pixels)
+    free = free.copy()
+    found: list[Arc] = []
+    # no more than the field has
+    for radius, most in zip(*(part.tolist() for part in np.unique(radii_m, return_counts=True)), strict=True):
+        for _ in range(most):
+            start = _propose(pieces, piece_shifts, radius, slack_m, settings)
+            if start is None:
+                break
+            arc = _fit(points, shifts, free, *start, radius, slack_m, settings)
+            if arc is None or _shows_carpet(points, errors, arc, settings) or _may_be_straight(points, arc, settings):
+                break
+            found.append(arc)
+            free[arc.points] = False
+            taken = np.abs(np.hypot(*(pieces.floor_m - arc.center_m).T) - radius) < 0.3 * radius
+            pieces, piece_shifts = pieces.take(~taken), piece_shifts[~taken]
+    return sorted(found, key=lambda one: -len(one.points))
+
+
+def _propose(
+    pieces: LinePieces, shifts: FloatArray, radius_m: float, slack_m: float, settings: MarkingSettings
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the centre (2,) and the errors of the camera (K,) that most pieces agree with; None: too few do."""
+    if len(pieces) < 4:
+        return None
+    errors = shifts.shape[-1]
+    best, best_score = None, float(settings.min_points)
+    a, b, c, d = pieces.floor_per_px.reshape(-1, 4).T
+    way_x, way_y = (
+        a * pieces.along_px[:, 0] + b * pieces.along_px[:, 1],
+        c * pieces.along_px[:, 0] + d * pieces.along_px[:, 1],
+    )
+    length = np.maximum(np.hypot(way_x, way_y), 1e-12)
+    normal = np.stack([way_y / length, -way_x / length], axis=1)
+    voters = np.linspace(0, len(pieces) - 1, min(len(pieces), _MAX_VOTERS)).astype(np.int64)
+    for sway in _SWAYS if errors else (0.0,):
+        held = np.zeros(errors)
+        held[:1] = sway
+        floor = pieces.floor_m + shifts @ held
+        centers = np.vstack([floor[voters] + sign * radius_m * normal[voters] for sign in (1, -1)])
+        x, y = floor[:, 0] - centers[:, :1], floor[:, 1] - centers[:, 1:]
+        away = np.maximum(np.hypot(x, y), 1e-9)
+        x, y = x / away, y / away
+        near = np.abs(away - radius_m) <= _WIDE * settings.gate_px * pieces.across_m_per_px(x, y) + slack_m
+        near &= pieces.is_along(-y, x, settings.direction_rad)
+        score = near @ pieces.weight
+        at = int(np.argmax(score))
+        if score[at] > best_score:
+            best, best_score = (centers[at], held), float(score[at])
+    return best
+
+
+def _fit(
+    points: LinePoints,
+    shifts: FloatArray,
+    free: BoolArray,
+    center_m: FloatArray,
+    held: FloatArray,
+    radius_m: float,
+    slack_m: float,
+    settings: MarkingSettings,
+) -> Arc | None:
+    """Fit centre and camera together; None where too little of the circle is seen."""
+    left = np.flatnonzero(free)
+    (a, b, c, d), own = points.floor_per_px.reshape(-1, 4)[left].T, points.weight[left]
+    state = np.concatenate([center_m, held])
+    prior = np.diag(np.concatenate([np.zeros(2), np.ones(len(held))]))
+    gate = _WIDE * settings.gate_px
+    for _ in range(_FIT_STEPS):
+        off = points.floor_m[left] + shifts[left] @ state[2:] - state[:2]
+        away = np.maximum(np.hypot(*off.T), 1e-9)
+        outward = off / away[:, None]
+        scale = np.hypot(a * outward[:, 0] + c * outward[:, 1], b * outward[:, 0] + d * outward[:, 1])
+        near = np.abs(away - radius_m) <= gate * scale + slack_m
+        if np.count_nonzero(near) < settings.min_points:
+            return None
+        rows = np.concatenate([-outward, np.einsum("ni,nik->nk", outward, shifts[left])], axis=1)[near]
+        residual_px = (away - radius_m)[near] / scale[near]
+        rows /= scale[near, None]
+        noise_px = max(settings.noise_px, math.sqrt(float(own[near] @ residual_px**2 / own[near].sum())))
+        weight = own[near] / (settings.points_per_sample * noise_px**2)
+        information = (rows.T * weight) @ rows + prior
+        change = np.linalg.solve(
+            information + 1e-9 * np.eye(len(state)), (rows.T * weight) @ residual_px + prior @ state
+        )
+        state = state - change
+        gate = max(settings.gate_px, 0.7 * gate)
+    if (np.abs(state[2:]) > settings.gate_sigmas).any():
+        return None
+    turn = np.arctan2(outward[near, 1], outward[near, 0])
+    parts = np.unique((turn / math.tau * _PARTS).astype(np.int64) % _PARTS)
+    if len(parts) * math.tau / _PARTS < settings.min_arc_rad:
+        return None
+    covariance = np.linalg.inv(information + 1e-9 * np.eye(len(state)))[:2, :2]
+    # what bends a line moves a circle's centre
+    covariance += np.eye(2) * ((settings.bias_px * float(np.median(scale[near]))) ** 2 + (slack_m / 2) ** 2)
+    cost = 0.5 * float(weight @ residual_px**2)
+    return Arc(state[:2], covariance, state[2:], cost, noise_px, radius_m, left[near])
+
+
+def _shows_carpet(points: LinePoints, errors: FloorErrors, arc: Arc, settings: MarkingSettings) -> bool:
+    """Whether bare carpet is seen on much of the circle as far as it is in view."""
+    turn = np.linspace(0.0, math.tau, 2 * _PARTS, endpoint=False)
+    circle = arc.center_m + arc.radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    camera = errors.camera
+    # where a camera that is held so shows it
+    shifted = circle - errors.shifts_m(camera.floor_to_pixel(circle)) @ arc.held
+    bare = np.count_nonzero(is_bare(points, camera.floor_to_pixel(shifted)))
+    turn = np.arctan2(*(points.floor_m[arc.points] - arc.center_m).T[::-1])
+    seen = len(np.unique((turn / math.tau * 2 * _PARTS).astype(np.int64) % (2 * _PARTS)))
+    return bool(bare > settings.bare_share * seen)
+
+
+def _may_be_straight(points: LinePoints, arc: Arc, settings: MarkingSettings) -> bool:
+    """Whether a straight line is about as likely."""
+    angle, distance, _, _ = fit_line(points, arc.points, _angle_of(points.floor_m[arc.points]), settings)
+    normal = np.array([math.cos(angle), math.sin(angle)])
+    residual_px = (points.floor_m[arc.points] @ normal - distance) / scale_m(points, arc.points, normal)
+    variance = settings.points_per_sample * arc.noise_px**2
+    cost = 0.5 * float(points.weight[arc.points] @ residual_px**2) / variance
+    return cost - arc.cost_nats < settings.straight_nats
+
+
+def _angle_of(floor_m: FloatArray) -> float:
+    """Return the direction of the normal of a line through some places."""
+    way = np.linalg.svd(floor_m - floor_m.mean(axis=0), full_matrices=False)[2][0]
+    return math.atan2(-way[0], way[1])

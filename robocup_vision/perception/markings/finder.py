@@ -1,0 +1,207 @@
+"""Finds a field's markings in a frame, with a pose or without."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.errors import FrameError
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.perception.line_points import LineFinder, LinePoints, LineSettings
+from robocup_vision.perception.markings.arcs import Arc, find_arcs
+from robocup_vision.perception.markings.crossings import LinePicture, find_crossings
+from robocup_vision.perception.markings.field_features import FieldFeatures
+from robocup_vision.perception.markings.floor_errors import FloorErrors
+from robocup_vision.perception.markings.line_pieces import gather_pieces
+from robocup_vision.perception.markings.marking import Circle, LineSegment, Markings
+from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.straight import Straight, find_straight
+
+# within these the width of a line in the picture is as good as the same
+_SAME_TILT_RAD, _SAME_LOG = math.radians(2.0), 0.02
+_FINGERPRINT_BYTES = 199
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkingSource:
+    """What the markings of one frame are found by, when somebody asks for them.
+
+    Parameters
+    ----------
+    finder : MarkingFinder
+        Of the camera.
+    frame : (H, W, 3) uint8
+        BGR.
+    camera : OmniCamera or PinholeCamera
+        As the frame, or else its file, says that it is held.
+    fingerprint : bytes
+        Of the frame as it was looked at.
+    """
+
+    finder: MarkingFinder
+    frame: UInt8Array
+    camera: OmniCamera | PinholeCamera
+    fingerprint: bytes
+
+    @classmethod
+    def of(cls, finder: MarkingFinder, frame: UInt8Array, camera: OmniCamera | PinholeCamera) -> MarkingSource:
+        """Return the source of a frame that is looked at now."""
+        return cls(finder, frame, camera, _fingerprint(frame))
+
+    def find(self, pose: PoseEstimate | NotLocated) -> Markings:
+        """Return the markings, with what of the field they are by a pose.
+
+        Raises
+        ------
+        FrameError
+            If the frame's array has been written to since it was looked at.
+        """
+        if _fingerprint(self.frame) != self.fingerprint:
+            raise FrameError(
+                "the frame has been written to since it was looked at: ask for the view's markings before, or hand look"
+                " a copy"
+            )
+        return self.finder.find(self.frame, self.camera, pose)
+
+
+def _fingerprint(frame: UInt8Array) -> bytes:
+    """Return some pixels of a frame, spread over all of it: noise alone changes them from frame to frame."""
+    flat = frame.reshape(-1)
+    return flat[:: max(len(flat) // _FINGERPRINT_BYTES, 1)].tobytes()
+
+
+class MarkingFinder:
+    """Finds markings frame after frame of one camera.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    settings : MarkingSettings, optional
+        How they are found.
+    """
+
+    def __init__(
+        self, field: Field, mask: UInt8Array | None = None, settings: MarkingSettings = MarkingSettings()
+    ) -> None:
+        self.field, self.settings, self._mask = field, settings, mask
+        self._radii_m = np.round(field.arcs[:, 2], 6)
+        self._reach_m = settings.max_range_ratio * math.hypot(field.length_m, field.width_m)
+        self._features = FieldFeatures(field, settings.gate_sigmas)
+        self._finder: LineFinder | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        # its tables are large, and soon made anew
+        return {**vars(self), "_finder": None}
+
+    def find(
+        self,
+        frame: UInt8Array,
+        camera: OmniCamera | PinholeCamera,
+        pose: PoseEstimate | NotLocated = NotLocated("none is told"),
+    ) -> Markings:
+        """Return the markings that a frame shows.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        camera : OmniCamera or PinholeCamera
+            That took it, of known tilt.
+        pose : PoseEstimate or NotLocated
+            The robot on the field: says what of the field the markings are.
+        """
+        markings = self._find(frame, camera)
+        return self._features.name(markings, pose) if isinstance(pose, PoseEstimate) else markings
+
+    def _find(self, frame: UInt8Array, camera: OmniCamera | PinholeCamera) -> Markings:
+        settings, field = self.settings, self.field
+        errors = FloorErrors(camera, settings.sway_std_rad, settings.mirror_std_rad)
+        points = self._points(frame, errors)
+        if len(points) < settings.min_points:
+            return Markings()
+        pieces = gather_pieces(points)
+        width_m, radii_m = field.line_width_m, self._radii_m
+        lines, left, left_pieces = find_straight(points, pieces, camera, width_m, np.unique(radii_m), settings)
+        arcs = find_arcs(points, pieces.take(left_pieces), errors, width_m, radii_m, left, settings)
+        picture = LinePicture.of(points, camera.size_px)
+        segments = [_segment(line, errors) for line in lines]
+        most_m = settings.max_std_m
+        return Markings(
+            tuple(one for one in segments if std_at_middle_m(one) <= most_m),
+            tuple(find_crossings(lines, picture, errors, field.line_width_m, settings)),
+            tuple(_circle(arc) for arc in arcs),
+        )
+
+    def _points(self, frame: UInt8Array, errors: FloorErrors) -> LinePoints:
+        finder, camera = self._finder, errors.camera
+        if finder is None or not _looks_alike(finder.camera, camera):
+            across = camera.size_px[0] // self.settings.cells_across
+            bits = max(0, across.bit_length() - 1)
+            finder = LineFinder(camera, self.field.line_width_m, self._mask, LineSettings(cell_bits=bits))
+            self._finder = finder
+        found = finder.find(frame)
+        if finder.camera is not camera:
+            found = LinePoints.from_pixels(camera, found.pixels, found.weight, found.bare_floor)
+        near = np.hypot(*found.floor_m.T) <= self._reach_m
+        # what may be beyond the horizon has no place
+        near &= np.isfinite(errors.shifts_m(found.pixels)).all(axis=(1, 2))
+        return found.take(near)
+
+
+def _looks_alike(one: object, other: OmniCamera | PinholeCamera) -> bool:
+    """Whether lines look as wide to two cameras, wherever they are."""
+    if one is other:
+        return True
+    if not isinstance(one, PinholeCamera) or not isinstance(other, PinholeCamera):
+        return False
+    turned = abs((one.tilt_rad or 0.0) - (other.tilt_rad or 0.0)), abs((one.roll_rad or 0.0) - (other.roll_rad or 0.0))
+    heights = abs(math.log(one.height_m / other.height_m))
+    focal = abs(math.log(one.focal_px[0] / other.focal_px[0]))
+    return max(turned) <= _SAME_TILT_RAD and max(heights, focal) <= _SAME_LOG
+
+
+def _circle(arc: Arc) -> Circle:
+    x, y = arc.center_m.tolist()
+    return Circle(x, y, arc.covariance, arc.radius_m)
+
+
+def std_at_middle_m(segment: LineSegment) -> float:
+    """Return the standard deviation of a segment's place across it, at its middle, metres."""
+    middle = (np.array(segment.start_m) + segment.end_m) / 2
+    along = float(middle @ [-math.sin(segment.angle_rad), math.cos(segment.angle_rad)])
+    row = np.array([-along, 1.0])
+    return math.sqrt(max(float(row @ segment.covariance @ row), 0.0))
+
+
+def _segment(line: Straight, errors: FloorErrors) -> LineSegment:
+    """Return a stretch of line as it is told, with the errors of how the camera is held."""
+    low, high = line.ends_m
+    ends = line.at(np.array([low, high]))
+    shifts = errors.shifts_m(errors.camera.floor_to_pixel(ends))
+    off = np.einsum("i,eik->ek", line.normal, shifts)
+    # the line through the shifted ends
+    turn = -(off[1] - off[0]) / max(high - low, 1e-9)
+    middle_m = (low + high) / 2
+    common = np.stack([turn, off.mean(axis=0) + middle_m * turn])
+    covariance = line.covariance + common @ common.T
+    angle, distance = line.angle_rad, line.distance_m
+    start, end = ends
+    if distance < 0:
+        angle, distance, start, end = angle + math.pi, -distance, end, start
+        covariance = covariance * [[1, -1], [-1, 1]]
+    return LineSegment(
+        (float(start[0]), float(start[1])),
+        (float(end[0]), float(end[1])),
+        math.remainder(angle, math.tau),
+        distance,
+        covariance,
+    )

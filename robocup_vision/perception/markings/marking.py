@@ -1,0 +1,206 @@
+"""Markings of the field as one frame shows them, robot frame: what a team fuses into its own localisation.
+
+Each is measured by this frame. Where a pose is known, `feature_m` says which part of the field it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.geometry import Pose2, wrap_angle
+
+CrossingKind = Literal["L", "T", "X"]
+_STILL = Pose2(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineSegment:
+    """A stretch of a straight line.
+
+    The line is x cos(angle_rad) + y sin(angle_rad) = distance_m. Its ends need not be those of the field's line: a
+    stretch may leave the view, or something stands on the line.
+
+    Parameters
+    ----------
+    start_m, end_m : (float, float)
+        Its ends, robot frame, metres; the line's normal is to the right of the way from its start to its end.
+    angle_rad : float
+        Direction of the line's normal, away from the robot, robot frame.
+    distance_m : float
+        Of the line from the robot's centre, never negative.
+    covariance : (2, 2) float64
+        Of (angle_rad, distance_m), in rad and m.
+    feature_m : (float, float, float, float) or None
+        The field's line that it is part of, x0, y0, x1, y1, field frame; None: not known.
+    """
+
+    start_m: tuple[float, float]
+    end_m: tuple[float, float]
+    angle_rad: float
+    distance_m: float
+    covariance: FloatArray
+    feature_m: tuple[float, float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", read_only(self.covariance))
+
+    @property
+    def length_m(self) -> float:
+        """From its start to its end."""
+        return float(np.hypot(self.end_m[0] - self.start_m[0], self.end_m[1] - self.start_m[1]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Crossing:
+    """A place where two lines meet at right angles.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its place, robot frame.
+    covariance : (2, 2) float64
+        Of its place, square metres.
+    kind : {"L", "T", "X"} or None
+        A corner, a line's end on another line, or two lines that both go on; None: an arm is hidden, or leaves the
+        view, and no pose says which it is.
+    arms_rad : tuple of float
+        Directions of the arms that are seen, robot frame.
+    feature_m : (float, float) or None
+        The field's crossing that it is, field frame; None: not known.
+    """
+
+    x_m: float
+    y_m: float
+    covariance: FloatArray
+    kind: CrossingKind | None
+    arms_rad: tuple[float, ...]
+    feature_m: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", read_only(self.covariance))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Circle:
+    """The centre circle, or another arc of the field.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its centre, robot frame.
+    covariance : (2, 2) float64
+        Of its centre, square metres.
+    radius_m : float
+        Of the field's circle that fits.
+    feature_m : (float, float) or None
+        The centre of the field's circle that it is, field frame; None: not known.
+    """
+
+    x_m: float
+    y_m: float
+    covariance: FloatArray
+    radius_m: float
+    feature_m: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", read_only(self.covariance))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Post:
+    """A goal post.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its axis on the floor, robot frame.
+    covariance : (2, 2) float64
+        Of its place, square metres.
+    feature_m : (float, float) or None
+        The field's post that it is, field frame; None: not known.
+    """
+
+    x_m: float
+    y_m: float
+    covariance: FloatArray
+    feature_m: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", read_only(self.covariance))
+
+
+Spot = TypeVar("Spot", Crossing, Circle, Post)
+
+
+@dataclass(frozen=True, slots=True)
+class Markings:
+    """All markings of one frame, each kind from the one that is known best.
+
+    Parameters
+    ----------
+    segments, crossings, circles, posts : tuple
+        Those of each kind; empty where none is seen, or the camera's tilt is not known.
+    """
+
+    segments: tuple[LineSegment, ...] = ()
+    crossings: tuple[Crossing, ...] = ()
+    circles: tuple[Circle, ...] = ()
+    posts: tuple[Post, ...] = ()
+
+    def moved(self, robot: Pose2) -> Markings:
+        """Return the markings as a robot sees them that has moved to `robot`, given in its frame before."""
+        if robot == _STILL:
+            return self
+        motion = robot.inverse()
+        turn = np.array([[np.cos(motion.theta_rad), -np.sin(motion.theta_rad)]])
+        turn = np.vstack([turn, [-turn[0, 1], turn[0, 0]]])
+
+        def spot(one: Spot) -> Spot:
+            x, y = motion.transform((one.x_m, one.y_m)).tolist()
+            moved = replace(one, x_m=x, y_m=y, covariance=turn @ one.covariance @ turn.T)
+            if isinstance(moved, Crossing):
+                return replace(moved, arms_rad=tuple(wrap_angle(arm + motion.theta_rad) for arm in moved.arms_rad))
+            return moved
+
+        return Markings(
+            tuple(_moved(one, motion) for one in self.segments),
+            tuple(map(spot, self.crossings)),
+            tuple(map(spot, self.circles)),
+            tuple(map(spot, self.posts)),
+        )
+
+    def __bool__(self) -> bool:
+        return bool(self.segments or self.crossings or self.circles or self.posts)
+
+
+def _moved(segment: LineSegment, motion: Pose2) -> LineSegment:
+    (x0, y0), (x1, y1) = motion.transform(np.array([segment.start_m, segment.end_m])).tolist()
+    angle = segment.angle_rad + motion.theta_rad
+    normal = np.array([np.cos(angle), np.sin(angle)])
+    along = float(-normal[1] * motion.x_m + normal[0] * motion.y_m)
+    distance = segment.distance_m + float(normal @ (motion.x_m, motion.y_m))
+    # a turn of the line moves it where the robot is now
+    row = np.array([[1.0, 0.0], [along, 1.0]])
+    covariance = row @ segment.covariance @ row.T
+    if distance < 0.0:
+        sign = np.array([[1.0, -1.0], [-1.0, 1.0]])
+        return replace(
+            segment,
+            start_m=(x1, y1),
+            end_m=(x0, y0),
+            angle_rad=wrap_angle(angle + np.pi),
+            distance_m=-distance,
+            covariance=covariance * sign,
+        )
+    return replace(
+        segment,
+        start_m=(x0, y0),
+        end_m=(x1, y1),
+        angle_rad=wrap_angle(angle),
+        distance_m=distance,
+        covariance=covariance,
+    )

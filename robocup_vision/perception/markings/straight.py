@@ -1,0 +1,341 @@
+"""Straight stretches of line in one frame's line points, on the floor, without a pose.
+
+Every two pieces of line that lie along the way between them propose a line. Each proposal is scored once by all pieces;
+the best takes its points away, and the next best of the rest follows. Nothing is drawn at random.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
+from robocup_vision.perception.line_points import FloorCamera, LinePoints
+from robocup_vision.perception.markings.line_pieces import LinePieces
+from robocup_vision.perception.markings.settings import MarkingSettings
+
+# each piece proposes a line with one other about so far away in the picture
+_PAIRS_PX = (20.0, 60.0, 180.0)
+_MAX_LINES = 40
+_FIT_STEPS = 2
+# proposals that share so much of their pieces are the same
+_ALIKE_SHARE = 0.8
+# points within so many pixels along a line leave no gap in it
+_GAP_PX = 8.0
+_COVER_PX = 6.0
+
+
+def _axes(angle_rad: float) -> tuple[FloatArray, FloatArray]:
+    """Return the unit normal (2,) of a line and its direction (2,), to the left of the normal."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([c, s]), np.array([-s, c])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Straight:
+    """A straight stretch of line.
+
+    Parameters
+    ----------
+    angle_rad, distance_m : float
+        x cos(angle) + y sin(angle) = distance, robot frame.
+    middle_m : float
+        Mean place of its points along the line, from the foot of the robot's perpendicular, to the left of the normal.
+    ends_m : (float, float)
+        Its ends, likewise.
+    covariance : (2, 2) float64
+        Of angle and distance by the points' own errors.
+    points : (P,) int64
+        Which of the line points lie on it.
+    """
+
+    angle_rad: float
+    distance_m: float
+    middle_m: float
+    ends_m: tuple[float, float]
+    covariance: FloatArray
+    points: Int64Array
+
+    @property
+    def normal(self) -> FloatArray:
+        """(2,) float64: unit normal."""
+        return _axes(self.angle_rad)[0]
+
+    @property
+    def along(self) -> FloatArray:
+        """(2,) float64: unit direction, to the left of the normal."""
+        return _axes(self.angle_rad)[1]
+
+    def at(self, along_m: FloatArray) -> FloatArray:
+        """Places (..., 2) at distances (...) along the line."""
+        return np.asarray(self.distance_m * self.normal + np.asarray(along_m)[..., None] * self.along)
+
+
+def find_straight(
+    points: LinePoints,
+    pieces: LinePieces,
+    camera: FloorCamera,
+    line_width_m: float,
+    radii_m: FloatArray,
+    settings: MarkingSettings,
+) -> tuple[list[Straight], BoolArray, BoolArray]:
+    """Return the straight stretches of line, the one with most points first, and what is left for arcs.
+
+    Parameters
+    ----------
+    points : LinePoints
+        Of the frame, with its bare floor.
+    pieces : LinePieces
+        Of these.
+    camera : FloorCamera
+        That took it.
+    line_width_m : float
+        Of the field's lines.
+    radii_m : (R,) float64
+        Of the field's arcs: a stretch that may be part of one is none.
+    settings : MarkingSettings
+        See there.
+
+    Returns
+    -------
+    list of Straight, (N,) bool, (E,) bool
+        The stretches; the points, and the pieces, that lie on none of them.
+    """
+    slack_m = settings.slack_widths * line_width_m
+    agrees = _proposals(pieces, slack_m, settings)
+    weight, found = pieces.weight.copy(), []
+    # what may be part of an arc is looked at once, and left for arcs
+    open_points, left_points = np.ones(len(points), dtype=np.bool_), np.ones(len(points), dtype=np.bool_)
+    left_pieces = np.ones(len(pieces), dtype=np.bool_)
+    for _ in range(_MAX_LINES):
+        if not len(agrees):
+            break
+        score = agrees @ weight
+        best = int(np.argmax(score))
+        if score[best] < settings.min_points:
+            break
+        members = agrees[best] & (weight > 0)
+        stretches = _stretches(points, pieces, members, open_points, camera, slack_m, settings)
+        for straight in stretches:
+            on_it = _lies_on(pieces, straight, slack_m, settings)
+            open_points[straight.points], weight[on_it] = False, 0.0
+            # what only crosses a line lies near it, too
+            along = pieces.weight[on_it].sum() / points.weight[straight.points].sum()
+            if along >= settings.min_along and not _may_be_arc(points, straight, radii_m, settings):
+                found.append(straight)
+                left_points[straight.points], left_pieces[on_it] = False, False
+        if not stretches:
+            # nor do proposals of nearly the same pieces
+            alike = (agrees & members) @ weight >= _ALIKE_SHARE * score
+            agrees = agrees[~alike]
+    return sorted(found, key=lambda one: -len(one.points)), left_points, left_pieces
+
+
+def _proposals(pieces: LinePieces, slack_m: float, settings: MarkingSettings) -> BoolArray:
+    """(H, E) bool: which pieces agree with each proposed line."""
+    count = len(pieces)
+    if count < 2:
+        return np.zeros((0, count), dtype=np.bool_)
+    x, y = pieces.floor_m.T
+    u, v = pieces.pixels.T
+    apart_px = np.hypot(u[:, None] - u, v[:, None] - v)
+    along = pieces.is_along(x[:, None] - x, y[:, None] - y, settings.direction_rad)
+    pairs = along & along.T & (apart_px >= _PAIRS_PX[0] / 2)
+    # long pairs know the direction of a long line, short ones are those of a short line
+    nearest = [
+        np.where(pairs, np.abs(np.log(apart_px + 1e-9) - math.log(px)), np.inf).argmin(axis=1) for px in _PAIRS_PX
+    ]
+    first, second = np.tile(np.arange(count), len(nearest)), np.concatenate(nearest)
+    some = pairs[first, second]
+    first, second = np.unique(np.sort(np.stack([first[some], second[some]]), axis=0), axis=1)
+    way_x, way_y = x[second] - x[first], y[second] - y[first]
+    length = np.maximum(np.hypot(way_x, way_y), 1e-9)
+    normal_x, normal_y = (way_y / length)[:, None], (-way_x / length)[:, None]
+    off_m = np.abs(normal_x * (x - x[first][:, None]) + normal_y * (y - y[first][:, None]))
+    near = off_m <= settings.gate_px * pieces.across_m_per_px(normal_x, normal_y) + slack_m
+    return np.asarray(near & pieces.is_along(-normal_y, normal_x, settings.direction_rad))
+
+
+def _lies_on(pieces: LinePieces, straight: Straight, slack_m: float, settings: MarkingSettings) -> BoolArray:
+    """Which pieces (E,) a stretch accounts for."""
+    normal, along = straight.normal, straight.along
+    off_m = np.abs(pieces.floor_m @ normal - straight.distance_m)
+    at = pieces.floor_m @ along
+    within = (at >= straight.ends_m[0] - slack_m) & (at <= straight.ends_m[1] + slack_m)
+    near = off_m <= 2 * settings.gate_px * pieces.across_m_per_px(normal[0], normal[1]) + slack_m
+    return np.asarray(near & within & pieces.is_along(along[0], along[1], settings.direction_rad))
+
+
+def scale_m(points: LinePoints, which: Int64Array, normal: FloatArray) -> FloatArray:
+    """(P,) float64: how far a step in the picture moves some points along a normal of the floor, metres a pixel."""
+    a, b, c, d = points.floor_per_px.reshape(-1, 4)[which].T
+    return np.asarray(np.hypot(a * normal[0] + c * normal[1], b * normal[0] + d * normal[1]))
+
+
+def fit_line(
+    points: LinePoints, which: Int64Array, angle_rad: float, settings: MarkingSettings
+) -> tuple[float, float, float, FloatArray]:
+    """Fit a line to some points, their errors in pixels alike.
+
+    Returns
+    -------
+    float, float, float, (2, 2) float64
+        Angle, distance, mean place along the line, and covariance of angle and distance; see `Straight`.
+    """
+    floor, own = points.floor_m[which], points.weight[which]
+    for _ in range(_FIT_STEPS):
+        normal, along = _axes(angle_rad)
+        scale = scale_m(points, which, normal)
+        weight = own / scale**2
+        total = weight.sum()
+        at, off = floor @ along, floor @ normal
+        middle, distance = float(weight @ at / total), float(weight @ off / total)
+        spread = float(weight @ (at - middle) ** 2)
+        slope = float(weight @ ((at - middle) * (off - distance))) / max(spread, 1e-12)
+        center = distance * normal + middle * along
+        angle_rad -= math.atan(slope)
+    normal, along = _axes(angle_rad)
+    distance, middle = float(center @ normal), float(center @ along)
+    residual_px = (floor @ normal - distance) / scale
+    noise_px = max(settings.noise_px, math.sqrt(float(own @ residual_px**2 / own.sum())))
+    variance = settings.points_per_sample * noise_px**2
+    turn = variance / max(spread, 1e-12)
+    covariance = np.array([[turn, middle * turn], [middle * turn, variance / total + middle**2 * turn]])
+    return angle_rad, distance, middle, covariance
+
+
+def _near(
+    points: LinePoints, angle_rad: float, distance_m: float, which: Int64Array, slack_m: float, gate_px: float
+) -> Int64Array:
+    """Return which points lie on a line."""
+    normal, _ = _axes(angle_rad)
+    off_m = np.abs(points.floor_m[which] @ normal - distance_m)
+    return which[off_m <= gate_px * scale_m(points, which, normal) + slack_m]
+
+
+def _stretches(
+    points: LinePoints,
+    pieces: LinePieces,
+    members: BoolArray,
+    free: BoolArray,
+    camera: FloorCamera,
+    slack_m: float,
+    settings: MarkingSettings,
+) -> list[Straight]:
+    """Return the stretches of a proposed line, where something but carpet lies between them only joined to one."""
+    places = pieces.floor_m[members]
+    middle = places.mean(axis=0)
+    way = np.linalg.svd(places - middle)[2][0]
+    angle = math.atan2(-way[0], way[1])
+    distance = float(middle @ [math.cos(angle), math.sin(angle)])
+    left = np.flatnonzero(free)
+    chosen = left
+    for _ in range(3):
+        chosen = _near(points, angle, distance, left, slack_m, settings.gate_px)
+        if len(chosen) < settings.min_points:
+            return []
+        angle, distance, _, _ = fit_line(points, chosen, angle, settings)
+    found = []
+    for run in _runs(points, chosen, angle, distance, camera, settings):
+        if len(run) < settings.min_points:
+            continue
+        own_angle, own_distance, own_middle, covariance = fit_line(points, run, angle, settings)
+        _, along = _axes(own_angle)
+        at = np.sort(points.floor_m[run] @ along)
+        low, high = float(at[0]), float(at[-1])
+        covariance += _bias(points, run, own_angle, low, high, settings)
+        straight = Straight(own_angle, own_distance, own_middle, (low, high), covariance, run)
+        if _is_whole(points, straight, camera, settings):
+            found.append(straight)
+    return found
+
+
+def _bias(
+    points: LinePoints, which: Int64Array, angle_rad: float, low_m: float, high_m: float, settings: MarkingSettings
+) -> FloatArray:
+    """Return the covariance (2, 2) of angle and distance by what moves the whole stretch, and one end by the other."""
+    off_m = settings.bias_px * float(np.median(scale_m(points, which, _axes(angle_rad)[0])))
+    turn = off_m / max((high_m - low_m) / 2, 1e-9)
+    middle = (low_m + high_m) / 2
+    return np.array([[turn**2, middle * turn**2], [middle * turn**2, off_m**2 + (middle * turn) ** 2]])
+
+
+def _runs(
+    points: LinePoints,
+    which: Int64Array,
+    angle_rad: float,
+    distance_m: float,
+    camera: FloorCamera,
+    settings: MarkingSettings,
+) -> list[Int64Array]:
+    """Cut the points of a line where bare carpet lies between them."""
+    normal, along = _axes(angle_rad)
+    at = points.floor_m[which] @ along
+    order = np.argsort(at, kind="stable")
+    which, at = which[order], at[order]
+    step_px = np.hypot(*np.diff(points.pixels[which], axis=0).T)
+    gaps = np.flatnonzero(step_px > _GAP_PX)
+    # of the points between gaps
+    extent_px = np.add.reduceat(
+        np.append(np.where(step_px > _GAP_PX, 0.0, step_px), 0.0), np.concatenate([[0], gaps + 1])
+    )
+    cuts = []
+    for index, gap in enumerate(gaps.tolist()):
+        between = np.linspace(at[gap], at[gap + 1], 34)[1:-1]
+        pixels = camera.floor_to_pixel(distance_m * normal + between[:, None] * along)
+        # nobody hides more than is seen of a line on either side
+        if step_px[gap] > extent_px[index : index + 2].min() or is_bare(points, pixels).mean() > settings.bare_share:
+            cuts.append(gap + 1)
+    return np.split(which, cuts)
+
+
+def is_bare(points: LinePoints, pixels: FloatArray) -> BoolArray:
+    """Whether pixels (..., 2) show bare carpet."""
+    if points.bare_floor is None:
+        return np.zeros(pixels.shape[:-1], dtype=np.bool_)
+    return marked_at(points.bare_floor, pixels)
+
+
+def marked_at(picture: npt.NDArray[np.generic], pixels: FloatArray) -> BoolArray:
+    """Whether a picture (H, W) is other than 0 at pixels (..., 2); it is 0 outside."""
+    height, width = picture.shape
+    shown = np.asarray(np.isfinite(pixels).all(axis=-1))
+    at = np.rint(np.where(shown[..., None], pixels, -1.0)).astype(np.int64)
+    u, v = at[..., 0], at[..., 1]
+    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    return np.asarray(inside & (picture[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] != 0))
+
+
+def _is_whole(points: LinePoints, straight: Straight, camera: FloorCamera, settings: MarkingSettings) -> bool:
+    """Whether a stretch is long in the picture, and points lie on most of it."""
+    low, high = straight.ends_m
+    path = camera.floor_to_pixel(straight.at(np.linspace(low, high, 65)))
+    way_px = np.append(0.0, np.cumsum(np.nan_to_num(np.hypot(*np.diff(path, axis=0).T))))
+    if way_px[-1] < settings.min_px:
+        return False
+    at = np.interp(points.floor_m[straight.points] @ straight.along, np.linspace(low, high, 65), way_px)
+    count = max(int(way_px[-1] / _COVER_PX), 1)
+    covered = np.bincount(np.minimum((at / way_px[-1] * count).astype(np.int64), count - 1), minlength=count) > 0
+    return bool(covered.mean() >= settings.min_cover)
+
+
+def _may_be_arc(points: LinePoints, straight: Straight, radii_m: FloatArray, settings: MarkingSettings) -> bool:
+    """Whether the points of a stretch may lie on an arc of one of the radii."""
+    if not len(radii_m):
+        return False
+    floor, scale = points.floor_m[straight.points], scale_m(points, straight.points, straight.normal)
+    weight = points.weight[straight.points] / scale**2 / settings.points_per_sample
+    at, off = floor @ straight.along - straight.middle_m, floor @ straight.normal - straight.distance_m
+    basis = np.stack([np.ones_like(at), at], axis=1)
+    gram = (basis.T * weight) @ basis
+
+    def cost(values: FloatArray) -> float:
+        fit = np.linalg.lstsq(gram, (basis.T * weight) @ values, rcond=None)[0]
+        return float(weight @ (values - basis @ fit) ** 2)
+
+    noise2 = max(settings.noise_px**2, cost(off) / max(float(len(at)) / settings.points_per_sample, 1.0))
+    nats = 0.5 * (min(cost(off - s * at**2 / (2 * r)) for r in radii_m for s in (-1, 1)) - cost(off)) / noise2
+    return nats < settings.straight_nats
