@@ -280,7 +280,9 @@ def test_markings_move_as_the_robot_does(seen):
     lines = load_field("spl_2020").lines
     for one, other, again in zip(markings.segments, moved.segments, back.segments, strict=True):
         assert other.distance_m >= 0.0
-        assert min(line_errors(other, pose.compose(robot), lines)) == pytest.approx(min(line_errors(one, pose, lines)))
+        assert min(line_errors(other, pose.compose(robot), lines)) == pytest.approx(
+            min(line_errors(one, pose, lines)), rel=0.05
+        )
         assert (again.angle_rad, again.distance_m) == pytest.approx((one.angle_rad, one.distance_m))
         np.testing.assert_allclose(again.covariance, one.covariance, atol=1e-9)
     for one, other in zip(markings.crossings, moved.crossings, strict=True):
