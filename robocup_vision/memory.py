@@ -53,9 +53,6 @@ class MemorySettings:
         Of the tracking of other robots.
     free_map : FreeSpaceMapSettings
         Of the map of the free floor.
-    range_std : (float, float)
-        Standard deviation of an obstacle's range: metres, and fraction of the range, as a mirror camera of the
-        small-size league measures it.
     longest_m : float
         Obstacles farther away are not tracked: that camera measures them too badly.
     mask_margin_m : float
@@ -75,7 +72,6 @@ class MemorySettings:
     frames: FrameErrors | None = None
     objects: MovingObjectsSettings = MovingObjectsSettings()
     free_map: FreeSpaceMapSettings = FreeSpaceMapSettings()
-    range_std: tuple[float, float] = (0.01, 0.05)
     longest_m: float = 1.3
     mask_margin_m: float = 0.05
     jump_m: float = 0.25
@@ -169,7 +165,7 @@ class Memory:
         self._detector = None
         if objects is not None:
             floor = KnownFreeSpace.of_field(field)
-            self._detector = ReturnDetector(floor, self.object_radius_m, settings.range_std, settings.longest_m)
+            self._detector = ReturnDetector(floor, self.object_radius_m, longest_m=settings.longest_m)
         self._tracks: tuple[Track, ...] = ()
         self._last: tuple[float, Pose2] | None = None
         prepare("memory")

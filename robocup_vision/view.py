@@ -91,6 +91,8 @@ class View:
         Where edges of the field were predicted and what the frame shows there, with method "edges"; else None.
     obstacle_finder : ObstacleFinder or None
         What `obstacles` are found by; None: there are none.
+    thumbnail : (h, w, 3) uint8 or None
+        Every fourth pixel of the frame, a copy: what `obstacles` tell hues by.
     warnings : tuple of str
         What seems to be wrong with the set-up: red and blue swapped, told once, and odometry up to this frame that no
         robot can do. Empty in almost every view.
@@ -113,6 +115,7 @@ class View:
     measurement: WhenAsked[PoseEstimate] = WhenAsked()
     edge_points: WhenAsked[EdgePoints] = WhenAsked()
     obstacle_finder: ObstacleFinder | None = None
+    thumbnail: UInt8Array | None = None
     warnings: tuple[str, ...] = ()
     marking_source: MarkingSource | None = None
 
@@ -146,7 +149,7 @@ class View:
         # the largest is found several at a time, unlike any
         if self.polar is None or self.obstacle_finder is None or not (self.marks.size and self.marks.max()):
             return ()
-        return self.obstacle_finder.find(self.polar, self.marks, self.pose, self.boundary_radius_px)
+        return self.obstacle_finder.find(self.polar, self.marks, self.pose, self.boundary_radius_px, self.thumbnail)
 
     @cached_property
     def markings(self) -> Markings:

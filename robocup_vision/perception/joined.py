@@ -170,4 +170,5 @@ def _joined_obstacle(one: Obstacle, other: Obstacle) -> Obstacle:
     bearing = wrap_angle(one.bearing_rad + 0.5 * (left + right))
     x, y = range_m * math.cos(bearing), range_m * math.sin(bearing)
     width_m = 2.0 * range_m * math.tan(half)
-    return one._replace(x_m=x, y_m=y, width_m=width_m, bearing_rad=bearing, range_m=range_m)
+    hue = other.hue_rad if one.hue_rad is None else one.hue_rad
+    return one._replace(x_m=x, y_m=y, width_m=width_m, bearing_rad=bearing, range_m=range_m, hue_rad=hue)

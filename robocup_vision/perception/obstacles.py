@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, read_only
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.kernels.floor.stretches import join_bearings
 from robocup_vision.kernels.floor.things import (
@@ -22,10 +21,13 @@ from robocup_vision.kernels.floor.things import (
     find_things,
 )
 from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.hues import hue_of
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
 # paint that leads up to a thing, and posts, are narrower than this part of a robot's radius
 _NARROW_RATIO = 0.5
+# standard deviation of a foot that lies anywhere within a step of the samples
+_STEP_RATIO = 12.0**-0.5
 _NO_POSE = read_only(np.empty((0, 0)))
 
 
@@ -40,6 +42,11 @@ class Obstacle(NamedTuple):
         Distance between the ends of its near side.
     bearing_rad, range_m : float
         Of its middle.
+    range_std_m : float
+        Standard deviation of its range, by the samples' spacing there and the camera's errors; NaN: not known.
+    hue_rad : float or None
+        Hue that most of what is saturated on it has, such as its team's: 0 red, a third of a turn green, two thirds
+        blue, in the frame's colours as they are. None: next to nothing on it is saturated.
     """
 
     x_m: float
@@ -47,16 +54,14 @@ class Obstacle(NamedTuple):
     width_m: float
     bearing_rad: float
     range_m: float
+    range_std_m: float = math.nan
+    hue_rad: float | None = None
 
     @property
     def interval_rad(self) -> tuple[float, float]:
         """Bearings of its right and its left end; the left one is the greater, by less than a turn."""
         half = math.atan2(self.width_m / 2, self.range_m)
         return self.bearing_rad - half, self.bearing_rad + half
-
-
-# what `Obstacle._make` does, without a call of Python for each
-_made = cast("Callable[[list[float]], Obstacle]", partial(tuple.__new__, Obstacle))
 
 
 class ObstacleFinder:
@@ -102,6 +107,7 @@ class ObstacleFinder:
         marks: UInt8Array,
         pose: PoseEstimate | NotLocated,
         edge_px: FloatArray | None = None,
+        thumbnail: UInt8Array | None = None,
     ) -> tuple[Obstacle, ...]:
         """Return the obstacles, the nearest first.
 
@@ -116,6 +122,8 @@ class ObstacleFinder:
         edge_px : (K,) float64, optional
             Where each bearing's floor ends, as `view.radius_px`, NaN where not known: a foot that near is measured by
             it. Others lie between the last sample of floor and the first that is blocked.
+        thumbnail : (h, w, 3) uint8, optional
+            `hues.thumbnail_of` the frame: hues are told by it.
         """
         eye_m, used, step_rad = float(view.camera.viewpoint_m[2]), view.columns_in_use, view.row_step_rad
         columns = np.empty(view.bearings, dtype=np.int64)
@@ -127,7 +135,7 @@ class ObstacleFinder:
             robot, covariance = (pose.pose.x_m, pose.pose.y_m, pose.pose.theta_rad), pose.covariance
         # rows that see nothing follow those in view of a camera that looks ahead
         seen = view.bearings if isinstance(view, PolarView) else view.seen_bearings
-        found = np.empty((seen, 5))
+        found = np.empty((seen, 6))
         count = find_things(
             columns[:seen],
             places[:seen],
@@ -142,7 +150,22 @@ class ObstacleFinder:
             self._feet,
             found,
         )
-        return tuple(map(_made, found[:count].tolist()))
+        found[:count, 5] = _range_std_m(view, found[:count, 4], found[:count, 5])
+        things = [Obstacle(*row) for row in found[:count].tolist()]
+        if thumbnail is None:
+            return tuple(things)
+        hues = (hue_of(thumbnail, view.camera, (one.x_m, one.y_m), one.width_m, self._radius_m) for one in things)
+        return tuple(one._replace(hue_rad=hue) for one, hue in zip(things, hues, strict=True))
+
+
+def _range_std_m(view: PolarView | FloorView, range_m: FloatArray, step_m: FloatArray) -> FloatArray:
+    """Return standard deviations (N,) of ranges (N,): a foot lies within a step (N,), and the camera's errors count."""
+    variance = (_STEP_RATIO * step_m) ** 2
+    camera = view.camera
+    if isinstance(camera, PinholeCamera):
+        nod_m = (range_m**2 + camera.height_m**2) / camera.height_m * (camera.tilt_std_rad or 0.0)
+        variance = variance + nod_m**2 + (range_m * camera.height_std_m / camera.height_m) ** 2
+    return np.asarray(np.sqrt(variance))
 
 
 def _feet(view: PolarView | FloorView, columns: Int64Array, edge_px: FloatArray | None) -> FloatArray:
@@ -174,4 +197,4 @@ def join_places(
     """
     found = np.empty((len(seen), 5))
     count = join_bearings(places_m, seen, gap_m, step_rad, found)
-    return tuple(map(_made, found[:count].tolist()))
+    return tuple(Obstacle(*row) for row in found[:count].tolist())

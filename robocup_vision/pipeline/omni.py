@@ -23,6 +23,7 @@ from robocup_vision.perception.balls.mirror import MirrorBallFinder
 from robocup_vision.perception.color_table import LLR_PER_UNIT, ColorTable
 from robocup_vision.perception.floor_color import RING_COLUMNS
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
+from robocup_vision.perception.hues import thumbnail_of
 from robocup_vision.perception.markings.finder import MarkingSource
 from robocup_vision.perception.polar_view import BEARINGS, PolarView
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
@@ -152,6 +153,7 @@ class OmniPipeline(FramePipeline):
             self.grid,
             t_s,
             obstacle_finder=self._obstacle_finder,
+            thumbnail=thumbnail_of(frame),
             warnings=self._warnings(pose),
             marking_source=MarkingSource.of(self._marking_finder, frame, self.camera),
         )

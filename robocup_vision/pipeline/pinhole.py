@@ -37,6 +37,7 @@ from robocup_vision.perception.balls.patterned import PatternedBallFinder
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
+from robocup_vision.perception.hues import thumbnail_of
 from robocup_vision.perception.markings.finder import MarkingSource
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
 from robocup_vision.pipeline.held_floors import HeldFloor, HeldFloors
@@ -241,6 +242,7 @@ class PinholePipeline(FramePipeline):
             measurement=self._measurement_as_told(answer.measurement),
             edge_points=answer.edge_points,
             obstacle_finder=self._obstacle_finder,
+            thumbnail=thumbnail_of(frame),
             warnings=self._warnings(told),
             marking_source=MarkingSource.of(self._marking_finder, frame, _with_sway(held, floor.sway_std_rad)),
         )

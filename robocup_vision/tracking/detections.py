@@ -113,7 +113,8 @@ class ReturnDetector:
     radius_m : float
         Of the objects, taken for upright cylinders: 0.09 m for a robot of the small-size league.
     range_std : (float, float)
-        Standard deviation of a measured range: metres, and fraction of the range.
+        Standard deviation of a measured range: metres, and fraction of the range. An obstacle that tells its own has
+        that.
     longest_m : float
         Returns farther away are left out.
     inside_sigmas : float
@@ -156,7 +157,7 @@ class ReturnDetector:
         seen = np.isfinite(range_m) & (range_m < self.longest_m)
         reach = np.where(seen, range_m, 0.0)
         ends = np.stack([reach * np.cos(bearing_rad), reach * np.sin(bearing_rad)], axis=-1)
-        seen &= self._inside(ends, robot, robot_covariance)
+        seen &= self._inside(ends, self._std_m(np.hypot(ends[:, 0], ends[:, 1])), robot, robot_covariance)
         spacing = float(np.median(np.diff(bearing_rad)))
         returns = join_places(ends, seen, gap_m=0.5 * self.radius_m, step_rad=spacing)
         return self._detections(returns)
@@ -170,16 +171,24 @@ class ReturnDetector:
         wide = [o for o in obstacles if o.range_m < self.longest_m and o.width_m >= self.radius_m]
         if not wide:
             return ()
-        inside = self._inside(np.array([[o.x_m, o.y_m] for o in wide]), robot, robot_covariance)
+        std_m = self._stds_m(wide)
+        inside = self._inside(np.array([[o.x_m, o.y_m] for o in wide]), std_m, robot, robot_covariance)
         return self._detections([o for o, is_inside in zip(wide, inside.tolist(), strict=True) if is_inside])
 
     def _std_m(self, range_m: FloatArray) -> FloatArray:
         return self.range_std[0] + self.range_std[1] * range_m
 
-    def _inside(self, points_m: FloatArray, robot: Pose2, robot_covariance: FloatArray | None) -> npt.NDArray[np.bool_]:
-        """(...,) bool: points (..., 2), robot frame, that are surely inside known free space."""
+    def _stds_m(self, obstacles: Sequence[Obstacle]) -> FloatArray:
+        """(N,) float64: standard deviations of the obstacles' ranges."""
+        told = np.array([one.range_std_m for one in obstacles])
+        return np.where(np.isfinite(told), told, self._std_m(np.array([one.range_m for one in obstacles])))
+
+    def _inside(
+        self, points_m: FloatArray, std_m: FloatArray, robot: Pose2, robot_covariance: FloatArray | None
+    ) -> npt.NDArray[np.bool_]:
+        """(...,) bool: points (..., 2), robot frame, measured so well, that are surely inside known free space."""
         reach = np.hypot(points_m[..., 0], points_m[..., 1])
-        variance = self._std_m(reach) ** 2
+        variance = std_m**2
         if robot_covariance is not None:
             place = float(np.linalg.eigvalsh(robot_covariance[:2, :2])[-1])
             variance = variance + place + reach**2 * float(robot_covariance[2, 2])
@@ -188,13 +197,13 @@ class ReturnDetector:
 
     def _detections(self, returns: Sequence[Obstacle]) -> tuple[Detection, ...]:
         found = []
-        for near in returns:
+        for near, std_m in zip(returns, self._stds_m(returns).tolist(), strict=True):
             # two objects side by side make one wide return
             count = max(1, round(near.width_m / (2 * self.radius_m)))
             width = near.width_m / count
             ahead, aside = math.cos(near.bearing_rad), math.sin(near.bearing_rad)
             out = near.range_m + near_side_ratio(0.5 * width / self.radius_m) * self.radius_m
-            along = float(self._std_m(np.array(near.range_m))) ** 2
+            along = std_m**2
             # the hidden part of an object may be on either side
             hidden = max(2 * self.radius_m - width, 0.0)
             across = along + hidden**2 / 12

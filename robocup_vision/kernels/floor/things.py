@@ -338,8 +338,9 @@ def find_things(
         Of that; (0, 0) where no pose is known.
     field : FieldFeet
         The field's own.
-    out : (K, 5) float64
-        Filled with x and y of each thing's middle, its width, and the bearing and range of its middle.
+    out : (K, 6) float64
+        Filled with x and y of each thing's middle, its width, the bearing and range of its middle, and the step between
+        samples at its nearest foot.
 
     Returns
     -------
@@ -387,5 +388,5 @@ def find_things(
             x, y = x / bearings, y / bearings
             ends_m = math.hypot(places_m[last, 0] - places_m[first, 0], places_m[last, 1] - places_m[first, 1])
             out[found, 0], out[found, 1], out[found, 2] = x, y, ends_m + across_m / bearings
-            out[found, 3], out[found, 4] = math.atan2(y, x), math.hypot(x, y)
+            out[found, 3], out[found, 4], out[found, 5] = math.atan2(y, x), math.hypot(x, y), error_m[k]
             found += 1

@@ -196,7 +196,12 @@ def _surroundings(view: View, robot: Pose2) -> dict[str, Any]:
             corners = np.vstack([corners, [0.0, 0.0]])
         told["free_m"] = _rounded(robot.transform(corners).ravel(), 3)
     told["obstacles"] = [
-        [*_rounded(robot.transform((thing.x_m, thing.y_m)), 3), round(thing.width_m, 3)] for thing in view.obstacles
+        [
+            *_rounded(robot.transform((thing.x_m, thing.y_m)), 3),
+            round(thing.width_m, 3),
+            None if thing.hue_rad is None else round(math.degrees(thing.hue_rad)),
+        ]
+        for thing in view.obstacles
     ]
     return told
 

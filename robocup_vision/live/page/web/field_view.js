@@ -175,8 +175,11 @@ export class FieldView {
       context.stroke();
     }
     if (shown.obstacles) {
-      context.fillStyle = COLOR.obstacles;
-      for (const [x, y, width] of m.obstacles || []) { this.disc(x, y, Math.min(Math.max(width / 4, .02), .06)); context.fill(); }
+      for (const [x, y, width, hue] of m.obstacles || []) {
+        context.fillStyle = hue === null ? COLOR.obstacles : `hsl(${hue} 90% 55%)`;
+        this.disc(x, y, Math.min(Math.max(width / 4, .02), .06));
+        context.fill();
+      }
     }
   }
 
