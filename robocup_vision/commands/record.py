@@ -26,6 +26,7 @@ def add_parser(subparsers: Any) -> None:
     add("--image-format", choices=("raw", "png", "jpeg"), default="raw", help="raw and png lose nothing (default: raw)")
     add("--compression", choices=("lz4", "zstd", "none"), default="lz4", help="of the file's chunks (default: lz4)")
     add("--force", action="store_true", help="replace the file where there is one")
+    add("--markings", action="store_true", help="keep line segments, crossings, circles and goal posts, too")
     add("--foxglove", metavar="PORT", type=int, help="serve the topics to Foxglove, too (extra foxglove)")
     parser.set_defaults(run=run_record)
 
@@ -55,7 +56,7 @@ def run_record(options: argparse.Namespace) -> int:
     if os.path.realpath(options.file) == os.path.realpath(options.source):
         raise ArgumentError(f"{options.file} is the source itself, a recording needs another name")
     wanted = SourceOptions(options.field, options.camera, options.colors, options.method, options.memory)
-    settings = RecorderSettings(options.image_format, options.compression)
+    settings = RecorderSettings(options.image_format, options.compression, markings=options.markings)
     with ExitStack() as stack:
         source = stack.enter_context(closing(open_source(options.source, wanted)))
         server: FoxgloveServer | None = None

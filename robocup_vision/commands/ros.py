@@ -34,6 +34,7 @@ _SWITCHES = (
     ("memory", "join frames over time", True),
     ("use_tf", "camera's pan, tilt, roll and height by tf at each image's stamp", False),
     ("publish_tf", "publish map -> odom", True),
+    ("markings", "publish markings and goalposts", False),
     ("cmd_vel", "drive to goal_pose", False),
 )
 

@@ -25,6 +25,7 @@ from robocup_vision.messages.camera_infos import camera_info
 from robocup_vision.messages.images import ImageFormat, image_message
 from robocup_vision.messages.types import header, make
 from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.markings.marking import Markings, Post
 from robocup_vision.view import View
 
 _STILL = Pose2(0.0, 0.0, 0.0)
@@ -33,6 +34,8 @@ _FLAT_VARIANCE = 1e-6
 # camera axes (x right, y down, z forward) in those of a camera body (x forward, y left, z up)
 _OPTICAL_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _UNKNOWN_CONFIDENCE = -1.0
+# of soccer_vision_attribute_msgs/Goalpost
+_LEFT, _RIGHT, _OWN, _OPPONENT = 1, 2, 1, 2
 
 # topics without their prefix, and the types of their messages
 TOPIC_TYPES = {
@@ -47,6 +50,8 @@ TOPIC_TYPES = {
     "/balls": "soccer_vision_3d_msgs/msg/BallArray",
     "/obstacles": "soccer_vision_3d_msgs/msg/ObstacleArray",
     "/field_boundary": "soccer_vision_3d_msgs/msg/FieldBoundary",
+    "/markings": "soccer_vision_3d_msgs/msg/MarkingArray",
+    "/goalposts": "soccer_vision_3d_msgs/msg/GoalpostArray",
     "/balls_in_image": "soccer_vision_2d_msgs/msg/BallArray",
     "/field_boundary_in_image": "soccer_vision_2d_msgs/msg/FieldBoundary",
     "/tracks": "soccer_model_msgs/msg/ObstacleArray",
@@ -92,6 +97,8 @@ class TopicSettings:
         Whether the camera's place on the robot is told.
     map_period_s : float
         The map is sent no oftener than this: it is large, and changes slowly.
+    markings : bool
+        Whether markings and goal posts are told: finding them takes longer than the rest of a look.
     """
 
     prefix: str = ""
@@ -99,6 +106,7 @@ class TopicSettings:
     image_format: ImageFormat | None = "raw"
     camera_transform: bool = True
     map_period_s: float = 0.5
+    markings: bool = False
 
 
 class Topics:
@@ -250,10 +258,63 @@ class Topics:
             "soccer_vision_2d_msgs/msg/BallArray", in_image, [self._ball_in_image(ball, view) for ball in view.balls]
         )
         yield self._out("/balls_in_image", message, t_s)
+        if self._settings.markings:
+            yield from self._markings(view.markings, t_s)
         edge_px = view.boundary_px
         shown = [make("vision_msgs/msg/Point2D", u, v) for u, v in edge_px[np.isfinite(edge_px).all(axis=1)].tolist()]
         message = make("soccer_vision_2d_msgs/msg/FieldBoundary", in_image, shown, confidence)
         yield self._out("/field_boundary_in_image", message, t_s)
+
+    def _markings(self, markings: Markings, t_s: float) -> Iterator[Outgoing]:
+        here = header(t_s, self._names.robot)
+        confidence = make("soccer_vision_attribute_msgs/msg/Confidence", _UNKNOWN_CONFIDENCE)
+        ellipses = [
+            make(
+                "soccer_vision_3d_msgs/msg/MarkingEllipse",
+                2 * circle.radius_m,
+                pose_message(Pose2(circle.x_m, circle.y_m, 0.0)),
+                confidence,
+            )
+            for circle in markings.circles
+        ]
+        crossings = []
+        for crossing in markings.crossings:
+            rays = [make("geometry_msgs/msg/Vector3", math.cos(arm), math.sin(arm), 0.0) for arm in crossing.arms_rad]
+            center = _point(crossing.x_m, crossing.y_m, 0.0)
+            message = make("soccer_vision_3d_msgs/msg/MarkingIntersection", center, len(rays), rays, confidence)
+            crossings.append(message)
+        segments = [
+            make(
+                "soccer_vision_3d_msgs/msg/MarkingSegment",
+                _point(*segment.start_m, 0.0),
+                _point(*segment.end_m, 0.0),
+                confidence,
+            )
+            for segment in markings.segments
+        ]
+        message = make("soccer_vision_3d_msgs/msg/MarkingArray", here, ellipses, crossings, segments)
+        yield self._out("/markings", message, t_s)
+        posts = [self._goalpost(post, confidence) for post in markings.posts]
+        yield self._out("/goalposts", make("soccer_vision_3d_msgs/msg/GoalpostArray", here, posts), t_s)
+
+    def _goalpost(self, post: Post, confidence: Any) -> Any:
+        goal = next(goal for goal in self._field.goals if goal.kind == "posts")
+        # the middle of the post
+        center = make(
+            "geometry_msgs/msg/Pose",
+            _point(post.x_m, post.y_m, goal.height_m / 2),
+            make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+        )
+        size = make("geometry_msgs/msg/Vector3", 2 * goal.post_radius_m, 2 * goal.post_radius_m, goal.height_m)
+        side, team = 0, 0
+        if post.feature_m is not None:
+            x, y = post.feature_m
+            # as one sees it who faces the goal
+            side = _LEFT if (y > 0) == (x > 0) else _RIGHT
+            team = _OPPONENT if x > 0 else _OWN
+        attributes = make("soccer_vision_attribute_msgs/msg/Goalpost", side, team)
+        box = make("vision_msgs/msg/BoundingBox3D", center, size)
+        return make("soccer_vision_3d_msgs/msg/Goalpost", box, attributes, confidence)
 
     def _ball_in_image(self, ball: Ball, view: View) -> Any:
         box_px = np.array([ball.u_px, ball.v_px, 0.0, 0.0])

@@ -63,6 +63,8 @@ class RecorderSettings:
         bit for bit.
     prefix : str
         Before every topic's name.
+    markings : bool
+        Whether each frame's markings are kept, too: the thread takes longer to find them than a look takes.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class RecorderSettings:
     max_waiting_bytes: int = 256 << 20
     when_full: Literal["wait", "drop"] = "wait"
     prefix: str = ""
+    markings: bool = False
 
     def __post_init__(self) -> None:
         if self.image_format not in IMAGE_FORMATS:
@@ -119,7 +122,8 @@ class CallWriter(Closing):
         self._settings = settings
         self._codec = ValueCodec(types)
         prepare([CALL, *TOPIC_TYPES.values()])
-        self.topics = Topics(run.field, run.camera, TopicSettings(settings.prefix, image_format=settings.image_format))
+        told = TopicSettings(settings.prefix, image_format=settings.image_format, markings=settings.markings)
+        self.topics = Topics(run.field, run.camera, told)
         self._log = LogWriter(
             path,
             _attachments(run, self._codec),
@@ -284,13 +288,15 @@ class Recorder(Closing):
         if kept is None:
             inputs[DROPPED] = True
         topics = self._calls.topics
+        # the writer looks for markings when the caller may have gone on with another frame
+        shown = view if kept is None else view.of_frame(kept)
 
         def messages() -> Iterator[Outgoing]:
             if odometry is not None:
                 yield from topics.of_odometry(odometry, at_s)
             if kept is not None:
                 yield from topics.of_frame(kept, at_s)
-            yield from topics.of_look(view, at_s)
+            yield from topics.of_look(shown, at_s)
 
         size_bytes = 0 if kept is None else kept.nbytes
         self._calls.add_call(LOOK, at_s, inputs, lambda: look_outputs(view), messages, size_bytes)

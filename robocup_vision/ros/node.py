@@ -67,7 +67,13 @@ class VisionNode:
         self.vision = Vision(field, camera, colors, method=settings.method or None, memory=self._memory)
         names = FrameNames(settings.map_frame, settings.odom_frame, settings.robot_frame, settings.camera_frame)
         # the image is there already, and with tf the camera in the robot's own tree
-        told = TopicSettings(settings.prefix, names, image_format=None, camera_transform=not settings.use_tf)
+        told = TopicSettings(
+            settings.prefix,
+            names,
+            image_format=None,
+            camera_transform=not settings.use_tf,
+            markings=settings.markings,
+        )
         self._topics = Topics(field, camera, told)
         limits = MotionLimits(settings.speed_mps, settings.acceleration_mps2, settings.dead_time_s)
         self._steering = Steering(settings.robot_radius_m or field.robot_radius_m, limits)
@@ -99,6 +105,8 @@ class VisionNode:
             "/tracks": self.settings.memory,
             "/map": self.settings.memory,
             "/cmd_vel": self.settings.cmd_vel,
+            "/markings": self.settings.markings,
+            "/goalposts": self.settings.markings,
         }
         told = {
             (topic if topic.startswith("/tf") else self.settings.prefix + topic): name

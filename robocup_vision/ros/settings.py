@@ -41,6 +41,8 @@ class NodeSettings:
         the left, and up). ``-NAME`` subtracts: a tilt joint about y, as in most URDFs, lowers the view. Empty: none.
     publish_tf : bool
         Whether map -> odom is published; odom -> robot_frame is whoever publishes the odometry's.
+    markings : bool
+        Publish ``markings`` and ``goalposts``: finding them takes longer than the rest of a look.
     cmd_vel : bool
         Drive to ``goal_pose`` (geometry_msgs/PoseStamped, map frame): commands are published on ``cmd_vel``.
     robot_radius_m : float
@@ -73,6 +75,7 @@ class NodeSettings:
     pan_joint: str = ""
     tilt_joint: str = ""
     publish_tf: bool = True
+    markings: bool = False
     cmd_vel: bool = False
     robot_radius_m: float = 0.0
     speed_mps: float = 0.4

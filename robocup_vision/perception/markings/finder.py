@@ -18,6 +18,7 @@ from robocup_vision.perception.markings.arcs import Arc, find_arcs
 from robocup_vision.perception.markings.crossings import LinePicture, find_crossings
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.floor_errors import FloorErrors
+from robocup_vision.perception.markings.goal_posts import PostFinder
 from robocup_vision.perception.markings.line_pieces import gather_pieces
 from robocup_vision.perception.markings.marking import Circle, LineSegment, Markings
 from robocup_vision.perception.markings.settings import MarkingSettings
@@ -96,6 +97,7 @@ class MarkingFinder:
         self._radii_m = np.round(field.arcs[:, 2], 6)
         self._reach_m = settings.max_range_ratio * math.hypot(field.length_m, field.width_m)
         self._features = FieldFeatures(field, settings.gate_sigmas)
+        self._posts = PostFinder(field, settings)
         self._finder: LineFinder | None = None
 
     def __getstate__(self) -> dict[str, object]:
@@ -126,8 +128,9 @@ class MarkingFinder:
         settings, field = self.settings, self.field
         errors = FloorErrors(camera, settings.sway_std_rad, settings.mirror_std_rad)
         points = self._points(frame, errors)
+        posts = tuple(self._posts.find(frame, errors))
         if len(points) < settings.min_points:
-            return Markings()
+            return Markings(posts=posts)
         pieces = gather_pieces(points)
         width_m, radii_m = field.line_width_m, self._radii_m
         lines, left, left_pieces = find_straight(points, pieces, camera, width_m, np.unique(radii_m), settings)
@@ -139,6 +142,7 @@ class MarkingFinder:
             tuple(one for one in segments if std_at_middle_m(one) <= most_m),
             tuple(find_crossings(lines, picture, errors, field.line_width_m, settings)),
             tuple(_circle(arc) for arc in arcs),
+            posts,
         )
 
     def _points(self, frame: UInt8Array, errors: FloorErrors) -> LinePoints:

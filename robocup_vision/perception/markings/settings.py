@@ -48,6 +48,20 @@ class MarkingSettings:
         Lines at right angles are so within this and their errors.
     max_std_m : float
         Of a place across its line or along either one: what is known less well is not told.
+    min_post_px : float
+        Width in the picture of the thinnest post that is told from clutter.
+    post_width_ratio : float
+        A post looks so many times as wide as it should, or as narrow, at most.
+    min_post_share : float
+        Of a post's height in view so much is seen.
+    min_solid_ratio : float
+        The dark parts of a white post are no darker than this part of its bright ones.
+    min_contrast_ratio : float
+        A post's edges have so much of the contrast of the clearest one's.
+    min_posts_apart : float
+        Two posts are so many goal widths apart.
+    post_std_px : float
+        Of a post's foot in the picture.
     sway_std_rad : float
         Of a forward camera's tilt and roll, where the camera does not say: a walking robot's.
     mirror_std_rad : float
@@ -76,6 +90,13 @@ class MarkingSettings:
     gate_sigmas: float = 3.0
     square_slack_rad: float = math.radians(3.0)
     max_std_m: float = 0.5
+    min_post_px: float = 3.0
+    post_width_ratio: float = 1.35
+    min_post_share: float = 0.6
+    min_solid_ratio: float = 0.75
+    min_contrast_ratio: float = 0.75
+    min_posts_apart: float = 0.5
+    post_std_px: float = 1.5
     sway_std_rad: float = 0.02
     mirror_std_rad: float = 0.0
     max_range_ratio: float = 1.0

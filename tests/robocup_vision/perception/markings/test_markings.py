@@ -237,6 +237,46 @@ def test_photographs_of_other_things_have_next_to_no_crossings():
     assert told <= 0.2 * len(paths)
 
 
+def goal_picture(field, camera, pose):
+    """Draw white posts with a bar on the carpet, from their sides, which shows nothing of the library's."""
+    width, height = camera.size_px
+    frame = np.full((height, width, 3), (90, 100, 110), dtype=np.uint8)
+    v = np.arange(height)[:, None]
+    horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(camera.tilt_rad)
+    frame[np.broadcast_to(v > horizon + 4, (height, width))] = (50, 130, 45)
+    inverse = pose.inverse()
+    for goal in field.goals:
+        for y in (goal.width_m / 2, -goal.width_m / 2):
+            x_m, y_m = inverse.transform((goal.line_x_m, y))
+            if x_m < 0.5:
+                continue
+            away = math.hypot(x_m, y_m)
+            side = goal.post_radius_m * np.array([-y_m, x_m]) / away
+            corners = [(x_m + k * side[0], y_m + k * side[1], z) for z in (0.0, goal.height_m) for k in (1, -1)]
+            u = camera.point_to_pixel(np.array(corners))
+            cv2.fillPoly(frame, [np.rint(u[[0, 1, 3, 2]]).astype(np.int32)], (235, 235, 235), cv2.LINE_AA)
+    return frame
+
+
+def test_goal_posts_stand_where_they_are():
+    field = load_field("spl_2020")
+    camera = PinholeCamera(
+        (640, 480), (500.0, 500.0), (319.5, 239.5), 0.46, pan_rad=0.0, tilt_rad=-0.2, roll_rad=0.0, roll_std_rad=0.003
+    )
+    features, found = FieldFeatures(field, 3.0), 0
+    for pose in (Pose2(2.0, 0.3, 0.0), Pose2(2.8, -0.5, 0.3), Pose2(-2.0, 0.2, math.pi)):
+        frame = goal_picture(field, camera, pose)
+        estimate = PoseEstimate(pose, np.diag([1e-4, 1e-4, 1e-4]), 1.0, 0.0)
+        posts = MarkingFinder(field).find(frame, camera, estimate).posts
+        found += len(posts)
+        for post in posts:
+            errors = place_errors(post, pose, features.posts_m)
+            assert errors.min() < 9.0
+            assert post.feature_m == tuple(features.posts_m[int(np.argmin(errors))])
+        assert MarkingFinder(load_field("msl_6x4")).find(frame, camera).posts == ()
+    assert found >= 5
+
+
 def test_a_view_has_markings_only_where_the_tilt_is_known(paint_field):
     field, rng = load_field("spl_2020"), np.random.default_rng(2)
     frame = paint_field(AHEAD, field, Pose2(3.0, 1.5, 0.5), noise=2.0, rng=rng)

@@ -1,0 +1,119 @@
+"""Goal posts in a forward camera's frame: upright strips on the carpet, as wide and as tall as a post is there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.perception.goal_color import hue_families, hue_masks, is_chromatic
+from robocup_vision.perception.goal_region import Strip, carpet_mask, mask_runs, strips, white_runs, whiteness
+from robocup_vision.perception.markings.floor_errors import FloorErrors
+from robocup_vision.perception.markings.marking import Post
+from robocup_vision.perception.markings.settings import MarkingSettings
+
+_WHITE_STEP, _HUE_STEP = 4, 2
+
+
+class PostFinder:
+    """Finds the posts of a field's goals of posts.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    settings : MarkingSettings
+        How they are found.
+    """
+
+    def __init__(self, field: Field, settings: MarkingSettings) -> None:
+        self._goals = [goal for goal in field.goals if goal.kind == "posts"]
+        self._families = hue_families(field) if self._goals else {}
+        self._has_white = any(not is_chromatic(goal.color) for goal in self._goals)
+        self._settings = settings
+
+    def find(self, frame: UInt8Array, errors: FloorErrors) -> list[Post]:
+        """Return the posts that a frame (H, W, 3) uint8 BGR shows, the one that is known best first."""
+        camera, settings = errors.camera, self._settings
+        # a mirror shows upright things along rays
+        if not self._goals or not isinstance(camera, PinholeCamera):
+            return []
+        found: list[Post] = []
+        contrast = 0.0
+        # the strongest strip is the post, fainter ones and those beside it are its net or its shadow
+        for strip in sorted(self._strips(frame), key=lambda one: -one.strength):
+            post = self._post(strip, camera, errors)
+            own = strip.strength / max(strip.height, 1.0)
+            if post is None or own < settings.min_contrast_ratio * contrast:
+                continue
+            apart_m = [math.hypot(post.x_m - other.x_m, post.y_m - other.y_m) for other in found]
+            if min(apart_m, default=math.inf) > settings.min_posts_apart * self._goals[0].width_m:
+                found.append(post)
+                contrast = max(contrast, own)
+        return sorted(found, key=lambda one: float(np.trace(one.covariance)))
+
+    def _strips(self, frame: UInt8Array) -> Iterator[Strip]:
+        if self._families:
+            masks = hue_masks(frame, self._families)
+            for mask in masks.values():
+                yield from strips(mask_runs(mask, _HUE_STEP), _HUE_STEP, carpet_mask(frame, mask), certain=True)
+        if self._has_white:
+            white = whiteness(frame)
+            found = strips(white_runs(white, _WHITE_STEP), _WHITE_STEP, carpet_mask(frame), certain=False)
+            yield from (strip for strip in found if _is_solid(white, strip, self._settings.min_solid_ratio))
+
+    def _post(self, strip: Strip, camera: PinholeCamera, errors: FloorErrors) -> Post | None:
+        """Return the post that a strip is; None where it has not its size."""
+        settings, goal = self._settings, self._goals[0]
+        if not math.isfinite(strip.foot):
+            return None
+        foot_px = np.array([strip.axis_at(strip.foot), strip.foot])
+        foot_m = camera.pixel_to_floor(foot_px)
+        shifts = errors.shifts_m(foot_px)
+        if not (np.isfinite(foot_m).all() and np.isfinite(shifts).all()):
+            return None
+        away = foot_m - camera.viewpoint_m[:2]
+        range_m = float(np.hypot(*away))
+        # the foot in view is its near side
+        axis_m = foot_m + goal.post_radius_m * away / max(range_m, 1e-9)
+        side_m = goal.post_radius_m * np.array([-away[1], away[0]]) / max(range_m, 1e-9)
+        rim = camera.floor_to_pixel(np.stack([axis_m + side_m, axis_m - side_m]))
+        width_px = float(np.hypot(*(rim[1] - rim[0])))
+        top = camera.point_to_pixel(np.array([*axis_m, goal.height_m]))
+        if not (np.isfinite(rim).all() and width_px >= settings.min_post_px):
+            return None
+        if not 1 / settings.post_width_ratio <= strip.width_at(strip.foot) / width_px <= settings.post_width_ratio:
+            return None
+        # a post that leaves the view is seen up to its rim
+        top_px = max(float(top[1]), 0.0) if np.isfinite(top).all() else 0.0
+        if strip.foot - strip.bottom > strip.width_at(strip.foot) + _WHITE_STEP:
+            return None
+        if strip.foot - strip.top < settings.min_post_share * (strip.foot - top_px):
+            return None
+        # paint on the floor ends below the horizon
+        if goal.height_m > camera.height_m:
+            horizon_px = camera.point_to_pixel(np.array([*axis_m, camera.height_m]))[1]
+            if np.isfinite(horizon_px) and strip.top > horizon_px:
+                return None
+        step = np.eye(2) * settings.post_std_px
+        own = np.stack([camera.pixel_to_floor(foot_px + row) - foot_m for row in step], axis=1)
+        covariance = own @ own.T + shifts @ shifts.T
+        if not np.linalg.eigvalsh(covariance)[1] <= settings.max_std_m**2:
+            return None
+        return Post(float(axis_m[0]), float(axis_m[1]), covariance)
+
+
+def _is_solid(white: UInt8Array, strip: Strip, min_ratio: float) -> bool:
+    """Whether a strip is about as bright all over, which a net's cords, and what stands side by side, are not."""
+    rows = np.linspace(strip.top, strip.bottom, 40)
+    across = np.array([0.25, 0.5, 0.75])
+    left, right = (np.array([at + lean * row for row in rows]) for at, lean in (strip.left, strip.right))
+    u = np.rint(left[:, None] + (right - left)[:, None] * across).astype(np.int64)
+    v = np.rint(rows).astype(np.int64)[:, None]
+    height, width = white.shape
+    seen = white[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(np.float64)
+    return bool(np.percentile(seen, 10) >= min_ratio * np.percentile(seen, 90))
