@@ -18,6 +18,7 @@ from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra import cholesky
 
 CHANNELS = 2
+COLOR, BRIGHTNESS = range(CHANNELS)
 MEMBERS = 3  # left post, right post, bar
 BAR = 2
 KINDS = 5  # of sections: those across the members, then those down to the left and the right foot
@@ -105,16 +106,18 @@ class Response(NamedTuple):
 
     Parameters
     ----------
-    edge : (2, K, 2) float64
+    edge : (2 * K, 2) float64
         Light of a step, and its derivative, at the pixels -reach to reach behind it, for one point spread; of pixels
-        with even and with odd places.
+        with even places, then with odd ones.
     per_px : float
         Entries to a pixel.
     knots : (M,) float64
         Where the paint's light is taken to change, 0 to 1 across a member.
     jumps : (SHAPES, M) float64
         By how much it does there, for each of its parts.
-    tightness : (KINDS, LEVELS) float64
+    levels : (KINDS,) int64
+        How many levels a section of each kind has: backgrounds and the first parts of the paint's light.
+    tightness : (LEVELS,) float64
         Inverse variance of the levels about 0, grey levels.
     """
 
@@ -122,6 +125,7 @@ class Response(NamedTuple):
     per_px: float
     knots: FloatArray
     jumps: FloatArray
+    levels: Int64Array
     tightness: FloatArray
 
 
@@ -253,116 +257,138 @@ def gather_sections(picture: SectionPicture, due: DueGoal, spread: SectionSpread
 
 
 class _Work(NamedTuple):
-    """Working memory of one section: its design, the step's density at each knot, and small matrices."""
+    """Working memory of one section: its pixels that count, design and density by column, and small matrices.
 
+    The pixels come last in every array, so that arithmetic on them runs side by side.
+    """
+
+    entry: Int64Array
+    pixels: FloatArray  # light beyond an edge, value, both moves' derivatives
     design: FloatArray
     density: FloatArray
     normal: FloatArray
     levels: FloatArray
-    shade: FloatArray
     mixed: FloatArray
     solved: FloatArray
 
 
 @compiled
-def _fit_section(
-    sections: Sections, s: int, c: int, response: Response, variance: float, work: _Work
-) -> tuple[float, float, float, float, float, float]:
-    """Fit one section's levels in one channel.
+def _work(cells: int) -> _Work:
+    return _Work(
+        np.empty(_ROOM, np.int64),
+        np.empty((5, _ROOM)),
+        np.empty((LEVELS, _ROOM)),
+        np.empty((cells, _ROOM)),
+        np.empty((LEVELS, LEVELS)),
+        np.empty(LEVELS),
+        np.empty((2, LEVELS)),
+        np.empty((2, LEVELS)),
+    )
 
-    Returns the squared residuals, what the levels leave of the information about both moves (three values) and of its
-    gradient (two), in units of the squared grey level.
-    """
-    design, density, normal, levels = work.design, work.density, work.normal, work.levels
-    edge, knots, jumps, tight = response.edge, response.knots, response.jumps, response.tightness
+
+@compiled(fastmath={"reassoc", "contract"})
+def _product(a: FloatArray, b: FloatArray, n: int) -> float:
+    total = 0.0
+    for i in range(n):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def _design(sections: Sections, s: int, c: int, response: Response, work: _Work) -> int:
+    """Write values, design and density of a section's pixels that count; returns how many there are."""
+    edge, knots, jumps = response.edge, response.knots, response.jumps
+    light, at, value = work.pixels[0], work.pixels[1], work.pixels[2]
     first, count = sections.first[s], sections.first[s + 1] - sections.first[s]
-    kind, a, b = sections.kind[s], sections.place[s, 1], sections.place[s, 2]
-    last, cells = edge.shape[1] - 1, knots.shape[0]
-    origin = 0.5 * last
+    a, b = sections.place[s, 1], sections.place[s, 2]
+    many, half, cells = response.levels[sections.kind[s]], edge.shape[0] // 2, knots.shape[0]
+    origin, top = 0.5 * (half - 1), half - 1 - 1e-6
+    n = 0
     for i in range(count):
-        if sections.values[first + i, CHANNELS] == 0.0:
-            continue
-        at = sections.place[s, 0] + i
-        odd = int(at) & 1
-        for k in range(2, LEVELS):
-            design[i, k] = 0.0
-        for m in range(cells):
-            place = origin + (at - a - (b - a) * knots[m]) * response.per_px
-            place = min(max(place, 0.0), last - 1e-6)
+        if sections.values[first + i, CHANNELS] != 0.0:
+            place = sections.place[s, 0] + i
+            work.entry[n] = half * (int(place) & 1)
+            at[n], value[n] = origin + (place - a) * response.per_px, sections.values[first + i, c]
+            n += 1
+    work.design[2:many, :n] = 0.0
+    for m in range(cells):
+        shift, density = (b - a) * knots[m] * response.per_px, work.density[m]
+        for i in range(n):
+            place = min(max(at[i] - shift, 0.0), top)
             entry = int(place)
             part = place - entry
-            light = edge[odd, entry, 0] + part * (edge[odd, entry + 1, 0] - edge[odd, entry, 0])
-            density[i, m] = edge[odd, entry, 1] + part * (edge[odd, entry + 1, 1] - edge[odd, entry, 1])
-            for k in range(SHAPES):
-                design[i, 2 + k] += jumps[k, m] * light
-            if m == 0:
-                design[i, 0] = 1.0 - light
-            elif m == cells - 1:
-                design[i, 1] = light
-    for k in range(LEVELS):
-        levels[k] = 0.0
+            entry += work.entry[i]
+            light[i] = edge[entry, 0] + part * (edge[entry + 1, 0] - edge[entry, 0])
+            density[i] = edge[entry, 1] + part * (edge[entry + 1, 1] - edge[entry, 1])
+        for k in range(2, many):
+            design, jump = work.design[k], jumps[k - 2, m]
+            for i in range(n):
+                design[i] += jump * light[i]
+        if m == 0:
+            for i in range(n):
+                work.design[0, i] = 1.0 - light[i]
+        elif m == cells - 1:
+            for i in range(n):
+                work.design[1, i] = light[i]
+    return n
+
+
+@compiled
+def _fit_section(
+    sections: Sections, s: int, c: int, response: Response, variance: float, work: _Work
+) -> tuple[float, float, float, float, float, float, float]:
+    """Fit one section's levels in one channel.
+
+    Returns how many values are left over, their squared residuals, what the levels leave of the information about both
+    moves (three values) and of its gradient (two), in units of the squared grey level.
+    """
+    design, density, normal, levels = work.design, work.density, work.normal, work.levels
+    knots, jumps, tight = response.knots, response.jumps, response.tightness
+    r, da, db = work.pixels[2], work.pixels[3], work.pixels[4]
+    many, cells = response.levels[sections.kind[s]], knots.shape[0]
+    n = _design(sections, s, c, response, work)
+    for k in range(many):
+        levels[k] = _product(design[k], r, n)
         for j in range(k + 1):
-            normal[k, j] = 0.0
-        normal[k, k] = variance * tight[kind, k]
-    for i in range(count):
-        if sections.values[first + i, CHANNELS] == 0.0:
-            continue
-        y = sections.values[first + i, c]
-        for k in range(LEVELS):
-            levels[k] += design[i, k] * y
-            for j in range(k + 1):
-                normal[k, j] += design[i, k] * design[i, j]
-    if not cholesky.factor(normal, LEVELS):
-        return np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
-    cholesky.substitute(normal, LEVELS, levels)
+            normal[k, j] = _product(design[k], design[j], n)
+        normal[k, k] += variance * tight[k]
+    if not cholesky.factor(normal, many):
+        return 1.0, np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
+    cholesky.substitute(normal, many, levels)
+    for i in range(n):
+        da[i], db[i] = levels[0] * density[0, i], -levels[1] * density[cells - 1, i]
     for m in range(cells):
-        work.shade[m] = 0.0
-        for k in range(SHAPES):
-            work.shade[m] += levels[2 + k] * jumps[k, m]
-    squares, aa, ab, bb, ga, gb = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        shade = 0.0
+        for k in range(2, many):
+            shade += levels[k] * jumps[k - 2, m]
+        of_a, of_b, here = shade * (1.0 - knots[m]), shade * knots[m], density[m]
+        for i in range(n):
+            da[i] -= of_a * here[i]
+            db[i] -= of_b * here[i]
+    for k in range(many):
+        here, level = design[k], levels[k]
+        for i in range(n):
+            r[i] -= level * here[i]
+        work.mixed[0, k], work.mixed[1, k] = _product(da, here, n), _product(db, here, n)
+        work.solved[:, k] = work.mixed[:, k]
+    squares, ga, gb = _product(r, r, n), _product(da, r, n), _product(db, r, n)
+    aa, ab, bb = _product(da, da, n), _product(da, db, n), _product(db, db, n)
     for j in range(2):
-        for k in range(LEVELS):
-            work.mixed[j, k] = 0.0
-    for i in range(count):
-        if sections.values[first + i, CHANNELS] == 0.0:
-            continue
-        r = sections.values[first + i, c]
-        for k in range(LEVELS):
-            r -= design[i, k] * levels[k]
-        da, db = levels[0] * density[i, 0], -levels[1] * density[i, cells - 1]
-        for m in range(cells):
-            pull = work.shade[m] * density[i, m]
-            da -= pull * (1.0 - knots[m])
-            db -= pull * knots[m]
-        squares += r * r
-        aa += da * da
-        ab += da * db
-        bb += db * db
-        ga += da * r
-        gb += db * r
-        for k in range(LEVELS):
-            work.mixed[0, k] += da * design[i, k]
-            work.mixed[1, k] += db * design[i, k]
-    for j in range(2):
-        for k in range(LEVELS):
-            work.solved[j, k] = work.mixed[j, k]
-        cholesky.substitute(normal, LEVELS, work.solved[j])
-    for k in range(LEVELS):
+        cholesky.substitute(normal, many, work.solved[j])
+    for k in range(many):
         aa -= work.mixed[0, k] * work.solved[0, k]
         ab -= work.mixed[0, k] * work.solved[1, k]
         bb -= work.mixed[1, k] * work.solved[1, k]
-        squares += variance * tight[kind, k] * levels[k] ** 2
-    return squares, aa, ab, bb, ga, gb
+        squares += variance * tight[k] * levels[k] ** 2
+    return max(1.0, float(n - many)), squares, aa, ab, bb, ga, gb
 
 
 @compiled
 def fit_sections(
     sections: Sections,
-    which: Int64Array,
-    channels: tuple[int, int],
+    every: int,
     responses: tuple[Response, Response, Response, Response],
     variance: FloatArray,
-    cut: float,
     told: FloatArray,
     misfit: FloatArray,
 ) -> None:
@@ -372,40 +398,56 @@ def fit_sections(
     ----------
     sections : Sections
         See `gather_sections`.
-    which : (K,) int64
-        Those that are fitted.
-    channels : (int, int)
-        First one, and the one behind the last.
+    every : int
+        One section in so many is fitted.
     responses : tuple of Response
         For rows in colour and brightness, then for columns.
     variance : (2, 2) float64
-        Of a pixel's noise in rows and columns, by channel.
-    cut : float
-        Misfit at which a section counts a quarter; infinity: all count alike.
+        Of a pixel's noise in rows and columns, by channel, about as it is.
     told : (S, 2, 5) float64
-        Results: information (aa, ab, bb) and gradient (a, b) of each section and channel, pixels.
+        Results: information (aa, ab, bb) and gradient (a, b) of each section and channel, pixels and grey levels.
     misfit : (S, 2) float64
-        Results: squared residuals of each section over what the noise lets expect.
+        Results: squared residuals of each section for each value left over.
     """
-    cells = responses[0].knots.shape[0]
-    work = _Work(
-        np.empty((_ROOM, LEVELS)),
-        np.empty((_ROOM, cells)),
-        np.empty((LEVELS, LEVELS)),
-        np.empty(LEVELS),
-        np.empty(cells),
-        np.empty((2, LEVELS)),
-        np.empty((2, LEVELS)),
-    )
-    for s in which:
+    work = _work(responses[0].knots.shape[0])
+    for s in range(0, told.shape[0], every):
         axis = 0 if sections.kind[s] < BAR else 1
-        used = 0.0
-        for n in range(sections.first[s], sections.first[s + 1]):
-            used += sections.values[n, CHANNELS]
-        for c in range(channels[0], channels[1]):
+        for c in range(CHANNELS):
             noise = variance[axis, c]
-            squares, aa, ab, bb, ga, gb = _fit_section(sections, s, c, responses[2 * axis + c], noise, work)
-            misfit[s, c] = squares / (max(1.0, used - LEVELS) * noise)
-            w = 1.0 / (noise * (1.0 + misfit[s, c] / cut) ** 2)
-            told[s, c, 0], told[s, c, 1], told[s, c, 2] = w * aa, w * ab, w * bb
-            told[s, c, 3], told[s, c, 4] = w * ga, w * gb
+            left, squares, aa, ab, bb, ga, gb = _fit_section(sections, s, c, responses[2 * axis + c], noise, work)
+            misfit[s, c] = squares / left
+            told[s, c, 0], told[s, c, 1], told[s, c, 2] = aa, ab, bb
+            told[s, c, 3], told[s, c, 4] = ga, gb
+
+
+@compiled
+def spread_cost(
+    sections: Sections, which: Int64Array, c: int, response: Response, variance: float, least: float, move_std: float
+) -> float:
+    """Negative log-likelihood of sections under one point spread, each with an unknown noise and edges that move.
+
+    Parameters
+    ----------
+    sections : Sections
+        See `gather_sections`.
+    which : (K,) int64
+        Those that count: all rows or all columns.
+    c : int
+        Channel.
+    response : Response
+        Of the point spread.
+    variance, least : float
+        Of a pixel's noise: about as it is, and at least.
+    move_std : float
+        How well the edges' places are known, pixels.
+    """
+    work = _work(response.knots.shape[0])
+    cost = 0.0
+    prior = variance / move_std**2
+    for s in which:
+        left, squares, aa, ab, bb, ga, gb = _fit_section(sections, s, c, response, variance, work)
+        aa += prior
+        bb += prior
+        gain = (bb * ga * ga - 2.0 * ab * ga * gb + aa * gb * gb) / (aa * bb - ab * ab)
+        cost += 0.5 * left * math.log(least + max(0.0, squares - gain) / left)
+    return cost

@@ -7,7 +7,8 @@ JPEG and video keep colour at half the resolution: two pixels share one value, w
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from collections.abc import Callable
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -43,11 +44,30 @@ class PointSpread(NamedTuple):
         return 4 if self.halved else 1
 
 
-SPREADS = tuple(
-    PointSpread(mixed, lens_px) for mixed in (0.0, 0.05, 0.1, 0.15, 0.2, 0.25) for lens_px in (0.05, 0.3, 0.5, 0.7, 0.9)
-)
+_MIXED, _LENS_PX = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25), (0.05, 0.3, 0.5, 0.7, 0.9)
+SPREADS = tuple(PointSpread(mixed, lens_px) for mixed in _MIXED for lens_px in _LENS_PX)
 HALVED = tuple(_HALVED)
 TYPICAL = PointSpread(0.1, 0.5)
+
+
+@lru_cache(maxsize=len(SPREADS))
+def neighbours(spread: PointSpread) -> tuple[PointSpread, ...]:
+    """One of `SPREADS` and those that differ from it by one step in mixing, in the lens or in both."""
+    i, j = _MIXED.index(spread.mixed), _LENS_PX.index(spread.lens_px)
+    return tuple(
+        PointSpread(mixed, lens_px)
+        for mixed in _MIXED[max(0, i - 1) : i + 2]
+        for lens_px in _LENS_PX[max(0, j - 1) : j + 2]
+    )
+
+
+def nearest_best(cost: Callable[[PointSpread], float], start: PointSpread) -> PointSpread:
+    """Go from one of `SPREADS` to its best neighbour while that costs less."""
+    known = cache(cost)
+    best = start
+    while (better := min(neighbours(best), key=known)) != best and known(better) < known(best):
+        best = better
+    return best
 
 
 @lru_cache(maxsize=128)

@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.edge_places import goal_points
 from robocup_vision.kernels.goal.sections import (
     BAR,
+    BRIGHTNESS,
     CHANNELS,
-    KINDS,
+    COLOR,
     LEVELS,
     MEMBERS,
     SHAPES,
@@ -31,11 +32,19 @@ from robocup_vision.kernels.goal.sections import (
     SectionSpread,
     fit_sections,
     gather_sections,
+    spread_cost,
 )
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance, EdgeSamples, from_ideal, to_ideal
 from robocup_vision.localization.goal.fit import GoalFit, GoalModel, fit, residuals
 from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES, LOG_FOCAL
-from robocup_vision.localization.goal.point_spread import HALVED, PER_PX, SPREADS, TYPICAL, PointSpread, step_response
+from robocup_vision.localization.goal.point_spread import (
+    HALVED,
+    PER_PX,
+    TYPICAL,
+    PointSpread,
+    nearest_best,
+    step_response,
+)
 
 _BRIGHTNESS = (0.114, 0.587, 0.299)  # of B, G and R: the luma of BT.601
 _SCALES = np.array([1.0, 0.5, 0.3, 0.3])  # of the robust loss in each iteration, pixels: the start is right to a pixel
@@ -62,20 +71,23 @@ class ProfileSettings:
         Level from which a pixel shines: a chip's response bends there.
     light_std : float
         Prior on how the paint's light changes across a member, grey levels.
-    turns, steps : int
-        Of the fit, and its steps in each: the point spread is chosen anew where the camera has moved.
+    steps : int
+        Of the fit, the first with a typical point spread.
+    every : int
+        Of the rows and columns, one in so many is taken for the point spread and for all steps but the last.
     cut : float
         Squared residuals over what the noise lets expect, at which a section counts a quarter.
     move_std_px : float
-        Prior on an edge's move: the edges' fit is right to a pixel.
+        Prior on an edge's move: the edges' fit is right to a pixel. All edges together move no farther.
     max_std_px : float
         Noise from which a piece's edge is left out: it is less certain than the edges' fit.
     edge_error_px, foot_error_px : float
         Error that whole edges and feet have in common, beside their noise.
+    common : float
+        Of a piece's variance, what its whole edge has in common (feet: twice that): with it the stated covariances of
+        `goal/goal_table` are right on the average, by another seed.
     min_samples : int
         Edges that must be measured: more than the unknowns.
-    max_shift : float
-        Standard deviations that the result may be off the edges' fit, which it refines.
     freedom, trusted : float
         Unknowns that the goal's edges determine, and how many samples the noise of their own is trusted as.
     """
@@ -87,38 +99,46 @@ class ProfileSettings:
     clear_of_corners_px: float = 1.8
     saturated: int = 246
     light_std: float = 30.0
-    turns: int = 3
-    steps: int = 2
+    steps: int = 3
+    every: int = 3
     cut: float = 9.0
     move_std_px: float = 1.0
     max_std_px: float = 0.6
     edge_error_px: float = 0.03
     foot_error_px: float = 0.06
+    common: float = 0.5
     min_samples: int = 10
-    max_shift: float = 5.0
     freedom: int = 5
     trusted: float = 2.0
 
 
+class _Paint(NamedTuple):
+    """Knots, jumps, numbers of levels and tightness of the paint's light, see `Response`."""
+
+    knots: FloatArray
+    jumps: FloatArray
+    levels: Int64Array
+    tightness: FloatArray
+
+
 @lru_cache(maxsize=4)
-def _paint(light_std: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Knots, jumps and tightness of the paint's light, see `Response`: even, a slope, a lit cylinder, a terminator."""
+def _paint(light_std: float) -> _Paint:
+    """Light that is even, slopes, falls as on a lit cylinder, and has a terminator."""
     knots = (1 - np.cos(np.pi * np.arange(_CELLS + 1) / _CELLS)) / 2
     light = np.zeros((SHAPES, _CELLS + 2))
     for cell in range(_CELLS):
         xi = np.linspace(2 * knots[cell] - 1, 2 * knots[cell + 1] - 1, 41)
         shapes = (np.ones_like(xi), xi, np.sqrt(np.maximum(0.0, 1 - xi * xi)) - math.pi / 4, np.abs(xi) - 0.5)
         light[:, cell + 1] = [shape.mean() for shape in shapes]
-    tightness = np.full((KINDS, LEVELS), light_std**-2)
-    tightness[:, : LEVELS - SHAPES + 1] = 1e-6
-    # a foot is no cylinder's side, and lamps hang above the bar
-    tightness[[0, 1, 3, 4], LEVELS - 1] = tightness[MEMBERS:, LEVELS - 2] = np.inf
-    held = np.where(np.isinf(tightness), 1e12, tightness)
-    return knots, np.ascontiguousarray(np.diff(light, axis=1)), held
+    tightness = np.full(LEVELS, light_std**-2)
+    tightness[: LEVELS - SHAPES + 1] = 1e-6
+    # lamps hang above the bar, and a foot is no cylinder's side
+    levels = LEVELS - np.array([1, 1, 0, 2, 2])
+    return _Paint(knots, np.ascontiguousarray(np.diff(light, axis=1)), levels, tightness)
 
 
 class _Due(NamedTuple):
-    """Where a camera has the goal: edges, spans and arcs as `DueGoal` takes them."""
+    """Where cameras (N, 8) have the goal: edges, spans and arcs as `DueGoal` takes them, with a leading axis."""
 
     edges: FloatArray
     spans: FloatArray
@@ -126,11 +146,11 @@ class _Due(NamedTuple):
 
 
 def _due(camera: PinholeCamera, model: GoalModel, p: FloatArray, clear_px: float) -> _Due | None:
-    """Where a camera (8,) has the goal; None behind it."""
-    points = np.empty((2 * EDGES + 4 * len(FOOT_OFFSETS), 2))
-    if not goal_points(model.scene, p, points):
+    """Where cameras (N, 8) have the goal; None behind one of them."""
+    points = np.empty((len(p), 2 * EDGES + 4 * len(FOOT_OFFSETS), 2))
+    if not all(goal_points(model.scene, one, found) for one, found in zip(p, points, strict=True)):
         return None
-    return _Due(*_predicted(from_ideal(camera, points), clear_px))
+    return _predicted(from_ideal(camera, points), clear_px)
 
 
 class _SectionFit:
@@ -155,7 +175,7 @@ class _SectionFit:
     ) -> None:
         self._camera, self._model, self._settings = camera, model, settings
         self.p = np.concatenate([start, np.zeros(_OFFSETS)])
-        due = _due(camera, model, start, settings.clear_of_corners_px)
+        due = _due(camera, model, start[None], settings.clear_of_corners_px)
         self.count = 0
         if due is None:
             return
@@ -171,13 +191,13 @@ class _SectionFit:
         )
         picture = SectionPicture(image, np.array([appearance.towards, _BRIGHTNESS]), settings.saturated)
         spread = SectionSpread(settings.pieces, settings.max_lines, settings.outside_px, settings.inside_px)
-        self.count = count = gather_sections(picture, DueGoal(*due), spread, self.sections)
+        self.count = count = gather_sections(picture, DueGoal(*(part[0] for part in due)), spread, self.sections)
         self.kind, self.piece = self.sections.kind[:count], self.sections.piece[:count]
-        self._line, self._down = self.sections.line[:count].astype(np.float64), self.kind >= BAR
+        self._line, self._axis = self.sections.line[:count].astype(np.float64), (self.kind >= BAR).astype(np.int64)
         self._spreads = [[TYPICAL] * CHANNELS, [TYPICAL] * CHANNELS]
         self._variance = np.full((2, CHANNELS), _FIRST_STD**2)
+        self._few = [np.flatnonzero(self._axis == axis)[:: settings.every] for axis in (0, 1)]
         self._told, self._misfit = np.empty((count, CHANNELS, 5)), np.empty((count, CHANNELS))
-        self._all = np.arange(count)
         weight = np.where(np.isinf(model.weight), 1e12, model.weight)
         errors = [settings.edge_error_px] * EDGES + [settings.foot_error_px] * 2
         self._weight = np.concatenate([weight, np.array(errors) ** -2])
@@ -186,33 +206,30 @@ class _SectionFit:
     def fit(self) -> bool:
         """Fit noise, point spread and camera; whether that went well."""
         self._jacobian = self._differences()
-        for turn in range(self._settings.turns):
-            if turn:
-                self._choose(1, [SPREADS, SPREADS])
-                whole = [axis[1] for axis in self._spreads]
-                self._choose(0, [(one, *(one._replace(halved=kind) for kind in HALVED)) for one in whole])
-            self._measure(math.inf)
-            self._update_noise()
-            if not self._move():
+        for step in range(self._settings.steps):
+            if not self._place():
+                return False
+            if step == 1:
+                self._choose()
+            if not self._move(1 if step == self._settings.steps - 1 else self._settings.every):
                 return False
         return bool(np.isfinite(self.p).all())
 
     def samples(self) -> EdgeSamples | None:
         """Return what each piece of an edge and each foot tells, as the fit of a goal takes it."""
         settings, pieces = self._settings, MEMBERS * self._settings.pieces
-        due = _due(self._camera, self._model, self.p[:8], settings.clear_of_corners_px)
+        due = _due(self._camera, self._model, self.p[None, :8], settings.clear_of_corners_px)
         if due is None:
             return None
-        self._measure(settings.cut)
         told = np.zeros((pieces + 2, 5))
-        np.add.at(told, self.piece, self._summed())
+        np.add.at(told, self.piece, self._evidence)
         information = told[:, [0, 2]] + settings.move_std_px**-2
         move = told[:, 3:] / information
         move[:pieces] += self.p[8 : 8 + EDGES].reshape(MEMBERS, 2).repeat(settings.pieces, axis=0)
         move[pieces:, 1] += self.p[8 + EDGES :]
         variance = 1 / information
         variance[np.abs(move) > 2 * settings.move_std_px] = np.inf
-        edges, _, arcs = due
+        edges, arcs = due.edges[0], due.arcs[0]
         at = self.sections.middle[:pieces, None]
         edge = 2 * np.repeat(np.arange(MEMBERS), settings.pieces)[:, None] + [0, 1]
         slope = edges[edge, 1]
@@ -239,125 +256,116 @@ class _SectionFit:
             np.bincount(edge[np.isfinite(along)], minlength=EDGES),
         )
 
+    def moved_px(self, before: FloatArray, after: FloatArray) -> float:
+        """Return the root mean square of how far the sections' edges are between two cameras (8,), pixels."""
+        first, last = self._places(np.array([before, after]))
+        return float(np.sqrt(np.mean((last - first) ** 2)))
+
     def _places(self, p: FloatArray) -> FloatArray:
-        """Where a camera (8,) has both edges of each section: (S, 2), pixels across."""
+        """Where cameras (N, 8) have both edges of each section: (N, S, 2), pixels across."""
         due = _due(self._camera, self._model, p, self._settings.clear_of_corners_px)
         if due is None:
-            return np.full((self.count, 2), np.nan)
-        edges, _, arcs = due
-        member = np.minimum(self.kind, BAR)
-        places = np.stack(
-            [edges[2 * member + side, 0] + edges[2 * member + side, 1] * self._line for side in (0, 1)], -1
-        )
+            return np.full((len(p), self.count, 2), np.nan)
+        edges = due.edges.reshape(len(p), MEMBERS, 2, 2)[:, np.minimum(self.kind, BAR)]
+        places = edges[..., 0] + edges[..., 1] * self._line[:, None]
         depth = self._settings.inside_px + self._settings.outside_px
         for post in (0, 1):
-            row, foot = arcs[post, 0], self.kind == MEMBERS + post
-            left, right = (edges[2 * post + side, 0] + edges[2 * post + side, 1] * row for side in (0, 1))
+            row, foot = due.arcs[:, post, :1], self.kind == MEMBERS + post
+            left, right = (due.edges[:, 2 * post + k, :1] + due.edges[:, 2 * post + k, 1:] * row for k in (0, 1))
             s = np.clip(2 * (self._line[foot] - left) / (right - left) - 1, -1, 1)
-            places[foot, 1] = row + (arcs[post, 1] + arcs[post, 2] * s) * s
-            places[foot, 0] = places[foot, 1] - 2 * depth
+            places[:, foot, 1] = row + (due.arcs[:, post, 1:2] + due.arcs[:, post, 2:] * s) * s
+            places[:, foot, 0] = places[:, foot, 1] - 2 * depth
         return places
 
     def _differences(self) -> FloatArray:
         """Differentiate (S, 2, 16) the edges' places by the camera and by what whole edges and feet are off."""
         by = np.zeros((self.count, 2, 8 + _OFFSETS))
-        for k in range(LOG_FOCAL):  # where edges are due goes by the stated focal length
-            if np.isinf(self._model.weight[k]):
-                continue
-            step = np.zeros(8)
-            step[k] = _STEPS[k]
-            by[:, :, k] = (self._places(self.p[:8] + step) - self._places(self.p[:8] - step)) / (2 * _STEPS[k])
+        # where edges are due goes by the stated focal length
+        free = np.flatnonzero(np.isfinite(self._model.weight[:LOG_FOCAL]))
+        steps = np.eye(8)[free] * _STEPS[free, None]
+        there = self._places(np.concatenate([self.p[:8] + steps, self.p[:8] - steps]))
+        by[:, :, free] = np.moveaxis((there[: len(free)] - there[len(free) :]) / (2 * _STEPS[free, None, None]), 0, -1)
         index, is_foot = np.arange(self.count), self.kind >= MEMBERS
         by[index, 0, np.where(is_foot, 0, 8 + 2 * self.kind)] = 1
         by[index, 1, np.where(is_foot, 8 + EDGES - MEMBERS + self.kind, 9 + 2 * self.kind)] = 1
         by[is_foot, 0] = 0
         return by
 
-    def _responses(self) -> tuple[Response, Response, Response, Response]:
-        paint = _paint(self._settings.light_std)
-        a, b, c, d = (
-            Response(step_response(spread), float(PER_PX), *paint) for axis in self._spreads for spread in axis
-        )
-        return a, b, c, d
+    def _response(self, spread: PointSpread) -> Response:
+        return Response(step_response(spread).reshape(-1, 2), float(PER_PX), *_paint(self._settings.light_std))
 
-    def _measure(self, cut: float) -> None:
-        """Fit all sections where the camera has their edges now."""
-        self.sections.place[: self.count, 1:] = self._places(self.p[:8]) + self._jacobian[:, :, 8:] @ self.p[8:]
-        fit_sections(
-            self.sections,
-            self._all,
-            (0, CHANNELS),
-            self._responses(),
-            self._variance,
-            cut,
-            self._told,
-            self._misfit,
-        )
+    def _place(self) -> bool:
+        """Let the sections' edges be where the camera has them now; False where it has none."""
+        places = self._places(self.p[None, :8])[0] + self._jacobian[:, :, 8:] @ self.p[8:]
+        self.sections.place[: self.count, 1:] = places
+        return bool(np.isfinite(places).all())
 
-    def _summed(self) -> FloatArray:
-        """Sum up what both channels tell (S, 5): values that several pixels share count once."""
-        shared = np.array([[1 / spread.shared for spread in axis] for axis in self._spreads])
-        return np.asarray((self._told * shared[self._down.astype(np.int64)][:, :, None]).sum(axis=1))
+    def _measure(self, every: int) -> FloatArray:
+        """Return what sections, one in so many, tell of their edges where the camera has them now: (S, 5)."""
+        a, b, c, d = (self._response(spread) for axis in self._spreads for spread in axis)
+        fit_sections(self.sections, every, (a, b, c, d), self._variance, self._told, self._misfit)
+        axis, misfit = self._axis[::every], self._misfit[::every]
+        for one in (0, 1):
+            if np.any(axis == one):
+                typical = np.median(misfit[axis == one], axis=0) / 0.85
+                self._variance[one] = np.maximum(typical, _MIN_VARIANCE)
+        # values that several pixels share count once
+        shared = np.array([[spread.shared for spread in spreads] for spreads in self._spreads])
+        variance = self._variance[axis]
+        weight = 1 / (variance * shared[axis] * (1 + misfit / (variance * self._settings.cut)) ** 2)
+        evidence = np.zeros((self.count, 5))
+        evidence[::every] = (self._told[::every] * weight[:, :, None]).sum(axis=1)
+        return evidence
 
-    def _update_noise(self) -> None:
-        for axis in (0, 1):
-            misfit = self._misfit[self._down == axis]
-            if len(misfit):
-                scaled = self._variance[axis] * np.median(misfit, axis=0) / 0.85
-                self._variance[axis] = np.maximum(scaled, _MIN_VARIANCE)
-
-    def _move(self) -> bool:
-        """Move the camera by some steps of Gauss and Newton; whether that went well."""
+    def _move(self, every: int) -> bool:
+        """Move the camera by a step of Gauss and Newton; whether that went well."""
+        self._evidence = evidence = self._measure(every)
         by_a, by_b = self._jacobian[:, 0], self._jacobian[:, 1]
-        for _ in range(self._settings.steps):
-            self._measure(self._settings.cut)
-            aa, ab, bb, ga, gb = self._summed().T[:, :, None]
-            mixed = (by_a * ab).T @ by_b
-            normal = (by_a * aa).T @ by_a + (by_b * bb).T @ by_b + mixed + mixed.T
-            normal[np.diag_indices(len(normal))] += self._weight + 1e-9
-            right = (by_a * ga + by_b * gb).sum(axis=0) - self._weight * (self.p - self._prior)
-            if not np.isfinite(normal).all():
-                return False
-            self.p = self.p + np.linalg.solve(normal, right)
-            self._update_noise()
+        aa, ab, bb, ga, gb = evidence.T[:, :, None]
+        mixed = (by_a * ab).T @ by_b
+        normal = (by_a * aa).T @ by_a + (by_b * bb).T @ by_b + mixed + mixed.T
+        normal[np.diag_indices(len(normal))] += self._weight + 1e-9
+        right = (by_a * ga + by_b * gb).sum(axis=0) - self._weight * (self.p - self._prior)
+        if not np.isfinite(normal).all():
+            return False
+        step = np.linalg.solve(normal, right)
+        self.p = self.p + step
+        # what the sections tell from there
+        a, b = (self._jacobian @ step).T
+        aa, ab, bb = evidence.T[:3]
+        evidence[:, 3] -= aa * a + ab * b
+        evidence[:, 4] -= ab * a + bb * b
         return True
 
-    def _choose(self, channel: int, candidates: list[tuple[PointSpread, ...]]) -> None:
+    def _choose(self) -> None:
         """Choose for rows and for columns the point spread under which their sections fit best."""
-        # contiguous, as the whole is: the loop is compiled once
-        few = np.ascontiguousarray(self._all[::4])
-        best = [math.inf, math.inf]
-        chosen = [axis[channel] for axis in self._spreads]
-        for pair in zip(*candidates, strict=True):
-            for axis in (0, 1):
-                self._spreads[axis][channel] = pair[axis]
-            told = (self._told, self._misfit)
-            channels = (channel, channel + 1)
-            fit_sections(self.sections, few, channels, self._responses(), self._variance, math.inf, *told)
-            misfit = np.minimum(self._misfit[few, channel], self._settings.cut)
-            for axis in (0, 1):
-                cost = float(misfit[self._down[few] == axis].sum())
-                if cost < best[axis]:
-                    best[axis], chosen[axis] = cost, pair[axis]
-        for axis in (0, 1):
-            self._spreads[axis][channel] = chosen[axis]
+        for axis, spreads in enumerate(self._spreads):
+            whole = nearest_best(partial(self._cost, axis, BRIGHTNESS), TYPICAL)
+            of_color = (whole, *(whole._replace(halved=kind) for kind in HALVED))
+            spreads[BRIGHTNESS], spreads[COLOR] = whole, min(of_color, key=partial(self._cost, axis, COLOR))
+
+    def _cost(self, axis: int, channel: int, spread: PointSpread) -> float:
+        """How badly rows (0) or columns (1) fit under a point spread, as a negative log-likelihood."""
+        variance, move_std_px = self._variance[axis, channel], self._settings.move_std_px
+        few, response = self._few[axis], self._response(spread)
+        return float(spread_cost(self.sections, few, channel, response, variance, _MIN_VARIANCE, move_std_px))
 
 
-def _predicted(points: npt.NDArray[np.float64], clear_px: float) -> tuple[npt.NDArray[np.float64], ...]:
-    """Lines of the edges, free spans of the members and arcs of the feet, as `gather_profiles` takes them."""
-    ends = points[: 2 * EDGES].reshape(EDGES, 2, 2)
+def _predicted(points: FloatArray, clear_px: float) -> _Due:
+    """Lines of the edges, free spans of the members and arcs of the feet from their points (N, K, 2)."""
+    ends = points[:, : 2 * EDGES].reshape(-1, EDGES, 2, 2)
     ends = np.where((np.arange(EDGES) < BAR_TOP)[:, None, None], ends, ends[..., ::-1])  # across, along
-    slope = (ends[:, 1, 0] - ends[:, 0, 0]) / (ends[:, 1, 1] - ends[:, 0, 1])
-    edges = np.column_stack([ends[:, 0, 0] - slope * ends[:, 0, 1], slope])
-    feet = points[2 * EDGES : 2 * EDGES + 2 * len(FOOT_OFFSETS), 1].reshape(2, -1)
+    slope = (ends[..., 1, 0] - ends[..., 0, 0]) / (ends[..., 1, 1] - ends[..., 0, 1])
+    edges = np.stack([ends[..., 0, 0] - slope * ends[..., 0, 1], slope], axis=-1)
+    feet = points[:, 2 * EDGES : 2 * EDGES + 2 * len(FOOT_OFFSETS), 1].reshape(len(points), 2, -1)
     s = float(FOOT_OFFSETS[-1])
-    low, middle, high = feet[:, 0], feet[:, len(FOOT_OFFSETS) // 2], feet[:, -1]
-    arcs = np.column_stack([middle, (high - low) / (2 * s), (high + low - 2 * middle) / (2 * s * s)])
-    under_bar = points[2 * EDGES - 2 : 2 * EDGES]
-    spans = np.empty((MEMBERS, 2))
-    spans[:2, 0], spans[:2, 1] = under_bar[:, 1] + clear_px, feet.min(axis=1) - clear_px
-    spans[2] = under_bar[0, 0] + clear_px, under_bar[1, 0] - clear_px
-    return edges, spans, arcs
+    low, middle, high = feet[..., 0], feet[..., len(FOOT_OFFSETS) // 2], feet[..., -1]
+    arcs = np.stack([middle, (high - low) / (2 * s), (high + low - 2 * middle) / (2 * s * s)], axis=-1)
+    under_bar = points[:, 2 * EDGES - 2 : 2 * EDGES]
+    spans = np.empty((len(points), MEMBERS, 2))
+    spans[:, :2, 0], spans[:, :2, 1] = under_bar[..., 1] + clear_px, feet.min(axis=-1) - clear_px
+    spans[:, 2, 0], spans[:, 2, 1] = under_bar[:, 0, 0] + clear_px, under_bar[:, 1, 0] - clear_px
+    return _Due(edges, spans, arcs)
 
 
 def polish(
@@ -389,8 +397,7 @@ def polish(
         return found
     samples, single = _with_feet(*_weighed(alone, settings), found.samples)
     p, cost, information = fit(model, samples, sections.p[:8], _SCALES)
-    shift = p - found.unknowns
-    if not math.isfinite(cost) or shift @ found.information @ shift > settings.max_shift**2:
+    if not (math.isfinite(cost) and sections.moved_px(found.unknowns, p) < settings.move_std_px):
         return found
     residual = residuals(model, samples, p)
     # the residuals of the fit estimate the error of each whole edge
@@ -404,7 +411,7 @@ def polish(
 def _weighed(alone: EdgeSamples, settings: ProfileSettings) -> tuple[EdgeSamples, npt.NDArray[np.float64]]:
     """Let the noise include what an edge as a whole may be off; returns the variance of each single sample as well."""
     n = len(alone.edge)
-    typical = float(np.mean(alone.sigma[:n] ** 2))
+    typical = settings.common * float(np.mean(alone.sigma[:n] ** 2))
     whole = np.full(len(alone.sigma), settings.edge_error_px**2 + typical)
     whole[n:] = settings.foot_error_px**2 + 2 * typical
     per_edge = np.bincount(alone.edge, minlength=EDGES)[alone.edge]
