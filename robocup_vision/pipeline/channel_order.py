@@ -120,7 +120,7 @@ class ChannelOrder:
 
     def judge(
         self,
-        balls: Sequence[Ball],
+        find_own: Callable[[], Sequence[Ball]],
         find_swapped: Callable[[], Sequence[Ball]],
         pose: PoseEstimate | NotLocated,
         by_goals: Callable[[], float],
@@ -129,8 +129,8 @@ class ChannelOrder:
 
         Parameters
         ----------
-        balls : sequence of Ball
-            That the frame shows.
+        find_own : callable
+            Returns the balls that the frame shows by their colour.
         find_swapped : callable
             Returns those that it shows if red and blue are swapped; costs as much as a search for balls.
         pose : PoseEstimate or NotLocated
@@ -153,7 +153,7 @@ class ChannelOrder:
             return
         own = swapped = 0.0
         if pose:
-            own = self._ball_nats(balls, pose.pose, is_swapped=False)
+            own = self._ball_nats(find_own(), pose.pose, is_swapped=False)
             # where the ball is clearly seen, another find tells nothing
             if own < settings.max_nats:
                 swapped = self._ball_nats(find_swapped(), pose.pose, is_swapped=True)

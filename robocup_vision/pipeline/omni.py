@@ -123,7 +123,7 @@ class OmniPipeline(FramePipeline):
         free = perf_counter()
         self._last_pose = robot
         self._channel_order.judge(
-            balls,
+            lambda: balls,
             lambda: self._on_floor(self._ball_finder.find_swapped(frame, table, near), robot),
             pose,
             lambda: self._goal_nats(pose, table),

@@ -33,6 +33,7 @@ from robocup_vision.localization.swapped_channels import (
 from robocup_vision.localization.wall_ranges import wall_px
 from robocup_vision.localization.wall_tilt import tilt_by_walls
 from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.balls.learned import LearnedBallFinder, is_learned
 from robocup_vision.perception.balls.patterned import PatternedBallFinder
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
 from robocup_vision.perception.floor_view import FloorView
@@ -72,7 +73,8 @@ class PinholePipeline(FramePipeline):
     def __init__(self, field: Field, camera: PinholeCamera, options: FrameOptions) -> None:
         # before anything calls a loop, so that whoever waits is told how many there are
         prepare(f"pinhole_{options.method.loops}")
-        if field.ball_patches:
+        by_patches = bool(field.ball_patches) and not is_learned(camera)
+        if by_patches:
             prepare("patterned_balls")
         # so narrow a view may show nothing white, but a ball or a goal
         super().__init__(field, camera.size_px, options, _MAX_LOG_CAST)
@@ -85,7 +87,8 @@ class PinholePipeline(FramePipeline):
         self._floors = _floors_of(field, camera, self._mask, options)
         # as the camera was held in the last frame
         self._floor = self._floors.about(camera) if camera.known_orientation else None
-        self._patterned = PatternedBallFinder(field, camera, self._mask) if field.ball_patches else None
+        self._learned = LearnedBallFinder(field, camera, self._mask) if is_learned(camera) else None
+        self._patterned = PatternedBallFinder(field, camera, self._mask) if by_patches else None
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
         self.forget()
 
@@ -100,6 +103,8 @@ class PinholePipeline(FramePipeline):
         other._localizer = calibrated_localizer(self._localizer, self._options.method, self.field, camera, self._mask)
         if self._patterned is not None:
             other._patterned = PatternedBallFinder(self.field, camera, self._mask)
+        if self._learned is not None:
+            other._learned = LearnedBallFinder(self.field, camera, self._mask)
         return other
 
     @property
@@ -126,6 +131,8 @@ class PinholePipeline(FramePipeline):
         super().forget()
         self._localizer.forget()
         self._floors.forget()
+        if self._learned is not None:
+            self._learned.forget()
 
     def look(
         self,
@@ -219,8 +226,7 @@ class PinholePipeline(FramePipeline):
         robot = pose.pose if pose else None
         floor, samples = self._sample_to_walls(frame, floor, pose, timings)
         marks, balls, free_space = self._see_floor(frame, floor, samples, robot, timings)
-        # white and black look alike with red and blue swapped
-        self._judge_channels(frame, floor, samples, balls if self._patterned is None else (), pose)
+        self._judge_channels(frame, floor, samples, balls, pose)
         told = self._as_told(pose)
         self._keep_floor(free_space, t_s)
         walls = floor.view.no_edges_px
@@ -247,6 +253,12 @@ class PinholePipeline(FramePipeline):
             marking_source=MarkingSource.of(self._marking_finder, frame, _with_sway(held, floor.sway_std_rad)),
         )
 
+    def _find_by_color(
+        self, frame: UInt8Array, floor: HeldFloor, samples: _FloorSamples, table: ColorTable
+    ) -> tuple[Ball, ...]:
+        floor.finder.hold(floor.camera, floor.sway_std_rad)
+        return floor.finder.find(frame, table, self._near_floor_nats(samples.llr, floor.view))
+
     def _judge_channels(
         self,
         frame: UInt8Array,
@@ -260,12 +272,18 @@ class PinholePipeline(FramePipeline):
             return
         robot = pose.pose if pose else None
 
+        def find_own() -> tuple[Ball, ...]:
+            if self._learned is not None:
+                return self._on_floor(self._find_by_color(frame, floor, samples, table), robot)
+            # white and black look alike with red and blue swapped
+            return balls if self._patterned is None else ()
+
         def find_swapped() -> tuple[Ball, ...]:
             found = floor.finder.find_swapped(frame, table, self._near_floor_nats(samples.llr, floor.view))
             return self._on_floor(found, robot)
 
         self._channel_order.judge(
-            balls, find_swapped, pose, lambda: self._goal_nats(frame, floor.camera, table.colors, robot)
+            find_own, find_swapped, pose, lambda: self._goal_nats(frame, floor.camera, table.colors, robot)
         )
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
@@ -369,11 +387,12 @@ class PinholePipeline(FramePipeline):
             free_space = _none_free(floor.grid)
             ball_found = perf_counter()
         else:
-            if self._patterned is None:
-                floor.finder.hold(floor.camera, floor.sway_std_rad)
-                balls = floor.finder.find(frame, samples.table, self._near_floor_nats(samples.llr, floor.view))
-            else:
+            if self._learned is not None:
+                balls = self._learned.find(frame, floor.camera)
+            elif self._patterned is not None:
                 balls = self._patterned.find(frame, floor.camera)
+            else:
+                balls = self._find_by_color(frame, floor, samples, samples.table)
             balls = self._on_floor(balls, robot)
             ball_found = perf_counter()
             llr = samples.llr.copy()

@@ -9,6 +9,7 @@ from robocup_vision.commands import registered
 NAMES = {
     "evaluate", "compare", "calibrate", "check", "live", "map", "fields", "import-boxes", "match", "tournament",
     "render", "render-goal", "render-hall", "sensors", "learn-goal-evidence", "fit-evidence",
+    "train-balls",
 }  # fmt: skip
 
 

@@ -20,7 +20,7 @@ def ball(x_m, y_m, nats=SURE):
 
 
 def judge(order, own=(), swapped=(), pose=HERE, goals=0.0):
-    order.judge(own, lambda: swapped, pose, lambda: goals)
+    order.judge(lambda: own, lambda: swapped, pose, lambda: goals)
 
 
 @pytest.fixture
@@ -95,6 +95,6 @@ def test_goals_that_fit_swapped_colors_decide_nothing_in_their_frame(order):
 def test_later_frames_are_looked_at_now_and_then(order):
     asked = []
     for frame in range(64):
-        order.judge((), lambda frame=frame: asked.append(frame) or (), HERE, lambda: 0.0)
+        order.judge(tuple, lambda frame=frame: asked.append(frame) or (), HERE, lambda: 0.0)
     assert asked[:8] == list(range(8))
     assert 0 < len(asked[8:]) <= 4

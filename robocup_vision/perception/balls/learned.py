@@ -1,0 +1,149 @@
+"""Balls of any look in frames of a fisheye, by the network, each where its size belongs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.camera.fisheye import FisheyeCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.balls.network import BallNetwork, BallPlaces, Sighting
+
+# places are worked out anew where tilt or roll differ by half of this: sizes then are still those that it knows
+_STEP_RAD = math.radians(0.5)
+_MOST_PLACES = 64
+
+
+def is_learned(camera: PinholeCamera) -> bool:
+    """Whether balls are found by the network: in a fisheye.
+
+    It has learnt from photographs of fisheyes. In those of narrow lenses the finders by colour and by patches see more.
+    """
+    return isinstance(camera, FisheyeCamera)
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedBallSettings:
+    """What the search by the network can be tuned by.
+
+    Parameters
+    ----------
+    min_nats : float
+        A sighting with less is no ball: of thirty balls told in photographs of an event that was not learnt from one at
+        most is none.
+    again_nats : float
+        It may be so much less near a ball of the last frame: balls stay.
+    max_balls : int
+        Told at most.
+    near_looks : int
+        So many looks after one at the whole frame go near the balls that it showed, as long as these are seen.
+    place_std : float
+        Of a ball's centre, in radii.
+    tilt_std_rad : float
+        Of the camera's tilt, which sways.
+    """
+
+    min_nats: float = 2.0
+    again_nats: float = 1.0
+    max_balls: int = 8
+    near_looks: int = 3
+    place_std: float = 0.15
+    tilt_std_rad: float = 0.013
+
+
+class LearnedBallFinder:
+    """Finds balls of any look in frames of one pinhole camera; holds scratch memory: one object a thread.
+
+    Parameters
+    ----------
+    field : Field
+        Gives the ball's size.
+    camera : PinholeCamera
+        With a known tilt.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    settings : LearnedBallSettings, optional
+        Thresholds of the search.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        camera: PinholeCamera,
+        mask: UInt8Array | None = None,
+        settings: LearnedBallSettings = LearnedBallSettings(),
+    ) -> None:
+        self.settings = settings
+        self._radius_m = field.ball_radius_m
+        self._mask = mask
+        self._network = BallNetwork()
+        self._places: dict[tuple[float, ...], BallPlaces] = {}
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget where balls were in the last frame."""
+        self._last: list[Sighting] = []
+        self._near_looks = 0
+
+    def find(self, frame: UInt8Array, camera: PinholeCamera) -> tuple[Ball, ...]:
+        """Find the balls in a frame, the likeliest first.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        camera : PinholeCamera
+            As held in the frame.
+        """
+        seen = self._look(frame, self._places_of(camera))
+        placed = (self._ball(one, camera) for one in seen)
+        return tuple([ball for ball in placed if ball is not None][: self.settings.max_balls])
+
+    def _look(self, frame: UInt8Array, places: BallPlaces) -> list[Sighting]:
+        """Look near the last balls, and at the whole frame now and then, or where one of them is not seen again."""
+        min_nats = self.settings.min_nats
+        if self._last and self._near_looks < self.settings.near_looks:
+            strips = places.near(self._last)
+            seen = [] if strips is None else self._network.look(frame, strips, min_nats - self.settings.again_nats)
+            if len(seen) >= len(self._last):
+                self._near_looks += 1
+                self._last = seen
+                return seen
+        whole = places.strips
+        self._last = [] if whole is None else self._network.look(frame, whole, min_nats)
+        self._near_looks = 0
+        return self._last
+
+    def _places_of(self, camera: PinholeCamera) -> BallPlaces:
+        """Return the places made for about this orientation; the last used ones are kept."""
+        held = [camera.height_m, *camera.focal_px]
+        held += [round(angle / _STEP_RAD) for angle in (camera.tilt_rad or 0.0, camera.roll_rad or 0.0)]
+        steps = tuple(held)
+        made = self._places.pop(steps) if steps in self._places else BallPlaces(camera, self._radius_m, self._mask)
+        self._places[steps] = made
+        if len(self._places) > _MOST_PLACES:
+            del self._places[next(iter(self._places))]
+        return made
+
+    def _ball(self, one: Sighting, camera: PinholeCamera) -> Ball | None:
+        """Place a ball on the floor; None where its ray does not meet it."""
+        height = camera.height_m - self._radius_m
+        ray = camera.pixel_to_ray((one.u_px, one.v_px))
+        if not ray[2] < -1e-3:
+            return None
+        level = math.hypot(float(ray[0]), float(ray[1]))
+        range_m = height * level / -float(ray[2])
+        away = np.asarray(ray[:2]) / level
+        x, y = (camera.offset_m + range_m * away).tolist()
+        # a ray errs by the ball's place in the picture, and along itself by the tilt, too
+        pixel = self.settings.place_std * self._radius_m / math.hypot(range_m, height)
+        along = (range_m**2 + height**2) / height * math.hypot(pixel, self.settings.tilt_std_rad)
+        across = math.hypot(range_m, height) * pixel
+        turn: FloatArray = np.array([[away[0], -away[1]], [away[1], away[0]]])
+        covariance = read_only(turn @ np.diag([along**2, across**2]) @ turn.T)
+        return Ball(x, y, covariance, one.u_px, one.v_px, one.nats)

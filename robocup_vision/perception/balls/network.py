@@ -1,0 +1,300 @@
+"""The ball classifier: two small convolutional networks, run by OpenCV, over pictures of balls of one size.
+
+How large a ball on the floor is at every place of the picture, the camera says. The picture is cut into strips within
+which that size changes little; each is scaled so that a ball has about `STRIP_RADIUS_PX`. The first network answers for
+every `STRIDE_PX`-th pixel of a strip whether a ball may be there. The second looks closer at the likeliest places: at
+crops in which a ball has `CROP_RADIUS_PX`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+
+# of the first network: what a ball's radius is about, how far apart its answers are, and where the first is
+STRIP_RADIUS_PX, STRIDE_PX, FIRST_PX = 4.0, 4, 7
+# of the second: a ball's radius, and the side of its crops
+CROP_RADIUS_PX, CROP_PX = 6.0, 32
+# from the ball size of one strip to the next; the networks are trained for more
+SIZE_STEP = 1.65
+# sizes of the smallest and the largest ball that is looked for, in steps from STRIP_RADIUS_PX
+_FIRST_SIZE, _LAST_SIZE = -1, 5
+# radii are told for every so many columns and rows: far balls lie in a strip of some ten rows
+_GRID_PX = 16, 4
+# so much of a step may a size be off in a strip: neighbours overlap a little
+_SIZE_SLACK = 0.55
+# a ball moves by so many of its radii from one look to the next, where it is looked for near its last place alone
+_MOVES_RADII = 5.0
+# the first network's answers are looked at closer from here on, so many at most; apart by so many radii
+FIRST_NATS, MOST_PLACES, _APART_RADII = 1.0, 10, 0.8
+
+
+class Sighting(NamedTuple):
+    """Where a network sees a ball.
+
+    Parameters
+    ----------
+    u_px, v_px : float
+        Its centre in the frame.
+    radius_px : float
+        Of a ball of that size; on the floor where the camera says how it is held.
+    nats : float
+        What speaks for it.
+    """
+
+    u_px: float
+    v_px: float
+    radius_px: float
+    nats: float
+
+
+class _Part(NamedTuple):
+    """A part of the frame: its left upper corner, the width and height that it is scaled to, and a ball's radius."""
+
+    left: float
+    top: float
+    size: tuple[int, int]
+    radius_px: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallStrips:
+    """What of a camera's frames is looked at, at which size, as the camera is held in one way.
+
+    Parameters
+    ----------
+    parts : tuple
+        Parts of the frame.
+    answers : (N, 3) int64
+        Part, row and column of the network's answers that are of the floor.
+    places_px : (N, 3) float64
+        Pixel u, v of the frame of each, and a ball's radius there.
+    scales : (N,) float64
+        Pixels of the frame for a pixel of its part.
+    """
+
+    parts: tuple[_Part, ...]
+    answers: Int64Array
+    places_px: FloatArray
+    scales: FloatArray
+
+
+class BallPlaces:
+    """How large a ball on the floor is all over a camera's frames, as the camera is held in one way.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        As held; its tilt must be known.
+    radius_m : float
+        Of the ball.
+    mask : (H, W) uint8 or None
+        Non-zero pixels are never looked at.
+    """
+
+    def __init__(self, camera: PinholeCamera, radius_m: float, mask: UInt8Array | None) -> None:
+        self._camera, self._mask = camera, mask
+        self._u, self._v = (
+            np.arange(0, side + step, step, dtype=np.float64)
+            for side, step in zip(camera.size_px, _GRID_PX, strict=True)
+        )
+        self._radii = _radii_px(camera, radius_m, self._u, self._v)
+
+    @cached_property
+    def strips(self) -> BallStrips | None:
+        """The whole frame's strips; None where it shows no floor on which a ball is large enough."""
+        wanted = []
+        for size in range(_FIRST_SIZE, _LAST_SIZE + 1):
+            radius = STRIP_RADIUS_PX * SIZE_STEP**size
+            seen = np.abs(np.log(np.maximum(self._radii, 1e-9) / radius)) <= _SIZE_SLACK * math.log(SIZE_STEP)
+            if seen.any():
+                at_v, at_u = np.nonzero(seen)
+                box = self._u[at_u.min()], self._v[at_v.min()], self._u[at_u.max()], self._v[at_v.max()]
+                wanted.append(self._part(box, radius, 0.0))
+        return self._strips(wanted)
+
+    def near(self, sightings: Sequence[Sighting]) -> BallStrips | None:
+        """Return strips that show the places of some balls, and where these may have moved to in a frame."""
+        wanted = []
+        for one in sightings:
+            box = (one.u_px, one.v_px, one.u_px, one.v_px)
+            wanted.append(self._part(box, one.radius_px, _MOVES_RADII * one.radius_px))
+        return self._strips(wanted)
+
+    def _part(self, box: tuple[float, float, float, float], radius: float, around: float) -> _Part:
+        """Return the part whose answers cover a box of the frame and what is around it; it may reach beyond."""
+        scale = radius / STRIP_RADIUS_PX
+        sides = ((box[0], box[2], self._camera.size_px[0]), (box[1], box[3], self._camera.size_px[1]))
+        if not around:
+            sides = tuple((max(low, 0.0), min(high, side - 1.0), side) for low, high, side in sides)  # type: ignore[assignment]
+        starts = [low - around - FIRST_PX * scale for low, _, _ in sides]
+        counts = [math.ceil((high - low + 2 * around) / (scale * STRIDE_PX)) for low, high, _ in sides]
+        width, height = (STRIDE_PX * count + 2 * FIRST_PX + 1 for count in counts)
+        return _Part(starts[0], starts[1], (width, height), radius)
+
+    def _strips(self, parts: list[_Part]) -> BallStrips | None:
+        """Tell which answers of the network are of the floor."""
+        if not parts:
+            return None
+        every = np.concatenate([self._answers(part, number) for number, part in enumerate(parts)])
+        return BallStrips(tuple(parts), every[:, :3].astype(np.int64), every[:, 3:6], every[:, 6])
+
+    def _answers(self, part: _Part, number: int) -> FloatArray:
+        """Part, row and column, u, v and a ball's radius in the frame, and the scale, of each answer."""
+        width, height = self._camera.size_px
+        scale = part.radius_px / STRIP_RADIUS_PX
+        down = np.arange(FIRST_PX, part.size[1] - FIRST_PX, STRIDE_PX)
+        aside = np.arange(FIRST_PX, part.size[0] - FIRST_PX, STRIDE_PX)
+        at_u, at_v = np.meshgrid(part.left + aside * scale, part.top + down * scale)
+        keep = (at_u >= -0.5) & (at_u <= width - 0.5) & (at_v >= -0.5) & (at_v <= height - 0.5)
+        at_grid = (at_u / _GRID_PX[0]).astype(np.float32), (at_v / _GRID_PX[1]).astype(np.float32)
+        there = cv2.remap(self._radii, *at_grid, cv2.INTER_LINEAR).astype(np.float64)
+        keep &= np.abs(np.log(np.maximum(there, 1e-9) / part.radius_px)) <= _SIZE_SLACK * math.log(SIZE_STEP)
+        if self._mask is not None:
+            rows, columns = (np.clip(x.round().astype(int), 0, side - 1) for x, side in ((at_v, height), (at_u, width)))
+            keep &= self._mask[rows, columns] == 0
+        row, column = np.meshgrid(np.arange(len(down)), np.arange(len(aside)), indexing="ij")
+        told = (np.full(row.shape, number), row, column, at_u, at_v, there, np.full(row.shape, scale))
+        answers: FloatArray = np.stack(told, axis=-1)[keep].astype(np.float64)
+        return answers
+
+
+def _radii_px(camera: PinholeCamera, radius_m: float, u: FloatArray, v: FloatArray) -> npt.NDArray[np.float32]:
+    """Radius (V, U) of a ball on the floor with its centre at some columns and rows; 0 where there is no floor."""
+    at = np.stack(np.meshgrid(u, v), axis=-1)
+    ray, right, low = (camera.pixel_to_ray(at + off) for off in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5)))
+    # solid angle of a pixel
+    solid = np.linalg.norm(np.cross(right - ray, low - ray), axis=-1) * 4
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = radius_m * -ray[..., 2] / (camera.height_m - radius_m)
+        radii = np.arcsin(ratio) / np.sqrt(solid)
+    return np.where(np.isfinite(radii) & (ratio > 0), radii, 0.0).astype(np.float32)
+
+
+class Shrunk:
+    """A frame at half its size, at a quarter and so on, made as they are asked for; parts of it at any scale."""
+
+    def __init__(self, frame: UInt8Array) -> None:
+        self._levels = [frame]
+
+    def part(self, left: float, top: float, scale: float, size: tuple[int, int]) -> UInt8Array:
+        """Return a part as (H, W, 3) uint8; beyond the frame it is black.
+
+        Parameters
+        ----------
+        left, top : float
+            Where its first pixel's middle lies in the frame.
+        scale : float
+            Pixels of the frame for one of the part.
+        size : (int, int)
+            Width and height of the part.
+        """
+        level = max(round(math.log2(scale)), 0)
+        while len(self._levels) <= level and min(self._levels[-1].shape[:2]) >= 2:
+            last = self._levels[-1]
+            half = (last.shape[1] // 2, last.shape[0] // 2)
+            self._levels.append(np.asarray(cv2.resize(last, half, interpolation=cv2.INTER_AREA), dtype=np.uint8))
+        whole, shown = self._levels[0], self._levels[min(level, len(self._levels) - 1)]
+        ratio_u, ratio_v = shown.shape[1] / whole.shape[1], shown.shape[0] / whole.shape[0]
+        turned = np.array(
+            [
+                [scale * ratio_u, 0.0, (left + 0.5) * ratio_u - 0.5],
+                [0.0, scale * ratio_v, (top + 0.5) * ratio_v - 0.5],
+            ]
+        )
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        return np.asarray(cv2.warpAffine(shown, turned, size, flags=flags), dtype=np.uint8)
+
+    def around(self, u_px: float, v_px: float, radius_px: float, side: int = CROP_PX) -> UInt8Array:
+        """Return a square with a ball in its middle whose radius is `CROP_RADIUS_PX`."""
+        scale = radius_px / CROP_RADIUS_PX
+        reach = scale * (side - 1) / 2
+        return self.part(u_px - reach, v_px - reach, scale, (side, side))
+
+
+class BallNetwork:
+    """The networks and what they need for a look; one object a thread.
+
+    Parameters
+    ----------
+    first, second : bytes, optional
+        ONNX files; without them the package's own.
+    """
+
+    def __init__(self, first: bytes | None = None, second: bytes | None = None) -> None:
+        folder = files("robocup_vision.perception.balls")
+        stored = (first or (folder / "places.onnx").read_bytes(), second or (folder / "ball.onnx").read_bytes())
+        self._first, self._second = (_network(content) for content in stored)
+
+    def look(self, frame: UInt8Array, strips: BallStrips, min_nats: float) -> list[Sighting]:
+        """Return where balls are seen, the surest first; of those that lie over each other the surest.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        strips : BallStrips
+            What is looked at.
+        min_nats : float
+            Less is not told.
+        """
+        shrunk = Shrunk(frame)
+        likely = []
+        for place in self.places(shrunk, strips)[:MOST_PLACES]:
+            self._second.setInput(cv2.dnn.blobFromImage(shrunk.around(*place[:3])))
+            nats, off_u, off_v = (float(x) for x in self._second.forward().reshape(-1)[:3])
+            if nats >= min_nats:
+                scale = place.radius_px / CROP_RADIUS_PX
+                likely.append(Sighting(place.u_px + scale * off_u, place.v_px + scale * off_v, place.radius_px, nats))
+        return _apart(sorted(likely, key=lambda one: -one.nats), 1.3)
+
+    def places(self, shrunk: Shrunk, strips: BallStrips, min_nats: float = FIRST_NATS) -> list[Sighting]:
+        """Return where the first network says that a ball may be, the likeliest first."""
+        found = []
+        for part in strips.parts:
+            # one by one: where the layers' results are small they stay in the processor's cache
+            shown = shrunk.part(part.left, part.top, part.radius_px / STRIP_RADIUS_PX, part.size)
+            self._first.setInput(cv2.dnn.blobFromImage(shown))
+            found.append(self._first.forward()[0].transpose(1, 2, 0))
+        part_numbers, rows, columns = strips.answers.T
+        answer = np.empty((len(rows), 3), dtype=np.float32)
+        for number, told_here in enumerate(found):
+            here = part_numbers == number
+            answer[here] = told_here[rows[here], columns[here]]
+        nats = answer[:, 0]
+        likely = np.flatnonzero(nats >= min_nats)
+        likely = likely[np.argsort(-nats[likely])][: 8 * MOST_PLACES]
+        off = answer[likely, 1:] * strips.scales[likely, None]
+        places = strips.places_px[likely]
+        told = [
+            Sighting(float(u + du), float(v + dv), float(radius), float(nat))
+            for (u, v, radius), (du, dv), nat in zip(places, off, nats[likely], strict=True)
+        ]
+        return _apart(told, _APART_RADII)
+
+
+def _network(content: bytes) -> Any:
+    return cv2.dnn.readNetFromONNX(np.frombuffer(content, dtype=np.uint8))
+
+
+def _apart(sightings: list[Sighting], radii: float) -> list[Sighting]:
+    """Of sightings, the likeliest first, keep those that do not lie so near a likelier one."""
+    found: list[Sighting] = []
+    for one in sightings:
+        if all(
+            math.hypot(one.u_px - other.u_px, one.v_px - other.v_px) > radii * max(one.radius_px, other.radius_px)
+            for other in found
+        ):
+            found.append(one)
+    return found

@@ -1,0 +1,74 @@
+"""`robocup-vision train-balls`: its options, and what it does with them."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from robocup_vision.commands.options import count, seed
+
+
+def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+    """Add the command `train-balls` to an argparse parser's subparsers; `run_train_balls` runs it."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "train-balls",
+        help="train the networks that find balls of any look (extra train)",
+        description="Draw pictures of balls of many looks among what they are mistaken for, read photographs, train "
+        "the two networks that forward cameras find balls by, and write them as places.onnx and ball.onnx.",
+    )
+    add = parser.add_argument
+    add(
+        "--photographs",
+        action="append",
+        default=[],
+        metavar="DATASET",
+        help="folder with a dataset.toml, a forward camera whose tilt is known, and boxes of kind ball in boxes.csv; "
+        "may be given several times (default: renderings alone)",
+    )
+    add("--scenes", type=count, default=800, metavar="N", help="pictures that are drawn (default: 800)")
+    add("--fields", type=count, default=100, metavar="N", help="whole fields that are rendered (default: 100)")
+    add("--steps", type=count, default=1700, metavar="N", help="batches that are learnt from (default: 1700)")
+    add("--seed", type=seed, default=1, metavar="S", help="renderings, weights and order of batches (default: 1)")
+    add("out", metavar="FOLDER", help="where both files are written")
+    parser.set_defaults(run=run_train_balls)
+    return parser
+
+
+def run_train_balls(args: argparse.Namespace) -> int:
+    """Train and write; return the exit status.
+
+    Raises
+    ------
+    RobocupVisionError
+        For anything the user can mend.
+    """
+    from importlib.util import find_spec
+    from pathlib import Path
+
+    import numpy as np
+
+    from field_models.errors import ArgumentError
+    from robocup_vision.camera import PinholeCamera
+    from robocup_vision.evaluation.dataset import load_dataset
+    from robocup_vision.files.out_file import telling_write_errors
+
+    datasets = [load_dataset(folder) for folder in args.photographs]
+    for folder, dataset in zip(args.photographs, datasets, strict=True):
+        if dataset.boxes is None:
+            raise ArgumentError(f"{folder}: photographs to learn from need a boxes.csv")
+        if not (isinstance(dataset.camera, PinholeCamera) and dataset.camera.known_orientation):
+            raise ArgumentError(f"{folder}: photographs to learn from need a forward camera whose tilt is known")
+        if dataset.is_video:
+            raise ArgumentError(f"{folder}: photographs to learn from must be a folder of images, not a video")
+    if find_spec("torch") is None:
+        raise ArgumentError("torch is not installed (pip install 'robocup-vision[train]')")
+    from sim2d.training.ball_training import material, train
+
+    out = Path(args.out)
+    with telling_write_errors(out):
+        out.mkdir(parents=True, exist_ok=True)
+    known = material(np.random.default_rng(args.seed), args.scenes, args.fields, datasets)
+    with telling_write_errors(out):
+        train(out, known, seed=args.seed, steps=args.steps)
+    print(out)
+    return 0

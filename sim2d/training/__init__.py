@@ -1,0 +1,1 @@
+"""Renderings that the ball classifier is trained on, and its training (extra `train`)."""

@@ -1,0 +1,179 @@
+"""Crops that the ball classifier learns from: balls, and places that show none, of renderings and of photographs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from field_models.catalog import load_field
+from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
+from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.perception.balls.network import CROP_RADIUS_PX, BallNetwork, BallPlaces, BallStrips, Shrunk
+from sim2d.rendering.backdrop import Backdrop, BackdropKind
+from sim2d.rendering.goal.scenes import nao_camera
+from sim2d.rendering.pinhole import render_pinhole, smear
+from sim2d.rendering.random_scenes import Condition, Sight, random_scene
+from sim2d.training.ball_scenes import Scene
+
+# side of a crop: so large that what the networks see lies in it, however it is shifted and scaled
+BANK_PX = 48
+# what is no ball lies so many radii from all balls: nearer the networks may answer as they like
+_APART_RADII = 1.5
+# sizes about that which a place asks for, as logarithms
+_SIZE_SPREAD = 0.25
+# of the whole fields that are drawn
+_FIELDS = ("spl_2020", "spl_2020", "msl_18x12", "ssl_2001", "four_legged_2007")
+_BACKDROPS: tuple[BackdropKind, ...] = ("plain", "hall", "hall")
+_VIEW_PX = (400, 300)
+
+
+class Crops(NamedTuple):
+    """Crops, and which of them show a ball of `CROP_RADIUS_PX` in their middle.
+
+    Parameters
+    ----------
+    images : (N, 48, 48, 3) uint8
+        BGR.
+    is_ball : (N,) bool
+        What is not shows none in its middle.
+    """
+
+    images: UInt8Array
+    is_ball: BoolArray
+
+
+class Picture(NamedTuple):
+    """A picture of a field and what is known of it.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8
+        BGR.
+    strips : BallStrips
+        Where it shows floor, and how large a ball is there.
+    balls, unsure : (N, 3) float64
+        Centre u, v and radius of each, pixels; unsure: cut by the picture's rim.
+    """
+
+    frame: UInt8Array
+    strips: BallStrips
+    balls: FloatArray
+    unsure: FloatArray
+
+
+def joined(parts: Sequence[Crops]) -> Crops:
+    """Return all crops as one."""
+    return Crops(np.concatenate([one.images for one in parts]), np.concatenate([one.is_ball for one in parts]))
+
+
+def pictures_of(dataset: Dataset) -> list[Picture]:
+    """Read a dataset's photographs, whose balls are marked in its boxes.csv, and where they show floor."""
+    strips = BallPlaces(dataset.camera, dataset.field.ball_radius_m, dataset.mask).strips  # type: ignore[arg-type]
+    pictures = []
+    for index in range(len(dataset.image_names)):
+        sure: list[tuple[float, float, float]] = []
+        cut: list[tuple[float, float, float]] = []
+        for box in dataset.boxes_of(index):
+            if box.kind == "ball":
+                width, height = box.xmax - box.xmin, box.ymax - box.ymin
+                place = ((box.xmin + box.xmax) / 2, (box.ymin + box.ymax) / 2, max(width, height) / 2)
+                (cut if box.is_cut(dataset.camera.size_px) else sure).append(place)
+        if strips is not None:
+            balls, unsure = (np.array(places).reshape(-1, 3) for places in (sure, cut))
+            pictures.append(Picture(dataset.read_frame(index), strips, balls, unsure))
+    return pictures
+
+
+def rendered_pictures(rng: np.random.Generator, count: int) -> list[Picture]:
+    """Draw fields with a ball, as a forward camera sees them, by the renderer that the project is tested by."""
+    pictures = []
+    for index in range(count):
+        field = load_field(_FIELDS[index % len(_FIELDS)])
+        camera = dataclasses.replace(nao_camera(*_VIEW_PX), height_m=float(rng.uniform(0.15, 0.8)))
+        camera = camera.with_orientation(0.0, float(rng.uniform(-0.5, -0.05)), float(rng.normal(0.0, 0.02)))
+        condition = Condition(
+            noise_sigma=float(rng.uniform(1.0, 12.0)),
+            blur_px=float(rng.uniform(0.2, 0.9)),
+            light_gradient=float(rng.uniform(0.0, 0.4)),
+            cast_bgr=tuple(np.exp(rng.normal(0.0, 0.1, 3))),
+            gain=float(rng.uniform(0.5, 1.2)),
+            texture=0.1,
+            shadow=bool(rng.random() < 0.3),
+            highlights=int(rng.integers(0, 3)),
+            ball_rate=0.85,
+            robots=int(rng.integers(0, 4)),
+            robot_height_m=0.5 if field.ball_patches else 0.2,
+        )
+        scene, pose = random_scene(field, condition, rng, Sight.of(camera))
+        backdrop = Backdrop(_BACKDROPS[int(rng.integers(len(_BACKDROPS)))], seed=int(rng.integers(2**31)))
+        light = render_pinhole(camera, scene, pose, backdrop=backdrop, supersample=2)
+        frame = condition.sensor.expose(smear(light, float(rng.uniform(0.0, 2.0))), rng)
+        balls = []
+        if scene.ball is not None:
+            place = pose.inverse().transform([scene.ball.x_m, scene.ball.y_m])
+            ray = np.array([*place, scene.ball.radius_m - camera.height_m])
+            away = float(np.linalg.norm(ray))
+            radius = camera.focal_px[0] * scene.ball.radius_m / away
+            balls.append((*camera.ray_to_pixel(ray / away).tolist(), radius))
+        strips = BallPlaces(camera, field.ball_radius_m, None).strips
+        if strips is not None:
+            pictures.append(Picture(frame, strips, np.array(balls).reshape(-1, 3), np.empty((0, 3))))
+    return pictures
+
+
+def scene_crops(rng: np.random.Generator, scenes: Sequence[Scene], others: int) -> Crops:
+    """Cut the balls out of renderings, and so many places of each that show none."""
+    parts = []
+    for scene in scenes:
+        height, width = scene.image.shape[:2]
+        places = rng.uniform(0, (width, height), (others, 2))
+        radii = CROP_RADIUS_PX * np.exp(rng.uniform(-_SIZE_SPREAD, _SIZE_SPREAD, others))
+        parts.append(cut(Shrunk(scene.image), scene.balls, scene.unsure, np.column_stack([places, radii])))
+    return joined(parts)
+
+
+def picture_crops(rng: np.random.Generator, pictures: Sequence[Picture], others: int) -> Crops:
+    """Cut the balls out of pictures, and so many places of the floor of each that show none."""
+    parts = []
+    for one in pictures:
+        places = one.strips.places_px
+        # strips of far balls have the most places
+        sizes = np.floor(2 * np.log2(places[:, 2])).astype(int)
+        rate = 1.0 / np.bincount(sizes - sizes.min())[sizes - sizes.min()] ** 0.5
+        chosen = places[rng.choice(len(places), min(others, len(places)), replace=False, p=rate / rate.sum())]
+        parts.append(cut(Shrunk(one.frame), one.balls, one.unsure, chosen))
+    return joined(parts)
+
+
+def mistaken_crops(pictures: Sequence[Picture], network: BallNetwork, most: int) -> Crops:
+    """Cut out of pictures what the first network is surest of, and what is no ball; so many of each at most."""
+    parts = []
+    for one in pictures:
+        shrunk = Shrunk(one.frame)
+        found = network.places(shrunk, one.strips, -np.inf)[:most]
+        places = np.array([place[:3] for place in found]).reshape(-1, 3)
+        parts.append(cut(shrunk, one.balls[:0], np.concatenate([one.balls, one.unsure]), places))
+    return joined(parts)
+
+
+def apart(places: FloatArray, balls: FloatArray) -> BoolArray:
+    """Return which places u, v, radius lie so far from all balls that they show none."""
+    off = np.hypot(places[:, None, 0] - balls[None, :, 0], places[:, None, 1] - balls[None, :, 1])
+    near: BoolArray = off < _APART_RADII * np.maximum(places[:, None, 2], balls[None, :, 2])
+    is_apart: BoolArray = np.logical_not(near.any(axis=1))
+    return is_apart
+
+
+def cut(shrunk: Shrunk, balls: FloatArray, unsure: FloatArray, others: FloatArray) -> Crops:
+    """Cut balls u, v, radius out of a picture, and those of other places that lie apart from all balls."""
+    others = others[apart(others, np.concatenate([balls, unsure]))]
+    every = np.concatenate([balls, others])
+    images = np.empty((len(every), BANK_PX, BANK_PX, 3), dtype=np.uint8)
+    for image, (u, v, radius) in zip(images, every, strict=True):
+        image[:] = shrunk.around(u, v, radius, BANK_PX)
+    is_ball: npt.NDArray[np.bool_] = np.arange(len(every)) < len(balls)
+    return Crops(images, is_ball)

@@ -1,0 +1,315 @@
+"""Training of the ball classifier by renderings and photographs (extra `train`)."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch.nn import functional
+
+from robocup_vision.evaluation.dataset import Dataset
+from robocup_vision.perception.balls.network import (
+    CROP_PX,
+    CROP_RADIUS_PX,
+    FIRST_PX,
+    STRIDE_PX,
+    STRIP_RADIUS_PX,
+    BallNetwork,
+    Shrunk,
+)
+from sim2d.training.ball_crops import (
+    BANK_PX,
+    Crops,
+    Picture,
+    apart,
+    cut,
+    joined,
+    mistaken_crops,
+    picture_crops,
+    pictures_of,
+    rendered_pictures,
+    scene_crops,
+)
+from sim2d.training.ball_scenes import Scene, draw_scene
+from sim2d.training.onnx_file import Convolution, write_onnx
+
+# channels, kernels and strides of the convolutions; a 1 x 1 to the three answers follows
+FIRST_LAYERS = ((8, 3, 2), (16, 3, 2), (24, 3, 1))
+SECOND_LAYERS = ((12, 3, 2), (16, 3, 1), (24, 3, 2), (32, 3, 1), (24, 4, 1))
+# what the first network sees, pixels of its strips
+_STRIP_PX = 15
+# what pictures are shifted and scaled by before the first convolution takes that over
+_INPUT_MEAN, _INPUT_STD = 110.0, 60.0
+_BATCH, _BALLS, _RATE, _DECAY, _OFFSET_WEIGHT = 160, 0.3, 3e-3, 1e-3, 0.05
+# balls are shifted by so many radii, others by less; all are scaled, as logarithms
+_SHIFT_RADII, _OTHER_SHIFT_RADII, _SCALE_SPREAD = 0.63, 0.3, 0.28
+# so many crops are covered in part
+_COVERED = 0.25
+# crops of what is no ball from a scene and from a picture; of what is mistaken for one
+_OTHERS, _PICTURE_OTHERS, _MISTAKEN = 12, 150, 60
+# shares of scenes, whole fields and photographs in a batch
+_SHARES = (0.33, 0.17, 0.5)
+# how much of the training is done when what is mistaken is looked for
+_MINE_AT = (0.35, 0.65)
+# so many balls may the first network miss: its answer 0 is there
+_MISSED = 0.02
+
+
+class Material(NamedTuple):
+    """What is learnt from."""
+
+    scenes: list[Scene]
+    fields: list[Picture]
+    photographs: list[Picture]
+
+
+def material(rng: np.random.Generator, scenes: int, fields: int, photographs: Sequence[Dataset]) -> Material:
+    """Draw scenes and whole fields, and read photographs."""
+    return Material(
+        [draw_scene(rng) for _ in range(scenes)],
+        rendered_pictures(rng, fields),
+        [one for dataset in photographs for one in pictures_of(dataset)],
+    )
+
+
+def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: Callable[[str], None] = print) -> None:
+    """Train the classifier and write its two networks as places.onnx and ball.onnx.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where both are written.
+    known : Material
+        What is learnt from.
+    seed : int
+        Of the training.
+    steps : int
+        How many batches are learnt from.
+    tell : callable
+        Gets a line now and then.
+    """
+    rng = np.random.default_rng(seed)
+    torch.manual_seed(seed)
+    crops = [scene_crops(rng, known.scenes, _OTHERS), picture_crops(rng, known.fields, _PICTURE_OTHERS)]
+    if known.photographs:
+        crops.append(picture_crops(rng, known.photographs, _PICTURE_OTHERS))
+    banks = [_Bank(one) for one in crops]
+    counts = [round(share * _BATCH / sum(_SHARES[: len(banks)])) for share in _SHARES[: len(banks)]]
+    tell("; ".join(f"{int(one.is_ball.sum())} balls, {int((~one.is_ball).sum())} others" for one in crops))
+    first, second = _network(FIRST_LAYERS), _network(SECOND_LAYERS)
+    optimizer = torch.optim.AdamW([*first.parameters(), *second.parameters()], lr=_RATE, weight_decay=_DECAY)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, _RATE, total_steps=steps, pct_start=0.1)
+    mine_at = [round(part * steps) for part in _MINE_AT]
+    losses = []
+    for step in range(steps):
+        if step in mine_at:
+            banks[0].add(_mistaken_in_scenes(known.scenes, first))
+            for bank, pictures in zip(banks[1:], (known.fields, known.photographs), strict=False):
+                bank.add(mistaken_crops(pictures, _as_run(first, second), _MISTAKEN))
+        chosen = [bank.choose(rng, count) for bank, count in zip(banks, counts, strict=True)]
+        images = torch.cat([bank.images[one] for bank, one in zip(banks, chosen, strict=True)])
+        is_ball = torch.cat([bank.is_ball[one] for bank, one in zip(banks, chosen, strict=True)])
+        seen, off = _varied(images, is_ball)
+        loss, each = _loss(first(_strips(seen)), second(seen), is_ball, off)
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        schedule.step()
+        for bank, one, worth in zip(banks, chosen, torch.split(each, counts), strict=True):
+            bank.losses[one] = 0.5 * bank.losses[one] + 0.5 * worth
+        losses.append(float(loss.detach()))
+        if (step + 1) % 250 == 0:
+            tell(f"step {step + 1} of {steps}: loss {np.mean(losses[-250:]):.4f}")
+    with torch.no_grad():
+        first[-1].get_parameter("bias")[0] -= _missed_nats(first, banks)
+    _write(Path(folder), first, second)
+
+
+class _Bank:
+    """Crops of one source; what is learnt badly is chosen more often."""
+
+    def __init__(self, crops: Crops) -> None:
+        self.images, self.is_ball = torch.from_numpy(crops.images), torch.from_numpy(crops.is_ball)
+        self.losses = torch.ones(len(self.images))
+
+    def add(self, crops: Crops) -> None:
+        self.images = torch.cat([self.images, torch.from_numpy(crops.images)])
+        self.is_ball = torch.cat([self.is_ball, torch.from_numpy(crops.is_ball)])
+        self.losses = torch.cat([self.losses, torch.ones(len(crops.images))])
+
+    def choose(self, rng: np.random.Generator, count: int) -> torch.Tensor:
+        balls, others = (torch.nonzero(which)[:, 0] for which in (self.is_ball, ~self.is_ball))
+        parts = []
+        for which, wanted in ((balls, round(_BALLS * count)), (others, count - round(_BALLS * count))):
+            hard = wanted // 2
+            plain = torch.from_numpy(rng.integers(0, len(which), wanted - hard))
+            order = self.losses[which].topk(max(len(which) // 8, 1)).indices
+            parts += [which[plain], which[order[torch.from_numpy(rng.integers(0, len(order), hard))]]]
+        return torch.cat(parts)
+
+
+def _network(layers: Sequence[tuple[int, int, int]]) -> torch.nn.Sequential:
+    parts: list[torch.nn.Module] = []
+    before = 3
+    for channels, kernel, stride in layers:
+        parts += [torch.nn.Conv2d(before, channels, kernel, stride), torch.nn.ReLU()]
+        before = channels
+    parts.append(torch.nn.Conv2d(before, 3, 1))
+    return torch.nn.Sequential(*parts)
+
+
+def _loss(
+    first: torch.Tensor, second: torch.Tensor, is_ball: torch.Tensor, off: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Cross entropy of both networks, and how far the centres of balls are off; and the entropy of each crop."""
+    target = is_ball.float()
+    ratio = STRIP_RADIUS_PX / CROP_RADIUS_PX
+    each = torch.zeros(len(is_ball))
+    away = torch.zeros(())
+    for answer, scale in ((first, ratio), (second, 1.0)):
+        flat = answer.reshape(len(answer), 3)
+        each = each + functional.binary_cross_entropy_with_logits(flat[:, 0], target, reduction="none")
+        miss = (flat[:, 1:] - scale * off).abs().sum(dim=1) / scale
+        away = away + (miss * target).mean()
+    return each.mean() + _OFFSET_WEIGHT * away, each.detach()
+
+
+def _uniform(count: int, low: float, high: float) -> torch.Tensor:
+    return low + (high - low) * torch.rand(count)
+
+
+def _varied(images: torch.Tensor, is_ball: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Shift, scale and mirror crops, change their light and sharpness; and return the way to the balls' centres."""
+    count = len(images)
+    pixels = images.permute(0, 3, 1, 2).float()
+    scale = torch.exp(_uniform(count, -_SCALE_SPREAD, _SCALE_SPREAD))
+    flip = torch.where(torch.rand(count) < 0.5, -1.0, 1.0)
+    reach = torch.where(is_ball, _SHIFT_RADII, _OTHER_SHIFT_RADII) * CROP_RADIUS_PX
+    # a place in the middle square of the side twice the shift
+    shift = (2 * torch.rand(count, 2) - 1) * reach[:, None]
+    step = 2.0 / BANK_PX
+    turned = torch.zeros(count, 2, 3)
+    turned[:, 0, 0], turned[:, 1, 1] = flip * scale * CROP_PX / BANK_PX, scale * CROP_PX / BANK_PX
+    turned[:, 0, 2], turned[:, 1, 2] = shift[:, 0] * step, shift[:, 1] * step
+    grid = functional.affine_grid(turned, [count, 3, CROP_PX, CROP_PX], align_corners=False)
+    seen = functional.grid_sample(pixels, grid, mode="bilinear", padding_mode="zeros", align_corners=False)
+    off = -shift / scale[:, None]
+    off[:, 0] *= flip
+    seen = _relit(_blurred(_covered(seen)))
+    return (seen - _INPUT_MEAN) / _INPUT_STD, off
+
+
+def _covered(pixels: torch.Tensor) -> torch.Tensor:
+    """Cover some on one side of a straight edge, as robots and the rim of a lens do."""
+    count, _, side, _ = pixels.shape
+    at = torch.arange(side) - (side - 1) / 2
+    turn = _uniform(count, 0.0, 2 * np.pi)[:, None, None]
+    across = at[None, :, None] * torch.sin(turn) + at[None, None, :] * torch.cos(turn)
+    free = _uniform(count, -0.2, 2.5)[:, None, None] * CROP_RADIUS_PX
+    is_covered = (across > free) & (torch.rand(count) < _COVERED)[:, None, None]
+    shade = _uniform(count, 0.0, 45.0)[:, None, None, None] + 6.0 * torch.randn(count, 3, 1, 1)
+    return torch.where(is_covered[:, None], shade.clamp(min=0.0), pixels)
+
+
+def _relit(pixels: torch.Tensor) -> torch.Tensor:
+    """Turn hues by 14 degrees at most, and change saturation, cast, brightness and noise."""
+    count = len(pixels)
+    hue, saturation = _uniform(count, -0.245, 0.245), _uniform(count, 0.65, 1.25)
+    # a turn about the grey axis, shrunk across it
+    axis = torch.full((3, 3), 1.0 / 3.0)
+    cross = torch.tensor([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]]) / 3**0.5
+    c, s = (saturation * torch.cos(hue))[:, None, None], (saturation * torch.sin(hue))[:, None, None]
+    mixed = axis + c * (torch.eye(3) - axis) + s * cross
+    cast = torch.where(torch.rand(count, 1, 1) < 0.2, 0.2, 0.06)
+    gain = torch.exp(0.12 * torch.randn(count, 1, 1) + cast * torch.randn(count, 3, 1))
+    lit = torch.einsum("nij,njhw->nihw", gain * mixed, pixels).clamp(0, 255)
+    gamma = torch.exp(0.15 * torch.randn(count, 1, 1, 1))
+    lit = 255 * (lit / 255 + 1e-4) ** gamma
+    return (lit + _uniform(count, 0.0, 5.0)[:, None, None, None] * torch.randn_like(lit)).clamp(0, 255)
+
+
+def _blurred(pixels: torch.Tensor) -> torch.Tensor:
+    """Blur some by a lens or by motion."""
+    count = len(pixels)
+    kernels = torch.zeros(count, 5, 5)
+    kernels[:, 2, 2] = 1.0
+    at = torch.arange(5.0) - 2
+    square = at[:, None] ** 2 + at[None] ** 2
+    kind = torch.rand(count)
+    soft = torch.exp(-square / (2 * _uniform(count, 0.3, 1.1)[:, None, None] ** 2))
+    kernels = torch.where((kind < 0.4)[:, None, None], soft, kernels)
+    turn = _uniform(count, -0.5, 0.5)[:, None, None]
+    across = at[:, None] * torch.cos(turn) - at[None] * torch.sin(turn)
+    along = torch.exp(-(across**2) / 0.5) * (at[None].abs() <= _uniform(count, 0.5, 2.5)[:, None, None])
+    kernels = torch.where((kind > 0.88)[:, None, None], along, kernels)
+    kernels = (kernels / kernels.sum(dim=(1, 2), keepdim=True)).repeat_interleave(3, dim=0)[:, None]
+    side = pixels.shape[-1]
+    padded = functional.pad(pixels.reshape(1, 3 * count, side, side), (2, 2, 2, 2), mode="replicate")
+    return functional.conv2d(padded, kernels, groups=3 * count).reshape(pixels.shape)
+
+
+def _strips(seen: torch.Tensor) -> torch.Tensor:
+    """Return the middle of crops, as the first network sees it."""
+    side = round(CROP_PX * STRIP_RADIUS_PX / CROP_RADIUS_PX)
+    small = functional.interpolate(seen, size=(side, side), mode="bilinear", antialias=True, align_corners=False)
+    rim = (side - _STRIP_PX) // 2
+    return small[:, :, rim : rim + _STRIP_PX, rim : rim + _STRIP_PX]
+
+
+def _mistaken_in_scenes(scenes: Sequence[Scene], first: torch.nn.Sequential) -> Crops:
+    """Cut out of each scene what the first network is surest of, and what is no ball."""
+    parts = []
+    scale = CROP_RADIUS_PX / STRIP_RADIUS_PX
+    for scene in scenes:
+        shrunk = Shrunk(scene.image)
+        size = (round(scene.image.shape[1] / scale), round(scene.image.shape[0] / scale))
+        small = torch.from_numpy(shrunk.part(0.0, 0.0, scale, size)).permute(2, 0, 1).float()[None]
+        with torch.no_grad():
+            answer = first((small - _INPUT_MEAN) / _INPUT_STD)[0].numpy()
+        rows, columns = np.unravel_index(np.argsort(-answer[0], axis=None)[:40], answer[0].shape)
+        u = scale * (FIRST_PX + STRIDE_PX * columns + answer[1, rows, columns])
+        v = scale * (FIRST_PX + STRIDE_PX * rows + answer[2, rows, columns])
+        places = np.stack([u, v, np.full(len(u), CROP_RADIUS_PX)], axis=-1)
+        balls = np.concatenate([scene.balls, scene.unsure])
+        parts.append(cut(shrunk, scene.balls[:0], balls, places[apart(places, balls)][:5]))
+    return joined(parts)
+
+
+def _missed_nats(first: torch.nn.Sequential, banks: Sequence[_Bank]) -> float:
+    """Return the answer that the first network falls short of for `_MISSED` of the balls of the last source."""
+    last = banks[-1]
+    balls = last.images[last.is_ball]
+    answers = []
+    with torch.no_grad():
+        for _ in range(max(2000 // len(balls), 1)):
+            seen, _ = _varied(balls, torch.ones(len(balls), dtype=torch.bool))
+            answers.append(first(_strips(seen))[:, 0].flatten())
+    return float(torch.cat(answers).quantile(_MISSED))
+
+
+def _as_run(first: torch.nn.Sequential, second: torch.nn.Sequential) -> BallNetwork:
+    with tempfile.TemporaryDirectory() as folder:
+        _write(Path(folder), first, second)
+        return BallNetwork(*((Path(folder) / name).read_bytes() for name in ("places.onnx", "ball.onnx")))
+
+
+def _write(folder: Path, first: torch.nn.Sequential, second: torch.nn.Sequential) -> None:
+    write_onnx(folder / "places.onnx", _layers(first))
+    write_onnx(folder / "ball.onnx", _layers(second))
+
+
+def _layers(network: torch.nn.Sequential) -> list[Convolution]:
+    layers: list[Convolution] = []
+    for part in network:
+        if isinstance(part, torch.nn.Conv2d):
+            weight, bias = (part.get_parameter(name).detach().double().numpy() for name in ("weight", "bias"))
+            if not layers:
+                # pictures come as they are, 0 to 255
+                bias = bias - weight.sum(axis=(1, 2, 3)) * _INPUT_MEAN / _INPUT_STD
+                weight = weight / _INPUT_STD
+            layers.append(Convolution(weight, bias, part.stride[0]))
+    return layers

@@ -1,0 +1,130 @@
+"""Balls of any look are found in a fisheye and on carpet where their size belongs, and nothing else is."""
+
+import math
+from importlib.resources import files
+
+import cv2
+import numpy as np
+import pytest
+
+from field_models import load_field
+from robocup_vision.camera import FisheyeCamera, PinholeCamera
+from robocup_vision.perception.balls.learned import LearnedBallFinder
+from robocup_vision.vision import Vision
+from sim2d.rendering.ball_patches import is_patch
+
+FIELD = load_field("msl_18x12")
+HELD = FisheyeCamera(
+    (480, 360), (200.0, 200.0), (239.5, 179.5), 0.77, pan_rad=0.0, tilt_rad=-0.3, roll_rad=0.02, height_std_m=0.01
+)
+YELLOW, DARK, WHITE = (40, 190, 215), (25, 25, 25), (215, 215, 215)
+
+
+def picture(places, color=YELLOW, patches=DARK, seed=0, camera=HELD):
+    """Carpet below the horizon, and balls on it, by each pixel's ray."""
+    rng = np.random.default_rng(seed)
+    width, height = camera.size_px
+    rays = camera.pixel_to_ray(np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1))
+    frame = np.where(rays[..., 2:] < 0, (55.0, 130.0, 70.0), (120.0, 110.0, 115.0))
+    for x, y in places:
+        radius = FIELD.ball_radius_m
+        center = np.array([x, y, radius - camera.height_m])
+        along = rays @ center
+        inside = along**2 > center @ center - radius**2
+        inside &= along > 0
+        near = along - np.sqrt(np.maximum(along**2 - center @ center + radius**2, 0.0))
+        normal = (rays * near[..., None] - center) / radius
+        dark = is_patch(tuple(n.astype(np.float32) for n in normal[inside].T), tuple(rng.uniform(-3, 3, 3)))
+        frame[inside] = np.where(dark[:, None], patches, color) * (0.8 + 0.2 * normal[inside][:, 2:])
+    frame = cv2.GaussianBlur(frame, (0, 0), 0.6) + rng.normal(0, 4, frame.shape)
+    return np.clip(frame, 0, 255).astype(np.uint8)
+
+
+@pytest.fixture
+def finder():
+    return LearnedBallFinder(FIELD, HELD)
+
+
+@pytest.mark.parametrize("place", [(0.8, 0.1), (1.5, -0.9), (3.0, 1.5), (4.5, 0.3)])
+@pytest.mark.parametrize("color", [YELLOW, (30, 110, 230), WHITE])
+@pytest.mark.parametrize("patches", [None, DARK], ids=["plain", "patches"])
+def test_a_ball_is_found_and_placed_within_what_it_owns_to(finder, place, color, patches):
+    (ball,) = finder.find(picture([place], color, patches or color), HELD)
+    off = np.array([ball.x_m, ball.y_m]) - place
+    assert off @ np.linalg.solve(ball.covariance, off) < 16
+    assert math.hypot(*off) < 0.08 * math.hypot(*place)
+    assert ball.log_likelihood_ratio >= finder.settings.min_nats
+
+
+def test_a_narrow_lens_is_looked_through_as_well():
+    narrow = PinholeCamera((480, 360), (462.0, 462.0), (239.5, 179.5), 0.46, pan_rad=0.0, tilt_rad=-0.2, roll_rad=0.0)
+    (ball,) = LearnedBallFinder(FIELD, narrow).find(picture([(1.6, 0.2)], camera=narrow), narrow)
+    assert math.dist((ball.x_m, ball.y_m), (1.6, 0.2)) < 0.1
+
+
+def test_several_balls_are_told_the_surest_first(finder):
+    places = [(0.9, 0.2), (1.6, -0.8), (2.6, 1.0)]
+    balls = finder.find(picture(places, YELLOW, YELLOW), HELD)
+    assert len(balls) == 3
+    for place in places:
+        assert min(math.dist((ball.x_m, ball.y_m), place) for ball in balls) < 0.2
+    ratios = [ball.log_likelihood_ratio for ball in balls]
+    assert ratios == sorted(ratios, reverse=True)
+
+
+@pytest.mark.parametrize(
+    "frame", [picture([]), np.full((360, 480, 3), 90, np.uint8), np.zeros((360, 480, 3), np.uint8)]
+)
+def test_carpet_and_plain_pictures_show_none(finder, frame):
+    assert finder.find(frame, HELD) == ()
+
+
+def test_a_ball_of_another_size_than_its_place_asks_for_is_none(finder):
+    frame = picture([(3.0, 0.6)], YELLOW, YELLOW)
+    assert finder.find(frame, HELD)
+    tilted = HELD.with_orientation(0.0, -1.0, 0.02)
+    assert LearnedBallFinder(FIELD, tilted).find(frame, tilted) == ()
+
+
+def test_masked_pixels_show_no_ball():
+    mask = np.zeros((360, 480), np.uint8)
+    frame = picture([(1.0, 0.1)])
+    (ball,) = LearnedBallFinder(FIELD, HELD, mask).find(frame, HELD)
+    cv2.circle(mask, (round(ball.u_px), round(ball.v_px)), 40, 255, -1)
+    assert LearnedBallFinder(FIELD, HELD, mask).find(frame, HELD) == ()
+
+
+def test_a_ball_that_the_pictures_rim_cuts_is_found(finder):
+    frame = picture([(1.5, 0.0)], YELLOW, YELLOW)
+    (whole,) = finder.find(frame, HELD)
+    finder.forget()
+    cut = np.roll(frame, 20 - round(whole.u_px), axis=1)
+    found = finder.find(cut, HELD)
+    assert any(math.dist((ball.u_px, ball.v_px), (20.0, whole.v_px)) < 5 for ball in found)
+
+
+def test_a_ball_is_followed_and_found_again_after_a_jump(finder):
+    for place in ((1.0, 0.0), (1.0, 0.05), (1.02, 0.1), (1.6, -0.6)):
+        (ball,) = finder.find(picture([place], YELLOW, YELLOW), HELD)
+        assert math.dist((ball.x_m, ball.y_m), place) < 0.1
+
+
+def test_a_camera_that_looks_up_sees_no_ball():
+    up = HELD.with_orientation(0.0, 1.5, 0.0)
+    assert LearnedBallFinder(FIELD, up).find(picture([(1.5, 0.0)]), up) == ()
+
+
+@pytest.mark.slow
+def test_a_view_has_them_without_a_pose():
+    # loops compile; a ball of another hue than the field file names is a ball, too
+    vision = Vision(FIELD, HELD)
+    view = vision.look(picture([(1.2, -0.2)], WHITE, DARK))
+    assert not view.pose
+    assert view.ball is not None
+    assert math.hypot(view.ball.x_m - 1.2, view.ball.y_m + 0.2) < 0.2
+    assert vision.look(picture([])).balls == ()
+
+
+def test_the_networks_are_small():
+    folder = files("robocup_vision.perception.balls")
+    assert sum(len((folder / name).read_bytes()) for name in ("places.onnx", "ball.onnx")) <= 150_000
