@@ -1,12 +1,14 @@
 """Obstacles among robots: one for each robot in view, none for walls, goals, lines, the carpet's end or the ball.
 
 On every built-in field none to all of the robots of a match stand anywhere, and a ball lies in half of the pictures; a
-forward and a mirror camera of the robots' size look at them before a hall, or a room with bystanders. "alone": each
-picture by itself, whether it shows a pose or not; "near a pose": with a prior 5 cm and 3 degrees off. A robot must be
-listed if the foot of at least half of it is in view, and a pixel to either side of its foot leaves it within its own
-size; others may be. "count right": as many listed as must be, those left out that may be. "error": distance of what is
-listed from the middle of the robot's near side, median. False ones are named by what is there: a robot listed "again",
-the ball, a goal, a beacon, the end of the floor, or nothing but floor and lines.
+forward, a fisheye and a mirror camera of the robots' size look at them before a hall, or a room with bystanders.
+"alone": each picture by itself, whether it shows a pose or not; "near a pose": with a prior 5 cm and 3 degrees off. A
+robot must be listed if the foot of at least half of it is in view, and a pixel to either side of its foot leaves it
+within its own size; others may be. "count right": as many listed as must be, those left out that may be. "error":
+distance of what is listed from the middle of the robot's near side, median. "width": of what is whole in view, less the
+robot's, without sign, median. "floor's end at feet": robots within 6 m in whose direction the free floor ends between
+0.8 and 1.1 of their range. False ones are named by what is there: a robot listed "again", the ball, a goal, a beacon,
+the end of the floor, or nothing but floor and lines.
 """
 
 from __future__ import annotations
@@ -23,7 +25,13 @@ from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.scores.obstacle_score import CAUSES, Listed, judge
-from benchmarks.worlds.standing_robots import Camera, forward_camera, mirror_camera, standing_frames
+from benchmarks.worlds.standing_robots import (
+    Camera,
+    fisheye_camera,
+    forward_camera,
+    mirror_camera,
+    standing_frames,
+)
 from field_models import Field, field_names, load_field
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -31,7 +39,12 @@ from robocup_vision.vision import Vision
 
 START_STD = np.array([0.05, 0.05, math.radians(3.0)])
 MIN_WITHIN_ONE = 0.90
-CAMERAS: dict[str, Callable[[Field], Camera]] = {"forward": forward_camera, "mirror": mirror_camera}
+FLOOR_ENDS = 0.8, 1.1
+CAMERAS: dict[str, Callable[[Field], Camera]] = {
+    "forward": forward_camera,
+    "mirror": mirror_camera,
+    "fisheye": fisheye_camera,
+}
 LOOKS = ("alone", "near a pose")
 
 
@@ -59,7 +72,7 @@ def look_at(piece: Piece) -> dict[str, list[Listed]]:
         for look in LOOKS:
             vision.forget()
             view = vision.look(one.frame, prior=prior if look == LOOKS[1] else None)
-            listed[look].append(judge(view.obstacles, one, camera))
+            listed[look].append(judge(view, one, camera))
     return listed
 
 
@@ -88,6 +101,8 @@ def report(pieces: list[Piece], pool: Pool) -> bool:
                 col.rate("found"),
                 col.count("false"),
                 col.error("error m", 0.01),
+                col.error("width m", 0.01),
+                col.rate("floor's end at feet"),
                 *CAUSES,
                 "target",
                 "verdict",
@@ -113,6 +128,9 @@ def _row(table: Table, name: str, listed: Sequence[Listed], least: float | None)
     within_one = float(np.mean(np.abs(off) <= 1))
     causes = Counter(cause for one in listed for cause in one.false)
     errors = [error for one in listed for error in one.errors_m]
+    widths = [abs(off_m) for one in listed for off_m in one.widths_m]
+    ends = np.array([end for one in listed for end in one.floor_ends])
+    at_feet = (ends >= FLOOR_ENDS[0]) & (ends <= FLOOR_ENDS[1])
     is_met = least is None or within_one >= least
     table.row(
         name,
@@ -121,6 +139,8 @@ def _row(table: Table, name: str, listed: Sequence[Listed], least: float | None)
         f"{sum(one.found for one in listed)}/{sum(one.certain for one in listed)}",
         sum(causes.values()),
         f"{np.median(errors):.3f}" if errors else None,
+        f"{np.median(widths):.3f}" if widths else None,
+        percent(float(at_feet.mean())) if len(ends) else None,
         *(causes[cause] for cause in CAUSES),
         None if least is None else percent(least),
         None if least is None else verdict(is_met),

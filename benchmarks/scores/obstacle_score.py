@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.worlds.standing_robots import Camera, SeenRobot, StandingFrame, pixel_on_floor_m
+from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.perception.obstacles import Obstacle
+from robocup_vision.view import View
 
 # an obstacle this near the ball, or a goal or beacon, is by it
 _NEAR_M = 0.10
 # a disc's near side, averaged over the bearings that meet it, lies this fraction of its radius before its centre
 _NEAR_SIDE = math.pi / 4
+_NEARER_M = 6.0
 
 CAUSES = ("again", "ball", "goal", "beacon", "floor's end", "floor")
 
@@ -30,6 +33,10 @@ class Listed:
         What each further obstacle is.
     errors_m : tuple of float
         Distance of each found robot's obstacle from the middle of its near side.
+    widths_m : tuple of float
+        Width of each found robot's obstacle less the robot's, of those that are whole in view.
+    floor_ends : tuple of float
+        Where the free floor ends in the direction of each robot that is certain and nearer than 6 m, of its range.
     """
 
     certain: int
@@ -37,6 +44,8 @@ class Listed:
     doubtful: int
     false: tuple[str, ...]
     errors_m: tuple[float, ...]
+    widths_m: tuple[float, ...]
+    floor_ends: tuple[float, ...]
 
     @property
     def count_error(self) -> int:
@@ -44,8 +53,9 @@ class Listed:
         return self.found + len(self.false) - self.certain
 
 
-def judge(obstacles: tuple[Obstacle, ...], frame: StandingFrame, camera: Camera) -> Listed:
+def judge(view: View, frame: StandingFrame, camera: Camera) -> Listed:
     """Match obstacles to robots, the nearest pairs first."""
+    obstacles = view.obstacles
     pairs = []
     for i, one in enumerate(obstacles):
         for j, robot in enumerate(frame.robots):
@@ -53,12 +63,14 @@ def judge(obstacles: tuple[Obstacle, ...], frame: StandingFrame, camera: Camera)
             if across < 1.2 * robot.radius_m and along < 1.5 * robot.radius_m + 2 * robot.error_m:
                 pairs.append((math.hypot(along, across), i, j))
     of_robot: dict[int, int] = {}
-    errors = []
+    errors, widths = [], []
     for error, i, j in sorted(pairs):
         if i not in of_robot and j not in of_robot.values():
             of_robot[i] = j
             if frame.robots[j].is_certain:
                 errors.append(error)
+                if frame.robots[j].in_view == 1.0:
+                    widths.append(obstacles[i].width_m - 2 * frame.robots[j].radius_m)
     near = {i for _, i, _ in pairs}
     false = tuple(
         "again" if i in near else _cause(one, frame, camera) for i, one in enumerate(obstacles) if i not in of_robot
@@ -69,7 +81,21 @@ def judge(obstacles: tuple[Obstacle, ...], frame: StandingFrame, camera: Camera)
         len(of_robot) - len(errors),
         false,
         tuple(errors),
+        tuple(widths),
+        tuple(_floor_end(view.free_space, robot) for robot in frame.robots if _is_near(robot)),
     )
+
+
+def _is_near(robot: SeenRobot) -> bool:
+    return robot.is_certain and math.hypot(robot.x_m, robot.y_m) - robot.radius_m <= _NEARER_M
+
+
+def _floor_end(free_space: FreeSpace, robot: SeenRobot) -> float:
+    away_m, bearing = math.hypot(robot.x_m, robot.y_m), math.atan2(robot.y_m, robot.x_m)
+    off = np.abs(np.remainder(free_space.bearing_rad - bearing + math.pi, math.tau) - math.pi)
+    # directions before the middle half of it: the nearest of them, at least
+    before = off <= max(math.asin(min(0.5 * robot.radius_m / away_m, 1.0)), float(off.min()))
+    return float(np.nanmin(free_space.range_m[before])) / (away_m - robot.radius_m)
 
 
 def _off(one: Obstacle, robot: SeenRobot, camera: Camera) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from field_models import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.camera import FisheyeCamera, OmniCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.match.setups import CAMERAS, RobotKind, setup_for
 from sim2d.rendering.backdrop import Backdrop
@@ -85,6 +85,20 @@ def forward_camera(field: Field) -> PinholeCamera:
 def wide_camera() -> PinholeCamera:
     """Return a camera of 640 x 480 pixels and 70 degrees, 0.45 m high, 15 degrees down."""
     return PinholeCamera((640, 480), (457.0, 457.0), (319.5, 239.5), 0.45, pan_rad=0.0, tilt_rad=-0.26, roll_rad=0.0)
+
+
+def fisheye_camera(field: Field) -> FisheyeCamera:
+    """Return a fisheye of 640 x 480 pixels, 158 degrees from corner to corner, as high as the forward camera."""
+    return FisheyeCamera(
+        (640, 480),
+        (290.0, 290.0),
+        (319.5, 239.5),
+        forward_camera(field).height_m,
+        pan_rad=0.0,
+        tilt_rad=-0.17,
+        roll_rad=0.0,
+        projection="equidistant",
+    )
 
 
 def mirror_camera(field: Field) -> OmniCamera:
