@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic, TypeVar, overload
 
@@ -211,6 +211,10 @@ class RigView(View):
     views: tuple[View, ...] = ()
     motions: tuple[Pose2, ...] = ()
     robot_radius_m: float = 0.0
+
+    def of_camera(self, number: int) -> View:
+        """Return the view of one camera, by its place in the rig, with the body's belief: to show on its picture."""
+        return replace(self.views[number], belief=self.belief)
 
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:

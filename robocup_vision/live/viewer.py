@@ -18,7 +18,7 @@ from robocup_vision.live.handover.moment import Moment, Point, RobotPlan, RobotS
 from robocup_vision.live.handover.server_address import DEFAULT_PORT, LOOPBACK
 from robocup_vision.live.live_page import LivePage
 from robocup_vision.live.sources.frame_rate import FrameRate
-from robocup_vision.view import View
+from robocup_vision.view import RigView, View
 from robocup_vision.vision import Vision
 
 
@@ -94,7 +94,7 @@ class Viewer(Controls, Closing):
 
     def show(
         self,
-        frame: Frame,
+        frame: Frame | Sequence[Frame | None],
         view: View,
         *,
         command: Sequence[float] | None = None,
@@ -106,7 +106,7 @@ class Viewer(Controls, Closing):
         Parameters
         ----------
         frame : (H, W, 3) uint8
-            BGR.
+            BGR. Of a rig its frames: the first that is one is shown.
         view : View
             What `Vision.look` returned for it.
         command : (float, float, float), optional
@@ -123,6 +123,14 @@ class Viewer(Controls, Closing):
         ArgumentError
             If the command has not three numbers.
         """
+        if isinstance(view, RigView):
+            if not isinstance(frame, (tuple, list)) or len(frame) != len(view.views):
+                raise FrameError(f"the view of a rig is shown with its {len(view.views)} frames")
+            number = next((number for number, one in enumerate(frame) if one is not None), None)
+            if number is None:
+                return
+            frame, view = frame[number], view.of_camera(number)
+        frame = cast("Frame", frame)
         if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] != 3:
             raise FrameError(f"a frame must be (H, W, 3) uint8, got {frame.shape} {frame.dtype}")
         told: tuple[float, float, float] | None = None

@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.avoidance.steering import Steering
@@ -219,6 +220,8 @@ class Run:
     @classmethod
     def of(cls, vision: Vision, steering: Steering | None = None) -> Run:
         """Describe a run of `Vision` and, if there is one, `Steering`."""
+        if vision.rig is not None:
+            raise ArgumentError("a recording holds the frames of one camera, and this Vision looks through several")
         caveat = ""
         if vision.online is not None:
             caveat = "the camera was refined while it ran (online), which is not recorded"

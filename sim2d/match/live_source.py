@@ -6,7 +6,6 @@ Registered as the kind `sim`: ``sim:FIELD[,players=N][,seed=S][,robots=0+1][,our
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotPlan, RobotSetup, TrueRobot, TrueWorld
 from robocup_vision.live.sources.source import SourceFrame, SourceOptions
 from robocup_vision.recording.loops import mounting_of
+from robocup_vision.view import RigView
 from robocup_vision.vision import Vision
 from sim2d.match.match import Match
 from sim2d.players.catalog import player_factory
@@ -145,7 +145,7 @@ class MatchSource:
             # the player has not looked at this frame
             view = None
         # of several cameras the page shows the first
-        view = None if view is None else replace(view.views[0], belief=view.belief)
+        view = view.of_camera(0) if isinstance(view, RigView) else view
         return SourceFrame(
             _name(index),
             frame,

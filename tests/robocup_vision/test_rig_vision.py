@@ -13,6 +13,7 @@ from robocup_vision import Memory, MotionLimits, Rig, Steering, Vision, draw
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
+from robocup_vision.recording.run import Run
 
 
 @pytest.fixture(scope="module")
@@ -180,6 +181,18 @@ def test_the_pictures_are_drawn_side_by_side(fresh, frames, prior):
     assert picture[300:, 792:1584].max() == 0
     with pytest.raises(ArgumentError, match="takes the 4 frames of a rig's view"):
         draw(view, frames[0], fresh)
+
+
+def test_recordings_are_of_one_camera(vision):
+    with pytest.raises(ArgumentError, match="a recording holds the frames of one camera"):
+        Run.of(vision)
+
+
+def test_the_view_of_one_camera_has_the_belief_of_the_body(frames):
+    vision = Vision(FIELD, CAMERAS[:2], memory=Memory(FIELD))
+    view = vision.look(frames[:2], t_s=1.0, odometry=Pose2(0.0, 0.0, 0.0))
+    assert view.of_camera(1).belief is view.belief
+    assert view.of_camera(1).camera.pan_rad == pytest.approx(CAMERAS[1].pan_rad)
 
 
 def test_cameras_that_disagree_are_no_pose(fresh, frames):
