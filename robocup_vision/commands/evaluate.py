@@ -33,7 +33,9 @@ def add_parser(subparsers: Any) -> None:
         "dataset", help="folder with a dataset.toml, folder of images, video file, recording, or bag (extra ros)"
     )
     evaluate.add_argument("--field", metavar="F", help="built-in field or field file (needed without a dataset.toml)")
-    evaluate.add_argument("--camera", metavar="C", help="camera file (needed without a dataset.toml)")
+    evaluate.add_argument(
+        "--camera", metavar="C", help="camera file, or rig file of several cameras (needed without a dataset.toml)"
+    )
     evaluate.add_argument("--colors", metavar="K", help="colour file (default: learnt from the images)")
     evaluate.add_argument(
         "--method",
