@@ -23,6 +23,8 @@ _NO_POINTS = np.empty((0, 2))
 _ACROSS = np.linspace(-1.0, 1.0, 7)
 # a mirror camera's paths are drawn a little beyond the radius that it is used to
 _BEYOND_RADIUS = 1.05
+# drawn length of a crossing's arms
+_ARM_M = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,6 +193,30 @@ def _obstacles(view: View) -> Paths:
     points = np.stack([x - along * np.sin(bearing), y + along * np.cos(bearing)], axis=2).reshape(-1, 2)
     ends = len(_ACROSS) * np.arange(1, len(view.obstacles) + 1)
     return _pieces(view.polar.camera, view.polar.camera.floor_to_pixel(points), ends)
+
+
+def marking_paths(view: View) -> Paths:
+    """Return a view's markings in its frame: segments, circles, the arms of crossings, and a cross at each post's foot.
+
+    They are found when this is called, see `View.markings`.
+    """
+    source, markings = view.marking_source, view.markings
+    if source is None or not markings:
+        return ()
+    along = np.linspace(0.0, 1.0, 33)[:, None]
+    turn = np.linspace(0.0, math.tau, 65)
+    round_m = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    paths = [np.array(one.start_m) * (1 - along) + np.array(one.end_m) * along for one in markings.segments]
+    paths += [np.array([one.x_m, one.y_m]) + one.radius_m * round_m for one in markings.circles]
+    for crossing in markings.crossings:
+        for arm in crossing.arms_rad:
+            ends = np.array([[0.0, 0.0], [math.cos(arm), math.sin(arm)]]) * _ARM_M
+            paths.append(np.array([crossing.x_m, crossing.y_m]) + ends)
+    for post in markings.posts:
+        for way in ((1.0, 0.0), (0.0, 1.0)):
+            paths.append(np.array([post.x_m, post.y_m]) + np.outer([-1.0, 1.0], way) * _ARM_M)
+    points, ends_at = _stacked(paths)
+    return _pieces(source.camera, source.camera.floor_to_pixel(points), ends_at)
 
 
 def _free_outline(view: View) -> FloatArray:

@@ -16,7 +16,7 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Frame, Int32Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated
-from robocup_vision.image_layers import ImageLayerMaker, Paths
+from robocup_vision.image_layers import ImageLayerMaker, Paths, marking_paths
 from robocup_vision.pipeline.frames import to_bgr
 from robocup_vision.view import RigView, View
 from robocup_vision.vision import Vision
@@ -28,6 +28,7 @@ BOUNDARY_COLOR: Bgr = (40, 40, 255)
 FREE_COLOR: Bgr = (120, 255, 120)
 OBSTACLE_COLOR: Bgr = (0, 160, 255)
 BALL_COLOR: Bgr = (255, 0, 255)
+MARKING_COLOR: Bgr = (255, 90, 160)
 LINE_POINT_COLOR: Bgr = (255, 160, 60)
 EDGE_COLORS: dict[EdgeState, Bgr] = {
     EdgeState.FOUND: (60, 230, 60),
@@ -42,7 +43,14 @@ _SHIFT = 4
 _REASON_LETTERS = 72
 
 
-def draw(view: View, frame: Frame | Sequence[Frame | None], vision: Vision, out: Frame | None = None) -> UInt8Array:
+def draw(
+    view: View,
+    frame: Frame | Sequence[Frame | None],
+    vision: Vision,
+    out: Frame | None = None,
+    *,
+    markings: bool = False,
+) -> UInt8Array:
     """Draw a view over its frame.
 
     The fitted field and its goals of posts in cyan, the floor's detected edge in red, the free space as a green fan,
@@ -60,6 +68,8 @@ def draw(view: View, frame: Frame | Sequence[Frame | None], vision: Vision, out:
         The object that looked.
     out : (s H, s W, 3) uint8, optional
         The BGR picture to draw on: the frame itself, or one that is a whole number s times as large.
+    markings : bool
+        Whether to draw the view's markings, too, in violet: they are found then.
 
     Returns
     -------
@@ -75,7 +85,7 @@ def draw(view: View, frame: Frame | Sequence[Frame | None], vision: Vision, out:
         kinds = ", ".join(type(value).__name__ for value in (view, frame, vision))
         raise ArgumentError(f"draw takes a view, its frame and the Vision that looked, got {kinds}")
     if isinstance(view, RigView):
-        return _draw_rig(view, frame, vision, out)
+        return _draw_rig(view, frame, vision, out, markings)
     width, height = view.camera.size_px
     if not isinstance(frame, np.ndarray) or frame.shape != (height, width, 3) or frame.dtype != np.uint8:
         given = getattr(frame, "shape", type(frame).__name__)
@@ -88,12 +98,15 @@ def draw(view: View, frame: Frame | Sequence[Frame | None], vision: Vision, out:
         canvas = canvas.copy() if np.shares_memory(canvas, frame) else canvas
     else:
         canvas, scale = cast("UInt8Array", out), _scale_of(out, width, height)
+    # before the frame itself is drawn on
+    paths = marking_paths(view) if markings else ()
     draw_layers(view, canvas, vision, scale)
+    _draw_paths(canvas, paths, scale, MARKING_COLOR, 2)
     _write(canvas, _summary(view))
     return canvas
 
 
-def _draw_rig(view: RigView, frames: object, vision: Vision, out: Frame | None) -> UInt8Array:
+def _draw_rig(view: RigView, frames: object, vision: Vision, out: Frame | None, markings: bool) -> UInt8Array:
     """Draw the pictures of a rig's cameras side by side, those that gave none left dark."""
     count = len(view.views)
     if out is not None or not isinstance(frames, (tuple, list)) or len(frames) != count:
@@ -104,7 +117,7 @@ def _draw_rig(view: RigView, frames: object, vision: Vision, out: Frame | None) 
     for one, frame in zip(view.views, frames, strict=True):
         width, height = one.camera.size_px
         dark = np.zeros((height, width, 3), dtype=np.uint8)
-        pictures.append(draw(one, dark if frame is None else frame, vision))
+        pictures.append(draw(one, dark if frame is None else frame, vision, markings=markings))
     height = max(len(picture) for picture in pictures)
     return np.hstack([np.pad(picture, ((0, height - len(picture)), (0, 0), (0, 0))) for picture in pictures])
 

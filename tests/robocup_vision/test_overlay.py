@@ -7,7 +7,7 @@ import pytest
 
 from field_models import load_field
 from field_models.errors import ArgumentError
-from robocup_vision.camera import Table
+from robocup_vision.camera import PinholeCamera, Table
 from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.overlay import (
@@ -17,6 +17,7 @@ from robocup_vision.overlay import (
     FIELD_COLOR,
     FREE_COLOR,
     LINE_POINT_COLOR,
+    MARKING_COLOR,
     draw,
 )
 from robocup_vision.vision import Vision
@@ -154,3 +155,15 @@ def test_what_cannot_be_drawn_is_named(vision, nominal_samples, changes, message
     given["view"] = frame if isinstance(given["view"], str) else given["view"]
     with pytest.raises(ArgumentError, match=message):
         draw(**given)
+
+
+def test_markings_are_drawn_where_they_are_wanted(paint_field):
+    camera = PinholeCamera((320, 240), (260.0, 260.0), (159.5, 119.5), 0.5, pan_rad=0.0, tilt_rad=-0.35, roll_rad=0.0)
+    field = load_field("spl_2020")
+    frame = paint_field(camera, field, Pose2(3.0, 1.5, 0.5))
+    vision = Vision(field, camera)
+    view = vision.look(frame)
+    plain, marked = draw(view, frame, vision), draw(view, frame, vision, markings=True)
+    assert (marked != plain).any()
+    assert (marked == MARKING_COLOR).all(axis=2).sum() > 100
+    assert not (plain == MARKING_COLOR).all(axis=2).any()
