@@ -5,7 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from robocup_vision.localization.goal.point_spread import HALVED, PER_PX, SPREADS, PointSpread, step_response
+from robocup_vision.localization.goal.point_spread import (
+    HALVED,
+    PER_PX,
+    SPREADS,
+    TYPICAL,
+    PointSpread,
+    nearest_best,
+    step_response,
+)
 
 
 @pytest.mark.parametrize("spread", [*SPREADS, *(PointSpread(0.125, 0.2, kind) for kind in HALVED)])
@@ -46,3 +54,18 @@ def test_colour_at_half_the_resolution_is_that_of_two_pixels_each(kind):
     expected = near * values[pixels // 2] + (1 - near) * values[beside]
     got = np.array([light(halved, pixel) for pixel in pixels])
     np.testing.assert_allclose(got[4:-4], expected[4:-4], atol=5e-3)
+
+
+@pytest.mark.parametrize("truth", SPREADS)
+def test_the_search_finds_a_spread_that_shows_a_step_alike(truth):
+    shown = step_response(truth)[0, :, 0]
+
+    def cost(spread):
+        return float(np.sum((step_response(spread)[0, :, 0] - shown) ** 2))
+
+    found = step_response(nearest_best(cost, TYPICAL))[0, :, 0]
+    np.testing.assert_allclose(found, shown, atol=0.03)
+
+
+def test_the_search_stays_where_all_cost_alike():
+    assert nearest_best(lambda spread: 1.0, TYPICAL) == TYPICAL
