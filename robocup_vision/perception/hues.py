@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 
@@ -17,6 +17,8 @@ STEP_PX = 4
 _HIGH, _ROWS, _COLUMNS = 1.5, 16, 9
 # part of its width: bodies are narrower higher up
 _MIDDLE = 0.5
+# how far before it the floor is looked at, in a robot's radii
+_BEFORE = np.array([0.4, 0.8])
 # a saturated colour: of its brightest channel, what the darkest one lacks; and counts of the brightest one
 _SATURATED, _LIT = 0.4, 60.0
 # part of what is looked at that must be saturated
@@ -32,14 +34,14 @@ def thumbnail_of(frame: UInt8Array) -> UInt8Array:
     return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
 
 
-def hue_of(
+def hues_of(
     thumbnail: UInt8Array,
     camera: OmniCamera | PinholeCamera,
-    place_m: tuple[float, float],
-    width_m: float,
+    places_m: FloatArray,
+    widths_m: FloatArray,
     radius_m: float,
-) -> float | None:
-    """Return the hue that most of what is saturated on a thing has, radians from 0 to a turn; None: too little is.
+) -> tuple[float | None, ...]:
+    """Return the hue that most of what is saturated on each thing has, radians from 0 to a turn; None: too little is.
 
     It is looked at in an upright rectangle over the middle half of its near side. What has the hue of the floor before
     it is floor, or mirrors it; where that floor is not in view, nothing is told.
@@ -50,53 +52,46 @@ def hue_of(
         Of the frame, `thumbnail_of`, BGR.
     camera : OmniCamera or PinholeCamera
         Of the frame.
-    place_m : (float, float)
-        Middle of its near side, robot frame.
-    width_m : float
-        Distance between the ends of that.
+    places_m : (N, 2) float64
+        Middles of their near sides, robot frame.
+    widths_m : (N,) float64
+        Distances between the ends of these.
     radius_m : float
         Of a robot of the league.
     """
-    away_m = max(math.dist(place_m, camera.offset_m), 1e-6)
-    ahead = (place_m[0] - camera.offset_m[0]) / away_m, (place_m[1] - camera.offset_m[1]) / away_m
-    aside = 0.5 * _MIDDLE * width_m * np.linspace(-1.0, 1.0, _COLUMNS)
+    ahead = places_m - np.array(camera.offset_m)
+    ahead = ahead / np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-6)[:, None]
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    aside = 0.5 * _MIDDLE * widths_m[:, None] * np.linspace(-1.0, 1.0, _COLUMNS)
+    across = places_m[:, None] + aside[..., None] * left[:, None]
     up = 2.0 * _HIGH * radius_m * (np.arange(_ROWS) + 0.5) / _ROWS
-    across, height = np.meshgrid(aside, up)
-    # the middle of a body stands behind its near side; a mirror shows it there
-    body = np.stack(
-        [np.asarray(place_m)[0] - across * ahead[1], np.asarray(place_m)[1] + across * ahead[0], height], -1
-    )
-    hues = _saturated_hues(thumbnail, camera, body.reshape(-1, 3))
-    if hues is None or len(hues[0]) < _MIN_PART * hues[1]:
-        return None
-    before = [(place_m[0] - part * radius_m * ahead[0], place_m[1] - part * radius_m * ahead[1]) for part in (0.4, 0.8)]
-    floor = np.array([(x - o * ahead[1], y + o * ahead[0], 0.0) for x, y in before for o in aside])
-    beside = _saturated_hues(thumbnail, camera, floor)
-    if beside is None:
-        return None
-    found = hues[0]
-    if len(beside[0]):
-        found = found[np.abs(_wrapped(found - _median(beside[0]))) > _LIKE_FLOOR_RAD]
-    if len(found) < _MIN_PART * hues[1]:
-        return None
-    return _median(found) % math.tau
-
-
-def _saturated_hues(
-    thumbnail: UInt8Array, camera: OmniCamera | PinholeCamera, points_m: FloatArray
-) -> tuple[FloatArray, int] | None:
-    """Return hues (N,) of those points (M, 3), robot frame, that show a saturated colour, and how many are in view."""
+    # rows over the thing, then two on the floor before it
+    nearer_m = np.concatenate([np.zeros(_ROWS), _BEFORE * radius_m])
+    heights_m = np.concatenate([up, np.zeros(len(_BEFORE))])
+    points = np.empty((len(places_m), len(heights_m), _COLUMNS, 3))
+    points[..., :2] = across[:, None] - nearer_m[:, None, None] * ahead[:, None, None]
+    points[..., 2] = heights_m[:, None]
     height, width = thumbnail.shape[:2]
-    pixels = camera.point_to_pixel(points_m) * (width / camera.size_px[0], height / camera.size_px[1])
+    pixels = camera.point_to_pixel(points) * (width / camera.size_px[0], height / camera.size_px[1])
     with np.errstate(invalid="ignore"):
-        shown = ((pixels >= 0) & (pixels < (width, height))).all(axis=1)
-    if not shown.any():
+        shown = ((pixels >= 0) & (pixels < (width, height))).all(axis=-1)
+    column, row = np.moveaxis(np.where(shown[..., None], pixels, 0.0).astype(np.intp), -1, 0)
+    blue, green, red = np.moveaxis(thumbnail[row, column].astype(np.float64), -1, 0)
+    most, least = np.maximum(np.maximum(blue, green), red), np.minimum(np.minimum(blue, green), red)
+    saturated = shown & (most > _LIT) & (most - least > _SATURATED * most)
+    hue = np.arctan2(math.sqrt(3.0) * (green - blue), 2.0 * red - green - blue)
+    return tuple(_hue(*one) for one in zip(hue, saturated, shown, strict=True))
+
+
+def _hue(hue: FloatArray, saturated: BoolArray, shown: BoolArray) -> float | None:
+    """Return a thing's hue by what its rows and those of the floor before it show."""
+    found, floor = hue[:_ROWS][saturated[:_ROWS]], hue[_ROWS:][saturated[_ROWS:]]
+    needed = _MIN_PART * max(int(np.count_nonzero(shown[:_ROWS])), 1)
+    if not shown[_ROWS:].any() or len(found) < needed:
         return None
-    column, row = pixels[shown].astype(np.intp).T
-    color = thumbnail[row, column].astype(np.float64)
-    most, least = color.max(axis=1), color.min(axis=1)
-    blue, green, red = color[(most > _LIT) & (most - least > _SATURATED * most)].T
-    return np.arctan2(math.sqrt(3.0) * (green - blue), 2.0 * red - green - blue), int(np.count_nonzero(shown))
+    if len(floor):
+        found = found[np.abs(_wrapped(found - _median(floor))) > _LIKE_FLOOR_RAD]
+    return _median(found) % math.tau if len(found) >= needed else None
 
 
 def _wrapped(angle_rad: FloatArray) -> FloatArray:

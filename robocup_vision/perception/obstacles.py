@@ -21,7 +21,7 @@ from robocup_vision.kernels.floor.things import (
     find_things,
 )
 from robocup_vision.perception.floor_view import FloorView
-from robocup_vision.perception.hues import hue_of
+from robocup_vision.perception.hues import hues_of
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
 # paint that leads up to a thing, and posts, are narrower than this part of a robot's radius
@@ -152,9 +152,9 @@ class ObstacleFinder:
         )
         found[:count, 5] = _range_std_m(view, found[:count, 4], found[:count, 5])
         things = [Obstacle(*row) for row in found[:count].tolist()]
-        if thumbnail is None:
+        if thumbnail is None or not things:
             return tuple(things)
-        hues = (hue_of(thumbnail, view.camera, (one.x_m, one.y_m), one.width_m, self._radius_m) for one in things)
+        hues = hues_of(thumbnail, view.camera, found[:count, :2], found[:count, 2], self._radius_m)
         return tuple(one._replace(hue_rad=hue) for one, hue in zip(things, hues, strict=True))
 
 

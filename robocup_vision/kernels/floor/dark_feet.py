@@ -99,12 +99,17 @@ def block_dark_bodies(samples: UInt8Array, valid: UInt8Array, columns_in_use: in
     """
     for k in range(len(marks)):
         row = marks[k]
-        m = 1
+        m, brightest = 0, 0
         while m < columns_in_use:
             if row[m] != FLOOR or not valid[k, m]:
                 m += 1
                 continue
             lit, first, here = 0, m, _brightness(samples, k, m)
+            # most samples are not even darker than the brightest so far
+            if here >= DARK_RATIO * brightest:
+                brightest = max(brightest, here)
+                m += 1
+                continue
             for j in range(max(m - FADE, 0), m):
                 if row[j] == FLOOR and valid[k, j]:
                     lit = max(lit, _brightness(samples, k, j))

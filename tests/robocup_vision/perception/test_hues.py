@@ -9,7 +9,7 @@ import pytest
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.hues import STEP_PX, hue_of, thumbnail_of
+from robocup_vision.perception.hues import STEP_PX, hues_of, thumbnail_of
 from robocup_vision.vision import Vision
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.pinhole import render_pinhole
@@ -78,7 +78,6 @@ def test_a_thing_whose_foot_is_not_in_view_has_no_hue():
     blue = np.full((480, 640, 3), PAINTS["blue"], dtype=np.uint8)
     thumbnail = thumbnail_of(blue)
     assert thumbnail.shape == (480 // STEP_PX, 640 // STEP_PX, 3)
-    # all of the picture is of the floor's hue
-    assert hue_of(thumbnail, CAMERA, (1.0, 0.0), 0.18, 0.09) is None
-    assert hue_of(thumbnail, CAMERA, (0.1, 0.0), 0.18, 0.09) is None
-    assert hue_of(thumbnail, CAMERA, (-1.0, 0.0), 0.18, 0.09) is None
+    places = np.array([(1.0, 0.0), (0.1, 0.0), (-1.0, 0.0)])
+    # all of the picture is of the floor's hue, or nothing of the thing is in it
+    assert hues_of(thumbnail, CAMERA, places, np.full(3, 0.18), 0.09) == (None, None, None)
