@@ -176,7 +176,7 @@ class _Calibration:
                 f"no start brings the points found onto the walls and lines of field '{self.field.name}'"
             )
         likely = _unlike(fits, settings.max_doubtful_ratio, settings)
-        answers = self._answers(likely, search) or self._answers(likely[:1], search, sure=False)
+        answers = self._answers(likely, search)
         if not answers:
             return self._refuse("by the best camera found, no frame shows enough of " + self._wanted)
         kept = len(answers[0].sightings)
@@ -268,12 +268,14 @@ class _Calibration:
     def _max_log_curve(self) -> tuple[float, float]:
         return self.settings.max_unknown_log_curve if self.start is None else self.settings.max_log_curve
 
-    def _answers(self, fits: Sequence[Fit], search: Search, *, sure: bool = True) -> list[_Explained]:
+    def _answers(self, fits: Sequence[Fit], search: Search) -> list[_Explained]:
         """Return what the fits end at with points found by their own cameras, the best first; see `_placed`."""
-        explained = [self._again(fit, search, sure=sure) for fit in fits]
-        return sorted((e for e in explained if e is not None), key=lambda e: (-len(e.sightings), e.fit.cost))
+        explained = [self._again(fit, search) for fit in fits]
+        found = [e for e in explained if e is not None]
+        most = max((len(e.sightings) for e in found), default=1)
+        return sorted((e.of_frames(most) for e in found), key=lambda e: e.fit.cost)
 
-    def _again(self, fit: Fit, search: Search, *, sure: bool) -> _Explained | None:
+    def _again(self, fit: Fit, search: Search) -> _Explained | None:
         """Find the points again by a fit's camera, locate every frame again, and repeat the fit."""
         camera, settings = fit.camera, self.settings
         inner, outer = camera.usable_radius_px
@@ -285,7 +287,7 @@ class _Calibration:
         frame = dataclasses.replace(search.model.frame, usable_radius_px=(inner, outer))
         search = dataclasses.replace(search, model=dataclasses.replace(search.model, frame=frame))
         observer = Observer(self.field, cut, self.mask, locate=True, settings=settings.points)
-        sightings = self._placed(self._look(observer, "poses"), search, cut, sure=sure)
+        sightings = self._placed(self._look(observer, "poses"), search, cut)
         for scales in (settings.again_scales, settings.last_scales):
             if not sightings:
                 return None
@@ -299,14 +301,16 @@ class _Calibration:
         kept = np.array([sighting.pose.array for sighting in sightings if sighting.pose is not None])
         return _Explained(dataclasses.replace(fit, poses=kept), sightings, search, dict(self.notes))
 
-    def _placed(self, sightings: list[Sighting], search: Search, camera: OmniCamera, *, sure: bool) -> list[Sighting]:
-        """Return the sightings with a pose: those of which a robot that plays would be sure, or by lines alone.
+    def _placed(self, sightings: list[Sighting], search: Search, camera: OmniCamera) -> list[Sighting]:
+        """Return the sightings with a pose: one of which a robot that plays would be sure, else by lines alone.
 
-        Where no frame has the former, the latter will do: what follows judges them.
+        What follows judges the latter: by a camera that is not yet right a robot is seldom sure.
         """
         placed = []
         for sighting in sightings:
-            pose = sighting.pose if sure or self.field.is_bounded else search.pose_by_lines(camera, sighting)
+            pose = sighting.pose
+            if pose is None and not self.field.is_bounded:
+                pose = search.pose_by_lines(camera, sighting)
             if pose is None:
                 self._leave_out(sighting.index, "the robot could not be placed on the field")
             else:
@@ -388,6 +392,12 @@ class _Explained:
     sightings: list[Sighting]
     search: Search
     notes: dict[int, str]
+
+    def of_frames(self, count: int) -> _Explained:
+        """Return the same with the fit's cost of so many frames: of one that is left out, nothing is explained."""
+        share = len(self.sightings) / count
+        fit = dataclasses.replace(self.fit, cost=share * self.fit.cost + 1.0 - share)
+        return dataclasses.replace(self, fit=fit)
 
 
 def _unlike(fits: Sequence[Fit], max_ratio: float, settings: OmniCalibrationSettings) -> list[Fit]:
