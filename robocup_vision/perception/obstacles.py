@@ -152,7 +152,8 @@ class ObstacleFinder:
         )
         found[:count, 5] = _range_std_m(view, found[:count, 4], found[:count, 5])
         things = [Obstacle(*row) for row in found[:count].tolist()]
-        if thumbnail is None or not things:
+        # a mirror camera of unknown height does not know where it shows what stands above the floor
+        if thumbnail is None or not things or view.camera.height_m is None:
             return tuple(things)
         hues = hues_of(thumbnail, view.camera, found[:count, :2], found[:count, 2], self._radius_m)
         return tuple(one._replace(hue_rad=hue) for one, hue in zip(things, hues, strict=True))

@@ -1,13 +1,14 @@
 """The hue of things that stand on the floor: of their paint; none of what is grey, black or the floor's own."""
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera import PinholeCamera, Table
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.hues import STEP_PX, hues_of, thumbnail_of
 from robocup_vision.vision import Vision
@@ -81,3 +82,15 @@ def test_a_thing_whose_foot_is_not_in_view_has_no_hue():
     places = np.array([(1.0, 0.0), (0.1, 0.0), (-1.0, 0.0)])
     # all of the picture is of the floor's hue, or nothing of the thing is in it
     assert hues_of(thumbnail, CAMERA, places, np.full(3, 0.18), 0.09) == (None, None, None)
+
+
+def test_a_mirror_camera_of_unknown_height_tells_obstacles_without_hues(ssl_field, paper_camera):
+    pose = Pose2(-0.5, 0.0, 0.3)
+    robot = Robot(0.1, 0.05, FIELD.robot_radius_m, color_bgr=PAINTS["magenta"], marker_bgr=PAINTS["magenta"])
+    light = MirrorRenderer(paper_camera, 2).render(Scene(ssl_field, robots=(robot,)), pose)
+    frame = Sensor(noise_sigma=4.0, blur_px=0.7).expose(light, np.random.default_rng(0))
+    radius_px = np.linspace(*paper_camera.usable_radius_px, 40)
+    table = Table(radius_px, 1.0 / paper_camera.floor_range.inverse_range_per_m(radius_px))
+    seen = Vision(ssl_field, replace(paper_camera, floor_range=table)).look(frame).obstacles
+    assert seen
+    assert all(one.hue_rad is None for one in seen)
