@@ -116,7 +116,7 @@ def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: C
         seen, off = _varied(images, is_ball)
         loss, each = _loss(first(_strips(seen)), second(seen), is_ball, off)
         optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        torch.autograd.backward(loss)
         optimizer.step()
         schedule.step()
         for bank, one, worth in zip(banks, chosen, torch.split(each, counts), strict=True):
