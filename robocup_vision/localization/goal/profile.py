@@ -84,8 +84,8 @@ class ProfileSettings:
     edge_error_px, foot_error_px : float
         Error that whole edges and feet have in common, beside their noise.
     common : float
-        Of a piece's variance, what its whole edge has in common (feet: twice that): with it the stated covariances of
-        `goal/goal_table` are right on the average, by another seed.
+        Of a piece's variance, what its whole edge has in common (feet: twice that): half, as the errors of rendered
+        goals have it.
     min_samples : int
         Edges that must be measured: more than the unknowns.
     freedom, trusted : float

@@ -14,7 +14,7 @@ from robocup_vision.localization.goal.colored_lines import keeps_elements
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator, GoalSettings
 from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.localization.lines.line_map import LineMap
-from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
 FIELD = load_field("four_legged_2007")
 STREAKS = GOAL_CONDITIONS["streaks_416x320"]
@@ -79,3 +79,12 @@ def test_lines_may_move_a_post_by_its_width_and_no_farther():
         turned = p.copy()
         turned[2] += widths * width_rad
         assert keeps_elements(found.model, found.fit, turned) is is_kept
+
+
+@pytest.mark.parametrize(("name", "index"), [("mild_glare_208x160", 5), ("streaks_416x320", 0)])
+def test_boxes_before_lines_are_no_goal(name, index):
+    condition = GOAL_CONDITIONS[name]
+    sample = next(sample_goal(FIELD, condition, 778, 25, views=NEGATIVE_VIEWS, indices=[index], supersample=2))
+    answer = GoalPoseEstimator(FIELD, condition.camera).locate(sample.frame)
+    assert not answer
+    assert answer.reason.startswith("no ")
