@@ -38,7 +38,8 @@ def tone_twin(frame, near, rules):
         by_counts = np.maximum(spread, 1.48 * np.median(off, axis=1) / (np.exp(mode) * green))
         spread = np.where(mode - rules.tone_stds * spread > -2.0, spread, by_counts)
     reach = rules.tone_stds * spread
-    low, high = np.where(mode - reach > -2.0, np.exp(mode - reach), 0.0), np.exp(mode + reach)
+    most = np.minimum(mode + reach, np.maximum(0.5 * mode, mode + 2.0 * spread))
+    low, high = np.where(mode - reach > -2.0, np.exp(mode - reach), 0.0), np.exp(most)
     return [low[0], high[0], low[1], high[1], rules.dark_ratio * green, rules.bright_ratio * green, rules.slack]
 
 
