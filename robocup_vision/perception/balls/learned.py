@@ -14,8 +14,9 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.balls.network import BallNetwork, BallPlaces, Sighting
 
-# places are worked out anew where tilt or roll differ by half of this: sizes then are still those that it knows
-_STEP_RAD = math.radians(0.5)
+# places are worked out anew where tilt or roll, or height or focal length by their logarithms, differ by half of this:
+# sizes then are still those that it knows
+_STEP_RAD, _STEP_RATIO = math.radians(0.5), 0.04
 _MOST_PLACES = 64
 
 
@@ -82,7 +83,7 @@ class LearnedBallFinder:
         self._radius_m = field.ball_radius_m
         self._mask = mask
         self._network = BallNetwork()
-        self._places: dict[tuple[float, ...], BallPlaces] = {}
+        self._places: dict[tuple[int, ...], BallPlaces] = {}
         self.forget()
 
     def forget(self) -> None:
@@ -121,9 +122,8 @@ class LearnedBallFinder:
 
     def _places_of(self, camera: PinholeCamera) -> BallPlaces:
         """Return the places made for about this orientation; the last used ones are kept."""
-        held = [camera.height_m, *camera.focal_px]
-        held += [round(angle / _STEP_RAD) for angle in (camera.tilt_rad or 0.0, camera.roll_rad or 0.0)]
-        steps = tuple(held)
+        held = [round(math.log(size) / _STEP_RATIO) for size in (camera.height_m, *camera.focal_px)]
+        steps = (*held, *(round(angle / _STEP_RAD) for angle in (camera.tilt_rad or 0.0, camera.roll_rad or 0.0)))
         made = self._places.pop(steps) if steps in self._places else BallPlaces(camera, self._radius_m, self._mask)
         self._places[steps] = made
         if len(self._places) > _MOST_PLACES:
