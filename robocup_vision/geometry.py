@@ -119,6 +119,13 @@ def compose_covariance(first: Pose2, first_cov: FloatArray, second: Pose2, secon
     return np.asarray(by_first @ first_cov @ by_first.T + by_second @ second_cov @ by_second.T)
 
 
+def turned_covariance(covariance: FloatArray, theta_rad: float) -> FloatArray:
+    """Covariance (2, 2) of a place after a turn."""
+    c, s = math.cos(theta_rad), math.sin(theta_rad)
+    turn = np.array([[c, -s], [s, c]])
+    return np.asarray(turn @ covariance @ turn.T)
+
+
 def half_turn_covariance(covariance: FloatArray) -> FloatArray:
     """Covariance (3, 3) of `pose.half_turn()`: x and y change sign, so their products with theta do."""
     return np.asarray(covariance * _HALF_TURN_SIGNS)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.geometry import Pose2, turned_covariance, wrap_angle
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.perception.obstacles import Obstacle
+
+Thing = TypeVar("Thing")
 
 # chi-square with 2 degrees of freedom that one in a hundred pairs of places of one ball exceeds
 _MAX_SAME_DISTANCE2 = 9.21
@@ -78,10 +80,9 @@ def join_free_space(floors: Sequence[SeenFloor], directions: int) -> FreeSpace:
 
 def move_ball(ball: Ball, robot: Pose2) -> Ball:
     """Return a ball as a robot sees it that has moved to `robot`, given in its frame before."""
-    x, y = robot.inverse().transform((ball.x_m, ball.y_m)).tolist()
-    c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
-    turn = np.array([[c, s], [-s, c]])
-    return replace(ball, x_m=x, y_m=y, covariance=turn @ ball.covariance @ turn.T)
+    motion = robot.inverse()
+    x, y = motion.transform((ball.x_m, ball.y_m)).tolist()
+    return replace(ball, x_m=x, y_m=y, covariance=turned_covariance(ball.covariance, motion.theta_rad))
 
 
 def join_balls(seen: Sequence[Sequence[Ball]]) -> tuple[Ball, ...]:
@@ -92,16 +93,33 @@ def join_balls(seen: Sequence[Sequence[Ball]]) -> tuple[Ball, ...]:
     seen : sequence of sequence of Ball
         Of each camera, robot frame. Of one ball the pixel is that of the camera that shows it most clearly.
     """
-    joined: list[tuple[Ball, set[int]]] = []
-    order = [(ball, number) for number, balls in enumerate(seen) for ball in balls]
-    for ball, number in sorted(order, key=lambda one: -one[0].log_likelihood_ratio):
+    return tuple(
+        _joined(
+            seen,
+            lambda ball: (-ball.log_likelihood_ratio,),
+            lambda one, other: _distance2(one, other) <= _MAX_SAME_DISTANCE2,
+            _joined_ball,
+        )
+    )
+
+
+def _joined(
+    seen: Sequence[Sequence[Thing]],
+    order: Callable[[Thing], tuple[float, ...]],
+    are_one: Callable[[Thing, Thing], bool],
+    join: Callable[[Thing, Thing], Thing],
+) -> list[Thing]:
+    """Join each sighting, in some order, with the first one before that is of another camera and the same thing."""
+    joined: list[tuple[Thing, set[int]]] = []
+    sightings = [(one, number) for number, things in enumerate(seen) for one in things]
+    for one, number in sorted(sightings, key=lambda sighting: order(sighting[0])):
         for index, (other, cameras) in enumerate(joined):
-            if number not in cameras and _distance2(ball, other) <= _MAX_SAME_DISTANCE2:
-                joined[index] = _joined_ball(other, ball), cameras | {number}
+            if number not in cameras and are_one(one, other):
+                joined[index] = join(other, one), cameras | {number}
                 break
         else:
-            joined.append((ball, {number}))
-    return tuple(ball for ball, _ in joined)
+            joined.append((one, {number}))
+    return [one for one, _ in joined]
 
 
 def _distance2(one: Ball, other: Ball) -> float:
@@ -137,16 +155,13 @@ def join_obstacles(seen: Sequence[Sequence[Obstacle]], radius_m: float) -> tuple
     radius_m : float
         Of a robot.
     """
-    joined: list[tuple[Obstacle, set[int]]] = []
-    order = [(obstacle, number) for number, obstacles in enumerate(seen) for obstacle in obstacles]
-    for obstacle, number in sorted(order, key=lambda one: (one[0].range_m, one[0].bearing_rad)):
-        for index, (other, cameras) in enumerate(joined):
-            if number not in cameras and _are_one(obstacle, other, radius_m):
-                joined[index] = _joined_obstacle(other, obstacle), cameras | {number}
-                break
-        else:
-            joined.append((obstacle, {number}))
-    return tuple(sorted((obstacle for obstacle, _ in joined), key=lambda one: one.range_m))
+    joined = _joined(
+        seen,
+        lambda obstacle: (obstacle.range_m, obstacle.bearing_rad),
+        lambda one, other: _are_one(one, other, radius_m),
+        _joined_obstacle,
+    )
+    return tuple(sorted(joined, key=lambda one: one.range_m))
 
 
 def _ends(obstacle: Obstacle, about_rad: float) -> tuple[float, float]:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from robocup_vision.arrays import FloatArray
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.balls.evidence import BallEvidence
 
 
@@ -31,6 +35,48 @@ class Ball:
     u_px: float
     v_px: float
     log_likelihood_ratio: float = 0.0
+
+
+def ball_on_floor(
+    camera: PinholeCamera,
+    center_px: tuple[float, float],
+    radius_m: float,
+    angle_std_rad: Callable[[float], float],
+    tilt_std_rad: float,
+    log_likelihood_ratio: float,
+) -> Ball | None:
+    """Place a ball on the floor; None where the ray of its centre does not meet it.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        As held.
+    center_px : (float, float)
+        Its centre in the frame.
+    radius_m : float
+        Of the ball.
+    angle_std_rad : callable
+        Standard deviation of the ray by the centre's place in the picture, given the ball's distance in metres.
+    tilt_std_rad : float
+        Of the camera's tilt, by which the ray errs along itself.
+    log_likelihood_ratio : float
+        As in `Ball`.
+    """
+    height = camera.height_m - radius_m
+    ray = camera.pixel_to_ray(center_px)
+    if not ray[2] < -1e-3:
+        return None
+    level = math.hypot(float(ray[0]), float(ray[1]))
+    range_m = height * level / -float(ray[2])
+    away = np.asarray(ray[:2]) / level
+    x, y = (camera.offset_m + range_m * away).tolist()
+    distance_m = math.hypot(range_m, height)
+    angle_std = angle_std_rad(distance_m)
+    along = (range_m**2 + height**2) / height * math.hypot(angle_std, tilt_std_rad)
+    across = distance_m * angle_std
+    turn: FloatArray = np.array([[away[0], -away[1]], [away[1], away[0]]])
+    covariance = read_only(turn @ np.diag([along**2, across**2]) @ turn.T)
+    return Ball(x, y, covariance, *center_px, log_likelihood_ratio)
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.balls.ball import Ball, ball_on_floor
 from robocup_vision.perception.balls.network import BallNetwork, BallPlaces, Sighting
 
 # places are worked out anew where tilt or roll, or height or focal length by their logarithms, differ by half of this:
@@ -132,18 +130,12 @@ class LearnedBallFinder:
 
     def _ball(self, one: Sighting, camera: PinholeCamera) -> Ball | None:
         """Place a ball on the floor; None where its ray does not meet it."""
-        height = camera.height_m - self._radius_m
-        ray = camera.pixel_to_ray((one.u_px, one.v_px))
-        if not ray[2] < -1e-3:
-            return None
-        level = math.hypot(float(ray[0]), float(ray[1]))
-        range_m = height * level / -float(ray[2])
-        away = np.asarray(ray[:2]) / level
-        x, y = (camera.offset_m + range_m * away).tolist()
-        # a ray errs by the ball's place in the picture, and along itself by the tilt, too
-        pixel = self.settings.place_std * self._radius_m / math.hypot(range_m, height)
-        along = (range_m**2 + height**2) / height * math.hypot(pixel, self.settings.tilt_std_rad)
-        across = math.hypot(range_m, height) * pixel
-        turn: FloatArray = np.array([[away[0], -away[1]], [away[1], away[0]]])
-        covariance = read_only(turn @ np.diag([along**2, across**2]) @ turn.T)
-        return Ball(x, y, covariance, one.u_px, one.v_px, one.nats)
+        s, radius_m = self.settings, self._radius_m
+        return ball_on_floor(
+            camera,
+            (one.u_px, one.v_px),
+            radius_m,
+            lambda distance_m: s.place_std * radius_m / distance_m,
+            s.tilt_std_rad,
+            one.nats,
+        )

@@ -15,13 +15,13 @@ import cv2
 import numpy as np
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, UInt8Array, read_only
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import patterned as kernel
 from robocup_vision.kernels.balls import patterned_carpet
-from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.balls.ball import Ball, ball_on_floor
 
 _TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
@@ -306,20 +306,10 @@ class PatternedBallFinder:
 
     def _ball(self, disc: _Disc, camera: PinholeCamera, ratio: float) -> Ball | None:
         """Place a ball on the floor; None where its ray does not meet it."""
-        height = camera.height_m - self._radius_m
-        ray = camera.pixel_to_ray((disc.u_px, disc.v_px))
-        if ray[2] > -1e-3:
-            return None
-        range_m = height * math.hypot(float(ray[0]), float(ray[1])) / -float(ray[2])
-        away = np.asarray(ray[:2]) / math.hypot(float(ray[0]), float(ray[1]))
-        x, y = (camera.offset_m + range_m * away).tolist()
-        # a ray errs by the disc's place, and along itself by the tilt, too
-        pixel = self.settings.place_std * disc.radius_px / camera.focal_px[0]
-        along = (range_m**2 + height**2) / height * math.hypot(pixel, self.settings.tilt_std_rad)
-        across = math.hypot(range_m, height) * pixel
-        turn = np.array([[away[0], -away[1]], [away[1], away[0]]])
-        covariance = read_only(turn @ np.diag([along**2, across**2]) @ turn.T)
-        return Ball(x, y, covariance, disc.u_px, disc.v_px, ratio)
+        s = self.settings
+        angle_std_rad = s.place_std * disc.radius_px / camera.focal_px[0]
+        at = (disc.u_px, disc.v_px)
+        return ball_on_floor(camera, at, self._radius_m, lambda _: angle_std_rad, s.tilt_std_rad, ratio)
 
 
 def _lens_scale(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.geometry import Pose2, turned_covariance, wrap_angle
 
 CrossingKind = Literal["L", "T", "X"]
 _STILL = Pose2(0.0, 0.0, 0.0)
@@ -156,12 +156,10 @@ class Markings:
         if robot == _STILL:
             return self
         motion = robot.inverse()
-        turn = np.array([[np.cos(motion.theta_rad), -np.sin(motion.theta_rad)]])
-        turn = np.vstack([turn, [-turn[0, 1], turn[0, 0]]])
 
         def spot(one: Spot) -> Spot:
             x, y = motion.transform((one.x_m, one.y_m)).tolist()
-            moved = replace(one, x_m=x, y_m=y, covariance=turn @ one.covariance @ turn.T)
+            moved = replace(one, x_m=x, y_m=y, covariance=turned_covariance(one.covariance, motion.theta_rad))
             if isinstance(moved, Crossing):
                 return replace(moved, arms_rad=tuple(wrap_angle(arm + motion.theta_rad) for arm in moved.arms_rad))
             return moved
