@@ -17,7 +17,7 @@ from robocup_vision.localization.filter.hypothesis import pose_offset
 # chi-square with 3 degrees of freedom that one in a thousand pairs of right poses exceeds
 MAX_SAME_DISTANCE2 = 16.27
 # no frame is better than a micrometre, nor a microradian
-_LEAST_SPREAD = 1e-12 * np.eye(3)
+_MIN_SPREAD = 1e-12 * np.eye(3)
 # metres and radians together, up to which two poses are one
 _SAME_POSE = 1e-6
 
@@ -113,7 +113,7 @@ def _pairs(one: PoseEstimate, other: PoseEstimate) -> list[tuple[Pose2, FloatArr
 
 
 def _gaussians(estimate: PoseEstimate) -> list[tuple[Pose2, FloatArray]]:
-    first, covariance = estimate.candidates[0], estimate.covariance + _LEAST_SPREAD
+    first, covariance = estimate.candidates[0], estimate.covariance + _MIN_SPREAD
     turned = half_turn_covariance(covariance)
     return [
         (pose, turned if pose is not first and sum(pose.half_turn().error_to(first)) < _SAME_POSE else covariance)

@@ -20,7 +20,7 @@ Thing = TypeVar("Thing")
 # chi-square with 2 degrees of freedom that one in a hundred pairs of places of one ball exceeds
 _MAX_SAME_DISTANCE2 = 9.21
 # variance that each ball's place has at least, whatever its frame states: of 5 mm
-_LEAST_SPREAD = 0.005**2 * np.eye(2)
+_MIN_SPREAD = 0.005**2 * np.eye(2)
 # error of an obstacle's range, of the range
 _RANGE_ERROR = 0.1
 
@@ -124,12 +124,12 @@ def _joined(
 
 def _distance2(one: Ball, other: Ball) -> float:
     offset = np.array([one.x_m - other.x_m, one.y_m - other.y_m])
-    spread = one.covariance + other.covariance + 2 * _LEAST_SPREAD
+    spread = one.covariance + other.covariance + 2 * _MIN_SPREAD
     return float(offset @ np.linalg.solve(spread, offset))
 
 
 def _joined_ball(one: Ball, other: Ball) -> Ball:
-    mine, its = one.covariance + _LEAST_SPREAD, other.covariance + _LEAST_SPREAD
+    mine, its = one.covariance + _MIN_SPREAD, other.covariance + _MIN_SPREAD
     gain = np.linalg.solve(mine + its, mine).T
     x, y = (gain @ [other.x_m - one.x_m, other.y_m - one.y_m]).tolist()
     covariance = mine - gain @ mine

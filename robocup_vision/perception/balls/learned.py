@@ -15,7 +15,7 @@ from robocup_vision.perception.balls.network import BallNetwork, BallPlaces, Sig
 # places are worked out anew where tilt or roll, or height or focal length by their logarithms, differ by half of this:
 # sizes then are still those that it knows
 _STEP_RAD, _STEP_RATIO = math.radians(0.5), 0.04
-_MOST_PLACES = 64
+_MAX_PLACES = 64
 
 
 def is_learned(camera: PinholeCamera) -> bool:
@@ -124,7 +124,7 @@ class LearnedBallFinder:
         steps = (*held, *(round(angle / _STEP_RAD) for angle in (camera.tilt_rad or 0.0, camera.roll_rad or 0.0)))
         made = self._places.pop(steps) if steps in self._places else BallPlaces(camera, self._radius_m, self._mask)
         self._places[steps] = made
-        if len(self._places) > _MOST_PLACES:
+        if len(self._places) > _MAX_PLACES:
             del self._places[next(iter(self._places))]
         return made
 

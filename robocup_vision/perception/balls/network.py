@@ -37,7 +37,7 @@ _SIZE_SLACK = 0.55
 # a ball moves by so many of its radii from one look to the next, where it is looked for near its last place alone
 _MOVES_RADII = 5.0
 # the first network's answers are looked at closer from here on, so many at most; apart by so many radii
-FIRST_NATS, MOST_PLACES, _APART_RADII = 1.0, 10, 0.8
+FIRST_NATS, MAX_PLACES, _APART_RADII = 1.0, 10, 0.8
 
 
 class Sighting(NamedTuple):
@@ -251,7 +251,7 @@ class BallNetwork:
         """
         shrunk = Shrunk(frame)
         likely = []
-        for place in self.places(shrunk, strips)[:MOST_PLACES]:
+        for place in self.places(shrunk, strips)[:MAX_PLACES]:
             self._second.setInput(cv2.dnn.blobFromImage(shrunk.around(*place[:3])))
             nats, off_u, off_v = (float(x) for x in self._second.forward().reshape(-1)[:3])
             if nats >= min_nats:
@@ -274,7 +274,7 @@ class BallNetwork:
             answer[here] = told_here[rows[here], columns[here]]
         nats = answer[:, 0]
         likely = np.flatnonzero(nats >= min_nats)
-        likely = likely[np.argsort(-nats[likely])][: 8 * MOST_PLACES]
+        likely = likely[np.argsort(-nats[likely])][: 8 * MAX_PLACES]
         off = answer[likely, 1:] * strips.scales[likely, None]
         places = strips.places_px[likely]
         told = [
