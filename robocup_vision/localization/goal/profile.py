@@ -196,7 +196,7 @@ class _SectionFit:
         self._line, self._axis = self.sections.line[:count].astype(np.float64), (self.kind >= BAR).astype(np.int64)
         self._spreads = [[TYPICAL] * CHANNELS, [TYPICAL] * CHANNELS]
         self._variance = np.full((2, CHANNELS), _FIRST_STD**2)
-        self._few = [np.flatnonzero(self._axis == axis)[:: settings.every] for axis in (0, 1)]
+        self._few = [np.flatnonzero(self._axis == axis)[:: settings.every].copy() for axis in (0, 1)]
         self._told, self._misfit = np.empty((count, CHANNELS, 5)), np.empty((count, CHANNELS))
         weight = np.where(np.isinf(model.weight), 1e12, model.weight)
         errors = [settings.edge_error_px] * EDGES + [settings.foot_error_px] * 2
