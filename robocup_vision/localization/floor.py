@@ -228,7 +228,7 @@ class OutlineFitter:
             fit = self.from_prior(prior, radius_px)
             if fit is None:
                 return self._too_little(radius_px)
-            fit = self._camera.leaned(fit, radius_px)
+            fit = self._camera.with_lean(fit, radius_px)
             if self._is_sure(fit, floor_column, evidence.sure_log_odds_at_prior):
                 return self._answer(fit, radius_px)
             leaning = self._camera.leaning((fit.pose, (prior.x_m, prior.y_m, prior.theta_rad)), radius_px)

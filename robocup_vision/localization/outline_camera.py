@@ -38,7 +38,7 @@ class OutlineCamera:
     model: OutlineModel
     settings: OutlineCameraSettings
 
-    def leaned(self, fit: OutlineFit, radius_px: FloatArray) -> OutlineFit:
+    def with_lean(self, fit: OutlineFit, radius_px: FloatArray) -> OutlineFit:
         """Return the fit of a body that leans, as one that moves may; the fit itself where it stands upright.
 
         Parameters

@@ -209,7 +209,7 @@ class FramePipeline:
             measurement = partial(_measured_in_both_halves, measurement, both.pose)
         return answer._replace(pose=both, measurement=measurement)
 
-    def _as_told(self, pose: PoseEstimate | NotLocated) -> PoseEstimate | NotLocated:
+    def _unless_swapped(self, pose: PoseEstimate | NotLocated) -> PoseEstimate | NotLocated:
         """Return what of a pose holds if red and blue are swapped, where the colours of goals or beacons give the half.
 
         No pose where that is told; both halves where it is suspected.
@@ -222,8 +222,10 @@ class FramePipeline:
             return SwappedChannels(reason)
         return in_both_halves(pose) if self._channel_order.is_suspected else pose
 
-    def _measurement_as_told(self, measurement: Callable[[], PoseEstimate] | None) -> Callable[[], PoseEstimate] | None:
-        """Return what of the estimate by the frame alone holds, as `_as_told`; worked out when it is asked for."""
+    def _measurement_unless_swapped(
+        self, measurement: Callable[[], PoseEstimate] | None
+    ) -> Callable[[], PoseEstimate] | None:
+        """Return the same of the estimate by the frame alone, which is worked out when it is asked for."""
         if measurement is None or not self.field.shows_half:
             return measurement
         if self._channel_order.reason:

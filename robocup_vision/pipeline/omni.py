@@ -128,7 +128,7 @@ class OmniPipeline(FramePipeline):
             pose,
             lambda: self._goal_nats(pose, table),
         )
-        pose = self._as_told(pose)
+        pose = self._unless_swapped(pose)
         self._keep_floor(free_space, t_s)
         end = perf_counter()
         timings = {

@@ -214,12 +214,12 @@ class PinholePipeline(FramePipeline):
             # patterned balls say themselves how the camera is tilted
             balls = () if self._patterned is None else self._patterned.find(frame, camera)
             timings["total"] = perf_counter() - begin
-            pose = self._as_told(pose)
+            pose = self._unless_swapped(pose)
             view = self._without_floor(pose, answer.camera, timings, t_s)
             return replace(
                 view,
                 balls=balls,
-                measurement=self._measurement_as_told(answer.measurement),
+                measurement=self._measurement_unless_swapped(answer.measurement),
                 edge_points=answer.edge_points,
                 warnings=self._warnings(pose),
             )
@@ -227,7 +227,7 @@ class PinholePipeline(FramePipeline):
         floor, samples = self._sample_to_walls(frame, floor, pose, timings)
         marks, balls, free_space = self._see_floor(frame, floor, samples, robot, timings)
         self._judge_channels(frame, floor, samples, balls, pose)
-        told = self._as_told(pose)
+        told = self._unless_swapped(pose)
         self._keep_floor(free_space, t_s)
         walls = floor.view.no_edges_px
         if robot is not None and self.field.is_bounded:
@@ -245,7 +245,7 @@ class PinholePipeline(FramePipeline):
             answer.camera,
             floor.grid,
             t_s,
-            measurement=self._measurement_as_told(answer.measurement),
+            measurement=self._measurement_unless_swapped(answer.measurement),
             edge_points=answer.edge_points,
             obstacle_finder=self._obstacle_finder,
             thumbnail=thumbnail_of(frame),

@@ -107,7 +107,7 @@ class _Coordinate:
         self.p_value_rate *= 1 - gain
 
 
-class _Doubts:
+class _UnusedDetections:
     """Detections in a row that were not used."""
 
     def __init__(self) -> None:
@@ -124,7 +124,7 @@ class _Doubts:
         return len(self.doubted) >= believed_after
 
 
-class _BallTrack(_Doubts):
+class _BallTrack(_UnusedDetections):
     """The ball as it moves over the floor."""
 
     def __init__(self, t_s: float, x: float, y: float, s: TrackerSettings) -> None:
@@ -134,7 +134,7 @@ class _BallTrack(_Doubts):
         self.y = _Coordinate(y, s.ball_std_m, 0.0, s.start_speed_mps)
 
 
-class _RobotTrack(_Doubts):
+class _RobotTrack(_UnusedDetections):
     """A robot: its row in the filter, and its direction."""
 
     def __init__(self, row: int, t_s: float, angle: float, s: TrackerSettings) -> None:

@@ -49,14 +49,14 @@ def test_a_measurement_may_be_handed_over_as_it_is(given):
 def test_suspected_channels_leave_the_half_of_a_measurement_open_where_goals_decide_on_it(field_name):
     options = FrameOptions(None, None, None, 80, 20, "bgr")
     pipeline = FramePipeline(load_field(field_name), CAMERA.size_px, options)
-    asked = pipeline._measurement_as_told(lambda: ESTIMATE)
+    asked = pipeline._measurement_unless_swapped(lambda: ESTIMATE)
     pipeline._channel_order._nats = 2.0
-    suspected = pipeline._measurement_as_told(lambda: ESTIMATE)
+    suspected = pipeline._measurement_unless_swapped(lambda: ESTIMATE)
     both = ESTIMATE.candidates if field_name == "spl_2020" else (ESTIMATE.pose, ESTIMATE.pose.half_turn())
     # what was handed over before stays
     assert asked().candidates == ESTIMATE.candidates
     assert suspected().candidates == both
     pipeline._channel_order._nats = 12.0
     pipeline._channel_order._reason = "swapped"
-    assert (pipeline._measurement_as_told(lambda: ESTIMATE) is None) == (field_name != "spl_2020")
-    assert pipeline._measurement_as_told(None) is None
+    assert (pipeline._measurement_unless_swapped(lambda: ESTIMATE) is None) == (field_name != "spl_2020")
+    assert pipeline._measurement_unless_swapped(None) is None

@@ -25,7 +25,7 @@ from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
 class FinderSettings:
     """How a camera is found."""
 
-    # of the bank: what aligning bridges, a whole number of its cells
+    # grid of the bank. The steps of aligning must reach from one node to the next; a spacing is a whole number of cells
     spacing_m: float = 0.24
     heading_step_rad: float = math.radians(6.0)
     # scored by all points; aligned; fitted; weighed against each other. Of 430 frames of development walks (plain,
@@ -35,7 +35,7 @@ class FinderSettings:
     fitted: int = 8
     weighed: int = 6
     # most proposals by beacons and posts, metres between them along a circle about one
-    around: int = 400
+    max_upright_poses: int = 400
     step_m: float = 0.2
     # so many of them, the likeliest, are aligned in all steps
     likely: int = 16
@@ -43,10 +43,10 @@ class FinderSettings:
     nods: tuple[float, ...] = (-1.5, 1.5)
     # fewer inliers are no fit
     min_inliers: int = 6
-    # in line points: what is off by more than the best and so much is not fitted
-    behind: float = 6.0
-    # as a logarithm: what its first fit says to be less likely than the best by more is not weighed
-    unlikelier: float = 4.0
+    # a proposal that misses more line points than the best one by more than that is not fitted
+    max_more_missed: float = 6.0
+    # a pose whose log-likelihood after the first fit is lower than the best one's by more than that is dropped
+    max_log_likelihood_drop: float = 4.0
     # of these, so many of the likeliest with their half turns too, where the halves of the field differ
     turned: int = 2
     # how far apart two proposals are at least; two answers nearer than that are one
@@ -71,7 +71,7 @@ class FinderSettings:
     # of where a camera is found that got lost, about where it was believed to be; in so many of such cases it is near
     lost_std_m: float = 0.5
     lost_std_rad: float = 0.5
-    near_share: float = 0.5
+    near_ratio: float = 0.5
     # line points in use, and how far away they may be, in metres
     points: int = 60
     max_range_m: float = 6.0
@@ -85,8 +85,8 @@ THOROUGH = FinderSettings(
     aligned=200,
     likely=24,
     fitted=12,
-    behind=10.0,
-    unlikelier=10.0,
+    max_more_missed=10.0,
+    max_log_likelihood_drop=10.0,
     gates_px=(20.0, 10.0, 5.0, 3.0, 3.0),
     settling=4,
     nods=(),
@@ -116,7 +116,7 @@ class EdgeFinder:
         self._rows = np.zeros((s.points, 3))
         self._points = np.zeros((600, 3))
         self._starts = np.zeros((s.aligned, 4))
-        most = s.aligned + s.around
+        most = s.aligned + s.max_upright_poses
         self._tried = np.zeros((most, 3))
         self._half_m = (field.length_m / 2 + 0.2, field.width_m / 2 + 0.2)
         self._aligned, self._costs = np.zeros((most, 5)), np.zeros(most)
@@ -152,7 +152,7 @@ class EdgeFinder:
     def _likeliest(self, aligned: FloatArray) -> list[Pose2]:
         """Of poses and costs (N, 4), the poses that cost little more than the best and are apart, the best first."""
         costs = aligned[:, 3]
-        likely = aligned[costs <= costs.min(initial=math.inf) + self.settings.behind]
+        likely = aligned[costs <= costs.min(initial=math.inf) + self.settings.max_more_missed]
         poses = (Pose2(*pose) for pose in likely[np.argsort(likely[:, 3], kind="stable"), :3].tolist())
         return self._first_apart(poses, self.settings.fitted)
 
@@ -243,7 +243,7 @@ class EdgeFinder:
         away_m, turned_rad = pose.error_to(near, symmetric=self._has_twins)
         density = math.exp(-0.5 * ((away_m / s.lost_std_m) ** 2 + (turned_rad / s.lost_std_rad) ** 2))
         density /= math.sqrt(math.tau) ** 3 * s.lost_std_m**2 * s.lost_std_rad
-        return math.log(1 - s.near_share + s.near_share * density * self._room_m2rad)
+        return math.log(1 - s.near_ratio + s.near_ratio * density * self._room_m2rad)
 
     def judge(
         self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None
@@ -321,7 +321,9 @@ class EdgeFinder:
                 end = self._end(answer)
                 ends.append((log_weight(evidence, s.candidates) + self._log_prior(end, near), end))
         ends.sort(key=lambda one: -one[0])
-        return self._first_apart((pose for weight, pose in ends if weight > ends[0][0] - s.unlikelier), s.weighed)
+        return self._first_apart(
+            (pose for weight, pose in ends if weight > ends[0][0] - s.max_log_likelihood_drop), s.weighed
+        )
 
     def _end(self, answer: FollowedCamera | NotLocated) -> Pose2:
         """Where the last fit ended by the frame alone; with its prior where it was not accepted."""

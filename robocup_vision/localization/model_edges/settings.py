@@ -108,7 +108,7 @@ class EdgeSettings:
     # a frame's odds count for those after it, but not more than so much, and for so long: neighbouring frames err alike
     max_log_odds: float = 5.0
     odds_memory_s: float = 0.5
-    # odds of 1.1 to 1 are no support any more
+    # a frame with lower log-odds does not support the pose
     min_supporting_log_odds: float = 0.1
     # faster than any robot drives, or turns its head: a prior farther off than that is not the last answer moved on
     max_speed_mps: float = 4.0

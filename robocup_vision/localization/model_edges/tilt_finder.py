@@ -150,7 +150,7 @@ class TiltFinder(EdgeFinder):
                 bare = cost - 0.5 * (nod / std[3]) ** 2
                 found.append((bare, HeldPose(x, y, theta, float(tilt) + nod, roll + sway)))
         found.sort(key=lambda one: one[0])
-        likely = (pose for cost, pose in found if cost <= found[0][0] + s.behind)
+        likely = (pose for cost, pose in found if cost <= found[0][0] + s.max_more_missed)
         return self._first_apart(likely, s.fitted)
 
     def _carpet_top(self, frame: UInt8Array) -> int:

@@ -96,7 +96,7 @@ def test_one_wall_alone_tells_no_lean():
     radius = outline(pose, lean, np.random.default_rng(0).normal(0, 0.1, VIEW.bearings))
     radius[np.abs(np.mod(VIEW.bearing_rad + math.pi, math.tau) - math.pi) > 0.6] = np.nan
     fit, _ = MODEL.fit(tuple(pose.array), radius, MODEL.scales((2.0,)))
-    assert OutlineCamera(MODEL, OutlineCameraSettings()).leaned(fit, radius).lean_rad == (0.0, 0.0)
+    assert OutlineCamera(MODEL, OutlineCameraSettings()).with_lean(fit, radius).lean_rad == (0.0, 0.0)
 
 
 def test_on_a_far_field_a_leaning_body_is_not_where_an_upright_one_would_be():
