@@ -171,7 +171,7 @@ class View:
         if source is None or frame is source.frame:
             return self
         other = copy(self)
-        vars(other)["marking_source"] = MarkingSource.of(source.finder, frame, source.camera)
+        vars(other)["marking_source"] = MarkingSource.of(source.finder, frame, source.camera, source.held_covariance)
         return other
 
     @cached_property

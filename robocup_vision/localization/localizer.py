@@ -70,8 +70,9 @@ class Localization(NamedTuple):
     edge_points : EdgePoints, callable or None
         Where edges of the field were predicted and what the frame shows there, or what returns that, now or later;
         None: the localiser predicts none.
-    sway_std_rad : (float, float) or None
-        Standard deviations of the camera's tilt and roll where the frame told them; None: it did not.
+    held_covariance : (4, 4) float64 or None
+        Of the camera's tilt and roll (rad), height (m) and the logarithm of its focal length, where the frame told
+        them; None: it did not.
     tells_half : bool
         Whether the frame itself shows which half of the field it is. Else each candidate's half turn is one, too.
     """
@@ -81,7 +82,7 @@ class Localization(NamedTuple):
     wall_px: FloatArray | None = None
     measurement: Callable[[], PoseEstimate] | None = None
     edge_points: EdgePoints | Callable[[], EdgePoints] | None = None
-    sway_std_rad: tuple[float, float] | None = None
+    held_covariance: FloatArray | None = None
     tells_half: bool = False
 
 

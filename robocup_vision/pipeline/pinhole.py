@@ -204,10 +204,11 @@ class PinholePipeline(FramePipeline):
             made = self._floors.about(_as_held(answer.camera))
         # as the pose tells that the body holds it in this frame
         held = _as_held(answer.camera) if pose else camera
+        held_covariance = answer.held_covariance if pose else None
         if made is None:
             self._floor = None
         else:
-            self._floor = made.held(held, answer.sway_std_rad if pose else None)
+            self._floor = made.held(held, _sway_std_rad(held_covariance))
         floor = self._floor
         if floor is None:
             self._carried = None
@@ -250,7 +251,7 @@ class PinholePipeline(FramePipeline):
             obstacle_finder=self._obstacle_finder,
             thumbnail=thumbnail_of(frame),
             warnings=self._warnings(told),
-            marking_source=MarkingSource.of(self._marking_finder, frame, _with_sway(held, floor.sway_std_rad)),
+            marking_source=MarkingSource.of(self._marking_finder, frame, held, held_covariance),
         )
 
     def _find_by_color(
@@ -421,8 +422,8 @@ def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:
     return camera
 
 
-def _with_sway(camera: PinholeCamera, sway_std_rad: tuple[float, float] | None) -> PinholeCamera:
-    """Return a camera whose tilt and roll are known as well as the frame told them."""
-    if sway_std_rad is None:
-        return camera
-    return camera.held(Mounting(tilt_std_rad=sway_std_rad[0], roll_std_rad=sway_std_rad[1]))
+def _sway_std_rad(held_covariance: FloatArray | None) -> tuple[float, float] | None:
+    """Return the standard deviations of tilt and roll, where the frame told them."""
+    if held_covariance is None:
+        return None
+    return math.sqrt(held_covariance[0, 0]), math.sqrt(held_covariance[1, 1])

@@ -327,7 +327,9 @@ class RigPipeline:
         is_of_it = any(other is shot for other in located.shots)
         answer = answer._replace(pose=shot.then(located.pose))
         # how a camera is held that took the body for elsewhere is as wrong
-        return answer if is_of_it else answer._replace(camera=shot.pipeline.camera, measurement=None, sway_std_rad=None)
+        if is_of_it:
+            return answer
+        return answer._replace(camera=shot.pipeline.camera, measurement=None, held_covariance=None)
 
     def _joined(
         self,

@@ -45,7 +45,7 @@ class MomentWriter:
             # its frame comes apart from it, and its camera is the view's, held as the frame says
             source = told.pop("marking_source")
             now["marking_finder"] = None if source is None else source.finder
-            told["mounting"] = None if source is None else _mounting(source.camera)
+            told["held"] = None if source is None else (_mounting(source.camera), source.held_covariance)
             belief = view.belief
             if belief is not None and belief.free_map is not None:
                 now["map_state"] = belief.free_map.state
@@ -74,9 +74,11 @@ class MomentReader:
             belief = told["belief"]
             if belief is not None and belief.free_map is not None:
                 told["belief"] = replace(belief, free_map=replace(belief.free_map, state=known["map_state"]))
-            finder, camera, mounting, source = known["marking_finder"], known["camera"], told.pop("mounting"), None
-            if finder is not None:
-                source = MarkingSource.of(finder, frame, camera if mounting is None else camera.held(mounting))
+            finder, camera, held, source = known["marking_finder"], known["camera"], told.pop("held"), None
+            if held is not None:
+                mounting, covariance = held
+                as_held = camera if mounting is None else camera.held(mounting)
+                source = MarkingSource.of(finder, frame, as_held, covariance)
             view = View(**told, polar=known["polar"], grid=known["grid"], camera=camera, marking_source=source)
         return Moment(robot, frame, t_s, view, problem, known["colors"], plan, truth, rate_hz, known["settings"], world)
 

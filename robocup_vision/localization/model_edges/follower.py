@@ -83,6 +83,8 @@ class FollowedCamera:
         As in its file.
     camera_unknowns : (float, float, float, float)
         Tilt and roll (rad), height (m) and logarithm of the focal length's scale in this frame.
+    camera_covariance : (4, 4) float64
+        Of these.
     evidence : Evidence
         What the verdict was based on.
     others : tuple of Pose2
@@ -95,6 +97,7 @@ class FollowedCamera:
     likelihood: PoseLikelihood
     file_camera: PinholeCamera
     camera_unknowns: tuple[float, float, float, float]
+    camera_covariance: FloatArray
     evidence: Evidence
     others: tuple[Pose2, ...] = ()
     tells_half: bool = False
@@ -301,12 +304,6 @@ class EdgeFollower:
         return Pose2(*self._fit.unknowns[:3].tolist())
 
     @property
-    def tilt_roll_std_rad(self) -> tuple[float, float]:
-        """Standard deviations of the camera's tilt and roll, as the last frames told them."""
-        tilt, roll = np.sqrt(self._sway[1, :2]).tolist()
-        return tilt, roll
-
-    @property
     def state(self) -> FollowerState:
         """What the frames so far leave behind; may be set to what those of another follower of this camera left."""
         return FollowerState(self._sway.copy(), self._last_pose, self._log_odds)
@@ -480,9 +477,9 @@ class EdgeFollower:
         self._sway[1] = self._fitted_variances
         estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, evidence.rms_px)
         likelihood = PoseLikelihood(pose, fit.information.copy(), fit.gradient.copy())
-        camera_unknowns = (p[3], p[4], p[5], p[6])
+        unknowns, covariance = (p[3], p[4], p[5], p[6]), fit.covariance[3:, 3:].copy()
         return FollowedCamera(
-            estimate, likelihood, self.camera, camera_unknowns, evidence, tells_half=self._shows_half()
+            estimate, likelihood, self.camera, unknowns, covariance, evidence, tells_half=self._shows_half()
         )
 
     def _shows_half(self) -> bool:

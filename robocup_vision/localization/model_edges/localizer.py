@@ -106,9 +106,9 @@ class EdgeLocalizer:
             return Localization(answer, camera, edge_points=points or self.follower.edge_points_when_asked())
         back = camera.camera_in_robot.inverse()
         oriented, measurement = answer.as_held(camera), partial(_measurement, answer, back, camera.pan_std_rad)
-        seen, sway_std_rad = points or self.follower.edge_points_when_asked(), self.follower.tilt_roll_std_rad
+        seen = points or self.follower.edge_points_when_asked()
         pose, tells_half = _with_pan_error(answer.estimate.seen_from(back), camera.pan_std_rad), answer.tells_half
-        return Localization(pose, oriented, None, measurement, seen, sway_std_rad, tells_half)
+        return Localization(pose, oriented, None, measurement, seen, answer.camera_covariance, tells_half)
 
     def _hold(self, camera: PinholeCamera) -> None:
         """Take the camera for held at rest as joints or sensors say in this frame."""

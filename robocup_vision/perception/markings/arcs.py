@@ -8,15 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
-from robocup_vision.perception.line_points import LinePoints
+from robocup_vision.perception.line_points import FloorCamera, LinePoints
 from robocup_vision.perception.markings.floor_errors import FloorErrors
+from robocup_vision.perception.markings.line_middles import middle_shifts_m
 from robocup_vision.perception.markings.line_pieces import LinePieces
 from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.slow_errors import slow_covariance
 from robocup_vision.perception.markings.straight import fit_line, is_bare, scale_m
 
 # how the camera is held is tried at so many standard deviations from what it says
 _SWAYS = (-1.3, 0.0, 1.3)
 _FIT_STEPS = 8
+# before this step the circle is known well enough to tell how perspective moves its middle
+_MIDDLE_STEP = 5
 # an arc's extent is counted in so many parts of a turn
 _PARTS = 36
 # so many pieces, evenly among all, propose a centre on either side
@@ -61,14 +65,15 @@ def find_arcs(
     pieces: LinePieces,
     errors: FloorErrors,
     line_width_m: float,
+    slow_px: float,
     radii_m: FloatArray,
     free: BoolArray,
     settings: MarkingSettings,
 ) -> list[Arc]:
     """Return the arcs of these radii, the one with most points first.
 
-    Arguments are as those of `find_straight`; `free` (N,) are the points, and `pieces` those, that lie on no straight
-    line.
+    Arguments are as those of `find_straight`; `slow_px` is what points err by alike; `free` (N,) are the points, and
+    `pieces` those, that lie on no straight line.
     """
     slack_m = settings.slack_widths * line_width_m
     shifts = errors.shifts_m(points.pixels) if len(radii_m) else np.empty((0, 2, 0))
@@ -81,7 +86,7 @@ def find_arcs(
             start = _propose(pieces, piece_shifts, radius, slack_m, settings)
             if start is None:
                 break
-            arc = _fit(points, shifts, free, *start, radius, slack_m, settings)
+            arc = _fit(points, shifts, free, *start, radius, errors.camera, line_width_m, slow_px, settings)
             if arc is None or _shows_carpet(points, errors, arc, settings) or _may_be_straight(points, arc, settings):
                 break
             found.append(arc)
@@ -131,19 +136,26 @@ def _fit(
     center_m: FloatArray,
     held: FloatArray,
     radius_m: float,
-    slack_m: float,
+    camera: FloorCamera,
+    line_width_m: float,
+    slow_px: float,
     settings: MarkingSettings,
 ) -> Arc | None:
     """Fit centre and camera together; None where too little of the circle is seen."""
+    slack_m = settings.slack_widths * line_width_m
     left = np.flatnonzero(free)
+    floor = points.floor_m[left].copy()
     (a, b, c, d), own = points.floor_per_px.reshape(-1, 4)[left].T, points.weight[left]
     state = np.concatenate([center_m, held])
     prior = np.diag(np.concatenate([np.zeros(2), np.ones(len(held))]))
     gate = _WIDE * settings.gate_px
-    for _ in range(_FIT_STEPS):
-        off = points.floor_m[left] + shifts[left] @ state[2:] - state[:2]
+    for step in range(_FIT_STEPS):
+        off = floor + shifts[left] @ state[2:] - state[:2]
         away = np.maximum(np.hypot(*off.T), 1e-9)
         outward = off / away[:, None]
+        if step == _MIDDLE_STEP:
+            on_circle = state[:2] + radius_m * outward - shifts[left] @ state[2:]
+            floor -= middle_shifts_m(camera, on_circle, outward, line_width_m)
         scale = np.hypot(a * outward[:, 0] + c * outward[:, 1], b * outward[:, 0] + d * outward[:, 1])
         near = np.abs(away - radius_m) <= gate * scale + slack_m
         if np.count_nonzero(near) < settings.min_points:
@@ -165,9 +177,9 @@ def _fit(
     parts = np.unique((turn / math.tau * _PARTS).astype(np.int64) % _PARTS)
     if len(parts) * math.tau / _PARTS < settings.min_arc_rad:
         return None
-    covariance = np.linalg.inv(information + 1e-9 * np.eye(len(state)))[:2, :2]
-    # what bends a line moves a circle's centre
-    covariance += np.eye(2) * ((settings.bias_px * float(np.median(scale[near]))) ** 2 + (slack_m / 2) ** 2)
+    covariance = np.linalg.inv(information + 1e-9 * np.eye(len(state)))
+    gain = covariance @ (rows.T * weight)
+    covariance = (covariance + slow_covariance(gain, points.pixels[left[near]], slow_px))[:2, :2]
     cost = 0.5 * float(weight @ residual_px**2)
     return Arc(state[:2], covariance, state[2:], cost, noise_px, radius_m, left[near])
 

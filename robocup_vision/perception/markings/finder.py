@@ -9,7 +9,7 @@ import numpy as np
 
 from field_models.errors import FrameError
 from field_models.field import Field
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
@@ -19,9 +19,11 @@ from robocup_vision.perception.markings.crossings import LinePicture, find_cross
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.floor_errors import FloorErrors
 from robocup_vision.perception.markings.goal_posts import PostFinder
+from robocup_vision.perception.markings.line_middles import fit_middles
 from robocup_vision.perception.markings.line_pieces import gather_pieces
 from robocup_vision.perception.markings.marking import Circle, LineSegment, Markings
 from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.slow_errors import slow_error_px, with_slow_errors
 from robocup_vision.perception.markings.straight import Straight, find_straight
 
 # within these the width of a line in the picture is as good as the same
@@ -41,6 +43,8 @@ class MarkingSource:
         BGR.
     camera : OmniCamera or PinholeCamera
         As the frame, or else its file, says that it is held.
+    held_covariance : (4, 4) float64 or None
+        Of the camera's tilt, roll, height and logarithm of the focal length, where the frame told them.
     fingerprint : bytes
         Of the frame as it was looked at.
     """
@@ -48,12 +52,19 @@ class MarkingSource:
     finder: MarkingFinder
     frame: UInt8Array
     camera: OmniCamera | PinholeCamera
+    held_covariance: FloatArray | None
     fingerprint: bytes
 
     @classmethod
-    def of(cls, finder: MarkingFinder, frame: UInt8Array, camera: OmniCamera | PinholeCamera) -> MarkingSource:
+    def of(
+        cls,
+        finder: MarkingFinder,
+        frame: UInt8Array,
+        camera: OmniCamera | PinholeCamera,
+        held_covariance: FloatArray | None = None,
+    ) -> MarkingSource:
         """Return the source of a frame that is looked at now."""
-        return cls(finder, frame, camera, _fingerprint(frame))
+        return cls(finder, frame, camera, held_covariance, _fingerprint(frame))
 
     def find(self, pose: PoseEstimate | NotLocated) -> Markings:
         """Return the markings, with what of the field they are by a pose.
@@ -68,7 +79,7 @@ class MarkingSource:
                 "the frame has been written to since it was looked at: ask for the view's markings before, or hand look"
                 " a copy"
             )
-        return self.finder.find(self.frame, self.camera, pose)
+        return self.finder.find(self.frame, self.camera, pose, self.held_covariance)
 
 
 def _fingerprint(frame: UInt8Array) -> bytes:
@@ -109,6 +120,7 @@ class MarkingFinder:
         frame: UInt8Array,
         camera: OmniCamera | PinholeCamera,
         pose: PoseEstimate | NotLocated = NotLocated("none is told"),
+        held_covariance: FloatArray | None = None,
     ) -> Markings:
         """Return the markings that a frame shows.
 
@@ -120,13 +132,15 @@ class MarkingFinder:
             That took it, of known tilt.
         pose : PoseEstimate or NotLocated
             The robot on the field: says what of the field the markings are.
+        held_covariance : (4, 4) float64, optional
+            Of a forward camera's tilt and roll (rad), height (m) and logarithm of the focal length, as the frame told
+            them; None: they are known as well as the camera says.
         """
-        markings = self._find(frame, camera)
+        markings = self._find(frame, FloorErrors.of(camera, self.settings, held_covariance))
         return self._features.name(markings, pose) if isinstance(pose, PoseEstimate) else markings
 
-    def _find(self, frame: UInt8Array, camera: OmniCamera | PinholeCamera) -> Markings:
-        settings, field = self.settings, self.field
-        errors = FloorErrors(camera, settings.sway_std_rad, settings.mirror_std_rad)
+    def _find(self, frame: UInt8Array, errors: FloorErrors) -> Markings:
+        settings, field, camera = self.settings, self.field, errors.camera
         points = self._points(frame, errors)
         posts = tuple(self._posts.find(frame, errors))
         if len(points) < settings.min_points:
@@ -134,7 +148,10 @@ class MarkingFinder:
         pieces = gather_pieces(points)
         width_m, radii_m = field.line_width_m, self._radii_m
         lines, left, left_pieces = find_straight(points, pieces, camera, width_m, np.unique(radii_m), settings)
-        arcs = find_arcs(points, pieces.take(left_pieces), errors, width_m, radii_m, left, settings)
+        points, lines = fit_middles(points, lines, camera, width_m, settings)
+        slow_px = slow_error_px(points, lines, settings)
+        lines = [with_slow_errors(points, line, slow_px) for line in lines]
+        arcs = find_arcs(points, pieces.take(left_pieces), errors, width_m, slow_px, radii_m, left, settings)
         picture = LinePicture.of(points, camera.size_px)
         segments = [_segment(line, errors) for line in lines]
         most_m = settings.max_std_m

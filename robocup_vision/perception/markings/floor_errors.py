@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,11 +13,12 @@ import numpy as np
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.perception.markings.settings import MarkingSettings
 
 Held = TypeVar("Held", OmniCamera, PinholeCamera)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FloorErrors:
     """A camera, and the same camera held a little otherwise.
 
@@ -24,37 +26,49 @@ class FloorErrors:
     ----------
     camera : OmniCamera or PinholeCamera
         As the frame shows it to be held.
-    sway_std_rad : float
-        Of tilt and roll, where a forward camera does not say.
-    mirror_std_rad : float
-        Of a mirror camera's tilt about either axis.
+    root : (5, K) float64 or (2, K) float64
+        Columns are independent errors, each by one standard deviation: of a forward camera's tilt, roll, height,
+        logarithm of the focal length and pan, of a mirror camera's tilt about either axis. Rad and m.
     """
 
     camera: OmniCamera | PinholeCamera
-    sway_std_rad: float
-    mirror_std_rad: float
+    root: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        camera: OmniCamera | PinholeCamera,
+        settings: MarkingSettings,
+        held_covariance: FloatArray | None = None,
+    ) -> FloorErrors:
+        """Return the errors of a camera of which a frame told how it is held, or else its file.
+
+        Parameters
+        ----------
+        camera : OmniCamera or PinholeCamera
+            As the frame, or else its file, says that it is held.
+        settings : MarkingSettings
+            See there: what is taken where neither says how well.
+        held_covariance : (4, 4) float64, optional
+            Of a forward camera's tilt, roll, height and logarithm of the focal length.
+        """
+        if isinstance(camera, OmniCamera):
+            return cls(camera, _root(np.eye(2) * settings.mirror_std_rad**2))
+        covariance = np.zeros((5, 5))
+        if held_covariance is None:
+            focal_std = camera.focal_std_px / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
+            stds = np.array([*camera.sway_std_rad(settings.sway_std_rad), camera.height_std_m, focal_std])
+            held_covariance = np.diag(stds**2)
+        covariance[:4, :4], covariance[4, 4] = held_covariance, camera.pan_std_rad**2
+        return cls(camera, _root(covariance))
 
     @cached_property
     def _others(self) -> tuple[tuple[OmniCamera | PinholeCamera, OmniCamera | PinholeCamera], ...]:
-        """The camera off by a standard deviation of tilt, roll and height either way, one at a time."""
+        """The camera off by each error either way, one at a time."""
         camera = self.camera
         if isinstance(camera, PinholeCamera):
-            tilt_std, roll_std = camera.sway_std_rad(self.sway_std_rad)
-            tilt, roll, height = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
-            return (
-                _both(lambda s: camera.with_orientation(camera.pan_rad, tilt + s * tilt_std, roll)),
-                _both(lambda s: camera.with_orientation(camera.pan_rad, tilt, roll + s * roll_std)),
-                # a camera is above the floor
-                _both(lambda s: replace(camera, height_m=max(height + s * camera.height_std_m, 0.1 * height))),
-            )
-        if camera.height_m is None or not self.mirror_std_rad:
-            return ()
-        (x, y), std = camera.tilt_rad, self.mirror_std_rad
-        held = replace(camera, viewpoint_height_m=camera.height_m)
-        return (
-            _both(lambda s: replace(held, tilt_rad=(x + s * std, y))),
-            _both(lambda s: replace(held, tilt_rad=(x, y + s * std))),
-        )
+            return tuple(_both(camera, _held, column) for column in self.root.T)
+        return tuple(_both(camera, _tilted, column) for column in self.root.T)
 
     def shifts_m(self, pixels: FloatArray) -> FloatArray:
         """How far floor places of pixels (..., 2) move by one standard deviation of each error, (..., 2, K), metres.
@@ -66,5 +80,33 @@ class FloorErrors:
         return np.stack(shifts, axis=-1) if shifts else np.empty((*np.shape(pixels), 0))
 
 
-def _both(held: Callable[[float], Held]) -> tuple[Held, Held]:
-    return held(1.0), held(-1.0)
+def _root(covariance: FloatArray) -> FloatArray:
+    """Return a root (N, K) of a covariance (N, N), lower triangular but for the columns of what does not err."""
+    errs = np.diag(covariance) > 0.0
+    root = np.zeros_like(covariance)
+    root[np.ix_(errs, errs)] = np.linalg.cholesky(covariance[np.ix_(errs, errs)])
+    return root[:, errs]
+
+
+def _both(camera: Held, off: Callable[[Held, FloatArray], Held], error: FloatArray) -> tuple[Held, Held]:
+    return off(camera, error), off(camera, -error)
+
+
+def _held(camera: PinholeCamera, error: FloatArray) -> PinholeCamera:
+    tilt, roll, height, log_focal, pan = error.tolist()
+    (fu, fv), scale = camera.focal_px, math.exp(log_focal)
+    panned = camera.with_orientation((camera.pan_rad or 0.0) + pan, camera.tilt_rad, camera.roll_rad)
+    return panned.as_fitted(
+        (camera.tilt_rad or 0.0) + tilt,
+        (camera.roll_rad or 0.0) + roll,
+        # a camera is above the floor
+        max(camera.height_m + height, 0.1 * camera.height_m),
+        (fu * scale, fv * scale),
+    )
+
+
+def _tilted(camera: OmniCamera, error: FloatArray) -> OmniCamera:
+    if camera.height_m is None:
+        return camera
+    (x, y), (about_x, about_y) = camera.tilt_rad, error.tolist()
+    return replace(camera, viewpoint_height_m=camera.height_m, tilt_rad=(x + about_x, y + about_y))

@@ -99,7 +99,7 @@ class PostFinder:
             horizon_px = camera.point_to_pixel(np.array([*axis_m, camera.height_m]))[1]
             if np.isfinite(horizon_px) and strip.top > horizon_px:
                 return None
-        step = np.eye(2) * settings.post_std_px
+        step = np.diag(settings.post_std_px)
         own = np.stack([camera.pixel_to_floor(foot_px + row) - foot_m for row in step], axis=1)
         covariance = own @ own.T + shifts @ shifts.T
         if not np.linalg.eigvalsh(covariance)[1] <= settings.max_std_m**2:

@@ -17,7 +17,7 @@ class MarkingSettings:
     noise_px : float
         Standard deviation of a line point across its line; no measured one is believed to be smaller.
     bias_px : float
-        Lens and calibration move whole stretches of line by so much.
+        Lens, light and paint move whole stretches of line by no less than this, however straight the frame's lines are.
     min_two_sided : float
         Share of a segment's points that have carpet on both sides.
     points_per_sample : float
@@ -60,8 +60,8 @@ class MarkingSettings:
         A post's edges have so much of the contrast of the clearest one's.
     min_posts_apart : float
         Two posts are so many goal widths apart.
-    post_std_px : float
-        Of a post's foot in the picture.
+    post_std_px : (float, float)
+        Of a post's foot in the picture: across it, and down it, where carpet begins in whole rows and is blurred.
     sway_std_rad : float
         Of a forward camera's tilt and roll, where the camera does not say: a walking robot's.
     mirror_std_rad : float
@@ -72,7 +72,7 @@ class MarkingSettings:
 
     cells_across: int = 160
     noise_px: float = 0.1
-    bias_px: float = 0.08
+    bias_px: float = 0.02
     min_two_sided: float = 0.5
     points_per_sample: float = 2.0
     slack_widths: float = 0.15
@@ -96,7 +96,7 @@ class MarkingSettings:
     min_solid_ratio: float = 0.75
     min_contrast_ratio: float = 0.75
     min_posts_apart: float = 0.5
-    post_std_px: float = 1.5
+    post_std_px: tuple[float, float] = (0.3, 0.7)
     sway_std_rad: float = 0.02
     mirror_std_rad: float = 0.0
     max_range_ratio: float = 1.0

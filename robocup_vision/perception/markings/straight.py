@@ -47,7 +47,7 @@ class Straight:
     ends_m : (float, float)
         Its ends, likewise.
     covariance : (2, 2) float64
-        Of angle and distance by the points' own errors.
+        Of angle and distance, but for how the camera is held.
     points : (P,) int64
         Which of the line points lie on it.
     """
@@ -242,25 +242,17 @@ def _stretches(
     for run in _runs(points, chosen, angle, distance, camera, settings):
         if len(run) < settings.min_points:
             continue
-        own_angle, own_distance, own_middle, covariance = fit_line(points, run, angle, settings)
-        _, along = _axes(own_angle)
-        at = np.sort(points.floor_m[run] @ along)
-        low, high = float(at[0]), float(at[-1])
-        covariance += _bias(points, run, own_angle, low, high, settings)
-        straight = Straight(own_angle, own_distance, own_middle, (low, high), covariance, run)
+        straight = stretch_of(points, run, angle, settings)
         if _is_whole(points, straight, camera, settings):
             found.append(straight)
     return found
 
 
-def _bias(
-    points: LinePoints, which: Int64Array, angle_rad: float, low_m: float, high_m: float, settings: MarkingSettings
-) -> FloatArray:
-    """Return the covariance (2, 2) of angle and distance by what moves the whole stretch, and one end by the other."""
-    off_m = settings.bias_px * float(np.median(scale_m(points, which, _axes(angle_rad)[0])))
-    turn = off_m / max((high_m - low_m) / 2, 1e-9)
-    middle = (low_m + high_m) / 2
-    return np.array([[turn**2, middle * turn**2], [middle * turn**2, off_m**2 + (middle * turn) ** 2]])
+def stretch_of(points: LinePoints, which: Int64Array, angle_rad: float, settings: MarkingSettings) -> Straight:
+    """Return the straight stretch of line that some points of one lie on, about so turned."""
+    angle, distance, middle, covariance = fit_line(points, which, angle_rad, settings)
+    at = points.floor_m[which] @ _axes(angle)[1]
+    return Straight(angle, distance, middle, (float(at.min()), float(at.max())), covariance, which)
 
 
 def _runs(
