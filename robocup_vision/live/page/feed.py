@@ -54,6 +54,7 @@ class Feed:
         self._lines: deque[str] = deque(maxlen=_MAX_LINES)
         self._version = 0
         self._listeners: list[Callable[[], None]] = []
+        self._want_markings: set[int] = set()
         self._closed = False
         self._turn = 0
         self._epoch = 0
@@ -98,6 +99,14 @@ class Feed:
             robot.dropped_before = dropped
             robot.waiting = moment
             self._lock.notify_all()
+
+    def want_markings(self, page: object, on: bool) -> None:
+        """Find the markings of the moments to come as long as one page wants them."""
+        with self._lock:
+            if on:
+                self._want_markings.add(id(page))
+            else:
+                self._want_markings.discard(id(page))
 
     def wait_until_made(self, timeout_s: float) -> bool:
         """Wait until no moment waits any more; return whether that is so."""
@@ -191,11 +200,11 @@ class Feed:
                 robot.turn, robot.is_making = self._turn, True
                 moment, epoch = robot.waiting, self._epoch
                 dropped = robot.dropped + robot.dropped_before
-                robot.waiting = None
+                robot.waiting, with_markings = None, bool(self._want_markings)
             assert moment is not None
             picture = None
             try:
-                picture = robot.maker.make(moment, dropped)
+                picture = robot.maker.make(moment, dropped, with_markings)
             except Exception as error:  # a frame that cannot be shown must not end the page
                 self.say(f"a moment cannot be shown: {type(error).__name__}: {error}")
             with self._lock:

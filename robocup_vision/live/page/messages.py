@@ -90,7 +90,15 @@ class Calibrate(msgspec.Struct, tag="calibrate", tag_field="type", forbid_unknow
     kind: Literal["omni", "pinhole"]
 
 
-Message: TypeAlias = Drawn | Pause | Step | Back | Seek | Open | Record | Save | Place | Collect | Calibrate
+class ShowMarkings(msgspec.Struct, tag="markings", tag_field="type", forbid_unknown_fields=True, frozen=True):
+    """Find the markings of the frames to come, or no more: that takes longer than the rest of a picture."""
+
+    on: bool
+
+
+Message: TypeAlias = (
+    Drawn | Pause | Step | Back | Seek | Open | Record | Save | Place | Collect | Calibrate | ShowMarkings
+)
 
 _DECODER: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
 

@@ -69,6 +69,10 @@ class PageLink:
             under_way.append(picture.number)
             yield picture.data
 
+    def close(self) -> None:
+        """Want nothing more: the page has left."""
+        self._feed.want_markings(self, False)
+
     def handle(self, message: messages.Message) -> None:
         """Do what the page asks for.
 
@@ -108,6 +112,8 @@ class PageLink:
                 controls.collect(on)
             case messages.Calibrate(kind):
                 controls.calibrate(kind)
+            case messages.ShowMarkings(on):
+                self._feed.want_markings(self, on)
         self._must_tell |= not isinstance(message, messages.Drawn)
 
     def _pause(self, on: bool) -> None:

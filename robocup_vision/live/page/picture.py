@@ -19,7 +19,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.belief import Belief, MapPicture
 from robocup_vision.estimates import EdgePoints, EdgeState, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.image_layers import ImageLayerMaker, Paths
+from robocup_vision.image_layers import ImageLayerMaker, Paths, marking_paths
 from robocup_vision.live.handover.moment import Moment, RobotSetup, TrueWorld
 from robocup_vision.mapping.occupancy import FREE, NO_GO
 from robocup_vision.perception.color_table import Colors
@@ -77,7 +77,7 @@ class PictureMaker:
         self._number = 0
         self._map: tuple[object, bytes] = (None, b"")
 
-    def make(self, moment: Moment, dropped: int) -> Picture:
+    def make(self, moment: Moment, dropped: int, with_markings: bool = False) -> Picture:
         """Return the picture of a moment.
 
         Parameters
@@ -86,6 +86,8 @@ class PictureMaker:
             Of this robot.
         dropped : int
             Frames of this robot that were too late to be shown, so far.
+        with_markings : bool
+            Whether the frame's markings are found and told, too.
         """
         self._number += 1
         told = {
@@ -93,7 +95,7 @@ class PictureMaker:
             "robot": moment.robot,
             "number": self._number,
             "dropped": dropped,
-            **describe(moment, self._layers),
+            **describe(moment, self._layers, with_markings),
         }
         encoded, jpeg = cv2.imencode(".jpg", moment.frame, self._jpeg)
         assert encoded, "OpenCV encodes every (H, W, 3) uint8 array"
@@ -123,7 +125,7 @@ def split_picture(data: bytes) -> tuple[dict[str, Any], bytes, bytes]:
     return told, data[begin + json : begin + json + jpeg], data[begin + json + jpeg :]
 
 
-def describe(moment: Moment, layers: ImageLayerMaker) -> dict[str, Any]:
+def describe(moment: Moment, layers: ImageLayerMaker, with_markings: bool = False) -> dict[str, Any]:
     """Return all that is known of a moment as plain values: metres and radians, pixels of the frame, milliseconds."""
     height, width = moment.frame.shape[:2]
     told: dict[str, Any] = {
@@ -141,6 +143,7 @@ def describe(moment: Moment, layers: ImageLayerMaker) -> dict[str, Any]:
     }
     if moment.view is not None:
         told.update(_view(moment.view, layers, moment.truth))
+        told["layers"]["markings"] = _all_flat(marking_paths(moment.view)) if with_markings else []
     return told
 
 

@@ -247,6 +247,7 @@ class _Pages:
                 both.start_soon(self._until_it_ends, _receive(socket, link, news), both.cancel_scope)
         finally:
             self._news.discard(news)
+            link.close()
 
     async def _until_it_ends(self, work: Coroutine[None, None, None], scope: anyio.CancelScope) -> None:
         """Do one half of the work for a page; when it ends, the other half is ended, too."""

@@ -45,7 +45,7 @@ export class ImageView {
       context.stroke();
     }
     if (shown.lines) dots(layers.lines, COLOR.lines, line * 1.8);
-    for (const [name, thick] of [["field", 1], ["goals", 1.6], ["truth", 1.4], ["obstacles", 2.4], ["ball", 2]]) {
+    for (const [name, thick] of [["field", 1], ["goals", 1.6], ["truth", 1.4], ["obstacles", 2.4], ["ball", 2], ["markings", 1.6]]) {
       if (!shown[name]) continue;
       context.strokeStyle = COLOR[name];
       context.lineWidth = line * thick;

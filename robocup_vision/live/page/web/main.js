@@ -2,7 +2,7 @@
 import {Card} from "./card.js";
 import {$, make, pill, seldom} from "./elements.js";
 import {FieldView} from "./field_view.js";
-import {makeLegend} from "./layers.js";
+import {makeLegend, shown} from "./layers.js";
 import {connect, isOpen, run, send} from "./link.js";
 
 const cards = new Map();
@@ -40,6 +40,7 @@ function hello(message) {
   if (!$("together").hidden) together.setup(message.robots[0].field);
   $("placing").hidden = !run.offers.has("place");
   if (!names.has(chosen)) choose(message.robots.length ? message.robots[0].name : null);
+  if (shown.markings) wantMarkings();
   if (wanted && run.offers.has("open")) { send({type: "open", ...wanted}); }
   wanted = null;
 }
@@ -151,7 +152,14 @@ for (const id of ["back", "seek"]) {
 $("back").oninput = () => send({type: "back", seconds: Number($("back").value)});
 $("seek").onchange = () => { dragging = false; send({type: "seek", t_s: Number($("seek").value)}); };
 
-makeLegend($("legend"), make, drawAll);
+makeLegend($("legend"), make, name => {
+  if (name === "markings") wantMarkings();
+  drawAll();
+});
+
+function wantMarkings() {
+  send({type: "markings", on: shown.markings});
+}
 
 const keys = {" ": actions.pause, b: actions.back30, n: actions.newest, r: actions.record, s: actions.save, t: actions.theme, c: actions.collect};
 document.addEventListener("keydown", event => {

@@ -26,6 +26,7 @@ GOOD = [
     ),
     ({"type": "collect", "on": True}, messages.Collect(True)),
     ({"type": "calibrate", "kind": "omni"}, messages.Calibrate("omni")),
+    ({"type": "markings", "on": True}, messages.ShowMarkings(True)),
 ]
 
 

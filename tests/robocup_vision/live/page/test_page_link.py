@@ -161,3 +161,18 @@ def test_steps_and_back_without_any_picture_do_nothing(feed):
 def test_what_is_not_offered_is_refused(feed, message):
     with pytest.raises(ArgumentError):
         ask(PageLink(feed, Camera()), **message)
+
+
+def test_markings_are_found_as_long_as_one_page_wants_them(feed, fill):
+    def has_markings(t_s):
+        fill(t_s)
+        return bool(split_picture(feed.newest("robot").data)[0]["layers"]["markings"])
+
+    one, other = PageLink(feed, Camera()), PageLink(feed, Camera())
+    assert not has_markings(0.0)
+    ask(one, type="markings", on=True)
+    ask(other, type="markings", on=True)
+    ask(one, type="markings", on=False)
+    assert has_markings(1.0)
+    other.close()
+    assert not has_markings(2.0)

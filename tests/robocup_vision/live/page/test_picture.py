@@ -14,7 +14,7 @@ from robocup_vision.live.handover.moment import RobotPlan, TrueRobot, TrueWorld
 from robocup_vision.live.page.picture import PictureMaker, split_picture
 
 EDGES = {"found", "hidden", "missing"}
-LAYERS = {"edge", "lines", "free", "field", "goals", "obstacles", "ball", "truth"} | EDGES
+LAYERS = {"edge", "lines", "free", "field", "goals", "obstacles", "ball", "truth", "markings"} | EDGES
 
 
 def test_a_moment_becomes_json_and_jpeg(setup, moment, frames):
@@ -45,6 +45,16 @@ def test_layers_lie_in_the_image(setup, moment):
         assert np.isfinite(points).all()
         assert (points > -0.1 * width).all()
         assert (points < [1.1 * width, 1.1 * height]).all()
+
+
+def test_markings_are_found_where_they_are_wanted(setup, moment):
+    maker, shown = PictureMaker(setup, 85), moment()
+    assert split_picture(maker.make(shown, 0).data)[0]["layers"]["markings"] == []
+    told = split_picture(maker.make(shown, 0, with_markings=True).data)[0]
+    found = [np.reshape(path, (-1, 2)) for path in told["layers"]["markings"]]
+    assert len(found) >= len(shown.view.markings.segments) > 0
+    for path in found:
+        assert (path > -0.1 * told["size_px"][0]).all()
 
 
 def test_a_belief_brings_hypotheses_ellipse_and_map(setup, remembered):
