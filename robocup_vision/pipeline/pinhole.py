@@ -124,7 +124,7 @@ class PinholePipeline(FramePipeline):
         self.look(frame)
         floor = self._floor or self._floors.about(camera)
         if floor is not None:
-            self._see_floor(frame, floor, self._sample(frame, floor.view), None, {})
+            self._see_floor(frame, floor, self._sample(frame, floor.view), None, None, {})
 
     def forget(self) -> None:
         """See `FramePipeline.forget`."""
@@ -226,7 +226,7 @@ class PinholePipeline(FramePipeline):
             )
         robot = pose.pose if pose else None
         floor, samples = self._sample_to_walls(frame, floor, pose, timings)
-        marks, balls, free_space = self._see_floor(frame, floor, samples, robot, timings)
+        marks, balls, free_space = self._see_floor(frame, floor, samples, robot, t_s, timings)
         self._judge_channels(frame, floor, samples, balls, pose)
         told = self._unless_swapped(pose)
         self._keep_floor(free_space, t_s)
@@ -364,6 +364,7 @@ class PinholePipeline(FramePipeline):
         floor: HeldFloor,
         samples: _FloorSamples,
         robot: Pose2 | None,
+        t_s: float | None,
         timings: dict[str, float],
     ) -> tuple[UInt8Array, tuple[Ball, ...], FreeSpace]:
         """Find what the samples (K, M) show, the balls and the free space, robot frame.
@@ -378,6 +379,8 @@ class PinholePipeline(FramePipeline):
             Of this frame.
         robot : Pose2 or None
             The robot on the field.
+        t_s : float or None
+            When the frame was taken.
         timings : dict
             Takes what the stages took, seconds.
         """
@@ -389,7 +392,7 @@ class PinholePipeline(FramePipeline):
             ball_found = perf_counter()
         else:
             if self._learned is not None:
-                balls = self._learned.find(frame, floor.camera)
+                balls = self._learned.find(frame, floor.camera, t_s)
             elif self._patterned is not None:
                 balls = self._patterned.find(frame, floor.camera)
             else:

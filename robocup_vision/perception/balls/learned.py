@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.perception.balls.ball import Ball, ball_on_floor
-from robocup_vision.perception.balls.network import BallNetwork, BallPlaces, Sighting
+from robocup_vision.perception.balls.network import BallNetwork, BallPlaces, Sighting, is_near
 
 # places are worked out anew where tilt or roll, or height or focal length by their logarithms, differ by half of this:
 # sizes then are still those that it knows
@@ -36,11 +39,13 @@ class LearnedBallSettings:
         A sighting with less is no ball: of thirty balls told in photographs of an event that was not learnt from one at
         most is none.
     again_nats : float
-        It may be so much less near a ball of the last frame: balls stay.
+        It may be so much less near a ball that has been seen: balls stay.
     max_balls : int
         Told at most.
-    near_looks : int
-        So many looks after one at the whole frame go near the balls that it showed, as long as these are seen.
+    sweep_s : float
+        The whole frame is searched once in so long, a part each look, and for so long near what was last seen then:
+        less than half a second, in which a robot is to know of a ball that comes into view. Frames without a time, or
+        farther apart, are searched whole.
     place_std : float
         Of a ball's centre, in radii.
     tilt_std_rad : float
@@ -50,9 +55,17 @@ class LearnedBallSettings:
     min_nats: float = 2.0
     again_nats: float = 1.0
     max_balls: int = 8
-    near_looks: int = 3
+    sweep_s: float = 0.4
     place_std: float = 0.15
     tilt_std_rad: float = 0.013
+
+
+class _Expected(NamedTuple):
+    """What is looked at again: where a ball was seen, and when; or what may be one, which is not told."""
+
+    seen: Sighting
+    seen_s: float
+    is_told: bool
 
 
 class LearnedBallFinder:
@@ -85,11 +98,13 @@ class LearnedBallFinder:
         self.forget()
 
     def forget(self) -> None:
-        """Forget where balls were in the last frame."""
-        self._last: list[Sighting] = []
-        self._near_looks = 0
+        """Forget the frames before: the next one is searched whole."""
+        self._expected: list[_Expected] = []
+        self._looked_s: float | None = None
+        # share of the whole frame's work that this sweep has done
+        self._swept = 0.0
 
-    def find(self, frame: UInt8Array, camera: PinholeCamera) -> tuple[Ball, ...]:
+    def find(self, frame: UInt8Array, camera: PinholeCamera, t_s: float | None = None) -> tuple[Ball, ...]:
         """Find the balls in a frame, the likeliest first.
 
         Parameters
@@ -98,25 +113,55 @@ class LearnedBallFinder:
             BGR.
         camera : PinholeCamera
             As held in the frame.
+        t_s : float, optional
+            When it was taken.
         """
-        seen = self._look(frame, self._places_of(camera))
-        placed = (self._ball(one, camera) for one in seen)
+        seen = self._look(frame, self._places_of(camera), self._share(t_s))
+        is_told = [self._is_ball(one) for one in seen]
+        self._expect(seen, is_told, t_s)
+        placed = (self._ball(one, camera) for one, told in zip(seen, is_told, strict=True) if told)
         return tuple([ball for ball in placed if ball is not None][: self.settings.max_balls])
 
-    def _look(self, frame: UInt8Array, places: BallPlaces) -> list[Sighting]:
-        """Look near the last balls, and at the whole frame now and then, or where one of them is not seen again."""
-        min_nats = self.settings.min_nats
-        if self._last and self._near_looks < self.settings.near_looks:
-            strips = places.near(self._last)
-            seen = [] if strips is None else self._network.look(frame, strips, min_nats - self.settings.again_nats)
-            if len(seen) >= len(self._last):
-                self._near_looks += 1
-                self._last = seen
-                return seen
-        whole = places.strips
-        self._last = [] if whole is None else self._network.look(frame, whole, min_nats)
-        self._near_looks = 0
-        return self._last
+    def _share(self, t_s: float | None) -> float:
+        """Return how much of the whole frame is searched in the look at this time."""
+        since_s = math.inf if t_s is None or self._looked_s is None else t_s - self._looked_s
+        self._looked_s = t_s
+        return since_s / self.settings.sweep_s if 0.0 < since_s < self.settings.sweep_s else 1.0
+
+    def _look(self, frame: UInt8Array, places: BallPlaces, share: float) -> list[Sighting]:
+        """Look at the whole frame, or at the part of it that is next and where balls are expected.
+
+        What is seen may be less sure than a ball that is told.
+        """
+        strips = places.strips
+        if share >= 1.0:
+            self._expected, self._swept = [], 0.0
+        else:
+            begin, end = self._swept, self._swept + share
+            self._swept = end - 1.0 if end >= 1.0 else end
+            strips = None if strips is None else strips.some(begin, end, [one.seen for one in self._expected])
+        min_nats = self.settings.min_nats - self.settings.again_nats
+        return [] if strips is None else self._network.look(frame, strips, min_nats)
+
+    def _is_ball(self, one: Sighting) -> bool:
+        """Whether a sighting is told: sure enough, or where a ball was."""
+        place = np.array(one)
+        return one.nats >= self.settings.min_nats or any(
+            bool(is_near(place, other.seen)) for other in self._expected if other.is_told
+        )
+
+    def _expect(self, seen: list[Sighting], is_told: list[bool], t_s: float | None) -> None:
+        """Expect what is seen, and for a while what is not seen again."""
+        if t_s is None:
+            return
+        places = np.array(seen).reshape(-1, 4)
+        old = [
+            one
+            for one in self._expected
+            if t_s - one.seen_s < self.settings.sweep_s and not is_near(places, one.seen).any()
+        ]
+        new = [_Expected(one, t_s, told) for one, told in zip(seen, is_told, strict=True)]
+        self._expected = [*new, *old][: self.settings.max_balls]
 
     def _places_of(self, camera: PinholeCamera) -> BallPlaces:
         """Return the places made for about this orientation; the last used ones are kept."""

@@ -1,9 +1,9 @@
 """The ball classifier: two small convolutional networks, run by OpenCV, over pictures of balls of one size.
 
 How large a ball on the floor is at every place of the picture, the camera says. The picture is cut into strips within
-which that size changes little; each is scaled so that a ball has about `STRIP_RADIUS_PX`. The first network answers for
-every `STRIDE_PX`-th pixel of a strip whether a ball may be there. The second looks closer at the likeliest places: at
-crops in which a ball has `CROP_RADIUS_PX`.
+which that size changes little; each is scaled so that a ball has about `STRIP_RADIUS_PX`. As a fisheye bends them, they
+are cut into tiles. The first network answers for every `STRIDE_PX`-th pixel of a tile whether a ball may be there. The
+second looks closer at the likeliest places: at crops in which a ball has `CROP_RADIUS_PX`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.arrays import BoolArray, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 
 # of the first network: what a ball's radius is about, how far apart its answers are, and where the first is
@@ -34,7 +34,9 @@ _FIRST_SIZE, _LAST_SIZE = -1, 5
 _GRID_PX = 16, 4
 # so much of a step may a size be off in a strip: neighbours overlap a little
 _SIZE_SLACK = 0.55
-# a ball moves by so many of its radii from one look to the next, where it is looked for near its last place alone
+# a tile is so many answers wide at most: wider ones show more beside the bent strip, narrower ones more rim
+_TILE_ANSWERS = 12
+# a ball moves by so many of its radii from one look to the next, where it is looked for near its last place
 _MOVES_RADII = 5.0
 # the first network's answers are looked at closer from here on, so many at most; apart by so many radii
 FIRST_NATS, MAX_PLACES, _APART_RADII = 1.0, 10, 0.8
@@ -68,14 +70,14 @@ class _Part(NamedTuple):
     radius_px: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class BallStrips:
     """What of a camera's frames is looked at, at which size, as the camera is held in one way.
 
     Parameters
     ----------
     parts : tuple
-        Parts of the frame.
+        Tiles of the frame, those of far balls first.
     answers : (N, 3) int64
         Part, row and column of the network's answers that are of the floor.
     places_px : (N, 3) float64
@@ -88,6 +90,33 @@ class BallStrips:
     answers: Int64Array
     places_px: FloatArray
     scales: FloatArray
+
+    @cached_property
+    def _ends(self) -> FloatArray:
+        """(P,) float64: share of the work that is done after each part."""
+        work = np.cumsum([width * height for width, height in (part.size for part in self.parts)], dtype=np.float64)
+        return np.asarray(work / work[-1], dtype=np.float64)
+
+    def some(self, begin: float, end: float, balls: Sequence[Sighting]) -> BallStrips | None:
+        """Return a part of the work, and what shows where balls may have moved to in a frame; None where it is nothing.
+
+        Parameters
+        ----------
+        begin, end : float
+            The parts that end within these shares of the work; beyond 1 it goes on with the first.
+        balls : sequence of Sighting
+            Where balls were.
+        """
+        chosen = ((self._ends > begin) & (self._ends <= end)) | (self._ends <= end - 1.0)
+        for ball in balls:
+            chosen[self.answers[is_near(self.places_px, ball), 0]] = True
+        if not chosen.any():
+            return None
+        kept, number = chosen[self.answers[:, 0]], np.cumsum(chosen) - 1
+        answers = self.answers[kept]
+        answers[:, 0] = number[answers[:, 0]]
+        parts = tuple(part for part, is_chosen in zip(self.parts, chosen, strict=True) if is_chosen)
+        return BallStrips(parts, answers, self.places_px[kept], self.scales[kept])
 
 
 class BallPlaces:
@@ -121,37 +150,40 @@ class BallPlaces:
             if seen.any():
                 at_v, at_u = np.nonzero(seen)
                 box = self._u[at_u.min()], self._v[at_v.min()], self._u[at_u.max()], self._v[at_v.max()]
-                wanted.append(self._part(box, radius, 0.0))
+                wanted.append(self._part(box, radius))
         return self._strips(wanted)
 
-    def near(self, sightings: Sequence[Sighting]) -> BallStrips | None:
-        """Return strips that show the places of some balls, and where these may have moved to in a frame."""
-        wanted = []
-        for one in sightings:
-            box = (one.u_px, one.v_px, one.u_px, one.v_px)
-            wanted.append(self._part(box, one.radius_px, _MOVES_RADII * one.radius_px))
-        return self._strips(wanted)
-
-    def _part(self, box: tuple[float, float, float, float], radius: float, around: float) -> _Part:
-        """Return the part whose answers cover a box of the frame and what is around it; it may reach beyond."""
+    def _part(self, box: tuple[float, float, float, float], radius: float) -> _Part:
+        """Return the part whose answers cover a box of the frame; it may reach beyond."""
         scale = radius / STRIP_RADIUS_PX
         sides = ((box[0], box[2], self._camera.size_px[0]), (box[1], box[3], self._camera.size_px[1]))
-        if not around:
-            sides = tuple((max(low, 0.0), min(high, side - 1.0), side) for low, high, side in sides)  # type: ignore[assignment]
-        starts = [low - around - FIRST_PX * scale for low, _, _ in sides]
-        counts = [math.ceil((high - low + 2 * around) / (scale * STRIDE_PX)) for low, high, _ in sides]
+        ends = [(max(low, 0.0), min(high, side - 1.0)) for low, high, side in sides]
+        counts = [math.ceil((high - low) / (scale * STRIDE_PX)) for low, high in ends]
         width, height = (STRIDE_PX * count + 2 * FIRST_PX + 1 for count in counts)
-        return _Part(starts[0], starts[1], (width, height), radius)
+        return _Part(ends[0][0] - FIRST_PX * scale, ends[1][0] - FIRST_PX * scale, (width, height), radius)
 
     def _strips(self, parts: list[_Part]) -> BallStrips | None:
-        """Tell which answers of the network are of the floor."""
-        if not parts:
+        """Tell which answers of the network are of the floor, and cut the parts into tiles around these."""
+        tiles: list[_Part] = []
+        answers: list[FloatArray] = []
+        for part in parts:
+            every = self._answers(part)
+            across = every[:, 1] // _TILE_ANSWERS
+            for tile in np.unique(across):
+                here = every[across == tile]
+                first, last = here[:, :2].min(axis=0), here[:, :2].max(axis=0)
+                here[:, :2] -= first
+                height, width = (int(STRIDE_PX * count) + 2 * FIRST_PX + 1 for count in last - first)
+                down, aside = (first * STRIDE_PX * part.radius_px / STRIP_RADIUS_PX).tolist()
+                answers.append(np.column_stack([np.full(len(here), len(tiles)), here]))
+                tiles.append(_Part(part.left + aside, part.top + down, (width, height), part.radius_px))
+        if not tiles:
             return None
-        every = np.concatenate([self._answers(part, number) for number, part in enumerate(parts)])
-        return BallStrips(tuple(parts), every[:, :3].astype(np.int64), every[:, 3:6], every[:, 6])
+        told = np.concatenate(answers)
+        return BallStrips(tuple(tiles), told[:, :3].astype(np.int64), told[:, 3:6], told[:, 6])
 
-    def _answers(self, part: _Part, number: int) -> FloatArray:
-        """Part, row and column, u, v and a ball's radius in the frame, and the scale, of each answer."""
+    def _answers(self, part: _Part) -> FloatArray:
+        """Row and column, u, v and a ball's radius in the frame, and the scale, of each answer."""
         width, height = self._camera.size_px
         scale = part.radius_px / STRIP_RADIUS_PX
         down = np.arange(FIRST_PX, part.size[1] - FIRST_PX, STRIDE_PX)
@@ -165,7 +197,7 @@ class BallPlaces:
             rows, columns = (np.clip(x.round().astype(int), 0, side - 1) for x, side in ((at_v, height), (at_u, width)))
             keep &= self._mask[rows, columns] == 0
         row, column = np.meshgrid(np.arange(len(down)), np.arange(len(aside)), indexing="ij")
-        told = (np.full(row.shape, number), row, column, at_u, at_v, there, np.full(row.shape, scale))
+        told = (row, column, at_u, at_v, there, np.full(row.shape, scale))
         answers: FloatArray = np.stack(told, axis=-1)[keep].astype(np.float64)
         return answers
 
@@ -183,10 +215,10 @@ def _radii_px(camera: PinholeCamera, radius_m: float, u: FloatArray, v: FloatArr
 
 
 class Shrunk:
-    """A frame at half its size, at a quarter and so on, made as they are asked for; parts of it at any scale."""
+    """Parts of a frame at any scale."""
 
     def __init__(self, frame: UInt8Array) -> None:
-        self._levels = [frame]
+        self._frame = frame
 
     def part(self, left: float, top: float, scale: float, size: tuple[int, int]) -> UInt8Array:
         """Return a part as (H, W, 3) uint8; beyond the frame it is black.
@@ -200,17 +232,23 @@ class Shrunk:
         size : (int, int)
             Width and height of the part.
         """
-        level = max(round(math.log2(scale)), 0)
-        while len(self._levels) <= level and min(self._levels[-1].shape[:2]) >= 2:
-            last = self._levels[-1]
-            half = (last.shape[1] // 2, last.shape[0] // 2)
-            self._levels.append(np.asarray(cv2.resize(last, half, interpolation=cv2.INTER_AREA), dtype=np.uint8))
-        whole, shown = self._levels[0], self._levels[min(level, len(self._levels) - 1)]
-        ratio_u, ratio_v = shown.shape[1] / whole.shape[1], shown.shape[0] / whole.shape[0]
+        # what is shrunk by much is halved first: each pixel counts
+        halvings = max(round(math.log2(scale)), 0)
+        block = 2**halvings
+        width, height = size
+        reach = max(scale, block)
+        begin_u, end_u = _whole_blocks(left - reach, left + scale * width + reach, block, self._frame.shape[1])
+        begin_v, end_v = _whole_blocks(top - reach, top + scale * height + reach, block, self._frame.shape[0])
+        if end_u <= begin_u or end_v <= begin_v:
+            return np.zeros((height, width, 3), dtype=np.uint8)
+        shown = self._frame[begin_v:end_v, begin_u:end_u]
+        for _ in range(halvings):
+            half = (shown.shape[1] // 2, shown.shape[0] // 2)
+            shown = np.asarray(cv2.resize(shown, half, interpolation=cv2.INTER_AREA), dtype=np.uint8)
         turned = np.array(
             [
-                [scale * ratio_u, 0.0, (left + 0.5) * ratio_u - 0.5],
-                [0.0, scale * ratio_v, (top + 0.5) * ratio_v - 0.5],
+                [scale / block, 0.0, (left - begin_u + 0.5) / block - 0.5],
+                [0.0, scale / block, (top - begin_v + 0.5) / block - 0.5],
             ]
         )
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -221,6 +259,12 @@ class Shrunk:
         scale = radius_px / CROP_RADIUS_PX
         reach = scale * (side - 1) / 2
         return self.part(u_px - reach, v_px - reach, scale, (side, side))
+
+
+def _whole_blocks(low: float, high: float, block: int, side: int) -> tuple[int, int]:
+    """Return where whole blocks of pixels that cover a stretch of a side of the frame begin and end."""
+    begin, end = max(math.floor(low / block), 0), min(math.ceil(high / block), side // block)
+    return begin * block, end * block
 
 
 class BallNetwork:
@@ -267,11 +311,12 @@ class BallNetwork:
             shown = shrunk.part(part.left, part.top, part.radius_px / STRIP_RADIUS_PX, part.size)
             self._first.setInput(cv2.dnn.blobFromImage(shown))
             found.append(self._first.forward()[0].transpose(1, 2, 0))
-        part_numbers, rows, columns = strips.answers.T
+        numbers, rows, columns = strips.answers.T
         answer = np.empty((len(rows), 3), dtype=np.float32)
-        for number, told_here in enumerate(found):
-            here = part_numbers == number
-            answer[here] = told_here[rows[here], columns[here]]
+        # they stand in the order of their parts
+        begins = np.searchsorted(numbers, np.arange(len(found) + 1))
+        for told_here, begin, end in zip(found, begins[:-1], begins[1:], strict=True):
+            answer[begin:end] = told_here[rows[begin:end], columns[begin:end]]
         nats = answer[:, 0]
         likely = np.flatnonzero(nats >= min_nats)
         likely = likely[np.argsort(-nats[likely])][: 8 * MAX_PLACES]
@@ -298,3 +343,11 @@ def _apart(sightings: list[Sighting], radii: float) -> list[Sighting]:
         ):
             found.append(one)
     return found
+
+
+def is_near(places: FloatArray, ball: Sighting) -> BoolArray:
+    """Whether places (..., 3 or more): u, v and a ball's radius, are where a ball may have moved to in a frame."""
+    off = places[..., :2] - (ball.u_px, ball.v_px)
+    near = np.hypot(off[..., 0], off[..., 1]) <= _MOVES_RADII * ball.radius_px
+    near &= np.abs(np.log(places[..., 2] / ball.radius_px)) <= _SIZE_SLACK * math.log(SIZE_STEP)
+    return np.asarray(near, dtype=np.bool_)

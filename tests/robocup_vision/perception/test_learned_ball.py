@@ -10,6 +10,7 @@ import pytest
 from field_models import load_field
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.perception.balls.learned import LearnedBallFinder
+from robocup_vision.perception.balls.network import BallPlaces
 from robocup_vision.vision import Vision
 from sim2d.rendering.ball_patches import is_patch
 
@@ -103,10 +104,51 @@ def test_a_ball_that_the_pictures_rim_cuts_is_found(finder):
     assert any(math.dist((ball.u_px, ball.v_px), (20.0, whole.v_px)) < 5 for ball in found)
 
 
-def test_a_ball_is_followed_and_found_again_after_a_jump(finder):
-    for place in ((1.0, 0.0), (1.0, 0.05), (1.02, 0.1), (1.6, -0.6)):
-        (ball,) = finder.find(picture([place], YELLOW, YELLOW), HELD)
+def test_a_ball_is_seen_in_every_look_of_a_video_and_soon_after_a_jump(finder):
+    period_s, sweep_s = 1 / 30, finder.settings.sweep_s
+    for look, place in enumerate(((1.0, 0.0), (1.0, 0.05), (1.02, 0.1))):
+        (ball,) = finder.find(picture([place], YELLOW, YELLOW), HELD, look * period_s)
         assert math.dist((ball.x_m, ball.y_m), place) < 0.1
+    jumped = picture([(1.6, -0.6)], YELLOW, YELLOW)
+    found = [finder.find(jumped, HELD, look * period_s) for look in range(3, 4 + math.ceil(sweep_s / period_s))]
+    ((ball,),) = found[-1:]
+    assert math.dist((ball.x_m, ball.y_m), (1.6, -0.6)) < 0.1
+
+
+@pytest.mark.parametrize("place", [(0.8, 0.1), (1.5, -0.9), (3.0, 1.5), (4.5, 0.3)])
+@pytest.mark.parametrize("first_s", [0.0, 0.1, 0.3])
+def test_a_ball_that_comes_into_view_is_told_within_a_sweep(finder, place, first_s):
+    empty, shown = picture([]), picture([place], YELLOW, YELLOW)
+    period_s = 0.05
+    for look in range(round(first_s / period_s) + 1):
+        assert finder.find(empty, HELD, look * period_s) == ()
+    looks = math.ceil(finder.settings.sweep_s / period_s)
+    told = [finder.find(shown, HELD, first_s + (1 + look) * period_s) for look in range(looks)]
+    assert told[-1]
+    assert told == sorted(told, key=len)
+
+
+@pytest.mark.parametrize("times_s", [(None, None), (0.0, 1.0), (0.0, 0.0), (5.0, 1.0), (None, 0.1)])
+def test_frames_that_are_no_video_are_searched_whole(finder, times_s):
+    before, now = times_s
+    assert finder.find(picture([]), HELD, before) == ()
+    for place in ((0.8, 0.1), (4.5, 0.3)):
+        finder.forget()
+        finder.find(picture([]), HELD, before)
+        assert finder.find(picture([place], YELLOW, YELLOW), HELD, now)
+
+
+@pytest.mark.parametrize("looks", [1, 3, 30])
+def test_parts_of_a_sweep_are_the_whole_frame_once(looks):
+    strips = BallPlaces(HELD, FIELD.ball_radius_m, None).strips
+    begin, shown = 0.25, []
+    for _ in range(looks):
+        end = begin + 1 / looks
+        part = strips.some(begin, end, ())
+        if part is not None:
+            shown += map(tuple, part.places_px)
+        begin = end % 1.0
+    assert sorted(shown) == sorted(map(tuple, strips.places_px))
 
 
 def test_a_camera_that_looks_up_sees_no_ball():
