@@ -1,4 +1,4 @@
-"""Compiled edge and ridge measurement against pictures whose edges are known, and against plain Python."""
+"""Edges and ridges measured in pictures whose edges are known."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The compiled picture of a goal and of the floor, and its derivatives, against the plain NumPy picture."""
+"""The picture of a goal and of the floor by a plain projection, and its derivatives by differences."""
 
 import numpy as np
 from goal_twins import OFFSETS, SCENE, SHAPE, VIEW, derivative, feet_px, floor_px, silhouette_lines

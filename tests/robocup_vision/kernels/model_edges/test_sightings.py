@@ -1,7 +1,6 @@
-"""Beacons and posts found in a picture against a plain twin, and the poses that they propose."""
+"""Beacons and posts in a picture, and the poses that they propose."""
 
 import math
-from itertools import groupby
 
 import numpy as np
 import pytest
@@ -11,16 +10,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.find import BINS, upright_bins
-from robocup_vision.kernels.model_edges.sightings import (
-    BLUR_PX,
-    CUT,
-    MIN_RUN_PX,
-    NOD_RAD,
-    SIGHT,
-    Horizon,
-    poses_around,
-    sightings,
-)
+from robocup_vision.kernels.model_edges.sightings import NOD_RAD, SIGHT, Horizon, poses_around, sightings
 from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights
 
 FIELD = load_field("four_legged_2007")
@@ -65,70 +55,6 @@ def found(image, seen):
     return out[:count]
 
 
-def plain_heights(column, top):
-    """Height at which each upright shows in one column of pixels (N, 3), from row `top` on."""
-    chroma = column - column.mean(axis=1, keepdims=True)
-    size = np.linalg.norm(chroma, axis=1)
-    like = chroma @ UPRIGHTS.paints.T > 0.93 * size[:, None]
-    paint = np.where((size > 0.35 * column.mean(axis=1) + 10.0) & like.any(axis=1), like.argmax(axis=1), -1)
-    runs, at = [], 0
-    for name, group in groupby(paint.tolist()):
-        length = len(list(group))
-        if name >= 0 and length >= MIN_RUN_PX:
-            runs.append((name, top + at, top + at + length))
-        at += length
-    heights = np.zeros(len(UPRIGHTS.paint))
-    for index, (name, begin, end) in enumerate(runs):
-        for n, (upper, lower) in enumerate(UPRIGHTS.paint):
-            height = 0.0
-            if lower < 0 and upper == name:
-                low, share = end - HORIZON.row, HORIZON.height_m / UPRIGHTS.height_m[n]
-                if begin == top:
-                    height = CUT if low > HORIZON.slack_px else 0.0
-                elif abs(low - (end - begin) * share) <= HORIZON.slack_px:
-                    height = end - begin
-            elif index and lower == name and upper == runs[index - 1][0] and begin - runs[index - 1][2] <= BLUR_PX:
-                above, below = runs[index - 1][2] - runs[index - 1][1], end - begin
-                if runs[index - 1][1] == top:
-                    height = CUT
-                elif above <= 2 * below and below <= 2 * above:
-                    height = end - runs[index - 1][1]
-            heights[n] = max(heights[n], height)
-    return heights
-
-
-def plain_sightings(image, seen):
-    top = max(int(HORIZON.row - 0.45 * 160), 0)
-    heights = np.zeros((BINS, len(UPRIGHTS.paint)))
-    for i in range(BINS):
-        bearing = BANK.half_view_rad * (1 - 2 * (i + 0.5) / BINS)
-        u = round(103.5 - 192.0 * math.tan(bearing))
-        if (np.diff(seen)[:, i] > 0).any() and 0 <= u < 208:
-            heights[i] = plain_heights(image[top:, u].astype(float), top)
-    wide, rows = 2 * BANK.half_view_rad / BINS * 192.0, []
-    for n in range(len(UPRIGHTS.paint)):
-        i = 0
-        while i < BINS:
-            if not heights[i, n]:
-                i += 1
-                continue
-            begin, tallest = i, heights[i, n]
-            while i < BINS and heights[i, n] > 0.6 * tallest:
-                tallest = max(tallest, heights[i, n])
-                i += 1
-            first = next(j for j in range(begin, i) if heights[j, n] >= 0.6 * tallest)
-            size_m, size = UPRIGHTS.height_m[n], heights[first:i, n].mean()
-            if tallest == CUT:
-                if (i - first) * wide < 2 * MIN_RUN_PX or first == 0 or i == BINS:
-                    continue
-                size_m, size = UPRIGHTS.width_m[n], (i - first) * wide
-            expected = size * UPRIGHTS.width_m[n] / size_m
-            if size >= 2 * MIN_RUN_PX and 0.4 * expected <= (i - first) * wide <= 2.5 * expected + 2 * wide:
-                bearing = BANK.half_view_rad * (1 - (first + i) / BINS)
-                rows.append([*UPRIGHTS.places[n], bearing, size_m, size, UPRIGHTS.weight[n]])
-    return np.array(rows).reshape(-1, SIGHT)[:12]
-
-
 POSES = [
     Pose2(0.2, 0.6, 0.85),
     Pose2(-0.9, 1.2, 2.1),
@@ -136,19 +62,6 @@ POSES = [
     Pose2(-2.0, -0.3, 3.1),
     Pose2(2.2, -0.2, -0.5),
 ]
-
-
-@pytest.mark.parametrize("pose", POSES)
-def test_sightings_are_the_plain_ones(pose):
-    rng = np.random.default_rng(2)
-    image, seen = drawn(pose)
-    image = np.clip(image + rng.normal(0.0, 6.0, image.shape), 0, 255).astype(np.uint8)
-    # things of the same paints that are neither
-    image[60:75, 20:60], image[10:30, 150:154] = COLOR_NAMES["yellow"], COLOR_NAMES["cyan"]
-    upright_bins(image, lens_table(CAMERA), HORIZON.row, BANK.paints, BANK.half_view_rad, seen)
-    expected = plain_sightings(image, seen)
-    assert len(expected) > 0
-    np.testing.assert_allclose(found(image, seen), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("nod_px", [-5, 0, 5])

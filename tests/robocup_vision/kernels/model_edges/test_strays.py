@@ -1,20 +1,17 @@
-"""What tells stray samples from others, against plain NumPy: fits made anew without each sample."""
+"""What tells stray samples from others: fits made anew without each sample."""
 
 import numpy as np
 import pytest
 
 from robocup_vision.kernels.model_edges.strays import (
     Noise,
-    find_crossed,
     nearest,
     off_alone,
     off_the_rest,
     shared_variance,
 )
-from robocup_vision.kernels.model_edges.tables import UNKNOWNS, UPRIGHT, empty_room
-from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, empty_room
 
-NUMBERS = EdgeSettings().for_width(208, 0.025)
 NOISE = Noise(0.15, 0.2, 1.44, 0.3)
 COUNT = 24
 
@@ -89,39 +86,6 @@ def test_the_more_agree_the_less_they_may_be_off_together():
     for agree, off2 in ((1.0, 0.0), (2.5, 0.0), (1.0, 4.0)):
         expected = 0.2**2 + (1.44**2 + off2) * 0.3**agree
         assert shared_variance(NOISE, agree, off2) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_samples_on_lines_that_cross_are_found_by_all_pairs(seed):
-    rng, room = np.random.default_rng(seed), empty_room(COUNT, 1)
-    samples = room.samples
-    samples.feature[:] = np.sort(rng.integers(0, 4, COUNT)) * 2
-    way = np.array([0.0, 0.1, 0.8, 1.7])[samples.feature >> 1]
-    samples.normal[:] = np.column_stack([-np.sin(way), np.cos(way)])
-    samples.uv[:] = 40.0 + rng.uniform(-6.0, 6.0, COUNT)[:, None] * np.column_stack([np.cos(way), np.sin(way)])
-    samples.place[rng.random(COUNT) < 0.1] = UPRIGHT
-    room.found.candidates[:] = 1
-    room.found.offset_px[:, 0] = rng.normal(0.0, 0.1, COUNT)
-    weight = (rng.random(COUNT) < 0.9).astype(float)
-    z, crossed = np.zeros(UNKNOWNS), np.zeros(COUNT, np.bool_)
-    find_crossed(room, COUNT, NUMBERS, z, 0.15, weight, crossed)
-    place = samples.uv + room.found.offset_px[:, :1] * samples.normal
-    on_floor = (weight > 0.0) & (samples.place != UPRIGHT)
-    expected = [
-        bool(on_floor[n])
-        and any(
-            on_floor[m]
-            and samples.feature[m] != samples.feature[n]
-            and abs(samples.normal[m] @ samples.normal[n]) < 0.97
-            and abs(samples.normal[m] @ (place[n] - samples.uv[m])) <= NUMBERS.sharp_gates * 0.15
-            and np.abs(place[m] - place[n]).max() <= NUMBERS.coarse_spacing_px
-            for m in range(COUNT)
-        )
-        for n in range(COUNT)
-    ]
-    assert crossed.tolist() == expected
-    assert any(expected)
-    assert not all(expected)
 
 
 def test_the_nearest_candidate_counts():
