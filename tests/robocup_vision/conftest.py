@@ -19,6 +19,9 @@ def mirror_camera():
 
 @pytest.fixture(scope="session")
 def paint_field():
+    # with each field, which keeps its identity its own
+    maps = {}
+
     def paint(camera, field, pose, *, margin_m=0.3, gain=1.0, noise=0.0, rng=None):
         width, height = camera.size_px
         fine = 3
@@ -28,8 +31,11 @@ def paint_field():
         image = np.full((len(points), 3), HALL_BGR, dtype=np.float32)
         on_carpet = (np.abs(points) <= (field.length_m / 2 + margin_m, field.width_m / 2 + margin_m)).all(axis=1)
         image[on_carpet] = CARPET_BGR
-        painted = LineMap(field).nearest(points).distance_m <= field.line_width_m / 2
-        image[on_carpet & painted] = PAINT_BGR
+        if id(field) not in maps:
+            maps[id(field)] = field, LineMap(field)
+        line_map = maps[id(field)][1]
+        painted = line_map.nearest(points[on_carpet]).distance_m <= field.line_width_m / 2
+        image[np.flatnonzero(on_carpet)[painted]] = PAINT_BGR
         image = gain * image.reshape(height, fine, width, fine, 3).mean(axis=(1, 3))
         if noise:
             image = image + rng.normal(0.0, noise, image.shape)
