@@ -1,6 +1,6 @@
 """Frames, times, odometry and priors of wrong programs: `look` and `steer` answer, or raise an error of the family.
 
-Half of the 10,000 inputs; the other half are files and command lines (test_files.py, test_command_lines.py).
+No other test hands over arguments that are wrong in several ways at once.
 """
 
 from pathlib import Path
@@ -76,7 +76,7 @@ def drive(vision, frames, count, seed):
     return count - len(messages), len(messages)
 
 
-@pytest.mark.parametrize(("memory", "count"), [(False, 1200), (True, 400)])
+@pytest.mark.parametrize(("memory", "count"), [(False, 300), (True, 100)])
 def test_mirror_looks_end_in_views_or_in_errors_of_the_family(memory, count):
     field = load_field("ssl_2001")
     camera = load_camera(IMAGES / "omni_ssl_2001" / "camera.toml")
@@ -87,7 +87,7 @@ def test_mirror_looks_end_in_views_or_in_errors_of_the_family(memory, count):
     assert refused > 0.1 * count
 
 
-@pytest.mark.parametrize(("tilt_rad", "count"), [(None, 150), (-0.15, 200)])
+@pytest.mark.parametrize(("tilt_rad", "count"), [(None, 40), (-0.15, 60)])
 def test_pinhole_looks_end_in_views_or_in_errors_of_the_family(tilt_rad, count):
     camera = load_camera(IMAGES / "goal_four_legged" / "camera.toml")
     if tilt_rad is not None:
@@ -111,7 +111,7 @@ def test_what_is_constructed_of_anything_is_refused_in_one_line():
     def thing():
         return things[int(rng.integers(len(things)))]
 
-    for _ in range(1000):
+    for _ in range(300):
         given = {name: thing() for name in names if rng.random() < 0.5}
         # `online` is never right: a right line would make a whole Vision each time
         with pytest.raises(RobocupVisionError) as raised:

@@ -9,7 +9,7 @@ from robocup_vision.localization.lines.line_map import LineMap
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.random_scenes import CONDITIONS, sample
 
-CARPET_BGR, PAINT_BGR, HALL_BGR = (50, 130, 45), (225, 230, 225), (90, 100, 110)
+CARPET_BGR, PAINT_BGR, HALL_BGR = np.array([(50, 130, 45), (225, 230, 225), (90, 100, 110)])
 
 
 @pytest.fixture(scope="session")
@@ -28,15 +28,16 @@ def paint_field():
         v, u = (np.mgrid[: height * fine, : width * fine] + 0.5) / fine - 0.5
         floor = camera.pixel_to_floor(np.stack([u, v], axis=-1)).reshape(-1, 2)
         points = pose.transform(np.nan_to_num(floor, nan=1e3))
-        image = np.full((len(points), 3), HALL_BGR, dtype=np.float32)
         on_carpet = (np.abs(points) <= (field.length_m / 2 + margin_m, field.width_m / 2 + margin_m)).all(axis=1)
-        image[on_carpet] = CARPET_BGR
         if id(field) not in maps:
             maps[id(field)] = field, LineMap(field)
         line_map = maps[id(field)][1]
-        painted = line_map.nearest(points[on_carpet]).distance_m <= field.line_width_m / 2
-        image[np.flatnonzero(on_carpet)[painted]] = PAINT_BGR
-        image = gain * image.reshape(height, fine, width, fine, 3).mean(axis=(1, 3))
+        on_paint = on_carpet.copy()
+        on_paint[on_carpet] = line_map.nearest(points[on_carpet]).distance_m <= field.line_width_m / 2
+        carpet, paint = (
+            part.reshape(height, fine, width, fine).mean(axis=(1, 3))[..., None] for part in (on_carpet, on_paint)
+        )
+        image = gain * ((1.0 - carpet) * HALL_BGR + (carpet - paint) * CARPET_BGR + paint * PAINT_BGR)
         if noise:
             image = image + rng.normal(0.0, noise, image.shape)
         return np.clip(np.round(image), 0, 255).astype(np.uint8)

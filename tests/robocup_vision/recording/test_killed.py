@@ -41,9 +41,9 @@ for path in sys.argv[1:]:
 
 
 @pytest.mark.slow
-def test_ten_killed_recordings_read_to_their_last_second(tmp_path: Path) -> None:
+def test_killed_recordings_read_to_their_last_second(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    seconds = np.random.default_rng(7).uniform(1.2, 3.0, 10).tolist()
+    seconds = np.random.default_rng(7).uniform(1.2, 3.0, 4).tolist()
     paths = [tmp_path / f"{number}.mcap" for number in range(len(seconds))]
     command = [sys.executable, "-c", _PROGRAM, *map(str, paths)]
     said: list[list[float]] = [[] for _ in paths]

@@ -52,9 +52,9 @@ def address(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_killed_workers_pieces_are_done_again(address, tmp_path):
-    pieces = (piece for piece in range(300))
+    pieces = (piece for piece in range(100))
     done = list(in_order(run_pieces(Start(tmp_path / "killed"), pieces, dask_workers(address), batch=4)))
-    assert done == [2 * piece for piece in range(300)]
+    assert done == [2 * piece for piece in range(100)]
     assert (tmp_path / "killed").exists()
 
 
@@ -154,7 +154,7 @@ def test_a_folder_is_scored_as_by_one_process(how, address, tmp_path, monkeypatc
 
 @pytest.mark.slow
 def test_a_folder_is_rendered_as_by_one_process(address, tmp_path):
-    words = ["render-goal", "--count", "4", "--seed", "3", "--jpeg", "80"]
+    words = ["render-goal", "--count", "2", "--seed", "3", "--jpeg", "80"]
     assert cli.main([*words, str(tmp_path / "one")]) == 0
     assert cli.main([*words, "--dask", address, str(tmp_path / "many")]) == 0
     for path in (tmp_path / "one").rglob("*.*"):

@@ -142,8 +142,6 @@ def test_images_without_a_field_are_refused(ssl_field, rough_camera):
     ("name", "has_start"),
     [
         ("ssl_division_b", True),
-        pytest.param("ssl_division_b", False, marks=pytest.mark.slow),
-        pytest.param("msl_6x4", True, marks=pytest.mark.slow),
         pytest.param("msl_6x4", False, marks=pytest.mark.slow),
     ],
 )

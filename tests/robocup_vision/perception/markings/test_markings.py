@@ -60,7 +60,7 @@ SETUPS = {
 def places(field):
     """Return poses before what is worth looking at, on all sides of it."""
     x, y = field.length_m / 2, field.width_m / 2
-    for to_x, to_y in ((x, y), (-x, y), (0.0, y), (0.0, 0.0), (x, 0.3 * y)):
+    for to_x, to_y in ((x, y), (0.0, y), (0.0, 0.0), (x, 0.3 * y)):
         away = 0.35 * field.width_m
         turn = math.atan2(-to_y, -to_x or 1.0) + 0.35
         at = to_x + away * math.cos(turn), to_y + away * math.sin(turn)
