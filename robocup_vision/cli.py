@@ -112,7 +112,7 @@ def _flush() -> None:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    parser = _parser()
+    parser = command_parser()
     if "_ARGCOMPLETE" in os.environ:
         complete(parser)
     options = parser.parse_args(arguments)
@@ -144,7 +144,8 @@ def _run(arguments: Sequence[str] | None) -> int:
     return status
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands, each with its `run`."""
     from robocup_vision.commands import registered
 
     parser = _Parser(prog="robocup-vision", description="One camera frame in; a robot's pose, free floor and ball out.")

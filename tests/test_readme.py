@@ -33,7 +33,7 @@ def test_the_readme_stays_short():
 def test_commands_are_understood(command):
     name, *arguments = shlex.split(command)
     assert name == "robocup-vision"
-    assert cli._parser().parse_args(arguments).run
+    assert cli.command_parser().parse_args(arguments).run
 
 
 def test_linked_files_are_there():

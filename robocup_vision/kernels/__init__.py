@@ -1,4 +1,4 @@
-"""Compiled loops: what NumPy and OpenCV cannot do in the time a frame has; each has a NumPy twin in the tests.
+"""Compiled loops: what NumPy and OpenCV cannot do in the time a frame has.
 
 Everything here is a plain function of arrays, one file per concept it serves. The wrappers that give the arrays meaning
 live beside that concept.

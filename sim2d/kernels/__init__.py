@@ -1,4 +1,4 @@
-"""Compiled loops of the simulator; each is held against a plain NumPy twin by the tests."""
+"""Compiled loops of the simulator."""
 
 from pathlib import Path
 

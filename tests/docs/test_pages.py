@@ -57,7 +57,7 @@ def test_programs_run(page, tmp_path):
 def test_commands_are_understood(command):
     name, *arguments = shlex.split(command)
     assert name == "robocup-vision"
-    assert cli._parser().parse_args(arguments).run
+    assert cli.command_parser().parse_args(arguments).run
 
 
 @pytest.mark.parametrize(("page", "target"), LINKS)

@@ -81,7 +81,7 @@ def test_without_the_extra_it_says_what_to_install():
 def test_neither_the_library_nor_the_command_line_loads_a_web_package():
     code = (
         "import sys, robocup_vision, robocup_vision.live, robocup_vision.vision; from robocup_vision import cli\n"
-        "cli._parser()\n"
+        "cli.command_parser()\n"
         "print(*({'starlette', 'uvicorn', 'websockets', 'anyio', 'mcap', 'rosbags'} & sys.modules.keys()))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -7,7 +7,7 @@ import pytest
 
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_memory import ColorMemory
-from robocup_vision.perception.color_table import CLASS_NAMES
+from robocup_vision.perception.color_table import CLASS_NAMES, build_color_table
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
 from sim2d.rendering.mirror import MirrorRenderer
@@ -38,8 +38,7 @@ class Watch:
     def is_floor(self, bgr, level=1.0, cast=NEUTRAL):
         """Whether the colours in use take this paint, under this light, for floor."""
         color = np.clip(np.array(bgr) * cast * level, 0, 255).astype(np.uint8)
-        memory = self.vision._pipeline._color_memory
-        return bool(memory._table.segment(color[None, None])[0, 0] == FLOOR)
+        return bool(build_color_table(self.vision.colors).segment(color[None, None])[0, 0] == FLOOR)
 
     @property
     def error(self):

@@ -133,10 +133,14 @@ def test_a_truth_that_is_not_finite_is_none(tmp_path: Path) -> None:
 
 
 def test_a_damaged_chunk_is_named_by_its_time(recorded: tuple[Path, list[str]], tmp_path: Path) -> None:
-    reader = LogReader(recorded[0])
-    place = reader._contents.places[0]
+    from mcap.reader import make_reader
+
+    with recorded[0].open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    place = summary.chunk_indexes[0]
     data = bytearray(recorded[0].read_bytes())
-    middle = place.offset + place.length // 2
+    middle = place.chunk_start_offset + place.chunk_length // 2
     data[middle : middle + 64] = bytes(64)
     path = tmp_path / "damaged.mcap"
     path.write_bytes(bytes(data))

@@ -21,6 +21,12 @@ from robocup_vision.ssl.values.tracked import TrackerPacket
 WAIT_S = 5.0
 
 
+def end(port):
+    """Tell the peer of `echo` that nothing more comes."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.sendto(b"end", ("127.0.0.1", port))
+
+
 @pytest.fixture
 def sender():
     with multicast_sender() as made:
@@ -164,7 +170,7 @@ def test_robots_are_commanded_and_answer(echo):
         client.send(commands)
         assert client.receive(WAIT_S) == feedback
         assert client.bad_datagrams == 1
-        client._socket.send(b"end")
+        end(port)
     thread.join(WAIT_S)
     assert decode(sim.RobotControl, heard[0]).commands == commands
 
@@ -185,7 +191,7 @@ def test_a_simulator_is_controlled_stepped_and_answers_asyncio(echo):
         told = asyncio.run(client.receive_async(WAIT_S))
         assert told.errors[0].code == "CODE"
         assert client.step(0.5, timeout_s=WAIT_S).detections[0].camera_id == FRAME.camera_id
-        client._socket.send(b"end")
+        end(port)
         thread.join(WAIT_S)
     placed = decode(sim.SimulatorCommand, heard[0]).control.robots[0]
     assert (placed.robot.number, placed.robot.team, placed.present) == (2, sim.Team.YELLOW, True)

@@ -113,7 +113,7 @@ def test_photographs_without_boxes_are_refused(tmp_path):
         'format = 1\nfield = "spl_2020"\ncamera = "camera.toml"\nimages = "images"\n'
     )
     command = ["train-balls", "--photographs", str(tmp_path), str(tmp_path / "out")]
-    arguments = cli._parser().parse_args(command)
+    arguments = cli.command_parser().parse_args(command)
     with pytest.raises(ArgumentError, match="need a boxes"):
         arguments.run(arguments)
     (tmp_path / "boxes.csv").write_text("image,kind,xmin,ymin,xmax,ymax\na.png,ball,10,10,30,30\n")

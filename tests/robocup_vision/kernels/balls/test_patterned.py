@@ -28,20 +28,6 @@ def blobs(rng, count=3):
     return kinds, level
 
 
-@given(st.integers(1, 200), st.integers(1, 4), st.sampled_from([kernel.CARPET, kernel.NEUTRAL]), st.integers(0, 99))
-def test_a_frame_of_any_width_has_a_bit_for_each_pixel(width, height, kind, seed):
-    kinds = np.random.default_rng(seed).integers(0, 3, (height, width)).astype(np.uint8)
-    words = (width + 63) // 64
-    outside = kernel.EVERY_BIT if kind == kernel.NEUTRAL else kernel.NO_BITS
-    bits = kernel._bits(kinds, kind, outside, words, 1)
-    beyond = bool(outside)
-    each = np.unpackbits(bits.view(np.uint8), axis=1, bitorder="little").astype(bool)
-    np.testing.assert_array_equal(each[:height, 64 : 64 + width], kinds == kind)
-    around = each.copy()
-    around[:height, 64 : 64 + width] = beyond
-    assert (around == beyond).all()
-
-
 def is_in(x, y):
     return 0 <= x < WIDTH and 0 <= y < HEIGHT
 
@@ -116,18 +102,6 @@ def test_a_disc_is_measured_as_plainly_defined(seed, u, v, radius):
     assert inside == pytest.approx(plain_disc(kinds, u, v, radius)[2])
     measured = kernel.measure_patches(kinds, level, u, v, radius, SEARCH.max_dark)
     np.testing.assert_allclose(measured, plain_patches(kinds, level, u, v, radius, SEARCH.max_dark))
-
-
-@pytest.mark.parametrize("radius", [4.0, 5.3, 7.9])
-def test_a_disc_within_the_frame_is_measured_by_offsets_as_by_places(radius):
-    kinds, _ = blobs(np.random.default_rng(3))
-    offsets = np.empty((3, kernel.DIRECTIONS), dtype=np.int64)
-    margin = kernel._offsets(DIRECTIONS, radius, SEARCH, WIDTH, offsets)
-    for u in range(margin, WIDTH - margin):
-        for v in range(margin, HEIGHT - margin):
-            agree, shown, inside = kernel._measure_within(kinds.reshape(-1), DIRECTIONS, v * WIDTH + u, offsets)
-            assert (agree, shown) == plain_disc(kinds, u, v, radius)[:2]
-            assert inside == pytest.approx(plain_disc(kinds, u, v, radius)[2])
 
 
 @pytest.mark.parametrize("seed", range(3))

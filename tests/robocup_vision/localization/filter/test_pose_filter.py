@@ -391,11 +391,6 @@ def test_what_lasts_of_the_odometrys_errors_is_learnt_and_carries_a_robot_that_t
         assert min(abs(blind_turn(scale, calibrated, seed, carried_away)[0]) for seed in range(4)) > 0.2
 
 
-def test_an_odometry_that_is_calibrated_learns_no_gains():
-    filter_, _, _ = run(Pose2(0.0, 0.0, 0.0), 60, np.random.default_rng(3), scale=1.2)
-    assert not filter_._mixture.modes[0].hidden[6:].any()
-
-
 @settings(max_examples=12)
 @given(seeds, st.sampled_from([(3.0, 0.0, 0.0), (0.0, -40.0, 0.0), (0.0, 0.0, 3.1)]))
 def test_odometry_that_no_robot_can_do_widens_and_moves_nothing(seed, glitch):

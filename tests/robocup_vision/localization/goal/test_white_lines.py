@@ -7,6 +7,7 @@ import pytest
 from field_models import load_field
 from robocup_vision.localization.goal.geometry import HEADING
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
+from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.localization.goal.white_lines import WhiteGoalLines, WhiteLineSettings, loosened
 from robocup_vision.localization.lines.line_map import LineMap
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
@@ -22,7 +23,7 @@ def seen():
     for sample in sample_goal(FIELD, CONDITION, 1234, 60, supersample=2):
         located = estimator.locate_camera(sample.frame)
         if located and located.lines is not None:
-            return sample.frame, loosened(estimator._search.white_model), located.unknowns
+            return sample.frame, loosened(GoalSearch(FIELD, CONDITION.camera).white_model), located.unknowns
     raise AssertionError("no goal is located with its lines")
 
 

@@ -167,7 +167,7 @@ def test_a_frame_that_fixes_nothing_is_neutral():
     assert weigh(open_._replace(position_std_m=0.02, gained_nats=4.0), settings).log_likelihood_ratio > 1.5
 
 
-def test_a_hidden_view_is_followed_on_but_not_from_elsewhere(fl_shot):
+def test_a_hidden_view_is_followed_on(fl_shot):
     follower = EdgeFollower(fl_shot.field, fl_shot.camera)
     # a robot that stands close before the camera leaves a strip of the picture
     hidden = fl_shot.frame.copy()
@@ -177,13 +177,6 @@ def test_a_hidden_view_is_followed_on_but_not_from_elsewhere(fl_shot):
     assert follower.follow(fl_shot.frame, near(fl_shot.pose))
     followed = follower.follow(hidden, near(fl_shot.pose))
     assert followed or not alone
-    assert follower._prior_log_odds(near(fl_shot.pose), 1 / 30) > 0
-    assert follower._prior_log_odds(near(fl_shot.pose, (0.6, 0.0, 0.0)), 1 / 30) == 0
-    # and the longer ago, the less, until it is none at all
-    assert follower._prior_log_odds(near(fl_shot.pose), 0.5) < follower._prior_log_odds(near(fl_shot.pose), 1 / 30)
-    assert follower._prior_log_odds(near(fl_shot.pose), 3.0) == 0
-    follower.forget()
-    assert follower._prior_log_odds(near(fl_shot.pose), 1 / 30) == 0
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import pytest
 from field_models import load_field
 from robocup_vision import NotLocated, Vision
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.localization.model_edges.tilt_finder import HeldPose, TiltFinder
 from sim2d.rendering.goal.scenes import nao_camera
 from sim2d.rendering.pinhole import render_pinhole
@@ -62,14 +61,6 @@ def test_place_and_tilt_are_found_by_the_lines(finder, pose, tilt_rad, light):
     assert answer.camera.height_m == pytest.approx(0.44, abs=0.015)
 
 
-def test_the_tilt_lies_between_the_bounds_that_bands_and_carpet_set(finder):
-    for pose, tilt_rad in PLACES:
-        frame = frame_at(pose, tilt_rad, roll_rad=0.0)
-        top = finder._carpet_top(frame)
-        lowest, highest = finder._tilt_bounds(finder._line_bands(frame, top), top)
-        assert lowest - 0.02 < tilt_rad < highest + 0.02
-
-
 def test_a_frame_without_lines_is_not_located(finder):
     bare = replace(FIELD, lines=np.empty((0, 4)), arcs=np.empty((0, 5)))
     for pose, tilt_rad in PLACES:
@@ -95,7 +86,7 @@ def test_a_held_pose_keeps_its_tilt_in_a_half_turn():
     assert held.half_turn().error_to(Pose2(1.0, 2.0, 0.5).half_turn()) == pytest.approx((0.0, 0.0))
 
 
-def test_bright_stripes_beyond_the_field_speak_neither_for_nor_against_a_pose(finder):
+def test_bright_stripes_beyond_the_field_move_no_pose(finder):
     pose, tilt_rad = Pose2(-1.4, 0.0, 0.6), -0.2
     y = FIELD.width_m / 2 + 0.45
     striped = replace(FIELD, lines=np.vstack([FIELD.lines, [[-4.5, y, 4.5, y]]]))
@@ -103,15 +94,3 @@ def test_bright_stripes_beyond_the_field_speak_neither_for_nor_against_a_pose(fi
     answer = finder.find(frame)
     assert answer
     assert nearest(answer.estimate.candidates, pose)[0] < 0.03
-    held = HeldPose(pose.x_m, pose.y_m, pose.theta_rad, tilt_rad, 0.02)
-    finder._fit(frame, held)
-    known = finder.follower
-    evidence = known.evidence
-    assert evidence.explained > 0.95 * evidence.points
-    everywhere = EdgeFollower(FIELD, known.camera, replace(known.settings, lines_end_m=math.inf))
-    finder.follower = everywhere
-    finder._fit(frame, held)
-    finder.follower = known
-    seen = everywhere.evidence
-    assert 0.6 * seen.points < evidence.points <= seen.points - 5
-    assert seen.explained == evidence.explained

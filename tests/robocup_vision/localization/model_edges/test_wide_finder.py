@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
@@ -116,34 +114,3 @@ def test_it_serves_fields_with_boards_and_frames_that_have_smaller_copies():
     small = replace(CAMERA, size_px=(208, 160), center_px=(103.5, 79.5))
     assert not WideFinder.serves(HALF, small, edges)
     assert [smallest_copy(one, edges) for one in (CAMERA, small)] == [3, 1]
-
-
-FINDERS = [WideFinder(load_field("ssl_division_b"), CAMERA, EdgeSettings()), WideFinder(HALF, CAMERA, EdgeSettings())]
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    st.sampled_from(FINDERS),
-    st.floats(0.05, 0.95),
-    st.floats(0.05, 0.95),
-    st.floats(-math.pi, math.pi),
-)
-def test_what_looks_like_a_pose_sees_a_corner_of_the_floor_where_the_pose_does(finder, along, across, heading):
-    polygon = finder.follower.field.floor_polygon
-    low, high = polygon.min(axis=0), polygon.max(axis=0)
-    pose = Pose2(*(low + (along, across) * (high - low)).tolist(), heading)
-    seen = pose.inverse().transform(polygon)
-    # the camera sees a corner ahead, or else the half turn of the floor is the only like
-    half_view = math.atan(CAMERA.size_px[0] / 2 / CAMERA.focal_px[0])
-    bearing = np.abs(np.arctan2(seen[:, 1], seen[:, 0]))
-    assume(np.abs(bearing - half_view).min() > 0.01)
-    ahead = seen[bearing < half_view]
-    for like in finder._likes(pose):
-        assert finder.follower.field.is_on_floor(like.x_m, like.y_m)
-        shown = like.inverse().transform(polygon)
-        if len(ahead):
-            nearest = ahead[np.hypot(*ahead.T).argmin()]
-            assert np.hypot(*(shown - nearest).T).min() < 1e-9
-        # a turn by a quarter: the walls run along the same directions
-        quarter = (like.theta_rad - heading) / (math.pi / 2)
-        assert quarter == pytest.approx(round(quarter), abs=1e-9)
