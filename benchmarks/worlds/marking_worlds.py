@@ -185,5 +185,5 @@ def marked_frames(world: MarkingWorld, seed: int, count: int) -> Iterator[Marked
             tilt, roll, height = rng.standard_normal(3).tolist()
             camera = replace(camera, height_m=camera.height_m + camera.height_std_m * height)
             camera = camera.with_orientation(0.0, (camera.tilt_rad or 0.0) + tilt_std * tilt, roll_std * roll)
-            light = render_pinhole(camera, scene, pose, supersample=3)
+            light = render_pinhole(camera, scene, pose, supersample=2)
         yield MarkedFrame(sensor.expose(light, rng), camera, pose, tuple(others))

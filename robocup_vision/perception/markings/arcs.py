@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
-from robocup_vision.perception.line_points import FloorCamera, LinePoints
+from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.floor_errors import FloorErrors
 from robocup_vision.perception.markings.line_middles import middle_shifts_m
 from robocup_vision.perception.markings.line_pieces import LinePieces
@@ -21,6 +21,8 @@ _SWAYS = (-1.3, 0.0, 1.3)
 _FIT_STEPS = 8
 # before this step the circle is known well enough to tell how perspective moves its middle
 _MIDDLE_STEP = 5
+# how a circle bends in the picture is told over so much of a turn either way
+_BEND_RAD = 0.05
 # an arc's extent is counted in so many parts of a turn
 _PARTS = 36
 # so many pieces, evenly among all, propose a centre on either side
@@ -86,7 +88,7 @@ def find_arcs(
             start = _propose(pieces, piece_shifts, radius, slack_m, settings)
             if start is None:
                 break
-            arc = _fit(points, shifts, free, *start, radius, errors.camera, line_width_m, slow_px, settings)
+            arc = _fit(points, shifts, free, *start, radius, errors, line_width_m, slow_px, settings)
             if arc is None or _shows_carpet(points, errors, arc, settings) or _may_be_straight(points, arc, settings):
                 break
             found.append(arc)
@@ -136,7 +138,7 @@ def _fit(
     center_m: FloatArray,
     held: FloatArray,
     radius_m: float,
-    camera: FloorCamera,
+    errors: FloorErrors,
     line_width_m: float,
     slow_px: float,
     settings: MarkingSettings,
@@ -144,34 +146,33 @@ def _fit(
     """Fit centre and camera together; None where too little of the circle is seen."""
     slack_m = settings.slack_widths * line_width_m
     left = np.flatnonzero(free)
-    floor = points.floor_m[left].copy()
-    (a, b, c, d), own = points.floor_per_px.reshape(-1, 4)[left].T, points.weight[left]
+    floor, shifts, bend_px = points.floor_m[left], shifts[left], np.zeros(len(left))
+    per_px, own = points.floor_per_px[left], points.weight[left]
     state = np.concatenate([center_m, held])
     prior = np.diag(np.concatenate([np.zeros(2), np.ones(len(held))]))
     gate = _WIDE * settings.gate_px
     for step in range(_FIT_STEPS):
-        off = floor + shifts[left] @ state[2:] - state[:2]
+        if step == _MIDDLE_STEP:
+            floor, shifts, bend_px = _middles(points.pixels[left], per_px, errors, state, radius_m, line_width_m)
+        off = floor + shifts @ state[2:] - state[:2]
         away = np.maximum(np.hypot(*off.T), 1e-9)
         outward = off / away[:, None]
-        if step == _MIDDLE_STEP:
-            on_circle = state[:2] + radius_m * outward - shifts[left] @ state[2:]
-            floor -= middle_shifts_m(camera, on_circle, outward, line_width_m)
-        scale = np.hypot(a * outward[:, 0] + c * outward[:, 1], b * outward[:, 0] + d * outward[:, 1])
+        scale = _scale_m(per_px, outward)
         near = np.abs(away - radius_m) <= gate * scale + slack_m
         if np.count_nonzero(near) < settings.min_points:
             return None
-        rows = np.concatenate([-outward, np.einsum("ni,nik->nk", outward, shifts[left])], axis=1)[near]
+        rows = np.concatenate([-outward, np.einsum("ni,nik->nk", outward, shifts)], axis=1)[near]
         residual_px = (away - radius_m)[near] / scale[near]
         rows /= scale[near, None]
         noise_px = max(settings.noise_px, math.sqrt(float(own[near] @ residual_px**2 / own[near].sum())))
-        weight = own[near] / (settings.points_per_sample * noise_px**2)
+        weight = own[near] / (settings.points_per_sample * (noise_px**2 + bend_px[near] ** 2))
         information = (rows.T * weight) @ rows + prior
         change = np.linalg.solve(
             information + 1e-9 * np.eye(len(state)), (rows.T * weight) @ residual_px + prior @ state
         )
         state = state - change
         gate = max(settings.gate_px, 0.7 * gate)
-    if (np.abs(state[2:]) > settings.gate_sigmas).any():
+    if noise_px > settings.max_arc_px or (np.abs(state[2:]) > settings.gate_sigmas).any():
         return None
     turn = np.arctan2(outward[near, 1], outward[near, 0])
     parts = np.unique((turn / math.tau * _PARTS).astype(np.int64) % _PARTS)
@@ -179,9 +180,62 @@ def _fit(
         return None
     covariance = np.linalg.inv(information + 1e-9 * np.eye(len(state)))
     gain = covariance @ (rows.T * weight)
-    covariance = (covariance + slow_covariance(gain, points.pixels[left[near]], slow_px))[:2, :2]
+    covariance += slow_covariance(gain, points.pixels[left[near]], np.hypot(slow_px, bend_px[near]))
     cost = 0.5 * float(weight @ residual_px**2)
-    return Arc(state[:2], covariance, state[2:], cost, noise_px, radius_m, left[near])
+    return Arc(state[:2], covariance[:2, :2], state[2:], cost, noise_px, radius_m, left[near])
+
+
+def _scale_m(per_px: FloatArray, outward: FloatArray) -> FloatArray:
+    """(P,) float64: how far a step in the picture moves points along their own directions, metres a pixel."""
+    return np.asarray(np.linalg.norm(np.einsum("nij,ni->nj", per_px, outward), axis=1))
+
+
+def _middles(
+    pixels: FloatArray,
+    per_px: FloatArray,
+    errors: FloorErrors,
+    state: FloatArray,
+    radius_m: float,
+    line_width_m: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return points on the middle of a circle's line, how they move, and what they err by, now that it is about known.
+
+    Parameters
+    ----------
+    pixels, per_px : (P, 2) float64, (P, 2, 2) float64
+        Of the points, see `LinePoints`.
+    errors : FloorErrors
+        About the camera as it was taken to be held.
+    state : (2 + K,) float64
+        Centre, and the errors of how the camera is held.
+    radius_m, line_width_m : float
+        Of the circle.
+
+    Returns
+    -------
+    (P, 2), (P, 2, K), (P,) float64
+        Places and how they move, so that places and shifts by `state` are those of the camera that is held so: what a
+        far place moves by differs from one tilt to another. Then errors, pixels: a line is crossed along one of four
+        axes of the picture, and between the edges of one that bends, the middle of such a way lies inside by
+        half**2 tan(angle)**2 / (2 r), where half is half its width and r the radius of the bend in the picture.
+    """
+    about = errors.moved(state[2:])
+    camera, shifts = about.camera, about.shifts_m(pixels)
+    floor = camera.pixel_to_floor(pixels)
+    outward = floor - state[:2]
+    outward /= np.maximum(np.hypot(*outward.T), 1e-9)[:, None]
+    places = state[:2] + radius_m * outward
+    along = _BEND_RAD * np.stack([-outward[:, 1], outward[:, 0]], axis=1)
+    ends = [
+        camera.floor_to_pixel(places + radius_m * (sign * along - 0.5 * _BEND_RAD**2 * outward)) for sign in (1, -1)
+    ]
+    chord = np.hypot(*(ends[1] - ends[0]).T)
+    sagitta = np.hypot(*((ends[0] + ends[1]) / 2 - camera.floor_to_pixel(places)).T)
+    curvature = 8 * sagitta / np.maximum(chord, 1e-9) ** 2
+    half_px = 0.5 * line_width_m / _scale_m(per_px, outward)
+    bend_px = np.nan_to_num(0.5 * (half_px * math.tan(math.pi / 8)) ** 2 * curvature)
+    floor = floor - middle_shifts_m(camera, places, outward, line_width_m) - shifts @ state[2:]
+    return floor, shifts, bend_px
 
 
 def _shows_carpet(points: LinePoints, errors: FloorErrors, arc: Arc, settings: MarkingSettings) -> bool:

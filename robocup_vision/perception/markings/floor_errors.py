@@ -70,6 +70,12 @@ class FloorErrors:
             return tuple(_both(camera, _held, column) for column in self.root.T)
         return tuple(_both(camera, _tilted, column) for column in self.root.T)
 
+    def moved(self, held: FloatArray) -> FloorErrors:
+        """Return the errors about the camera that is off by so many (K,) standard deviations of each."""
+        error, camera = self.root @ held, self.camera
+        off = _held(camera, error) if isinstance(camera, PinholeCamera) else _tilted(camera, error)
+        return FloorErrors(off, self.root)
+
     def shifts_m(self, pixels: FloatArray) -> FloatArray:
         """How far floor places of pixels (..., 2) move by one standard deviation of each error, (..., 2, K), metres.
 

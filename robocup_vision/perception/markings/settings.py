@@ -40,6 +40,8 @@ class MarkingSettings:
         A line is told where its points are so much more likely by it than by an arc as curved as the field's.
     min_arc_rad : float
         Of a circle so much is seen, or it is none.
+    max_arc_px : float
+        Points err by so much about a circle, or it is none: of lines that only lie about so.
     crossing_reach_widths, crossing_reach_px : float
         Lines end within so many of their widths and pixels of a crossing.
     gate_sigmas : float
@@ -84,7 +86,8 @@ class MarkingSettings:
     min_along: float = 0.5
     bare_share: float = 0.5
     straight_nats: float = 4.0
-    min_arc_rad: float = math.radians(90.0)
+    min_arc_rad: float = math.radians(70.0)
+    max_arc_px: float = 0.35
     crossing_reach_widths: float = 2.5
     crossing_reach_px: float = 8.0
     gate_sigmas: float = 3.0

@@ -59,7 +59,7 @@ def with_slow_errors(points: LinePoints, line: Straight, slow_px: float) -> Stra
     return replace(line, covariance=line.covariance + slow_covariance(gain, points.pixels[which], slow_px))
 
 
-def slow_covariance(gain: FloatArray, pixels: FloatArray, slow_px: float) -> FloatArray:
+def slow_covariance(gain: FloatArray, pixels: FloatArray, slow_px: float | FloatArray) -> FloatArray:
     """Return the covariance (S, S) of a fit by what its points err by alike.
 
     Parameters
@@ -68,13 +68,13 @@ def slow_covariance(gain: FloatArray, pixels: FloatArray, slow_px: float) -> Flo
         By how much an error of each point, in pixels across its line, moves what is fitted.
     pixels : (P, 2) float64
         Of the points.
-    slow_px : float
+    slow_px : float or (P,) float64
         All points err by so much together, and those of each square of the picture by as much again.
     """
     square = _squares(pixels)
-    by_square = np.stack([np.bincount(square, row) for row in gain])
+    by_square = np.stack([np.bincount(square, row) for row in gain * slow_px])
     together = by_square.sum(axis=1)
-    return np.asarray(slow_px**2 * (np.outer(together, together) + by_square @ by_square.T))
+    return np.asarray(np.outer(together, together) + by_square @ by_square.T)
 
 
 def _squares(pixels: FloatArray) -> Int64Array:
