@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal, Protocol, cast
+from typing import Any, Literal, Protocol, cast
 
 from field_models.errors import ArgumentError
 from field_models.field import Field
@@ -67,12 +67,14 @@ def _masks(mask: object, count: int, *, is_rig: bool) -> tuple[UInt8Array | None
 
 
 def _with_camera(
-    pipeline: OmniPipeline | PinholePipeline | RigPipeline, camera: OmniCamera | PinholeCamera
-) -> OmniPipeline | PinholePipeline:
+    pipeline: OmniPipeline | PinholePipeline | RigPipeline, camera: OmniCamera | PinholeCamera | Rig
+) -> OmniPipeline | PinholePipeline | RigPipeline:
+    if isinstance(pipeline, RigPipeline):
+        assert isinstance(camera, Rig)
+        return pipeline.with_rig(camera)
     if isinstance(pipeline, PinholePipeline):
         assert isinstance(camera, PinholeCamera)
         return pipeline.with_camera(camera)
-    assert isinstance(pipeline, OmniPipeline)
     assert isinstance(camera, OmniCamera)
     return pipeline.with_camera(camera)
 
@@ -80,10 +82,10 @@ def _with_camera(
 class CameraRefiner(Protocol):
     """Refines a camera while frames are looked at, as `calibration.online.OnlineCalibration` does."""
 
-    camera: OmniCamera | PinholeCamera
+    camera: OmniCamera | PinholeCamera | Rig
 
-    def follow(self, frame: UInt8Array, view: View) -> OmniCamera | PinholeCamera | None:
-        """Return a better camera, or None while the one in use will do."""
+    def follow(self, frame: Any, view: View) -> OmniCamera | PinholeCamera | Rig | None:
+        """Return a better camera, or None while the one in use will do; of a rig `frame` is a sequence of frames."""
         ...
 
 
@@ -118,8 +120,8 @@ class Vision:
         Fraction of a cell that must be floor for the cell to be free: the r_th of Sekimori et al., as `threshold` in
         `FreeSpaceGrid`.
     online : CameraRefiner, optional
-        An `OnlineCalibration`, which refines this camera while frames are looked at; `camera` is then the one now in
-        use, and `online.state` holds how far it has moved. Not for a rig.
+        An `OnlineCalibration`, which refines this camera, or this rig's mountings, while frames are looked at;
+        `camera`, or `rig`, is then the one now in use, and `online.state`, or `online.mountings`, tells how sure it is.
     channels : {"bgr", "rgb"}
         Order of the frames' channels: "bgr" as OpenCV reads images, "rgb" as rgb8 of ROS, picamera2 and Pillow give
         them. Where balls and goals show that it is the other one, the view has a warning, once. Where goals or beacons
@@ -166,10 +168,8 @@ class Vision:
         free_ratio = as_number("free_ratio", free_ratio)
         if not 0.0 < free_ratio <= 1.0:
             raise ArgumentError(f"free_ratio must be above 0 and at most 1, got {free_ratio!r}")
-        if online is not None and self.rig is not None:
-            raise ArgumentError("online refines one camera: it does not serve a rig")
-        if online is not None and getattr(online, "camera", None) is not camera:
-            raise ArgumentError("online must be made for this very camera")
+        if online is not None and getattr(online, "camera", None) is not (self.rig or camera):
+            raise ArgumentError(f"online must be made for this very {'camera' if self.rig is None else 'Rig'}")
         if memory is not None and memory.ego_motion is not None and isinstance(camera, PinholeCamera):
             raise ArgumentError("the memory's ego_motion needs a mirror camera, which sees all around")
         if memory is not None:
@@ -313,13 +313,20 @@ class Vision:
 
     def _refine_camera(self, frame: UInt8Array | RigFrames, view: View) -> bool:
         """Refine the camera by a frame and its view; whether it is now another one."""
-        if isinstance(frame, RigFrames):
+        if self.online is None:
             return False
-        better = None if self.online is None else self.online.follow(to_bgr(frame, self.channels), view)
+        if isinstance(frame, RigFrames):
+            shown = tuple(None if one is None else to_bgr(one, self.channels) for one in frame.frames)
+            better = self.online.follow(shown, view)
+        else:
+            better = self.online.follow(to_bgr(frame, self.channels), view)
         if better is None:
             return False
         self._pipeline = _with_camera(self._pipeline, better)
-        self.camera = better
+        if isinstance(better, Rig):
+            self.rig, self.camera = better, better.cameras[0]
+        else:
+            self.camera = better
         return True
 
     def _look(

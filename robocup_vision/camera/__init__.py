@@ -7,7 +7,7 @@ from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.camera.projection import camera_rotation
-from robocup_vision.camera.rig import Rig, load_camera_or_rig, load_rig
+from robocup_vision.camera.rig import Rig, load_camera_or_rig, load_rig, save_rig
 from robocup_vision.camera.rolling_shutter import RollingShutter
 
 __all__ = [
@@ -27,4 +27,5 @@ __all__ = [
     "load_camera_or_rig",
     "load_rig",
     "save_camera",
+    "save_rig",
 ]

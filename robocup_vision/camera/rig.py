@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +12,9 @@ import msgspec
 
 from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, read_toml
-from robocup_vision.camera.files import Camera, load_camera
+from robocup_vision.camera.files import Camera, load_camera, save_camera
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.files.out_file import telling_write_errors
 
 # as long as the pose filter remembers how the robot moved; what is larger counts milliseconds
 _MAX_LATENCY_S = 1.0
@@ -114,6 +116,23 @@ def load_rig(path: str | Path) -> Rig:
         return Rig(cameras, described.latency_s, names)  # type: ignore[arg-type]
     except ArgumentError as error:
         raise FileError(path, str(error)) from None
+
+
+def save_rig(rig: Rig, path: str | Path) -> None:
+    """Write a rig file that `load_rig` reads back to the same rig, and beside it a file of its name for each camera.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be written.
+    """
+    names = [f"{name}.toml" for name in rig.names]
+    for name, camera in zip(names, rig.cameras, strict=True):
+        save_camera(camera, Path(path).parent / name)
+    listed = ", ".join(json.dumps(name) for name in names)
+    lines = ["format = 1", f"cameras = [{listed}]", f"latency_s = {[float(one) for one in rig.latency_s]}"]
+    with telling_write_errors(path):
+        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def load_camera_or_rig(path: str | Path) -> Camera | Rig:

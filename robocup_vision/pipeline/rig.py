@@ -7,7 +7,9 @@ moment of the look, to which odometry moves what older frames show.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 from typing import NamedTuple
 
@@ -173,6 +175,15 @@ class RigPipeline:
         self._noise, self._limits = OdometryNoise(), PoseFilterSettings()
         self._last_pose: Pose2 | None = None
 
+    def with_rig(self, rig: Rig) -> RigPipeline:
+        """Return a pipeline that goes on with another calibration of its rig: see `PinholePipeline.with_camera`."""
+        other = copy(self)
+        other.rig = rig
+        other.pipelines = tuple(
+            pipeline.with_camera(camera) for pipeline, camera in zip(self.pipelines, rig.cameras, strict=True)
+        )
+        return other
+
     def forget(self) -> None:
         """See `FramePipeline.forget`."""
         for pipeline in self.pipelines:
@@ -324,12 +335,11 @@ class RigPipeline:
             return answer._replace(pose=located.pose, measurement=None)
         if len(located.shots) == 1 and located.shots[0] is shot:
             return answer
+        measurement = partial(_measured, shot) if answer.pose else None
         is_of_it = any(other is shot for other in located.shots)
-        answer = answer._replace(pose=shot.then(located.pose))
+        answer = answer._replace(pose=shot.then(located.pose), measurement=measurement)
         # how a camera is held that took the body for elsewhere is as wrong
-        if is_of_it:
-            return answer
-        return answer._replace(camera=shot.pipeline.camera, measurement=None, held_covariance=None)
+        return answer if is_of_it else answer._replace(camera=shot.pipeline.camera, held_covariance=None)
 
     def _joined(
         self,

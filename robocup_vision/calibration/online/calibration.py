@@ -7,9 +7,10 @@ the robot's pose is marginalised out. An information filter joins the frames, fo
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -20,17 +21,20 @@ from robocup_vision.calibration.online.evidence import Evidence
 from robocup_vision.calibration.online.mirror import MirrorEvidence
 from robocup_vision.calibration.online.parameter_filter import ParameterFilter
 from robocup_vision.calibration.online.pinhole import PinholeEvidence
+from robocup_vision.calibration.online.rig import RigEvidence
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.files import save_camera
+from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.rig import Rig, save_rig
 from robocup_vision.view import View
 
 # between frames without times
 _USUAL_STEP_S = 1 / 30
 
 
-Camera = OmniCamera | PinholeCamera
+Camera = OmniCamera | PinholeCamera | Rig
 
 
 class EvidenceMaker(Protocol):
@@ -40,8 +44,6 @@ class EvidenceMaker(Protocol):
     ----------
     start, std, knock_std, reach : (G,) float64
         The file's values, their standard deviations, by how much a knock moves them, and the bounds of their change.
-    slices : (slice, slice, int)
-        Where the vector has the centre, the tilt, and the logarithm of the scale.
     tries_others : bool
         Whether a robot that is not located tries other cameras.
     """
@@ -50,8 +52,12 @@ class EvidenceMaker(Protocol):
     std: FloatArray
     knock_std: FloatArray
     reach: FloatArray
-    slices: tuple[slice, slice, int]
     tries_others: bool
+
+    @property
+    def slices(self) -> tuple[slice, slice, int] | None:
+        """Where the vector has the centre, the tilt, and the logarithm of the scale; of a rig None."""
+        ...
 
     def vector(self, camera: Any) -> FloatArray:
         """Return the parameters of a camera."""
@@ -70,14 +76,14 @@ class EvidenceMaker(Protocol):
         ...
 
     def of(
-        self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
+        self, frame: Any, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
     ) -> Evidence | None:
         """Return what a frame tells, None where it shows too little, or most of it contradicts the field.
 
         Parameters
         ----------
         frame : (H, W, 3) uint8
-            BGR.
+            BGR; of a rig one for each camera, or None.
         view : View
             What a `Vision` saw in it.
         mean, covariance : (G,), (G, G) float64
@@ -88,10 +94,19 @@ class EvidenceMaker(Protocol):
         ...
 
 
-def _make_evidence(field: Field, camera: Camera, mask: UInt8Array | None, settings: OnlineSettings) -> EvidenceMaker:
+def _make_evidence(
+    field: Field,
+    camera: Camera,
+    mask: UInt8Array | Sequence[UInt8Array | None] | None,
+    settings: OnlineSettings,
+) -> EvidenceMaker:
+    if isinstance(camera, Rig):
+        if mask is not None and len(mask) != len(camera):
+            raise ArgumentError(f"mask of a rig must be a sequence of {len(camera)}, None for a camera without one")
+        return RigEvidence(field, camera, cast("Sequence[UInt8Array | None] | None", mask), settings)
     if isinstance(camera, PinholeCamera):
-        return PinholeEvidence(field, camera, mask, settings)
-    return MirrorEvidence(field, camera, mask, settings)
+        return PinholeEvidence(field, camera, cast("UInt8Array | None", mask), settings)
+    return MirrorEvidence(field, camera, cast("UInt8Array | None", mask), settings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,8 +157,8 @@ class OnlineCalibration:
     ----------
     field : Field
         The pitch.
-    camera : OmniCamera or PinholeCamera
-        As in its file: start, and centre of the bounds.
+    camera : OmniCamera, PinholeCamera or Rig
+        As in its file: start, and centre of the bounds. Of a rig's cameras pan, tilt, roll and height are refined.
     mask : (H, W) uint8, optional
         As for the `Vision`.
     settings : OnlineSettings
@@ -154,13 +169,14 @@ class OnlineCalibration:
         self,
         field: Field,
         camera: Camera,
-        mask: UInt8Array | None = None,
+        mask: UInt8Array | Sequence[UInt8Array | None] | None = None,
         settings: OnlineSettings = OnlineSettings(),
     ) -> None:
         self.camera = camera
         self.settings = settings
-        if isinstance(camera, PinholeCamera) and not camera.known_orientation:
-            raise ArgumentError("online calibration of a pinhole camera needs its tilt_rad in the camera file")
+        for one in camera.cameras if isinstance(camera, Rig) else (camera,):
+            if isinstance(one, PinholeCamera) and not one.known_orientation:
+                raise ArgumentError("online calibration of a pinhole camera needs its tilt_rad in the camera file")
         frames = self._frames = _make_evidence(field, camera, mask, settings)
         self._filter = ParameterFilter(frames.start, frames.std, frames.knock_std, settings.filter)
         self._now = frames.start.copy()
@@ -171,8 +187,10 @@ class OnlineCalibration:
 
     @property
     def state(self) -> OnlineState:
-        """Current state: the camera in use, and how sure that is."""
+        """Current state: the camera in use, and how sure that is; a rig has `mountings`, and raises ArgumentError."""
         start, std = self._frames.start, self._filter.std
+        if self._frames.slices is None:
+            raise ArgumentError("an online calibration of a rig has no state of one camera: see its mountings")
         center, tilt, scale = self._frames.slices
         moved = np.abs(self._now - start)
         low, high = start - self._frames.reach, start + self._frames.reach
@@ -193,6 +211,13 @@ class OnlineCalibration:
         )
 
     @property
+    def mountings(self) -> tuple[Mounting, ...]:
+        """How each camera of a rig is mounted, as now in use, and how sure that is; else raises ArgumentError."""
+        if not isinstance(self._frames, RigEvidence):
+            raise ArgumentError("an online calibration of one camera has no mountings: see its state")
+        return self._frames.mountings(self._now, self._filter.std)
+
+    @property
     def mean(self) -> FloatArray:
         """(G,) float64: estimate of the camera's parameters, as `parameters_of` has them."""
         return self._filter.mean.copy()
@@ -206,7 +231,8 @@ class OnlineCalibration:
         """Parameters (G,) of a camera of the same kind.
 
         A mirror camera's: centre u, v (px), tilt about x, y (rad), logarithm of the curve's magnification. A pinhole
-        camera's: tilt, roll (rad), height (m), logarithm of the focal length's scale, centre u, v (px).
+        camera's: tilt, roll (rad), height (m), logarithm of the focal length's scale, centre u, v (px). A rig's, for
+        each camera: tilt, roll (rad), height (m), pan (rad).
         """
         return self._frames.vector(camera)
 
@@ -214,8 +240,8 @@ class OnlineCalibration:
         """Greatest distance between the images of the same places through the camera in use and another."""
         return self._frames.shift_px(self.camera, other)
 
-    def follow(self, frame: UInt8Array, view: View) -> Camera | None:
-        """Take in a frame (H, W, 3) uint8 and its view; return a better camera, or None."""
+    def follow(self, frame: Any, view: View) -> Camera | None:
+        """Take in a frame (H, W, 3) uint8, of a rig a sequence, and its view; return a better camera, or None."""
         self._frames.watch(view)
         self._t_s = view.t_s if view.t_s is not None else max(self._t_s, 0.0) + _USUAL_STEP_S
         if view.pose or self._located_s is None:
@@ -275,5 +301,8 @@ class OnlineCalibration:
         return self.camera
 
     def save(self, path: str | Path) -> None:
-        """Write the camera now in use as a camera file."""
-        save_camera(self.camera, path)
+        """Write the camera now in use as a camera file, or a rig as a rig file with its camera files beside it."""
+        if isinstance(self.camera, Rig):
+            save_rig(self.camera, path)
+        else:
+            save_camera(self.camera, path)

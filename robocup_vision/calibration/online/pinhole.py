@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +31,7 @@ from robocup_vision.calibration.online.evidence import (
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import wrap_angle
+from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.prediction import predict
@@ -44,6 +45,23 @@ _MAX_SAMPLES = 600
 # places of the parameters: tilt, roll, height, logarithm of the focal length's scale, centre
 _SCALE, _CENTER, _ANGLES = 3, slice(4, 6), slice(0, 2)
 _HEIGHT = 2
+
+
+class FrameTerms(NamedTuple):
+    """What a frame tells of the camera's parameters and of its own unknowns, before these are left out.
+
+    Parameters
+    ----------
+    information, gradient : (12, 12), (12,) float64
+        Of the six parameters, then the camera's pose on the field, and the body's sway in tilt, roll and height.
+    own, slope : (6,), (6,) float64
+        Precision of the frame's own unknowns under their prior, and its gradient where the points were worked out.
+    """
+
+    information: FloatArray
+    gradient: FloatArray
+    own: FloatArray
+    slope: FloatArray
 
 
 class PinholeEvidence:
@@ -146,10 +164,33 @@ class PinholeEvidence:
         self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
     ) -> Evidence | None:
         """Return what a frame tells: see `EvidenceMaker`."""
-        held, settings, size = view.camera, self._settings, len(mean)
+        held = view.camera
         assert isinstance(held, PinholeCamera)
         assert view.pose
         pose = view.pose.pose.compose(held.camera_in_robot)
+        told = self.terms(frame, held, pose, (mean, covariance, start))
+        if told is None:
+            return None
+        return Evidence(start.copy(), *marginal(told.information, told.gradient, len(mean), told.own, told.slope))
+
+    def terms(
+        self, frame: UInt8Array, held: PinholeCamera, pose: Pose2, belief: tuple[FloatArray, FloatArray, FloatArray]
+    ) -> FrameTerms | None:
+        """Return what a frame tells of the parameters and its own unknowns; None where `of` returns it.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        held : PinholeCamera
+            As the camera was held in it.
+        pose : Pose2
+            Of the camera on the field.
+        belief : (6,), (6, 6), (6,) float64
+            `mean`, `covariance` and `start` of `of`.
+        """
+        mean, covariance, start = belief
+        settings, size = self._settings, len(mean)
         tilt, roll = held.tilt_rad or 0.0, held.roll_rad or 0.0
         unknowns = np.array([pose.x_m, pose.y_m, pose.theta_rad, tilt, roll, held.height_m, 0.0])
         count = self._search(frame, unknowns, start)
@@ -189,7 +230,7 @@ class PinholeEvidence:
         agreeing = int(np.count_nonzero(is_used))
         if not enough_agree(agreeing, len(offsets), settings.min_points, settings.min_agreeing_ratio):
             return None
-        return Evidence(start.copy(), *marginal(information, gradient, size, self._own, slope))
+        return FrameTerms(information, gradient, self._own, slope)
 
     def _is_masked(self, pixels: FloatArray) -> npt.NDArray[np.bool_]:
         if self._mask is None:

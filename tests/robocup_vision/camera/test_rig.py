@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from field_models.errors import ArgumentError, FileError
-from robocup_vision.camera import PinholeCamera, Rig, load_camera, load_camera_or_rig, load_rig, save_camera
+from robocup_vision.camera import PinholeCamera, Rig, load_camera, load_camera_or_rig, load_rig, save_camera, save_rig
 from sim2d.rendering.cameras import sekimori_camera
 
 LEFT = PinholeCamera((64, 48), (60.0, 60.0), (31.5, 23.5), 0.4, offset_m=(0.1, 0.05), pan_rad=0.3, tilt_rad=-0.3)
@@ -35,6 +35,18 @@ def test_cameras_come_in_the_order_of_the_file_with_their_names_and_latencies(fo
     rig = load_rig(write(folder, 'cameras = ["right.toml", "left.toml"]\nlatency_s = [0.0, 0.02]\n'))
     assert [camera.pan_rad for camera in rig.cameras] == [-0.3, 0.3]
     assert (rig.names, rig.latency_s, len(rig)) == (("right", "left"), (0.0, 0.02), 2)
+
+
+def test_a_rig_is_written_and_read_back(folder):
+    rig = load_rig(write(folder, 'cameras = ["right.toml", "left.toml"]\nlatency_s = [0.0, 0.02]\n'))
+    (folder / "again").mkdir()
+    save_rig(rig, folder / "again" / "rig.toml")
+    again = load_rig(folder / "again" / "rig.toml")
+    assert (again.names, again.latency_s) == (rig.names, rig.latency_s)
+    for one, other in zip(again.cameras, rig.cameras, strict=True):
+        assert (one.pan_rad, one.offset_m, one.focal_px) == (other.pan_rad, other.offset_m, other.focal_px)
+    with pytest.raises(FileError, match="cannot be written"):
+        save_rig(rig, folder / "gone" / "rig.toml")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,220 @@
+"""What the frames of a rig tell of how its cameras are mounted: each one's edges, and the one body that carries them.
+
+Every camera's frame is fitted as that of a single camera (`PinholeEvidence`), about the body's pose as this camera
+alone measured it. That all of them saw one body at one moment ties their mountings to each other: the body's pose and
+its sway are unknowns that they share, and are left out last. What all pans have in common is the body's heading: no
+frame tells it, and it stays where the files together say it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.calibration.online.evidence import POSE_PRECISION, Evidence, marginal
+from robocup_vision.calibration.online.pinhole import PinholeEvidence
+from robocup_vision.calibration.online.settings import OnlineSettings
+from robocup_vision.camera.mounting import Mounting
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.rig import Rig
+from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.view import RigView, View
+
+# parameters of a camera: tilt, roll and height as a single camera's first ones, and its pan
+_HELD, _PAN, _SIZE = 3, 3, 4
+# a frame's own unknowns: the body's pose on the field; its sway: nose up, to the left up (rad), and up (m)
+_POSE, _BODY = 3, 6
+# lenses are as their files say: so little is believed of any change, in each parameter's own unit
+_LENS_STD = 1e-6
+
+
+class _Terms(NamedTuple):
+    """What a camera tells of its parameters and the body's pose and sway (10, 10), (10,); the sway's precision (3,)."""
+
+    information: FloatArray
+    gradient: FloatArray
+    sway: FloatArray
+
+
+class RigEvidence:
+    """Makes evidence of the frames of a rig.
+
+    The parameters, for each camera: tilt, roll (rad) and height (m) at rest, pan (rad).
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    rig : Rig
+        As in its files, the cameras' tilts known.
+    masks : sequence of ((H, W) uint8 or None), optional
+        As for a `Vision`.
+    settings : OnlineSettings
+        See there.
+    """
+
+    slices = None
+    tries_others = False
+
+    def __init__(
+        self, field: Field, rig: Rig, masks: Sequence[UInt8Array | None] | None, settings: OnlineSettings
+    ) -> None:
+        self._rig = rig
+        self._max_turn_rad = 2.0 * settings.max_tilt_rad
+        self._eyes = tuple(
+            PinholeEvidence(field, camera, mask, settings)
+            for camera, mask in zip(rig.cameras, masks or (None,) * len(rig), strict=True)
+        )
+        angle = settings.pinhole.tilt_std_rad
+        self.start = self.vector(rig)
+        pans = [camera.pan_std_rad or angle for camera in rig.cameras]
+        self.std = np.concatenate([[*eye.std[:_HELD], pan] for eye, pan in zip(self._eyes, pans, strict=True)])
+        self.knock_std = np.concatenate([[*eye.knock_std[:_HELD], angle] for eye in self._eyes])
+        self.reach = np.concatenate([[*eye.reach[:_HELD], settings.max_tilt_rad] for eye in self._eyes])
+
+    def vector(self, rig: Rig) -> FloatArray:
+        """Return the parameters (4 n,) of a rig of n cameras."""
+        cameras = zip(self._eyes, rig.cameras, strict=True)
+        return np.concatenate([[*eye.vector(camera)[:_HELD], camera.pan_rad or 0.0] for eye, camera in cameras])
+
+    def camera(self, vector: FloatArray) -> Rig:
+        """Return the rig of parameters (4 n,)."""
+        cameras = tuple(
+            replace(eye.camera(_with_lens(eye, held)), pan_rad=float(held[_PAN]))
+            for eye, held in zip(self._eyes, vector.reshape(-1, _SIZE), strict=True)
+        )
+        return replace(self._rig, cameras=cameras)
+
+    def mountings(self, vector: FloatArray, std: FloatArray) -> tuple[Mounting, ...]:
+        """Return parameters (4 n,) and their standard deviations as each camera's mounting."""
+        return tuple(
+            Mounting(pan, tilt, roll, height, pan_std, tilt_std, roll_std, height_std)
+            for (tilt, roll, height, pan), (tilt_std, roll_std, height_std, pan_std) in zip(
+                vector.reshape(-1, _SIZE).tolist(), std.reshape(-1, _SIZE).tolist(), strict=True
+            )
+        )
+
+    def shift_px(self, rig: Rig, other: Rig) -> float:
+        """Greatest distance between the images of the same places through two rigs."""
+        return max(eye.shift_px(*pair) for eye, *pair in zip(self._eyes, rig.cameras, other.cameras, strict=True))
+
+    def watch(self, view: View) -> None:
+        """Take note of how fast the cameras turn from view to view."""
+        assert isinstance(view, RigView)
+        for eye, one in zip(self._eyes, view.views, strict=True):
+            eye.watch(one)
+
+    def of(
+        self,
+        frame: Sequence[UInt8Array | None],
+        view: View,
+        mean: FloatArray,
+        covariance: FloatArray,
+        start: FloatArray,
+    ) -> Evidence | None:
+        """Return what the frames of a look tell: see `EvidenceMaker`; None for one that was not given."""
+        assert isinstance(view, RigView)
+        assert view.pose
+        size = len(start)
+        information, gradient = np.zeros((size + _BODY, size + _BODY)), np.zeros(size + _BODY)
+        body = np.array([POSE_PRECISION] * _POSE + [math.inf] * (_BODY - _POSE))
+        for number, (eye, shown, one) in enumerate(zip(self._eyes, frame, view.views, strict=True)):
+            own = slice(_SIZE * number, _SIZE * (number + 1))
+            belief = mean[own], covariance[own, own], start[own]
+            told = None if shown is None else self._of_camera(eye, shown, one, view.pose.pose, belief)
+            if told is not None:
+                places = np.r_[own, size : size + _BODY]
+                information[np.ix_(places, places)] += told.information
+                gradient[places] += told.gradient
+                body[_POSE:] = np.minimum(body[_POSE:], told.sway)
+        if not np.isfinite(body).all():
+            return None
+        return Evidence(start.copy(), *marginal(information, gradient, size, body, np.zeros(_BODY)))
+
+    def _of_camera(
+        self,
+        eye: PinholeEvidence,
+        frame: UInt8Array,
+        view: View,
+        body: Pose2,
+        belief: tuple[FloatArray, FloatArray, FloatArray],
+    ) -> _Terms | None:
+        """Return what a camera tells; None where that is too little.
+
+        Parameters
+        ----------
+        eye, frame, view
+            Of the camera.
+        body : Pose2
+            The body's at the moment of the look, by all cameras.
+        belief : (4,), (4, 4), (4,) float64
+            What is believed of the camera's parameters, and those in use.
+        """
+        held = view.camera
+        measured = self._measured(view)
+        if measured is None or not view.pose or not isinstance(held, PinholeCamera):
+            return None
+        mean, covariance, start = belief
+        wide = np.diag(np.full(len(eye.start), _LENS_STD**2))
+        wide[:_HELD, :_HELD] = covariance[:_HELD, :_HELD]
+        place, expected = measured.compose(held.camera_in_robot), view.pose.pose.compose(held.camera_in_robot)
+        told = eye.terms(frame, held, place, (_with_lens(eye, mean), wide, _with_lens(eye, start)))
+        if told is None:
+            return None
+        own = np.r_[:_HELD, len(eye.start) : len(eye.start) + _BODY]
+        by = _by_body(held, expected, body)
+        off = np.zeros(len(own))
+        off[_HELD : _HELD + _POSE] = expected.array - place.array
+        off[_HELD + _POSE - 1] = wrap_angle(expected.theta_rad - place.theta_rad)
+        # the edges were worked out where this frame's fit had the sway
+        off[_HELD + _POSE :] = told.slope[_POSE:] / told.own[_POSE:]
+        information = told.information[np.ix_(own, own)]
+        gradient = told.gradient[own] - information @ off
+        return _Terms(by.T @ information @ by, by.T @ gradient, told.own[_POSE:])
+
+    def _measured(self, view: View) -> Pose2 | None:
+        """Return the body's pose as one camera alone measured it; None where it took the body for elsewhere."""
+        told = view.pose if view.measurement is None else view.measurement
+        if not told or not view.pose:
+            return None
+        common = view.pose.pose
+        nearest = min(told.candidates, key=lambda one: one.error_to(common)[0])
+        is_same = abs(wrap_angle(nearest.theta_rad - common.theta_rad)) <= self._max_turn_rad
+        return nearest if is_same else None
+
+
+def _with_lens(eye: PinholeEvidence, held: FloatArray) -> FloatArray:
+    """Return a single camera's parameters of how it is held, with the lens of its file."""
+    return np.concatenate([held[:_HELD], eye.start[_HELD:]])
+
+
+def _by_body(held: PinholeCamera, place: Pose2, body: Pose2) -> FloatArray:
+    """(9, 10) float64: derivatives of a camera's parameters, pose and sway by its parameters, the body's pose and sway.
+
+    Parameters
+    ----------
+    held : PinholeCamera
+        As it is mounted.
+    place, body : Pose2
+        Of camera and body on the field.
+    """
+    by = np.zeros((_HELD + _BODY, _SIZE + _BODY))
+    by[:_HELD, :_HELD] = np.eye(_HELD)
+    x, y, turn, tilt, roll, height = range(_HELD, _HELD + _BODY)
+    body_x, body_y, body_turn, nose_up, left_up, up = range(_SIZE, _SIZE + _BODY)
+    by[x, body_x] = by[y, body_y] = by[turn, body_turn] = by[turn, _PAN] = by[height, up] = 1.0
+    by[x, body_turn], by[y, body_turn] = body.y_m - place.y_m, place.x_m - body.x_m
+    by[height, nose_up], by[height, left_up] = held.offset_m
+    # R = Rz(pan) Ry(-tilt) Rx(roll), turned by the body's small rotation
+    pan, down = held.pan_rad or 0.0, held.tilt_rad or 0.0
+    by[tilt, nose_up], by[tilt, left_up] = math.cos(pan), math.sin(pan)
+    about = np.array([-math.sin(pan), math.cos(pan)])
+    by[roll, nose_up : left_up + 1] = about / math.cos(down)
+    by[turn, nose_up : left_up + 1] = -math.tan(down) * about
+    return by
