@@ -4,11 +4,11 @@ Rendered at 256 x 220 on ssl_2001, nominal disturbances, robot anywhere, 0 to 8 
 calibration; the true camera's centre is off by (0.6, -0.5) px and its tilt by (0.3, -0.2) degrees from that of the
 paper.
 
-"accuracy": one calibration; then 300 other images (--quick: 30) are located with the start and with the result.
+"accuracy": one calibration; then 300 other images (--quick: 10) are located with the start and with the result.
 "near": the paper's camera as the start. "5 px, 5 %": a start whose centre is 5 px and whose curve's two main numbers
 (scale near the centre, and horizon) are 5 % off. Errors count modulo a half turn.
 
-"convergence": 40 calibrations of ten new images each (--quick: 3); "20 %, 10 px": from starts that far off, in random
+"convergence": 40 calibrations of ten new images each (--quick: 1); "20 %, 10 px": from starts that far off, in random
 directions; "none": from nothing but the images. One has converged if, of floor points up to 1.5 m away, none of the
 camera's two maps puts the median more than 5 mm from the other's, after the rigid motion that poses take up. Seconds
 are those of one core (process time), with the largest of all.
@@ -95,7 +95,7 @@ def accuracy(camera: OmniCamera, samples: list[Sample]) -> tuple[float, float]:
 
 def measure_accuracy(seed: int, quick: bool) -> bool:
     """Located images before and after, with targets."""
-    others = list(frames(seed + 1, 30 if quick else 300))
+    others = list(frames(seed + 1, 10 if quick else 300))
     images = [one.frame for one in frames(seed, IMAGES)]
     rng = np.random.default_rng(seed)
     columns = ("accuracy      ", col.rate("within 5 cm/3 deg"), col.error("median mm"), "target     ", "verdict")
@@ -241,7 +241,7 @@ def main() -> None:
     # compiled, and caches filled, before anything is timed
     calibrate_omni(FIELD, [one.frame for one in frames(arguments.seed, 2)], GIVEN)
     all_ok = measure_accuracy(arguments.seed, arguments.quick)
-    all_ok &= measure_convergence(arguments.seed, 3 if arguments.quick else 100 if arguments.full else 40)
+    all_ok &= measure_convergence(arguments.seed, 1 if arguments.quick else 100 if arguments.full else 40)
     all_ok &= measure_photographs(arguments.quick)
     finish(arguments.check, all_ok)
 

@@ -147,7 +147,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--aware", action="store_true", help="the velocity-aware steering alone")
     arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
-    count, pockets = (4, 3) if arguments.quick else (500, 100) if arguments.full else (16, 16)
+    count, pockets = (2, 1) if arguments.quick else (500, 100) if arguments.full else (16, 16)
     todo = list(jobs(count, pockets, arguments.seed, aware=arguments.aware))
     with open_pool(arguments) as pool:
         driven = dict(zip(todo, pool.map(one, todo), strict=True))

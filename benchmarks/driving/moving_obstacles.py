@@ -189,7 +189,7 @@ def one(job: tuple[Place, str, int, int]) -> Outcome:
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__), pooled=True)
-    runs = 4 if arguments.quick else 60 if arguments.full else 16
+    runs = 2 if arguments.quick else 60 if arguments.full else 16
     count = {WIDE.name: runs, NARROW.name: runs // 2}
     jobs = [(p, method, arguments.seed, run) for p in PLACES for method in METHODS for run in range(count[p.name])]
     with open_pool(arguments) as pool:

@@ -228,8 +228,8 @@ def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__), pooled=True)
     seeds = 4 if arguments.full else 1
-    step = 6 if arguments.quick else 1
-    negatives = 4 if arguments.quick else 150 if arguments.full else 50
+    step = 11 if arguments.quick else 1
+    negatives = 2 if arguments.quick else 150 if arguments.full else 50
     places = list(range(0, 66, step))
     all_ok = True
     with open_pool(arguments) as pool:

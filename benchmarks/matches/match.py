@@ -29,7 +29,7 @@ from sim2d.match.tournament import plan_matches, play_plan
 from sim2d.sensors.faults import BodyFault, Fault, SenseFault
 
 # (matches, seconds each, matches with faults, seconds of the soak)
-QUICK, DEFAULT, FULL = (2, 20.0, 1, 30.0), (4, 40.0, 3, 60.0), (10, 120.0, 9, 3600.0)
+QUICK, DEFAULT, FULL = (1, 20.0, 1, 20.0), (4, 40.0, 3, 60.0), (10, 120.0, 9, 3600.0)
 MIN_NEAR, MAX_LOST_S, MAX_STUCK_S, MAX_RECOVERY_S, MAX_GROWTH = 0.95, 0.5, 5.0, 1.0, 0.05
 FAULT_SPACING_S, FAULTS_PER_ROBOT = 4.0, 5
 KINDS = (

@@ -34,7 +34,7 @@ def errors_m(frame: Frame) -> FloatArray:
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__), pooled=True)
-    runs = 2 if arguments.quick else 60 if arguments.full else 12
+    runs = 1 if arguments.quick else 60 if arguments.full else 12
     with open_pool(arguments) as pool:
         films = list(pool.map(partial(camera_film, FIELD), [[arguments.seed, k, 4] for k in range(runs)]))
     seconds = round(sum(frames[-1].t_s - frames[0].t_s for frames in films))

@@ -258,7 +258,7 @@ def one(seed: Sequence[int]) -> dict[tuple[str, int, int, str], Result]:
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__))
-    runs = 5 if arguments.quick else 100 if arguments.full else 20
+    runs = 2 if arguments.quick else 100 if arguments.full else 20
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         driven = list(pool.map(one, [(arguments.seed, 6, index) for index in range(runs)]))
     all_ok = True

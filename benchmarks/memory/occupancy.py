@@ -285,7 +285,7 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__), pooled=True)
-    runs = 2 if arguments.quick else 20 if arguments.full else 6
+    runs = 1 if arguments.quick else 20 if arguments.full else 6
     for name, model in default_sensors().items():
         print(
             f"{name}: P(O|E) {model.hit_if_occupied:.3f}, P(O|not E) {model.hit_if_free:.3f}, "

@@ -55,7 +55,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import FrameErrors, PoseFilter
 
 # runs of wandering, of kidnapping, synthetic ones of each kind
-QUICK, DEFAULT, FULL = (2, 1, 2), (20, 10, 20), (200, 40, 100)
+QUICK, DEFAULT, FULL = (1, 1, 1), (20, 10, 20), (200, 40, 100)
 MAX_RATIO, NEES_BOUNDS, MAX_RECOVERY_S = 0.6, (1.5, 6.0), 1.0
 NEES_95 = 7.815
 NEAR_M, NEAR_RAD, STAYS_S = 0.05, math.radians(3.0), 0.5

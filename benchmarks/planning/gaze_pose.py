@@ -53,7 +53,7 @@ from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_ROOM, MATCH_SENSOR
 LOST_M = 0.5
 RULES = ("planned", "planned, |P|", "fixed sweep")
 MAX_RMS, MAX_SPREAD = 0.95, 0.85
-RENDERED_S, RENDERED_FRAME_S = 6.0, 0.1
+RENDERED_S, QUICK_RENDERED_S, RENDERED_FRAME_S = 6.0, 1.5, 0.1
 
 
 @dataclass(frozen=True)
@@ -102,11 +102,11 @@ def landmark_run(job: tuple[list[int], str]) -> RunScore:
     )
 
 
-def rendered_run(job: tuple[list[int], str]) -> RunScore:
+def rendered_run(job: tuple[list[int], str, float]) -> RunScore:
     """Follow one shorter walk by rendered frames, the goal localiser and `PoseFilter`, under one rule."""
     cv2.setNumThreads(1)
-    seed, rule = job
-    walk = draw_walk(seed, RENDERED_S, RENDERED_FRAME_S)
+    seed, rule, seconds = job
+    walk = draw_walk(seed, seconds, RENDERED_FRAME_S)
     rng = np.random.default_rng([*seed, 2])
     locate = GoalPoseEstimator(FIELD, CAMERA)
     believed = PoseFilter(odometry=ODOMETRY)
@@ -200,7 +200,7 @@ def sighting(seed: list[int]) -> Sighting:
 
 def detectors(arguments: Namespace, pool: Pool) -> None:
     """Print what the real detectors see, beside what the planner takes them to see."""
-    count = 24 if arguments.quick else 160
+    count = 12 if arguments.quick else 160
     seen = list(pool.map(sighting, [[arguments.seed, 7, i] for i in range(count)], chunksize=8))
     table = Table(
         ("in view            ", "frames", col.rate("found %"), "assumed", col.error("px"), "assumed"),
@@ -265,7 +265,7 @@ def measure(arguments: Namespace, pool: Pool) -> bool:
         col.loss("nothing seen %"),
         "verdict",
     )
-    runs = 10 if arguments.quick else 400 if arguments.full else 120
+    runs = 3 if arguments.quick else 400 if arguments.full else 120
     table = Table(
         columns,
         f"pose by landmarks as measured above (targets: ratios {MAX_RMS} and {MAX_SPREAD}, lost no more)",
@@ -276,7 +276,8 @@ def measure(arguments: Namespace, pool: Pool) -> bool:
         r: list(pool.map(landmark_run, [([arguments.seed, i], r) for i in range(runs)], chunksize=4)) for r in RULES
     }
     all_ok = compare(table, scores, judged=True)
-    runs = 2 if arguments.quick else 120 if arguments.full else 40
+    runs = 1 if arguments.quick else 120 if arguments.full else 40
+    seconds = QUICK_RENDERED_S if arguments.quick else RENDERED_S
     table = Table(
         columns,
         "pose by rendered frames, the goal localiser and PoseFilter (the same targets)",
@@ -284,7 +285,9 @@ def measure(arguments: Namespace, pool: Pool) -> bool:
         samples=runs,
     )
     rules = ("planned", "fixed sweep")
-    rendered = {r: list(pool.map(rendered_run, [([arguments.seed, i], r) for i in range(runs)])) for r in rules}
+    rendered = {
+        r: list(pool.map(rendered_run, [([arguments.seed, i], r, seconds) for i in range(runs)])) for r in rules
+    }
     # a few runs show nothing
     return compare(table, rendered, judged=not arguments.quick) and all_ok
 

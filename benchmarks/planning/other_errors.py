@@ -150,7 +150,7 @@ def measure(laws: dict[str, Errors], runs: dict[str, int], seed: int, pool: Pool
 def main() -> None:
     """Measure and print."""
     arguments = parse_arguments(str(__doc__), pooled=True)
-    films, count = (1, 6) if arguments.quick else (12, 300) if arguments.full else (2, 24)
+    films, count = (1, 3) if arguments.quick else (12, 300) if arguments.full else (2, 24)
     runs = {"gap": count, "hidden": count, "row": count}
     with open_pool(arguments) as pool:
         frames = fit_laws(list(pool.map(film, [(arguments.seed, k) for k in range(films)])))
