@@ -2,7 +2,7 @@
 
 from field_models.catalog import field_names, load_field
 from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
-from field_models.field import COLOR_NAMES, Beacon, Field, Goal, Net
+from field_models.field import COLOR_NAMES, Beacon, Field, Goal, Mark, Net
 
 __all__ = [
     "COLOR_NAMES",
@@ -12,6 +12,7 @@ __all__ = [
     "FileError",
     "FrameError",
     "Goal",
+    "Mark",
     "Net",
     "RobocupVisionError",
     "field_names",

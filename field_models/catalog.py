@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from field_models.errors import ArgumentError, FileError
-from field_models.field import COLOR_NAMES, Beacon, BoundaryKind, Field, Goal, GoalKind, Net, _frozen
+from field_models.field import COLOR_NAMES, Beacon, BoundaryKind, Field, Goal, GoalKind, Mark, MarkKind, Net, _frozen
 from field_models.near_names import did_you_mean
 from field_models.toml_file import StrictStruct, load_toml
 
@@ -55,6 +55,12 @@ class _PenaltyArc(StrictStruct):
     radius_m: Length
 
 
+class _PenaltyMark(StrictStruct):
+    distance_m: Length
+    size_m: Length
+    kind: MarkKind = "cross"
+
+
 class _Beacon(StrictStruct):
     x_m: float
     y_m: float
@@ -79,6 +85,7 @@ class _FieldFile(StrictStruct):
     goal_area: _Area | None = None
     penalty_area: _Area | None = None
     penalty_arc: _PenaltyArc | None = None
+    penalty_mark: _PenaltyMark | None = None
     corner_arc_radius_m: Length | None = None
     beacons: tuple[_Beacon, ...] = ()
     source: str = ""
@@ -154,6 +161,11 @@ def _check(path: Path, f: _FieldFile) -> None:
             raise FileError(
                 path, "ends inside the penalty area", key="penalty_arc.radius_m", value=f.penalty_arc.radius_m
             )
+    mark = f.penalty_mark
+    if mark is not None and 2 * mark.distance_m > f.length_m:
+        raise FileError(path, "is beyond the centre line", key="penalty_mark.distance_m", value=mark.distance_m)
+    if mark is not None and mark.size_m <= f.line_width_m:
+        raise FileError(path, "is no larger than a line is wide", key="penalty_mark.size_m", value=mark.size_m)
     if f.boundary.kind != "carpet" and f.boundary.height_m <= 0:
         raise FileError(
             path, f"must be positive for kind '{f.boundary.kind}'", key="boundary.height_m", value=f.boundary.height_m
@@ -219,7 +231,16 @@ def _derive(f: _FieldFile) -> Field:
         ball_radius_m=f.ball_radius_m,
         ball_patches=f.ball_patches,
         is_half=f.half,
+        marks=_marks(f),
     )
+
+
+def _marks(f: _FieldFile) -> tuple[Mark, ...]:
+    mark = f.penalty_mark
+    if mark is None:
+        return ()
+    x = f.length_m / 2 - mark.distance_m
+    return tuple(Mark(side * x, 0.0, mark.kind, mark.size_m) for side in ((1,) if f.half else (1, -1)))
 
 
 def _goal(f: _FieldFile, g: _Goal, side: int) -> Goal:

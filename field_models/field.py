@@ -16,6 +16,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 BoundaryKind = Literal["walls", "boards", "carpet"]
 GoalKind = Literal["recess", "panels", "posts"]
+MarkKind = Literal["cross", "dot"]
 
 # Paint and plastic as named in rule books -> BGR of a frame under white light: where a renderer starts from, never what
 # a classifier takes for true.
@@ -113,6 +114,26 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True)
+class Mark:
+    """A painted spot, such as a penalty mark: a dot, or a cross of two strokes as wide as lines, along x and y.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its middle, field frame, metres.
+    kind : {"cross", "dot"}
+        What it looks like.
+    size_m : float
+        Length of the cross's strokes, or the dot's diameter.
+    """
+
+    x_m: float
+    y_m: float
+    kind: MarkKind
+    size_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class Beacon:
     """An upright landmark cylinder beside the field; `colors` from its foot upwards, in equal bands."""
 
@@ -160,6 +181,8 @@ class Field:
     is_half : bool
         Whether only the half x >= 0 is there, as in a laboratory too small for the whole: its lines, its goal, its
         beacons. The floor ends as far behind the centre line as behind the others.
+    marks : tuple of Mark
+        Painted spots, that of the half at +x first; they belong to neither lines nor arcs.
     """
 
     name: str
@@ -181,11 +204,36 @@ class Field:
     line_color: str = field(default="white")
     ball_patches: str = ""
     is_half: bool = False
+    marks: tuple[Mark, ...] = ()
 
     @property
     def is_bounded(self) -> bool:
         """Whether walls or boards end the floor, so that its outline determines the pose."""
         return self.boundary != "carpet"
+
+    @cached_property
+    def painted_lines(self) -> FloatArray:
+        """(N, 4) float64: `lines`, and the strokes of crosses between the middles of their ends."""
+        rows = []
+        for mark in self.marks:
+            if mark.kind == "cross":
+                half = (mark.size_m - self.line_width_m) / 2
+                rows.append([mark.x_m - half, mark.y_m, mark.x_m + half, mark.y_m])
+                rows.append([mark.x_m, mark.y_m - half, mark.x_m, mark.y_m + half])
+        return _frozen([*self.lines.tolist(), *rows], 4)
+
+    @cached_property
+    def painted_arcs(self) -> FloatArray:
+        """(M, 5) float64: `arcs`, and dots as circles one in another, each as wide as a line."""
+        rows = []
+        for mark in self.marks:
+            if mark.kind != "dot":
+                continue
+            half = self.line_width_m / 2
+            count = max(1, math.ceil((mark.size_m / 2 - half) / self.line_width_m - 1e-9) + 1)
+            radii = np.linspace(mark.size_m / 2 - half, min(half, mark.size_m / 2 - half), count)
+            rows += [[mark.x_m, mark.y_m, radius, 0.0, math.tau] for radius in radii.tolist()]
+        return _frozen([*self.arcs.tolist(), *rows], 5)
 
     @property
     def halves_differ(self) -> bool:

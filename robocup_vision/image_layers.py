@@ -196,7 +196,7 @@ def _obstacles(view: View) -> Paths:
 
 
 def marking_paths(view: View) -> Paths:
-    """Return a view's markings in its frame: segments, circles, the arms of crossings, and a cross at each post's foot.
+    """Return a view's markings in its frame: segments, circles, arms of crossings, crosses at posts' feet and marks.
 
     They are found when this is called, see `View.markings`.
     """
@@ -212,9 +212,10 @@ def marking_paths(view: View) -> Paths:
         for arm in crossing.arms_rad:
             ends = np.array([[0.0, 0.0], [math.cos(arm), math.sin(arm)]]) * _ARM_M
             paths.append(np.array([crossing.x_m, crossing.y_m]) + ends)
-    for post in markings.posts:
+    feet = [(one.x_m, one.y_m) for one in markings.posts] + [(one.x_m, one.y_m) for one in markings.penalty_marks]
+    for x, y in feet:
         for way in ((1.0, 0.0), (0.0, 1.0)):
-            paths.append(np.array([post.x_m, post.y_m]) + np.outer([-1.0, 1.0], way) * _ARM_M)
+            paths.append(np.array([x, y]) + np.outer([-1.0, 1.0], way) * _ARM_M)
     points, ends_at = _stacked(paths)
     return _pieces(source.camera, source.camera.floor_to_pixel(points), ends_at)
 

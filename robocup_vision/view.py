@@ -153,7 +153,7 @@ class View:
 
     @cached_property
     def markings(self) -> Markings:
-        """Line segments, crossings, circles and goal posts, robot frame, each with its covariance.
+        """Line segments, crossings, circles, goal posts and penalty marks, robot frame, each with its covariance.
 
         Measured by this frame alone; a located pose only says what of the field each is. Worked out when asked, from
         the frame itself: ask before its array is written to again. Empty where the camera's tilt is not known.
@@ -234,4 +234,5 @@ class RigView(View):
             tuple(one for markings in seen for one in markings.crossings),
             tuple(one for markings in seen for one in markings.circles),
             tuple(one for markings in seen for one in markings.posts),
+            tuple(one for markings in seen for one in markings.penalty_marks),
         )

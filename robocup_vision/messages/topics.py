@@ -277,6 +277,15 @@ class Topics:
             )
             for circle in markings.circles
         ]
+        ellipses += [
+            make(
+                "soccer_vision_3d_msgs/msg/MarkingEllipse",
+                self._field.marks[0].size_m,
+                pose_message(Pose2(mark.x_m, mark.y_m, 0.0)),
+                confidence,
+            )
+            for mark in markings.penalty_marks
+        ]
         crossings = []
         for crossing in markings.crossings:
             rays = [make("geometry_msgs/msg/Vector3", math.cos(arm), math.sin(arm), 0.0) for arm in crossing.arms_rad]

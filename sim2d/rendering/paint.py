@@ -14,7 +14,7 @@ CELLS_AT_MAX = 400_000
 
 
 class LinePaint:
-    """The lines and arcs of one field, and a coarse grid of the cells without one.
+    """The lines, arcs and marks of one field, and a coarse grid of the cells without one.
 
     Parameters
     ----------
@@ -24,8 +24,8 @@ class LinePaint:
 
     def __init__(self, field: Field) -> None:
         self._half = field.line_width_m / 2
-        self._lines = field.lines
-        self._arcs = field.arcs
+        self._lines = field.painted_lines
+        self._arcs = field.painted_arcs
         low, high = field.floor_polygon.min(axis=0) - 0.5, field.floor_polygon.max(axis=0) + 0.5
         self._cell_m = max(field.line_width_m, math.sqrt(float(np.prod(high - low)) / CELLS_AT_MAX))
         self._low = low

@@ -72,6 +72,7 @@ EXPECTED = {
     "field file net": keys_of(catalog._Net),
     "field file area": keys_of(catalog._Area),
     "field file arc": keys_of(catalog._PenaltyArc),
+    "field file mark": keys_of(catalog._PenaltyMark),
     "field file beacon": keys_of(catalog._Beacon),
     "results.csv": set(result_files.RESULT_COLUMNS),
     "steering.csv": set(result_files.STEERING_COLUMNS),

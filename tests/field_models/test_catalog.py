@@ -324,6 +324,21 @@ def test_a_line_from_goal_to_goal_where_the_file_says_so(write: Write):
             "key 'penalty_arc.radius_m': reaches over the centre line, got 3.5",
         ),
         ("center_x_m = 3.0", "center_x_m = 3.6", "key 'penalty_arc.radius_m': ends inside the penalty area, got 0.5"),
+        (
+            "[penalty_arc]",
+            "[penalty_mark]\ndistance_m = 4\nsize_m = 0.1\n[penalty_arc]",
+            "key 'penalty_mark.distance_m': is beyond the centre line, got 4.0",
+        ),
+        (
+            "[penalty_arc]",
+            "[penalty_mark]\ndistance_m = 1\nsize_m = 0.01\n[penalty_arc]",
+            "key 'penalty_mark.size_m': is no larger than a line is wide, got 0.01",
+        ),
+        (
+            "[penalty_arc]",
+            '[penalty_mark]\ndistance_m = 1\nsize_m = 0.1\nkind = "ring"\n[penalty_arc]',
+            "key 'penalty_mark.kind': ",
+        ),
     ],
 )
 def test_bad_field_file_is_refused_in_one_line(write: Write, old: str, new: str, message: str):
@@ -401,3 +416,24 @@ def test_half_a_field_is_what_lies_at_positive_x_of_the_whole(name: str, write: 
     inside = whole.floor_polygon[:, 0] > 0
     np.testing.assert_allclose(half.floor_polygon[: inside.sum()], whole.floor_polygon[inside])
     np.testing.assert_allclose(np.sort(half.floor_polygon[-2:, 1]), (-1, 1) * np.array(whole.width_m / 2 + margin))
+
+
+@pytest.mark.parametrize(("kind", "half"), [("cross", "false"), ("dot", "false"), ("dot", "true")])
+def test_a_penalty_mark_is_painted_before_each_goal(write: Write, kind: str, half: str):
+    mark = f'[penalty_mark]\ndistance_m = 1.2\nsize_m = 0.05\nkind = "{kind}"\n[penalty_arc]'
+    text = OWN.replace("[penalty_arc]", mark).replace("format = 1", f"format = 1\nhalf = {half}")
+    field = load_field(write(text))
+    assert [(one.x_m, one.y_m) for one in field.marks] == (
+        [(2.7, 0.0)] if half == "true" else [(2.7, 0.0), (-2.7, 0.0)]
+    )
+    lines, arcs = field.painted_lines[len(field.lines) :], field.painted_arcs[len(field.arcs) :]
+    assert (len(lines) > 0, len(arcs) > 0) == (kind == "cross", kind == "dot")
+    # a stroke's paint goes on by half a line's width beyond its ends
+    half_m = field.line_width_m / 2
+    reach = [np.abs(lines[:, 2] - lines[:, 0]).max() / 2 + half_m] if len(lines) else [arcs[:, 2].max() + half_m]
+    assert reach == pytest.approx([0.025])
+    if len(arcs):
+        own = np.sort(arcs[arcs[:, 0] > 0, 2])
+        # no ring of carpet is left within
+        assert own[0] <= half_m + 1e-9
+        assert (np.diff(own) <= 2 * half_m + 1e-9).all()

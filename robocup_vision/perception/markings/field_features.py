@@ -12,14 +12,22 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.perception.markings.marking import Circle, Crossing, CrossingKind, LineSegment, Markings, Post
+from robocup_vision.perception.markings.marking import (
+    Circle,
+    Crossing,
+    CrossingKind,
+    LineSegment,
+    Markings,
+    PenaltyMark,
+    Post,
+)
 
 _SAME_M = 1e-6
 _KINDS: dict[int, CrossingKind] = {2: "L", 3: "T", 4: "X"}
 # a measured stretch may go on beyond its line by so much: corners are wide
 _BEYOND_M = 0.2
 
-Spot = TypeVar("Spot", Crossing, Circle, Post)
+Spot = TypeVar("Spot", Crossing, Circle, Post, PenaltyMark)
 
 
 class FieldFeatures:
@@ -40,6 +48,8 @@ class FieldFeatures:
         Of these.
     posts_m : (P, 2) float64
         Axes of the posts of goals that have posts.
+    penalty_marks_m : (K, 2) float64
+        Middles of the penalty marks.
     """
 
     def __init__(self, field: Field, gate_sigmas: float) -> None:
@@ -54,6 +64,7 @@ class FieldFeatures:
             (goal.line_x_m, side * goal.width_m / 2) for goal in field.goals if goal.kind == "posts" for side in (1, -1)
         ]
         self.posts_m = read_only(np.array(posts, dtype=np.float64).reshape(-1, 2))
+        self.penalty_marks_m = read_only(np.array([(one.x_m, one.y_m) for one in field.marks]).reshape(-1, 2))
 
     def name(self, markings: Markings, pose: PoseEstimate) -> Markings:
         """Return the markings with what of the field each is by a pose, and crossings with their kinds."""
@@ -65,6 +76,7 @@ class FieldFeatures:
                 for one in markings.circles
             ),
             tuple(self._named(one, self.posts_m, pose) for one in markings.posts),
+            tuple(self._named(one, self.penalty_marks_m, pose) for one in markings.penalty_marks),
         )
 
     def _named_segment(self, segment: LineSegment, estimate: PoseEstimate) -> LineSegment:
@@ -107,7 +119,9 @@ class FieldFeatures:
         x, y = places_m[best].tolist()
         return replace(spot, feature_m=(x, y))
 
-    def _nearest(self, spot: Crossing | Circle | Post, places_m: FloatArray, estimate: PoseEstimate) -> int | None:
+    def _nearest(
+        self, spot: Crossing | Circle | Post | PenaltyMark, places_m: FloatArray, estimate: PoseEstimate
+    ) -> int | None:
         """Return which of some places (N, 2) of the field a measured one is."""
         if not len(places_m):
             return None

@@ -22,6 +22,7 @@ from robocup_vision.perception.markings.goal_posts import PostFinder
 from robocup_vision.perception.markings.line_middles import fit_middles
 from robocup_vision.perception.markings.line_pieces import gather_pieces
 from robocup_vision.perception.markings.marking import Circle, LineSegment, Markings
+from robocup_vision.perception.markings.painted_spots import SpotFinder
 from robocup_vision.perception.markings.settings import MarkingSettings
 from robocup_vision.perception.markings.slow_errors import slow_error_px, with_slow_errors
 from robocup_vision.perception.markings.straight import Straight, find_straight
@@ -108,7 +109,7 @@ class MarkingFinder:
         self._radii_m = np.round(field.arcs[:, 2], 6)
         self._reach_m = settings.max_range_ratio * math.hypot(field.length_m, field.width_m)
         self._features = FieldFeatures(field, settings.gate_sigmas)
-        self._posts = PostFinder(field, settings)
+        self._posts, self._spots = PostFinder(field, settings), SpotFinder(field, settings)
         self._finder: LineFinder | None = None
 
     def __getstate__(self) -> dict[str, object]:
@@ -142,9 +143,9 @@ class MarkingFinder:
     def _find(self, frame: UInt8Array, errors: FloorErrors) -> Markings:
         settings, field, camera = self.settings, self.field, errors.camera
         points = self._points(frame, errors)
-        posts = tuple(self._posts.find(frame, errors))
+        posts, spots = tuple(self._posts.find(frame, errors)), tuple(self._spots.find(frame, points, errors))
         if len(points) < settings.min_points:
-            return Markings(posts=posts)
+            return Markings(posts=posts, penalty_marks=spots)
         pieces = gather_pieces(points)
         width_m, radii_m = field.line_width_m, self._radii_m
         lines, left, left_pieces = find_straight(points, pieces, camera, width_m, np.unique(radii_m), settings)
@@ -160,6 +161,7 @@ class MarkingFinder:
             tuple(find_crossings(lines, picture, errors, field.line_width_m, settings)),
             tuple(_circle(arc) for arc in arcs),
             posts,
+            spots,
         )
 
     def _points(self, frame: UInt8Array, errors: FloorErrors) -> LinePoints:

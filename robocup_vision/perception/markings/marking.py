@@ -133,7 +133,30 @@ class Post:
         object.__setattr__(self, "covariance", read_only(self.covariance))
 
 
-Spot = TypeVar("Spot", Crossing, Circle, Post)
+@dataclass(frozen=True, slots=True, eq=False)
+class PenaltyMark:
+    """A penalty mark: a dot or a small cross on the carpet.
+
+    Parameters
+    ----------
+    x_m, y_m : float
+        Its middle, robot frame.
+    covariance : (2, 2) float64
+        Of its place, square metres.
+    feature_m : (float, float) or None
+        The field's mark that it is, field frame; None: not known.
+    """
+
+    x_m: float
+    y_m: float
+    covariance: FloatArray
+    feature_m: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", read_only(self.covariance))
+
+
+Spot = TypeVar("Spot", Crossing, Circle, Post, PenaltyMark)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +165,7 @@ class Markings:
 
     Parameters
     ----------
-    segments, crossings, circles, posts : tuple
+    segments, crossings, circles, posts, penalty_marks : tuple
         Those of each kind; empty where none is seen, or the camera's tilt is not known.
     """
 
@@ -150,6 +173,7 @@ class Markings:
     crossings: tuple[Crossing, ...] = ()
     circles: tuple[Circle, ...] = ()
     posts: tuple[Post, ...] = ()
+    penalty_marks: tuple[PenaltyMark, ...] = ()
 
     def moved(self, robot: Pose2) -> Markings:
         """Return the markings as a robot sees them that has moved to `robot`, given in its frame before."""
@@ -169,10 +193,11 @@ class Markings:
             tuple(map(spot, self.crossings)),
             tuple(map(spot, self.circles)),
             tuple(map(spot, self.posts)),
+            tuple(map(spot, self.penalty_marks)),
         )
 
     def __bool__(self) -> bool:
-        return bool(self.segments or self.crossings or self.circles or self.posts)
+        return bool(self.segments or self.crossings or self.circles or self.posts or self.penalty_marks)
 
 
 def _moved(segment: LineSegment, motion: Pose2) -> LineSegment:

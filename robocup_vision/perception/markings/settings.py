@@ -64,6 +64,12 @@ class MarkingSettings:
         Two posts are so many goal widths apart.
     post_std_px : (float, float)
         Of a post's foot in the picture: across it, and down it, where carpet begins in whole rows and is blurred.
+    min_spot_px : float
+        A penalty mark is so wide in the picture, or high, or it is not told from dirt.
+    spot_size_ratio : float
+        A penalty mark looks so many times as large as it should, or as small, at most.
+    spot_std_px : float
+        Of a penalty mark's middle in the picture.
     sway_std_rad : float
         Of a forward camera's tilt and roll, where the camera does not say: a walking robot's.
     mirror_std_rad : float
@@ -100,6 +106,9 @@ class MarkingSettings:
     min_contrast_ratio: float = 0.75
     min_posts_apart: float = 0.5
     post_std_px: tuple[float, float] = (0.3, 0.7)
+    min_spot_px: float = 5.0
+    spot_size_ratio: float = 1.5
+    spot_std_px: float = 0.12
     sway_std_rad: float = 0.02
     mirror_std_rad: float = 0.0
     max_range_ratio: float = 1.0

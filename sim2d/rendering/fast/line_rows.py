@@ -1,4 +1,4 @@
-"""A field's lines and arcs as the compiled loops take them."""
+"""A field's lines, arcs and marks as the compiled loops take them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from robocup_vision.arrays import FloatArray
 
 def line_rows(field: Field) -> FloatArray:
     """Lines (N, 5): start x, y, unit direction x, y, length."""
-    return np.array([_line(*row) for row in field.lines.tolist()], dtype=np.float64).reshape(-1, 5)
+    return np.array([_line(*row) for row in field.painted_lines.tolist()], dtype=np.float64).reshape(-1, 5)
 
 
 def arc_rows(field: Field) -> FloatArray:
     """Arcs (M, 6): centre x, y, radius, direction x, y of the middle, cosine of half the sweep (-2: a full circle)."""
-    return np.array([_arc(*row) for row in field.arcs.tolist()], dtype=np.float64).reshape(-1, 6)
+    return np.array([_arc(*row) for row in field.painted_arcs.tolist()], dtype=np.float64).reshape(-1, 6)
 
 
 def _line(x0: float, y0: float, x1: float, y1: float) -> list[float]:

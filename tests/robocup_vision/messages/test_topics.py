@@ -35,7 +35,7 @@ from robocup_vision.messages.topics import (
 )
 from robocup_vision.messages.types import decode, encode, to_seconds
 from robocup_vision.perception.balls.ball import Ball
-from robocup_vision.perception.markings.marking import Circle, Crossing, LineSegment, Markings, Post
+from robocup_vision.perception.markings.marking import Circle, Crossing, LineSegment, Markings, PenaltyMark, Post
 
 
 def _by_topic(made: Iterable[Outgoing]) -> dict[str, object]:
@@ -195,17 +195,19 @@ def test_markings_are_told_where_they_are_wanted() -> None:
         (Crossing(1.0, 2.0, np.eye(2), "L", (0.0, -math.pi / 2)),),
         (Circle(0.5, 0.1, np.eye(2), 0.75),),
         (Post(2.0, 0.3, np.eye(2), (4.5, 0.8)), Post(2.0, 0.3, np.eye(2), (-4.5, 0.8)), Post(1.0, 0.0, np.eye(2))),
+        (PenaltyMark(1.5, -0.2, np.eye(2)),),
     )
     shown = replace(view)
     vars(shown)["markings"] = markings
     told = _by_topic(Topics(field, view.camera, TopicSettings(markings=True)).of_look(shown, 1.0))
     array: Any = told["/markings"]
     assert array.header.frame_id == "base_footprint"
-    (segment,), (crossing,), (circle,) = array.segments, array.intersections, array.ellipses
+    (segment,), (crossing,), (circle, mark) = array.segments, array.intersections, array.ellipses
     assert (segment.start.y, segment.end.y) == (-1.0, 2.0)
     assert (crossing.center.x, crossing.num_rays) == (1.0, 2)
     assert [(round(ray.x, 9), round(ray.y, 9)) for ray in crossing.rays] == [(1.0, 0.0), (0.0, -1.0)]
     assert (circle.diameter, circle.center.position.x) == (1.5, 0.5)
+    assert (mark.diameter, mark.center.position.x) == (0.1, 1.5)
     posts: Any = told["/goalposts"]
     assert [(post.attributes.side, post.attributes.team) for post in posts.posts] == [(1, 2), (2, 1), (0, 0)]
     assert posts.posts[0].bb.size.z == field.goals[0].height_m

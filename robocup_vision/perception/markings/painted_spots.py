@@ -1,0 +1,134 @@
+"""Penalty marks in one frame: holes in the bare carpet, as large as a mark is there, white, and flat on the floor."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from field_models.field import Field, Mark
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.kernels.lines.ridges import least_of_red_and_blue
+from robocup_vision.perception.line_points import LinePoints
+from robocup_vision.perception.markings.floor_errors import FloorErrors
+from robocup_vision.perception.markings.marking import PenaltyMark
+from robocup_vision.perception.markings.settings import MarkingSettings
+
+# bare carpet ends so many pixels before whatever lies on it
+_BARE_MARGIN_PX = 4
+# points of a mark's outline
+_OUTLINE = np.linspace(0.0, math.tau, 17)[:-1]
+# grey levels that white differs from carpet by, and the share of the brightest from which a pixel counts
+_MIN_CONTRAST, _MIN_SHARE = 30.0, 0.15
+# of the lens's blur, pixels
+_BLUR_PX = 0.8
+
+
+class SpotFinder:
+    """Finds the penalty marks of a field.
+
+    Parameters
+    ----------
+    field : Field
+        The pitch.
+    settings : MarkingSettings
+        How they are found.
+    """
+
+    def __init__(self, field: Field, settings: MarkingSettings) -> None:
+        self._settings = settings
+        self._mark = field.marks[0] if field.marks else None
+        if self._mark is not None:
+            self._area_m2, self._spread_m2 = _area_and_spread(self._mark, field.line_width_m)
+
+    def find(self, frame: UInt8Array, points: LinePoints, errors: FloorErrors) -> list[PenaltyMark]:
+        """Return the marks that a frame (H, W, 3) uint8 BGR shows, the one that is known best first.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            BGR.
+        points : LinePoints
+            Of the frame, with its bare floor.
+        errors : FloorErrors
+            Of the camera.
+        """
+        if self._mark is None or points.bare_floor is None:
+            return []
+        hidden = np.asarray(~points.bare_floor, dtype=np.uint8)
+        count, _, stats, middles = cv2.connectedComponentsWithStats(hidden, connectivity=8)
+        places = errors.camera.pixel_to_floor(middles)
+        found = []
+        for number in range(1, count):
+            box = [int(value) for value in stats[number, :4]]
+            if not np.isfinite(places[number]).all() or not self._is_as_large(box, places[number], errors):
+                continue
+            mark = self._measured(frame, box, errors)
+            if mark is not None:
+                found.append(mark)
+        return sorted(found, key=lambda one: float(np.trace(one.covariance)))
+
+    def _is_as_large(self, box: list[int], place_m: FloatArray, errors: FloorErrors) -> bool:
+        """Whether a hole in the bare carpet is as large as one about a mark there."""
+        assert self._mark is not None
+        rim_m = place_m + self._mark.size_m / 2 * np.stack([np.cos(_OUTLINE), np.sin(_OUTLINE)], axis=1)
+        rim_px = errors.camera.floor_to_pixel(rim_m)
+        if not np.isfinite(rim_px).all():
+            return False
+        size_px = np.ptp(rim_px, axis=0)
+        own_px = np.array(box[2:]) - 2 * _BARE_MARGIN_PX
+        ratio, px = self._settings.spot_size_ratio, 2.0
+        is_told = size_px.max() >= self._settings.min_spot_px
+        return bool(is_told and ((own_px <= ratio * size_px + px) & (own_px >= size_px / ratio - px)).all())
+
+    def _measured(self, frame: UInt8Array, box: list[int], errors: FloorErrors) -> PenaltyMark | None:
+        """Return what lies in a box of the picture, where it is a mark."""
+        settings, camera = self._settings, errors.camera
+        left, top, width, height = box
+        window = np.ascontiguousarray(frame[top : top + height, left : left + width])
+        if min(window.shape[:2]) < 3 or 0 in (left, top):
+            return None
+        white = np.empty(window.shape[:2], dtype=np.uint8)
+        least_of_red_and_blue(window, white)
+        level = white.astype(np.float64)
+        carpet = float(np.median(np.concatenate([level[0], level[-1], level[:, 0], level[:, -1]])))
+        contrast = float(np.percentile(level, 100 * (1 - 4 / level.size))) - carpet
+        if contrast < _MIN_CONTRAST:
+            return None
+        share = (level - carpet) / contrast
+        share = np.where(share >= _MIN_SHARE, np.minimum(share, 1.0), 0.0)
+        v, u = np.mgrid[top : top + height, left : left + width].astype(np.float64)
+        floor = camera.pixel_to_floor(np.stack([u, v], axis=-1))
+        if not np.isfinite(floor).all():
+            return None
+        by_v, by_u = np.gradient(floor, axis=0), np.gradient(floor, axis=1)
+        # how much of the floor each pixel shows: so perspective does not move the middle
+        weight = share * np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0])
+        area = float(weight.sum())
+        place = np.einsum("vu,vui->i", weight, floor) / area
+        off = floor - place
+        spread = np.einsum("vu,vui,vuj->ij", weight, off, off) / area
+        per_px = np.stack([by_u[height // 2, width // 2], by_v[height // 2, width // 2]], axis=1)
+        blur = _BLUR_PX**2 * per_px @ per_px.T
+        expected = self._spread_m2 * np.eye(2) + blur
+        lengths = np.sqrt(np.linalg.eigvals(np.linalg.solve(expected, spread)).real)
+        ratio = settings.spot_size_ratio
+        is_one = 1 / ratio <= lengths.min() and lengths.max() <= ratio
+        if not is_one or not 1 / ratio**2 <= area / self._area_m2 <= ratio**2:
+            return None
+        shifts = errors.shifts_m(camera.floor_to_pixel(place))
+        covariance = settings.spot_std_px**2 * per_px @ per_px.T + shifts @ shifts.T
+        if not np.linalg.eigvalsh(covariance)[1] <= settings.max_std_m**2:
+            return None
+        return PenaltyMark(float(place[0]), float(place[1]), covariance)
+
+
+def _area_and_spread(mark: Mark, line_width_m: float) -> tuple[float, float]:
+    """Return a mark's painted area, square metres, and the variance of its paint along either axis."""
+    size, width = mark.size_m, line_width_m
+    if mark.kind == "dot":
+        return math.pi / 4 * size**2, size**2 / 16
+    area = 2 * size * width - width**2
+    # of both strokes, less their common square
+    return area, (size * width * (size**2 + width**2) - width**4) / (12 * area)
