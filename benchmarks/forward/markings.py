@@ -1,13 +1,13 @@
-"""Line segments, crossings, circles and posts in rendered pictures of forward and mirror cameras.
+"""Line segments, crossings, circles, posts and penalty marks in rendered pictures of forward and mirror cameras.
 
 Pictures are from places all over each field, up to three other robots in them; a forward camera is held off by what its
 file states. "alone": by the camera file, without a pose. "located": as `Vision.look` tells them, near the true pose.
 Recall: of field lines that show 60 px or more of their length, a line at least 1.5 px wide, and are hidden by nobody
-there; crossings and posts whose place and surroundings (16 px; lines 2 px wide) are in view; circles of which a third
-is. Precision: a segment is right within 3 standard deviations of a line of the field that goes on at its middle, others
-within 3 standard deviations and 1 m of a feature. Kinds: of the right crossings that have one, those whose kind is
-right. Error: median of right ones, of a segment at its middle across the line. NEES: median over the right ones, over
-2 degrees of freedom, by the median that it should have (1.386): 1 is honest.
+there; crossings, posts and penalty marks whose place and surroundings (16 px; lines 2 px wide) are in view; circles of
+which a third is. Precision: a segment is right within 3 standard deviations of a line of the field that goes on at its
+middle, others within 3 standard deviations and 1 m of a feature. Kinds: of the right crossings that have one, those
+whose kind is right. Error: median of right ones, of a segment at its middle across the line. NEES: median over the
+right ones, over 2 degrees of freedom, by the median that it should have (1.386): 1 is honest.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.finder import MarkingFinder
-from robocup_vision.perception.markings.marking import Circle, Crossing, LineSegment, Markings, Post
+from robocup_vision.perception.markings.marking import Circle, Crossing, LineSegment, Markings, PenaltyMark, Post
 
 GATE2 = 9.0
 MEDIAN_CHI2 = 2 * math.log(2.0)
@@ -64,6 +64,7 @@ def score(markings: Markings, shot: MarkedFrame, pitch: Field, features: FieldFe
     _score_segments(markings.segments, shot, pitch.lines, width_m, into["segment"])
     _score_spots(markings.crossings, shot, features.crossings_m, features.kinds, width_m, into["crossing"])
     _score_spots(markings.posts, shot, features.posts_m, (), width_m, into["post"])
+    _score_spots(markings.penalty_marks, shot, features.penalty_marks_m, (), width_m, into["mark"])
     _score_circles(markings.circles, shot, pitch.arcs, width_m, into["circle"])
 
 
@@ -115,7 +116,7 @@ def _score_segments(
 
 
 def _score_spots(
-    spots: Sequence[Crossing] | Sequence[Post],
+    spots: Sequence[Crossing] | Sequence[Post] | Sequence[PenaltyMark],
     shot: MarkedFrame,
     places_m: FloatArray,
     kinds: Sequence[str],
@@ -177,7 +178,7 @@ def _score_circles(circles: Sequence[Circle], shot: MarkedFrame, arcs: FloatArra
             into.found += index in found
 
 
-KINDS = ("segment", "crossing", "circle", "post")
+KINDS = ("segment", "crossing", "circle", "post", "mark")
 
 
 def measure(world: MarkingWorld, shots: Sequence[MarkedFrame], seed: int) -> dict[str, dict[str, Tally]]:

@@ -29,6 +29,7 @@ VALUE_TYPES: Mapping[str, str] = {
     "Ball": "robocup_vision.perception.balls.ball",
     "Field": "field_models.field",
     "Goal": "field_models.field",
+    "Mark": "field_models.field",
     "Beacon": "field_models.field",
     "Net": "field_models.field",
     "Mounting": "robocup_vision.camera.mounting",

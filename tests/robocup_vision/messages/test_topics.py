@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recorded_runs import FIELD, make_steering, make_vision, run_frames
 
-from field_models import load_field
+from field_models import Mark, load_field
 from robocup_vision.belief import MapPicture
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
@@ -189,7 +189,7 @@ def test_the_optical_frame_of_a_pinhole_camera_looks_along_z() -> None:
 
 def test_markings_are_told_where_they_are_wanted() -> None:
     view = make_vision().look(run_frames()[0].frame, 0.5)
-    field = load_field("spl_2020")
+    field = replace(load_field("spl_2020"), marks=(Mark(3.2, 0.0, "cross", 0.1),))
     markings = Markings(
         (LineSegment((1.0, -1.0), (1.0, 2.0), 0.0, 1.0, np.eye(2)),),
         (Crossing(1.0, 2.0, np.eye(2), "L", (0.0, -math.pi / 2)),),

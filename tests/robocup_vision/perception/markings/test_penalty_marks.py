@@ -24,8 +24,7 @@ KNOWN = np.diag([2e-4, 2e-4, 2e-4, 0.0]) ** 2
 
 def marked(kind):
     """Return a field with marks of a kind, and the same for a painter that knows lines and arcs only."""
-    field = load_field("spl_2020")
-    field = replace(field, marks=tuple(Mark(one.x_m, one.y_m, kind, 0.1) for one in field.marks))
+    field = replace(load_field("spl_2020"), marks=(Mark(3.2, 0.0, kind, 0.1), Mark(-3.2, 0.0, kind, 0.1)))
     return field, replace(field, lines=field.painted_lines, arcs=field.painted_arcs)
 
 
