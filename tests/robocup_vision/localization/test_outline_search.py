@@ -1,0 +1,33 @@
+"""The search over the whole field finds the pose that an outline was made from, without a guess that leads there."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import PAPER_MIRROR, numbers
+
+from field_models import load_field
+from robocup_vision.camera import OmniCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.walls.fit import predict_walls, room_for
+from robocup_vision.localization.outline_model import OutlineModel, OutlineNoise
+from robocup_vision.localization.outline_search import OutlineSearch, OutlineSearchSettings
+from robocup_vision.perception.polar_view import PolarView
+
+CAMERA = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
+MODEL = OutlineModel(load_field("ssl_2001"), CAMERA, PolarView(CAMERA), OutlineNoise())
+SEARCH = OutlineSearch(MODEL, OutlineSearchSettings())
+places = st.builds(Pose2, numbers(-1.25, 1.25), numbers(-0.65, 0.65), numbers(-3.1, 3.1))
+
+
+@settings(deadline=None, max_examples=20)
+@given(places, st.integers(0, 2**32 - 1))
+def test_an_outline_is_found_from_the_middle_of_the_field(pose, seed):
+    prediction = room_for(MODEL.scene)
+    predict_walls(pose.array, MODEL.scene, prediction)
+    noise = np.random.default_rng(seed).normal(0.0, 0.1, len(prediction.q))
+    radius_px = np.where(prediction.wall < 0, np.nan, PAPER_MIRROR.radius_px(prediction.q) + noise)
+    middle = MODEL.fit((0.0, 0.0, 0.0), radius_px, MODEL.scales(SEARCH.settings.fine_scales))[0]
+    _, *found = SEARCH.candidates(middle, radius_px)
+    off_m, off_rad = min(Pose2(*one.pose).error_to(pose, symmetric=True) for one in found)
+    assert off_m < 0.01
+    assert off_rad < 0.01
