@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
@@ -21,6 +21,7 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.joined import join_obstacles, move_obstacle
+from robocup_vision.perception.kinds.source import KindSource
 from robocup_vision.perception.markings.finder import MarkingSource
 from robocup_vision.perception.markings.marking import Markings
 from robocup_vision.perception.obstacles import Obstacle, ObstacleFinder
@@ -144,12 +145,18 @@ class View:
     def obstacles(self) -> tuple[Obstacle, ...]:
         """One for each thing that stands on the floor and is no part of the field, the nearest first.
 
-        See `ObstacleFinder`. Worked out when asked.
+        See `ObstacleFinder`. Worked out when asked; so is the kind of each.
         """
         # the largest is found several at a time, unlike any
         if self.polar is None or self.obstacle_finder is None or not (self.marks.size and self.marks.max()):
             return ()
-        return self.obstacle_finder.find(self.polar, self.marks, self.pose, self.boundary_radius_px, self.thumbnail)
+        finder, polar = self.obstacle_finder, self.polar
+        found = finder.find(polar, self.marks, self.pose, self.boundary_radius_px, self.thumbnail)
+        if self.marking_source is None or not isinstance(polar.camera, PinholeCamera) or not found:
+            return found
+        places = np.array([(one.x_m, one.y_m) for one in found])
+        source = KindSource(partial(self.marking_source.unchanged_frame, "obstacles' kinds"), polar.camera, places)
+        return tuple(replace(one, kind_teller=partial(source.kind, number)) for number, one in enumerate(found))
 
     @cached_property
     def markings(self) -> Markings:
@@ -172,6 +179,8 @@ class View:
             return self
         other = copy(self)
         vars(other)["marking_source"] = MarkingSource.of(source.finder, frame, source.camera, source.held_covariance)
+        # their kinds are told by the frame
+        vars(other).pop("obstacles", None)
         return other
 
     @cached_property

@@ -17,7 +17,8 @@ the picture). Of each, priors are drawn about the given pose (0.1 m, 0.1 m, 5 de
 mean errors of prior and refined pose stand side by side; "stiff": with tilt and roll fixed as the camera file says.
 
 Further rows stand in modules of their own, named in `ROW_MODULES`: balls, poses, whether those err as their covariances
-say, what `check` says, and free floor (all but the first not in the quick size: they take minutes).
+say, what `check` says, free floor, and kinds of obstacles, for which networks are trained (all but the first not in the
+quick size: they take minutes).
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from benchmarks.scores import photograph_checks as checks
 from benchmarks.scores import photograph_consistency as consistency
 from benchmarks.scores import photograph_fisheyes as fisheyes
 from benchmarks.scores import photograph_floor as floor
+from benchmarks.scores import photograph_kinds as kinds
 from benchmarks.scores import photograph_poses as poses
 from benchmarks.scores.photograph_rows import REAL, drawn_prior, known_poses
 from field_models import load_field
@@ -63,6 +65,7 @@ ROW_MODULES = {
     "consistency": consistency.ROWS,
     "checks": checks.ROWS,
     "floor": floor.ROWS,
+    "kinds": kinds.ROWS,
 }
 QUICK_MODULES = ("balls",)
 ONBOARD, ONBOARD_FIELD = (

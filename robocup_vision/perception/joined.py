@@ -13,6 +13,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2, turned_covariance, wrap_angle
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.free_space import FreeSpace
+from robocup_vision.perception.kinds.network import Kind
 from robocup_vision.perception.obstacles import Obstacle
 
 Thing = TypeVar("Thing")
@@ -139,7 +140,7 @@ def _joined_ball(one: Ball, other: Ball) -> Ball:
 def move_obstacle(obstacle: Obstacle, robot: Pose2) -> Obstacle:
     """Return an obstacle as a robot sees it that has moved to `robot`, given in its frame before."""
     x, y = robot.inverse().transform((obstacle.x_m, obstacle.y_m)).tolist()
-    return obstacle._replace(x_m=x, y_m=y, bearing_rad=math.atan2(y, x), range_m=math.hypot(x, y))
+    return replace(obstacle, x_m=x, y_m=y, bearing_rad=math.atan2(y, x), range_m=math.hypot(x, y))
 
 
 def join_obstacles(seen: Sequence[Sequence[Obstacle]], radius_m: float) -> tuple[Obstacle, ...]:
@@ -186,4 +187,19 @@ def _joined_obstacle(one: Obstacle, other: Obstacle) -> Obstacle:
     x, y = range_m * math.cos(bearing), range_m * math.sin(bearing)
     width_m = 2.0 * range_m * math.tan(half)
     hue = other.hue_rad if one.hue_rad is None else one.hue_rad
-    return one._replace(x_m=x, y_m=y, width_m=width_m, bearing_rad=bearing, range_m=range_m, hue_rad=hue)
+    return replace(
+        one,
+        x_m=x,
+        y_m=y,
+        width_m=width_m,
+        bearing_rad=bearing,
+        range_m=range_m,
+        hue_rad=hue,
+        kind_teller=lambda: _joined_kind(one, other),
+    )
+
+
+def _joined_kind(one: Obstacle, other: Obstacle) -> Kind | None:
+    """Return what one of them tells, or both do; None where they contradict each other."""
+    told = {kind for kind in (one.kind, other.kind) if kind is not None}
+    return told.pop() if len(told) == 1 else None

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +24,7 @@ from robocup_vision.kernels.floor.things import (
 )
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.hues import hues_of
+from robocup_vision.perception.kinds.network import Kind
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
 # paint that leads up to a thing, and posts, are narrower than this part of a robot's radius
@@ -31,7 +34,8 @@ _STEP_RATIO = 12.0**-0.5
 _NO_POSE = read_only(np.empty((0, 0)))
 
 
-class Obstacle(NamedTuple):
+@dataclass(frozen=True)
+class Obstacle:
     """The near side of something that stands on the floor, robot frame.
 
     Parameters
@@ -47,6 +51,8 @@ class Obstacle(NamedTuple):
     hue_rad : float or None
         Hue that most of what is saturated on it has, such as its team's: 0 red, a third of a turn green, two thirds
         blue, in the frame's colours as they are. None: next to nothing on it is saturated.
+    kind_teller : callable or None
+        Tells its `kind`; None: nothing does.
     """
 
     x_m: float
@@ -56,6 +62,20 @@ class Obstacle(NamedTuple):
     range_m: float
     range_std_m: float = math.nan
     hue_rad: float | None = None
+    kind_teller: Callable[[], Kind | None] | None = dataclass_field(default=None, repr=False, compare=False)
+
+    @property
+    def kind(self) -> Kind | None:
+        """Whether it is a "robot" or a "person", by a small network; None: nothing tells, as in mirror cameras.
+
+        Worked out when asked, from the frame itself: ask before its array is written to again.
+
+        Raises
+        ------
+        FrameError
+            If the frame's array has been written to since it was looked at.
+        """
+        return None if self.kind_teller is None else self.kind_teller()
 
     @property
     def interval_rad(self) -> tuple[float, float]:
@@ -156,7 +176,7 @@ class ObstacleFinder:
         if thumbnail is None or not things or view.camera.height_m is None:
             return tuple(things)
         hues = hues_of(thumbnail, view.camera, found[:count, :2], found[:count, 2], self._radius_m)
-        return tuple(one._replace(hue_rad=hue) for one, hue in zip(things, hues, strict=True))
+        return tuple(replace(one, hue_rad=hue) for one, hue in zip(things, hues, strict=True))
 
 
 def _range_std_m(view: PolarView | FloorView, range_m: FloatArray, step_m: FloatArray) -> FloatArray:

@@ -42,26 +42,15 @@ def run_train_balls(args: argparse.Namespace) -> int:
     RobocupVisionError
         For anything the user can mend.
     """
-    from importlib.util import find_spec
     from pathlib import Path
 
     import numpy as np
 
-    from field_models.errors import ArgumentError
-    from robocup_vision.camera import PinholeCamera
-    from robocup_vision.evaluation.dataset import load_dataset
     from robocup_vision.files.out_file import telling_write_errors
+    from sim2d.commands.training_photographs import check_torch, photographs_to_learn_from
 
-    datasets = [load_dataset(folder) for folder in args.photographs]
-    for folder, dataset in zip(args.photographs, datasets, strict=True):
-        if dataset.boxes is None:
-            raise ArgumentError(f"{folder}: photographs to learn from need a boxes.csv")
-        if not (isinstance(dataset.camera, PinholeCamera) and dataset.camera.known_orientation):
-            raise ArgumentError(f"{folder}: photographs to learn from need a forward camera whose tilt is known")
-        if dataset.is_video:
-            raise ArgumentError(f"{folder}: photographs to learn from must be a folder of images, not a video")
-    if find_spec("torch") is None:
-        raise ArgumentError("torch is not installed (pip install 'robocup-vision[train]')")
+    datasets = photographs_to_learn_from(args.photographs)
+    check_torch()
     from sim2d.training.ball_training import material, train
 
     out = Path(args.out)

@@ -19,8 +19,8 @@ from robocup_vision.perception.balls.network import (
     STRIDE_PX,
     STRIP_RADIUS_PX,
     BallNetwork,
-    Shrunk,
 )
+from robocup_vision.perception.networks import Shrunk
 from sim2d.training.ball_crops import (
     BANK_PX,
     Crops,
@@ -35,16 +35,15 @@ from sim2d.training.ball_crops import (
     scene_crops,
 )
 from sim2d.training.ball_scenes import Scene, draw_scene
-from sim2d.training.onnx_file import Convolution, write_onnx
+from sim2d.training.chains import chain, learn, normal, write_chain
+from sim2d.training.light import blurred, relit, uniform
 
 # channels, kernels and strides of the convolutions; a 1 x 1 to the three answers follows
 FIRST_LAYERS = ((8, 3, 2), (16, 3, 2), (24, 3, 1))
 SECOND_LAYERS = ((12, 3, 2), (16, 3, 1), (24, 3, 2), (32, 3, 1), (24, 4, 1))
 # what the first network sees, pixels of its strips
 _STRIP_PX = 15
-# what pictures are shifted and scaled by before the first convolution takes that over
-_INPUT_MEAN, _INPUT_STD = 110.0, 60.0
-_BATCH, _BALLS, _RATE, _DECAY, _OFFSET_WEIGHT = 160, 0.3, 3e-3, 1e-3, 0.05
+_BATCH, _BALLS, _OFFSET_WEIGHT = 160, 0.3, 0.05
 # balls are shifted by so many radii, others by less; all are scaled, as logarithms
 _SHIFT_RADII, _OTHER_SHIFT_RADII, _SCALE_SPREAD = 0.63, 0.3, 0.28
 # so many crops are covered in part
@@ -100,12 +99,10 @@ def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: C
     banks = [_Bank(one) for one in crops]
     counts = [round(share * _BATCH / sum(_SHARES[: len(banks)])) for share in _SHARES[: len(banks)]]
     tell("; ".join(f"{int(one.is_ball.sum())} balls, {int((~one.is_ball).sum())} others" for one in crops))
-    first, second = _network(FIRST_LAYERS), _network(SECOND_LAYERS)
-    optimizer = torch.optim.AdamW([*first.parameters(), *second.parameters()], lr=_RATE, weight_decay=_DECAY)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, _RATE, total_steps=steps, pct_start=0.1)
+    first, second = chain(FIRST_LAYERS, 3), chain(SECOND_LAYERS, 3)
     mine_at = [round(part * steps) for part in _MINE_AT]
-    losses = []
-    for step in range(steps):
+
+    def loss_of(step: int) -> torch.Tensor:
         if step in mine_at:
             banks[0].add(_mistaken_in_scenes(known.scenes, first))
             for bank, pictures in zip(banks[1:], (known.fields, known.photographs), strict=False):
@@ -115,15 +112,11 @@ def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: C
         is_ball = torch.cat([bank.is_ball[one] for bank, one in zip(banks, chosen, strict=True)])
         seen, off = _varied(images, is_ball)
         loss, each = _loss(first(_strips(seen)), second(seen), is_ball, off)
-        optimizer.zero_grad()
-        torch.autograd.backward(loss)
-        optimizer.step()
-        schedule.step()
         for bank, one, worth in zip(banks, chosen, torch.split(each, counts), strict=True):
             bank.losses[one] = 0.5 * bank.losses[one] + 0.5 * worth
-        losses.append(float(loss.detach()))
-        if (step + 1) % 250 == 0:
-            tell(f"step {step + 1} of {steps}: loss {np.mean(losses[-250:]):.4f}")
+        return loss
+
+    learn([*first.parameters(), *second.parameters()], loss_of, steps, tell)
     with torch.no_grad():
         first[-1].get_parameter("bias")[0] -= _missed_nats(first, banks)
     _write(Path(folder), first, second)
@@ -152,16 +145,6 @@ class _Bank:
         return torch.cat(parts)
 
 
-def _network(layers: Sequence[tuple[int, int, int]]) -> torch.nn.Sequential:
-    parts: list[torch.nn.Module] = []
-    before = 3
-    for channels, kernel, stride in layers:
-        parts += [torch.nn.Conv2d(before, channels, kernel, stride), torch.nn.ReLU()]
-        before = channels
-    parts.append(torch.nn.Conv2d(before, 3, 1))
-    return torch.nn.Sequential(*parts)
-
-
 def _loss(
     first: torch.Tensor, second: torch.Tensor, is_ball: torch.Tensor, off: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor]:
@@ -178,15 +161,11 @@ def _loss(
     return each.mean() + _OFFSET_WEIGHT * away, each.detach()
 
 
-def _uniform(count: int, low: float, high: float) -> torch.Tensor:
-    return low + (high - low) * torch.rand(count)
-
-
 def _varied(images: torch.Tensor, is_ball: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Shift, scale and mirror crops, change their light and sharpness; and return the way to the balls' centres."""
     count = len(images)
     pixels = images.permute(0, 3, 1, 2).float()
-    scale = torch.exp(_uniform(count, -_SCALE_SPREAD, _SCALE_SPREAD))
+    scale = torch.exp(uniform(count, -_SCALE_SPREAD, _SCALE_SPREAD))
     flip = torch.where(torch.rand(count) < 0.5, -1.0, 1.0)
     reach = torch.where(is_ball, _SHIFT_RADII, _OTHER_SHIFT_RADII) * CROP_RADIUS_PX
     # a place in the middle square of the side twice the shift
@@ -199,57 +178,20 @@ def _varied(images: torch.Tensor, is_ball: torch.Tensor) -> tuple[torch.Tensor, 
     seen = functional.grid_sample(pixels, grid, mode="bilinear", padding_mode="zeros", align_corners=False)
     off = -shift / scale[:, None]
     off[:, 0] *= flip
-    seen = _relit(_blurred(_covered(seen)))
-    return (seen - _INPUT_MEAN) / _INPUT_STD, off
+    seen = relit(blurred(_covered(seen)))
+    return normal(seen), off
 
 
 def _covered(pixels: torch.Tensor) -> torch.Tensor:
     """Cover some on one side of a straight edge, as robots and the rim of a lens do."""
     count, _, side, _ = pixels.shape
     at = torch.arange(side) - (side - 1) / 2
-    turn = _uniform(count, 0.0, 2 * np.pi)[:, None, None]
+    turn = uniform(count, 0.0, 2 * np.pi)[:, None, None]
     across = at[None, :, None] * torch.sin(turn) + at[None, None, :] * torch.cos(turn)
-    free = _uniform(count, -0.2, 2.5)[:, None, None] * CROP_RADIUS_PX
+    free = uniform(count, -0.2, 2.5)[:, None, None] * CROP_RADIUS_PX
     is_covered = (across > free) & (torch.rand(count) < _COVERED)[:, None, None]
-    shade = _uniform(count, 0.0, 45.0)[:, None, None, None] + 6.0 * torch.randn(count, 3, 1, 1)
+    shade = uniform(count, 0.0, 45.0)[:, None, None, None] + 6.0 * torch.randn(count, 3, 1, 1)
     return torch.where(is_covered[:, None], shade.clamp(min=0.0), pixels)
-
-
-def _relit(pixels: torch.Tensor) -> torch.Tensor:
-    """Turn hues by 14 degrees at most, and change saturation, cast, brightness and noise."""
-    count = len(pixels)
-    hue, saturation = _uniform(count, -0.245, 0.245), _uniform(count, 0.65, 1.25)
-    # a turn about the grey axis, shrunk across it
-    axis = torch.full((3, 3), 1.0 / 3.0)
-    cross = torch.tensor([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]]) / 3**0.5
-    c, s = (saturation * torch.cos(hue))[:, None, None], (saturation * torch.sin(hue))[:, None, None]
-    mixed = axis + c * (torch.eye(3) - axis) + s * cross
-    cast = torch.where(torch.rand(count, 1, 1) < 0.2, 0.2, 0.06)
-    gain = torch.exp(0.12 * torch.randn(count, 1, 1) + cast * torch.randn(count, 3, 1))
-    lit = torch.einsum("nij,njhw->nihw", gain * mixed, pixels).clamp(0, 255)
-    gamma = torch.exp(0.15 * torch.randn(count, 1, 1, 1))
-    lit = 255 * (lit / 255 + 1e-4) ** gamma
-    return (lit + _uniform(count, 0.0, 5.0)[:, None, None, None] * torch.randn_like(lit)).clamp(0, 255)
-
-
-def _blurred(pixels: torch.Tensor) -> torch.Tensor:
-    """Blur some by a lens or by motion."""
-    count = len(pixels)
-    kernels = torch.zeros(count, 5, 5)
-    kernels[:, 2, 2] = 1.0
-    at = torch.arange(5.0) - 2
-    square = at[:, None] ** 2 + at[None] ** 2
-    kind = torch.rand(count)
-    soft = torch.exp(-square / (2 * _uniform(count, 0.3, 1.1)[:, None, None] ** 2))
-    kernels = torch.where((kind < 0.4)[:, None, None], soft, kernels)
-    turn = _uniform(count, -0.5, 0.5)[:, None, None]
-    across = at[:, None] * torch.cos(turn) - at[None] * torch.sin(turn)
-    along = torch.exp(-(across**2) / 0.5) * (at[None].abs() <= _uniform(count, 0.5, 2.5)[:, None, None])
-    kernels = torch.where((kind > 0.88)[:, None, None], along, kernels)
-    kernels = (kernels / kernels.sum(dim=(1, 2), keepdim=True)).repeat_interleave(3, dim=0)[:, None]
-    side = pixels.shape[-1]
-    padded = functional.pad(pixels.reshape(1, 3 * count, side, side), (2, 2, 2, 2), mode="replicate")
-    return functional.conv2d(padded, kernels, groups=3 * count).reshape(pixels.shape)
 
 
 def _strips(seen: torch.Tensor) -> torch.Tensor:
@@ -269,7 +211,7 @@ def _mistaken_in_scenes(scenes: Sequence[Scene], first: torch.nn.Sequential) -> 
         size = (round(scene.image.shape[1] / scale), round(scene.image.shape[0] / scale))
         small = torch.from_numpy(shrunk.part(0.0, 0.0, scale, size)).permute(2, 0, 1).float()[None]
         with torch.no_grad():
-            answer = first((small - _INPUT_MEAN) / _INPUT_STD)[0].numpy()
+            answer = first(normal(small))[0].numpy()
         rows, columns = np.unravel_index(np.argsort(-answer[0], axis=None)[:40], answer[0].shape)
         u = scale * (FIRST_PX + STRIDE_PX * columns + answer[1, rows, columns])
         v = scale * (FIRST_PX + STRIDE_PX * rows + answer[2, rows, columns])
@@ -298,18 +240,5 @@ def _as_run(first: torch.nn.Sequential, second: torch.nn.Sequential) -> BallNetw
 
 
 def _write(folder: Path, first: torch.nn.Sequential, second: torch.nn.Sequential) -> None:
-    write_onnx(folder / "places.onnx", _layers(first))
-    write_onnx(folder / "ball.onnx", _layers(second))
-
-
-def _layers(network: torch.nn.Sequential) -> list[Convolution]:
-    layers: list[Convolution] = []
-    for part in network:
-        if isinstance(part, torch.nn.Conv2d):
-            weight, bias = (part.get_parameter(name).detach().double().numpy() for name in ("weight", "bias"))
-            if not layers:
-                # pictures come as they are, 0 to 255
-                bias = bias - weight.sum(axis=(1, 2, 3)) * _INPUT_MEAN / _INPUT_STD
-                weight = weight / _INPUT_STD
-            layers.append(Convolution(weight, bias, part.stride[0]))
-    return layers
+    write_chain(folder / "places.onnx", first)
+    write_chain(folder / "ball.onnx", second)

@@ -19,7 +19,7 @@ class Convolution(NamedTuple):
 
     Parameters
     ----------
-    weight : (C, B, K, K) float64
+    weight : (C, B, K, L) float64
         Of C channels by B before.
     bias : (C,) float64
         Of each channel.
@@ -39,14 +39,14 @@ def write_onnx(path: str | Path, layers: Sequence[Convolution]) -> None:
     for number, layer in enumerate(layers):
         last = number == len(layers) - 1
         made = "answer" if last else f"c{number}"
-        size = layer.weight.shape[2]
-        attributes = (("kernel_shape", [size, size]), ("strides", [layer.stride] * 2), ("pads", [0] * 4))
+        kernel = list(layer.weight.shape[2:])
+        attributes = (("kernel_shape", kernel), ("strides", [layer.stride] * 2), ("pads", [0] * 4))
         nodes += _node("Conv", [name, f"w{number}", f"b{number}"], made, attributes)
         if not last:
             nodes += _node("Relu", [made], f"r{number}", ())
         name = f"r{number}"
         tensors += _tensor(f"w{number}", layer.weight) + _tensor(f"b{number}", layer.bias)
-    graph = nodes + _text(2, "balls") + tensors
+    graph = nodes + _text(2, "chain") + tensors
     graph += _value(11, "image", [1, layers[0].weight.shape[1], "height", "width"])
     graph += _value(12, "answer", [1, layers[-1].weight.shape[0], "rows", "columns"])
     model = _number(1, _IR_VERSION) + _text(2, "robocup-vision") + _block(7, graph) + _block(8, _number(2, _OPSET))

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.perception.networks import Shrunk, read_network
 
 # of the first network: what a ball's radius is about, how far apart its answers are, and where the first is
 STRIP_RADIUS_PX, STRIDE_PX, FIRST_PX = 4.0, 4, 7
@@ -214,57 +215,11 @@ def _radii_px(camera: PinholeCamera, radius_m: float, u: FloatArray, v: FloatArr
     return np.where(np.isfinite(radii) & (ratio > 0), radii, 0.0).astype(np.float32)
 
 
-class Shrunk:
-    """Parts of a frame at any scale."""
-
-    def __init__(self, frame: UInt8Array) -> None:
-        self._frame = frame
-
-    def part(self, left: float, top: float, scale: float, size: tuple[int, int]) -> UInt8Array:
-        """Return a part as (H, W, 3) uint8; beyond the frame it is black.
-
-        Parameters
-        ----------
-        left, top : float
-            Where its first pixel's middle lies in the frame.
-        scale : float
-            Pixels of the frame for one of the part.
-        size : (int, int)
-            Width and height of the part.
-        """
-        # what is shrunk by much is halved first: each pixel counts
-        halvings = max(round(math.log2(scale)), 0)
-        block = 2**halvings
-        width, height = size
-        reach = max(scale, block)
-        begin_u, end_u = _whole_blocks(left - reach, left + scale * width + reach, block, self._frame.shape[1])
-        begin_v, end_v = _whole_blocks(top - reach, top + scale * height + reach, block, self._frame.shape[0])
-        if end_u <= begin_u or end_v <= begin_v:
-            return np.zeros((height, width, 3), dtype=np.uint8)
-        shown = self._frame[begin_v:end_v, begin_u:end_u]
-        for _ in range(halvings):
-            half = (shown.shape[1] // 2, shown.shape[0] // 2)
-            shown = np.asarray(cv2.resize(shown, half, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        turned = np.array(
-            [
-                [scale / block, 0.0, (left - begin_u + 0.5) / block - 0.5],
-                [0.0, scale / block, (top - begin_v + 0.5) / block - 0.5],
-            ]
-        )
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        return np.asarray(cv2.warpAffine(shown, turned, size, flags=flags), dtype=np.uint8)
-
-    def around(self, u_px: float, v_px: float, radius_px: float, side: int = CROP_PX) -> UInt8Array:
-        """Return a square with a ball in its middle whose radius is `CROP_RADIUS_PX`."""
-        scale = radius_px / CROP_RADIUS_PX
-        reach = scale * (side - 1) / 2
-        return self.part(u_px - reach, v_px - reach, scale, (side, side))
-
-
-def _whole_blocks(low: float, high: float, block: int, side: int) -> tuple[int, int]:
-    """Return where whole blocks of pixels that cover a stretch of a side of the frame begin and end."""
-    begin, end = max(math.floor(low / block), 0), min(math.ceil(high / block), side // block)
-    return begin * block, end * block
+def around(shrunk: Shrunk, u_px: float, v_px: float, radius_px: float, side: int = CROP_PX) -> UInt8Array:
+    """Return a square of a frame with a ball in its middle whose radius is `CROP_RADIUS_PX`."""
+    scale = radius_px / CROP_RADIUS_PX
+    reach = scale * (side - 1) / 2
+    return shrunk.part(u_px - reach, v_px - reach, scale, (side, side))
 
 
 class BallNetwork:
@@ -279,7 +234,7 @@ class BallNetwork:
     def __init__(self, first: bytes | None = None, second: bytes | None = None) -> None:
         folder = files("robocup_vision.perception.balls")
         stored = (first or (folder / "places.onnx").read_bytes(), second or (folder / "ball.onnx").read_bytes())
-        self._first, self._second = (_network(content) for content in stored)
+        self._first, self._second = (read_network(content) for content in stored)
 
     def look(self, frame: UInt8Array, strips: BallStrips, min_nats: float) -> list[Sighting]:
         """Return where balls are seen, the surest first; of those that lie over each other the surest.
@@ -296,7 +251,7 @@ class BallNetwork:
         shrunk = Shrunk(frame)
         likely = []
         for place in self.places(shrunk, strips)[:MAX_PLACES]:
-            self._second.setInput(cv2.dnn.blobFromImage(shrunk.around(*place[:3])))
+            self._second.setInput(cv2.dnn.blobFromImage(around(shrunk, *place[:3])))
             nats, off_u, off_v = (float(x) for x in self._second.forward().reshape(-1)[:3])
             if nats >= min_nats:
                 scale = place.radius_px / CROP_RADIUS_PX
@@ -327,10 +282,6 @@ class BallNetwork:
             for (u, v, radius), (du, dv), nat in zip(places, off, nats[likely], strict=True)
         ]
         return _apart(told, _APART_RADII)
-
-
-def _network(content: bytes) -> Any:
-    return cv2.dnn.readNetFromONNX(np.frombuffer(content, dtype=np.uint8))
 
 
 def _apart(sightings: list[Sighting], radii: float) -> list[Sighting]:

@@ -75,12 +75,22 @@ class MarkingSource:
         FrameError
             If the frame's array has been written to since it was looked at.
         """
+        return self.finder.find(self.unchanged_frame("markings"), self.camera, pose, self.held_covariance)
+
+    def unchanged_frame(self, asked: str) -> UInt8Array:
+        """Return the frame, for what a view is asked for.
+
+        Raises
+        ------
+        FrameError
+            If the frame's array has been written to since it was looked at.
+        """
         if _fingerprint(self.frame) != self.fingerprint:
             raise FrameError(
-                "the frame has been written to since it was looked at: ask for the view's markings before, or hand look"
+                f"the frame has been written to since it was looked at: ask for the view's {asked} before, or hand look"
                 " a copy"
             )
-        return self.finder.find(self.frame, self.camera, pose, self.held_covariance)
+        return self.frame
 
 
 def _fingerprint(frame: UInt8Array) -> bytes:

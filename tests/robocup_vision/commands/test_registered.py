@@ -10,6 +10,7 @@ NAMES = {
     "evaluate", "compare", "calibrate", "check", "live", "map", "fields", "import-boxes", "match", "tournament",
     "render", "render-goal", "render-hall", "sensors", "learn-goal-evidence", "fit-evidence",
     "train-balls",
+    "train-kinds",
 }  # fmt: skip
 
 

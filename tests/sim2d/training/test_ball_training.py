@@ -6,21 +6,23 @@ import pytest
 
 from field_models.errors import ArgumentError
 from robocup_vision import cli
-from robocup_vision.perception.balls.network import CROP_RADIUS_PX, Shrunk
+from robocup_vision.perception.balls.network import CROP_RADIUS_PX
+from robocup_vision.perception.networks import Shrunk
 from sim2d.training.ball_crops import BANK_PX, apart, rendered_pictures, scene_crops
 from sim2d.training.ball_scenes import SCENE_PX, Scene, draw_scene
 from sim2d.training.onnx_file import Convolution, write_onnx
 
 
 def convolved(picture, layer):
-    size, stride = layer.weight.shape[2], layer.stride
-    windows = np.lib.stride_tricks.sliding_window_view(picture, (size, size), axis=(1, 2))[:, ::stride, ::stride]
+    stride = layer.stride
+    kernel = layer.weight.shape[2:]
+    windows = np.lib.stride_tricks.sliding_window_view(picture, kernel, axis=(1, 2))[:, ::stride, ::stride]
     return np.einsum("bijyx,cbyx->cij", windows, layer.weight) + layer.bias[:, None, None]
 
 
 def test_opencv_runs_the_written_file_as_numpy_does(tmp_path):
     rng = np.random.default_rng(3)
-    shapes = ((6, 3, 3, 3, 2), (4, 6, 3, 3, 1), (3, 4, 1, 1, 1))
+    shapes = ((6, 3, 3, 3, 2), (4, 6, 3, 2, 1), (3, 4, 1, 1, 1))
     layers = [Convolution(rng.normal(size=shape), rng.normal(size=shape[0]), stride) for *shape, stride in shapes]
     write_onnx(tmp_path / "net.onnx", layers)
     network = cv2.dnn.readNetFromONNX(str(tmp_path / "net.onnx"))
@@ -102,7 +104,8 @@ def test_rendered_fields_show_a_ball_where_they_say():
             assert abs(np.log(nearest[2] / radius)) < 0.3
 
 
-def test_photographs_without_boxes_are_refused(tmp_path):
+@pytest.mark.parametrize("command", [("train-balls", "--photographs", "{}", "{}/out"), ("train-kinds", "{}/out", "{}")])
+def test_photographs_without_boxes_are_refused(tmp_path, command):
     (tmp_path / "images").mkdir()
     cv2.imwrite(str(tmp_path / "images" / "a.png"), np.zeros((240, 320, 3), np.uint8))
     (tmp_path / "camera.toml").write_text(
@@ -112,8 +115,7 @@ def test_photographs_without_boxes_are_refused(tmp_path):
     (tmp_path / "dataset.toml").write_text(
         'format = 1\nfield = "spl_2020"\ncamera = "camera.toml"\nimages = "images"\n'
     )
-    command = ["train-balls", "--photographs", str(tmp_path), str(tmp_path / "out")]
-    arguments = cli.command_parser().parse_args(command)
+    arguments = cli.command_parser().parse_args([part.format(tmp_path) for part in command])
     with pytest.raises(ArgumentError, match="need a boxes"):
         arguments.run(arguments)
     (tmp_path / "boxes.csv").write_text("image,kind,xmin,ymin,xmax,ymax\na.png,ball,10,10,30,30\n")

@@ -1,0 +1,1 @@
+"""Whether a robot or a person stands on the floor."""

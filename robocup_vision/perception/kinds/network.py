@@ -1,0 +1,92 @@
+"""The kind classifier: a small convolutional network, run by OpenCV, over upright pictures of things, each of one size.
+
+The camera says what an upright rectangle over a thing's foot looks like in its frame. So cut out, a metre is as many
+pixels near by and far away, and what is upright is upright all over a fisheye's picture.
+"""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Literal, get_args
+
+import cv2
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.perception.networks import Shrunk, read_network
+
+Kind = Literal["robot", "person"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+# width and height of what the network sees, in pixels of so many metres, and on which row from below the foot is
+SEEN_PX, PIXEL_M, FOOT_PX = (36, 48), 0.036, 4
+# where the frame shows a picture's pixels is worked out for about one in so many columns and rows
+_GRID_PX = 4
+
+
+def upright_pictures(shrunk: Shrunk, camera: PinholeCamera, places_m: FloatArray, rim_px: int = 0) -> UInt8Array:
+    """Cut upright rectangles (N, 48, 36, 3) out of a frame, each over a foot and facing the camera.
+
+    Parameters
+    ----------
+    shrunk : Shrunk
+        The frame, BGR.
+    camera : PinholeCamera
+        As held.
+    places_m : (N, 2) float64
+        Feet on the floor, robot frame.
+    rim_px : int
+        So many pixels more are cut on each side.
+    """
+    width, height = (side + 2 * rim_px for side in SEEN_PX)
+    foot = height - 1 - rim_px - FOOT_PX
+    ahead = places_m - np.array(camera.offset_m)
+    ahead = ahead / np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-6)[:, None]
+    # a lens bends so little from one of these columns and rows to the next
+    columns, rows = (np.linspace(0, side - 1, side // _GRID_PX) for side in (width, height))
+    aside = PIXEL_M * ((width - 1) / 2 - columns)
+    points = np.empty((len(places_m), len(rows), len(columns), 3))
+    points[..., 0] = (places_m[:, :1] - aside * ahead[:, 1:])[:, None]
+    points[..., 1] = (places_m[:, 1:] + aside * ahead[:, :1])[:, None]
+    points[..., 2] = PIXEL_M * (foot - rows)[:, None]
+    grid = camera.point_to_pixel(points)
+    beside, low, middle = columns[1], int(np.searchsorted(rows, foot)), len(columns) // 2
+    scales = np.linalg.norm(grid[:, low, middle] - grid[:, low, middle - 1], axis=1) / beside
+    scales = np.where(np.isfinite(scales), np.maximum(scales, 1e-3), 1.0)
+    at_column, at_row = (
+        np.arange(side) * ((len(lines) - 1) / (side - 1)) for side, lines in ((width, columns), (height, rows))
+    )
+    between_u, between_v = (one.astype(np.float32) for one in np.meshgrid(at_column, at_row))
+    found = np.empty((len(places_m), height, width, 3), dtype=np.uint8)
+    for one, at, scale in zip(found, grid, scales.tolist(), strict=True):
+        one[:] = shrunk.bent_part(cv2.remap(at.astype(np.float32), between_u, between_v, cv2.INTER_LINEAR), scale)
+    return found
+
+
+class KindNetwork:
+    """The network; one object a thread.
+
+    Parameters
+    ----------
+    content : bytes, optional
+        ONNX file; without it the package's own.
+    """
+
+    def __init__(self, content: bytes | None = None) -> None:
+        folder = files("robocup_vision.perception.kinds")
+        self._network = read_network(content or (folder / "kind.onnx").read_bytes())
+
+    def nats(self, pictures: UInt8Array) -> FloatArray:
+        """Return what speaks for each of `KINDS` against all else, (N, 2), in upright pictures (N, 48, 36, 3)."""
+        answers = np.empty((len(pictures), len(KINDS) + 1))
+        for answer, picture in zip(answers, pictures, strict=True):
+            self._network.setInput(cv2.dnn.blobFromImage(picture))
+            answer[:] = self._network.forward().reshape(-1)
+        return log_odds(answers)
+
+
+def log_odds(answers: FloatArray) -> FloatArray:
+    """Return the log-odds (N, 2) of each of `KINDS`, by the network's answers (N, 3): the last one is for all else."""
+    rest = [np.logaddexp.reduce(np.delete(answers, kind, axis=1), axis=1) for kind in range(len(KINDS))]
+    return np.asarray(answers[:, : len(KINDS)] - np.stack(rest, axis=1))
