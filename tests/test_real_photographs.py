@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.camera import load_camera
+from robocup_vision.calibration.forward.calibrate import calibrate_forward
+from robocup_vision.calibration.forward.starts import KnownOfCamera
+from robocup_vision.camera import FisheyeCamera, load_camera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.vision import Vision
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real"
+DATA = Path(__file__).parent / "data"
 # drawn about each given pose of a forward camera
 PRIORS = 6
 needs_photographs = pytest.mark.skipif(not REAL.is_dir(), reason="the photographs are not here")
@@ -114,3 +117,41 @@ def test_floor_lines_and_pose_of_a_forward_camera():
     # the given poses are those of another moment where the robot moves: in one picture by 5 degrees
     assert (np.mean(after, axis=0) <= np.mean(before, axis=0)).all()
     assert max(away_m for away_m, _ in after) < 0.25
+
+
+def fisheye_photographs(start):
+    paths = sorted((REAL / "msl_fisheye" / "images").glob(f"{start}*"))
+    assert paths
+    return [cv2.imread(str(path)) for path in paths]
+
+
+# it alone finds pictures that are placed wrongly and bend the lens that all share
+@needs_photographs
+@pytest.mark.slow
+def test_a_lens_by_photographs_of_which_some_are_placed_wrongly():
+    field = load_field(DATA / "msl_2022_field.toml")
+    found = calibrate_forward(
+        field, fisheye_photographs("20220716"), KnownOfCamera("fisheye", height_m=0.77, tilt_rad=0.0)
+    )
+    assert found
+    assert found.residual_px < 0.55
+    assert found.camera.focal_px[0] == pytest.approx(338.0, abs=5.0)
+
+
+@needs_photographs
+@pytest.mark.parametrize("start", ["20250208_r4_cam0", "20250717_r4_cam0", "20260503_r3_cam0"])
+def test_what_looks_like_a_goal_gives_no_pose_against_the_lines(start):
+    """Each shows something white and upright; the poses that it would give put lines on bare carpet."""
+    camera = FisheyeCamera(
+        (608, 800),
+        (325.9, 325.9),
+        (304.7, 393.7),
+        0.769,
+        (-0.0216, -0.0029, 0.0, 0.0),
+        pan_rad=0.0,
+        tilt_rad=0.009,
+        roll_rad=-0.006,
+        roll_std_rad=0.01,
+    )
+    (frame,) = fisheye_photographs(start)
+    assert not Vision(load_field(DATA / "msl_fisheye_field.toml"), camera).look(frame).pose

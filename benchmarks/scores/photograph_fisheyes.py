@@ -25,7 +25,8 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.view import View
 
 FOLDER, HOME = "msl_fisheye", "2026"
-FIELD = Path(__file__).resolve().parents[2] / "tests" / "data" / "msl_fisheye_field.toml"
+DATA = Path(__file__).resolve().parents[2] / "tests" / "data"
+FIELD = DATA / "msl_fisheye_field.toml"
 CAMERA = FisheyeCamera(
     (608, 800),
     (325.9, 325.9),
@@ -43,6 +44,7 @@ THINGS, BOX_KEYS = ("obstacle", "human"), ("xmin", "xmax", "ymax")
 BOX_RIM_PX, NEAR_M = 2.0, 6.0
 # the pictures of one camera, and what is asked of a lens by them
 CALIBRATED = "20260503_r5_cam0"
+HALL, HALL_TARGET = "20220716", "0.55 px; 75 %; 0 wrong"
 LENS_TARGET = "0.35 px; 325.9 +-2; 304.7, 393.7 +-2; 0.769 +-0.01 m; 20 mm"
 
 
@@ -189,4 +191,30 @@ def lens() -> PhotographRow | None:
     return PhotographRow("msl_fisheye, lens by lines", measured, LENS_TARGET, is_met)
 
 
-ROWS: tuple[Callable[[], PhotographRow | None], ...] = (lens, home, floor_before_things, other_things)
+def hall() -> PhotographRow | None:
+    """Calibrate the cameras of three robots as one by their pictures in a hall, and locate each picture alone by it."""
+    if not (REAL / FOLDER).is_dir():
+        return None
+    frames = {name: frame for name, frame in photographs(FOLDER) if name.startswith(HALL)}
+    field = load_field(DATA / "msl_2022_field.toml")
+    found = calibrate_forward(field, list(frames.values()), KnownOfCamera("fisheye", height_m=0.75, tilt_rad=0.0))
+    if not isinstance(found, ForwardCalibration) or found.residual_px is None:
+        return PhotographRow("msl_fisheye, hall of 2022", "not calibrated", HALL_TARGET, False)
+    truths = {row["image"]: row for row in table_of(FOLDER, "poses.csv")}
+    vision = Vision(field, found.camera)
+    located = wrong = 0
+    for name, frame in frames.items():
+        vision.forget()
+        pose = vision.look(frame).pose
+        located += bool(pose)
+        if pose and name in truths:
+            truth = Pose2(*(float(truths[name][key]) for key in ("x_m", "y_m", "theta_rad")))
+            wrong += pose.pose.error_to(truth, symmetric=True)[0] > WRONG_M
+    measured = (
+        f"{len(found.frames)} of {len(frames)} images: {found.residual_px:.2f} px rms; located {located}, {wrong} wrong"
+    )
+    is_met = found.residual_px <= 0.55 and located >= 0.75 * len(frames) and not wrong
+    return PhotographRow("msl_fisheye, hall of 2022", measured, HALL_TARGET, is_met)
+
+
+ROWS: tuple[Callable[[], PhotographRow | None], ...] = (lens, hall, home, floor_before_things, other_things)

@@ -57,6 +57,8 @@ class JointFitSettings:
         Noise of a sample alone, and of what all samples of an edge have in common.
     min_points, min_agreeing_ratio : int, float
         Samples that a picture must show, and of these those that the fit must explain, or it is left out.
+    max_spread_ratio : float
+        A picture whose residuals are so many times wider than the median picture's was placed wrongly: it is left out.
     """
 
     sway_std_rad: float = 0.01
@@ -68,6 +70,7 @@ class JointFitSettings:
     shared_px: float = 0.2
     min_points: int = 12
     min_agreeing_ratio: float = 0.5
+    max_spread_ratio: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +126,7 @@ class _Picture:
     cross: FloatArray
     inner_gradient: FloatArray
     residual_px: FloatArray
+    spread_px: float
 
 
 class JointFitter:
@@ -182,6 +186,8 @@ class JointFitter:
                 picture = self._told(sightings[index], one, vector, camera, lens, gate)
                 if picture is not None:
                     told[index] = picture
+            if not gate:
+                told = self._without_misplaced(told)
             if not told:
                 return None
             total = precision + sum(one.information for one in told.values())
@@ -246,7 +252,13 @@ class JointFitter:
         size = len(vector)
         sway = np.zeros(_OWN)
         sway[tables.TILT : tables.HEIGHT + 1] = held[tables.TILT : tables.HEIGHT + 1] - vector[: HEIGHT + 1]
-        return _picture(information, gradient, size, self._own, -self._own * sway, residual[used])
+        return _picture(information, gradient, size, self._own, -self._own * sway, residual[used], spread)
+
+    def _without_misplaced(self, told: dict[int, _Picture]) -> dict[int, _Picture]:
+        """Return the pictures that the camera fits about as well as the median one."""
+        spreads = [one.spread_px for one in told.values()]
+        most = self._settings.max_spread_ratio * float(np.median(spreads)) if spreads else 0.0
+        return {index: one for index, one in told.items() if one.spread_px <= most}
 
     def _search(
         self, sighting: Sighting, held: FloatArray, camera: PinholeCamera, lens: FloatArray, reach_px: float
@@ -272,6 +284,7 @@ def _picture(
     own: FloatArray,
     own_gradient: FloatArray,
     residual_px: FloatArray,
+    spread: float,
 ) -> _Picture:
     """Eliminate a picture's own unknowns; those that are off their rest pull what is common along."""
     common = information[:size, :size].copy()
@@ -284,7 +297,9 @@ def _picture(
     right[at] -= own_gradient[sway]
     solved = np.linalg.solve(inner, np.column_stack([cross.T, inner_gradient]))
     reduced = common - cross @ solved[:, :-1]
-    return _Picture((reduced + reduced.T) / 2, right - cross @ solved[:, -1], inner, cross, inner_gradient, residual_px)
+    return _Picture(
+        (reduced + reduced.T) / 2, right - cross @ solved[:, -1], inner, cross, inner_gradient, residual_px, spread
+    )
 
 
 def _spread(told: Iterable[_Picture], covariance: FloatArray) -> FloatArray:

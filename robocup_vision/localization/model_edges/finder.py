@@ -344,6 +344,12 @@ class EdgeFinder:
             answer = self._fit(frame, pose)
         return answer.without_prior() if answer else answer
 
+    def contradiction(self, frame: UInt8Array, pose: Pose2) -> str | None:
+        """Return what in a frame contradicts a pose after a fit, None where nothing does: see `Evidence`."""
+        self._fit(frame, pose)
+        self.follower.forget()
+        return self.follower.evidence.contradiction(self.follower.settings)
+
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         """Fit one pose, with a proposal for a prior."""
         self.follower.forget()

@@ -216,10 +216,10 @@ class EdgeLocalizer:
         return self.follower.field, self.follower.camera, self.follower.settings
 
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
-        """Search for a goal: its pose fitted by all edges where they confirm it, else by the goal alone.
+        """Search for a goal: its pose by all edges where they confirm it, by the goal alone where they do not know.
 
-        Glare whitens posts, and a goal before an unknown wall shows little else: the edges then do not know, while
-        the goal's own verdict is made for that.
+        Glare whitens posts, and a goal before an unknown wall shows little else: the goal's own verdict is made for
+        that. Where carpet shows instead of the field's lines, or lines where the pose has none, it was no goal.
         """
         if self._goal is None:
             self._goal = GoalLocalizer(self.follower.field, self.follower.camera)
@@ -227,8 +227,11 @@ class EdgeLocalizer:
         if isinstance(alone.pose, NotLocated):
             return None
         camera = alone.pose.seen_from(alone.camera.camera_in_robot)
-        answer = self._made_finder().judge(evidence.frame, camera.candidates)
-        return alone if isinstance(answer, NotLocated) else answer
+        finder = self._made_finder()
+        answer = finder.judge(evidence.frame, camera.candidates)
+        if answer:
+            return answer
+        return alone if finder.contradiction(evidence.frame, camera.pose) is None else None
 
     def _as_estimate(self, prior: PoseEstimate | Pose2) -> PoseEstimate:
         if isinstance(prior, PoseEstimate):
