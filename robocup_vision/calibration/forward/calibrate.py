@@ -123,7 +123,8 @@ def _result(
     if refusal is not None:
         return NotCalibrated(refusal, notes)
     if len(used) < count:
-        notes = (*notes, f"{count - len(used)} of {count} images show too little of the field or fit the others badly: left out")
+        why = "show too little of the field or fit the others badly"
+        notes = (*notes, f"{count - len(used)} of {count} images {why}: left out")
     if len(used) == 1:
         notes = (*notes, ONLY_ONE)
     log_width = float(found.fit.vector[LINE_WIDTH])
