@@ -34,7 +34,7 @@ from field_models import Field, load_field
 from robocup_vision import Memory, Vision
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.online import OnlineCalibration
-from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.camera import OmniCamera, PinholeCamera, Rig
 from robocup_vision.geometry import Pose2, wrap_angle
 from sim2d.match.arena import Arena
 from sim2d.match.disturbances import LEGS, WHEELS, Disturbances
@@ -163,7 +163,9 @@ def parameters(camera: Camera, file: Camera) -> FloatArray:
 
 def note(row: Row, true: Camera, file: Camera, online: OnlineCalibration) -> None:
     """Note what is wrong with the camera in use."""
-    error = parameters(online.camera, file) - parameters(true, file)
+    camera = online.camera
+    assert not isinstance(camera, Rig)
+    error = parameters(camera, file) - parameters(true, file)
     row.image_px.append(online.shift_px(true))
     row.center_px.append(float(np.hypot(error[0], error[1])))
     row.tilt_rad.append(float(np.hypot(error[2], error[3])))

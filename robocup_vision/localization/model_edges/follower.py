@@ -477,9 +477,9 @@ class EdgeFollower:
         self._sway[1] = self._fitted_variances
         estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, evidence.rms_px)
         likelihood = PoseLikelihood(pose, fit.information.copy(), fit.gradient.copy())
-        unknowns, covariance = (p[3], p[4], p[5], p[6]), fit.covariance[3:, 3:].copy()
+        held, covariance = (p[3], p[4], p[5], p[6]), fit.covariance[3:, 3:].copy()
         return FollowedCamera(
-            estimate, likelihood, self.camera, unknowns, covariance, evidence, tells_half=self._shows_half()
+            estimate, likelihood, self.camera, held, covariance, evidence, tells_half=self._shows_half()
         )
 
     def _shows_half(self) -> bool:
