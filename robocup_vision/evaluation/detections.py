@@ -23,6 +23,8 @@ BALL, OBSTACLE = "ball", "obstacle"
 # kinds of boxes that an obstacle may be told of
 OBSTACLE_KINDS = (OBSTACLE, "robot", "person", "human")
 SCORED_KINDS = (BALL, *OBSTACLE_KINDS)
+# what an obstacle's kind must be in a box of this kind
+TOLD_AS = {"robot": "robot", "person": "person", "human": "person"}
 
 
 class Detection(NamedTuple):
@@ -39,12 +41,15 @@ class Detection(NamedTuple):
     range_error_m : float or None
         Range as told, less that of the box: where the ray through its centre meets the height of a ball's centre, or
         the ray through its lower edge the floor. None of a miss, and where the box is cut or no floor is there.
+    told_kind : str or None
+        `Obstacle.kind` of what was told in a box of a robot or a person; None: not told, or not asked for.
     """
 
     kind: str
     box: tuple[float, float, float, float] | None
     place_px: tuple[float, float] | None = None
     range_error_m: float | None = None
+    told_kind: str | None = None
 
     @property
     def is_hit(self) -> bool:
@@ -85,10 +90,15 @@ def match_boxes(
             raise ArgumentError(f"the localiser's views have no {name}, which boxes.csv needs")
     camera: OmniCamera | PinholeCamera = view.camera
     found: list[Detection] = []
-    balls = [((ball.u_px, ball.v_px), math.hypot(ball.x_m, ball.y_m)) for ball in view.balls]
+    balls = [_Told((ball.u_px, ball.v_px), math.hypot(ball.x_m, ball.y_m), None) for ball in view.balls]
     feet = np.array([(one.x_m, one.y_m) for one in view.obstacles], dtype=np.float64).reshape(-1, 2)
     shown = camera.floor_to_pixel(feet) if len(feet) else feet
-    things = [((float(u), float(v)), math.hypot(x, y)) for (u, v), (x, y) in zip(shown, feet, strict=True)]
+    # telling kinds takes time
+    asks_kinds = any(box.kind in TOLD_AS for box in boxes)
+    things = [
+        _Told((float(u), float(v)), math.hypot(x, y), one.kind if asks_kinds else None)
+        for (u, v), (x, y), one in zip(shown, feet, view.obstacles, strict=True)
+    ]
     if BALL in kinds:
         found += _matched(balls, BALL, [box for box in boxes if box.kind == BALL], camera, field.ball_radius_m)
     if OBSTACLE in kinds:
@@ -96,15 +106,21 @@ def match_boxes(
     return tuple(found)
 
 
+class _Told(NamedTuple):
+    place_px: tuple[float, float]
+    range_m: float
+    kind: str | None
+
+
 def _matched(
-    told: Iterable[tuple[tuple[float, float], float]],
+    told: Iterable[_Told],
     kind: str,
     boxes: list[Box],
     camera: OmniCamera | PinholeCamera,
     height_m: float | None,
 ) -> list[Detection]:
     found: list[Detection] = []
-    for place, range_m in told:
+    for place, range_m, told_kind in told:
         near = [box for box in boxes if box.holds(*place, HIT_PX)]
         if not near:
             found.append(Detection(kind, None, place))
@@ -112,7 +128,8 @@ def _matched(
         box = min(near, key=lambda one: math.dist(place, ((one.xmin + one.xmax) / 2, (one.ymin + one.ymax) / 2)))
         boxes.remove(box)
         true_m = None if box.is_cut(camera.size_px) else _range_m(box, camera, height_m)
-        found.append(Detection(box.kind, box[1:], place, None if true_m is None else range_m - true_m))
+        error_m = None if true_m is None else range_m - true_m
+        found.append(Detection(box.kind, box[1:], place, error_m, told_kind if box.kind in TOLD_AS else None))
     return found + [Detection(box.kind, box[1:]) for box in boxes]
 
 
@@ -151,6 +168,8 @@ class KindFigures:
         Found of all boxes, and hits of all that was told, 0 to 1.
     median_range_error_m : float or None
         Median of how far the range is off, over the hits whose true range is known.
+    kind_told, kind_right : int or None
+        Of the robots or people found, of how many `Obstacle.kind` was told, and rightly; None of other kinds.
     """
 
     boxes: int
@@ -159,6 +178,8 @@ class KindFigures:
     recall: float | None
     precision: float | None
     median_range_error_m: float | None
+    kind_told: int | None = None
+    kind_right: int | None = None
 
 
 def detection_figures(
@@ -185,6 +206,8 @@ def _figures(kind: str, every: list[Detection]) -> KindFigures:
         recall=len(hits) / len(boxes) if boxes else None,
         precision=true / told if told and true is not None else None,
         median_range_error_m=float(np.median(errors)) if errors else None,
+        kind_told=sum(one.told_kind is not None for one in hits) if kind in TOLD_AS else None,
+        kind_right=sum(one.told_kind == TOLD_AS[kind] for one in hits) if kind in TOLD_AS else None,
     )
 
 
@@ -196,8 +219,8 @@ def detections_json(detections: Iterable[Detection]) -> list[list[Any]]:
 def detections_of(values: Iterable[Sequence[Any]]) -> tuple[Detection, ...]:
     """Return the detections that `detections_json` took apart."""
     return tuple(
-        Detection(kind, None if box is None else tuple(box), None if place is None else tuple(place), error)
-        for kind, box, place, error in values
+        Detection(kind, None if box is None else tuple(box), None if place is None else tuple(place), *rest)
+        for kind, box, place, *rest in values
     )
 
 

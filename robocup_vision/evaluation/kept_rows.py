@@ -43,7 +43,7 @@ class FrameResult:
 def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, Any]:
     """Return what the rows of a dataset depend on."""
     return {
-        "format": 3,
+        "format": 4,
         "images": len(dataset.image_names),
         "image names": _digest(dataset.image_names),
         "field": dataset.field.name,

@@ -203,6 +203,7 @@ def _kinds(figures: Mapping[str, KindFigures]) -> list[tuple[str, ...]]:
             "–" if one.told is None else str(one.told),
             percent(one.precision),
             millimetres(one.median_range_error_m),
+            "–" if one.kind_told is None else f"{one.kind_right} of {one.kind_told} told",
         )
         for kind, one in figures.items()
     ]

@@ -54,6 +54,28 @@ def test_two_pixels_beside_a_box_are_a_hit_and_three_are_not():
         assert [one.is_hit for one in match_boxes(view([ball]), [box], FIELD)] == hits
 
 
+def test_kinds_count_in_boxes_of_robots_and_people():
+    places = [(1.0, -0.2), (1.0, 0.0), (1.0, 0.2), (1.4, 0.0)]
+    kinds = ["robot", "person", None, "person"]
+    things = [SimpleNamespace(x_m=x, y_m=y, kind=kind) for (x, y), kind in zip(places, kinds, strict=True)]
+    boxes = [
+        box_around(*CAMERA.floor_to_pixel(np.array(at)).tolist(), 4.0, kind)
+        for at, kind in zip(places, ["robot", "robot", "robot", "human"], strict=True)
+    ]
+    figures = detection_figures(match_boxes(view(obstacles=things), boxes, FIELD), ["obstacle"])
+    assert (figures["robot"].kind_told, figures["robot"].kind_right) == (2, 1)
+    assert (figures["human"].kind_told, figures["human"].kind_right) == (1, 1)
+    assert figures["obstacle"].kind_told is None
+
+
+def test_kinds_are_asked_only_where_boxes_tell_them():
+    thing = SimpleNamespace(x_m=1.0, y_m=0.0)
+    box = box_around(*CAMERA.floor_to_pixel(np.array((1.0, 0.0))).tolist(), 4.0, "obstacle")
+    (found,) = match_boxes(view(obstacles=[thing]), [box], FIELD)
+    assert found.is_hit
+    assert found.told_kind is None
+
+
 def test_a_box_counts_once():
     ball = ball_at(0.8, 0.0)
     found = match_boxes(view([ball, ball]), [box_around(ball.u_px, ball.v_px, 8.0)], FIELD)
@@ -65,7 +87,7 @@ def test_a_box_counts_once():
 def test_a_robot_is_found_by_its_foot_and_its_range_is_that_of_its_lower_edge():
     u, v = CAMERA.floor_to_pixel((1.0, 0.0))
     boxes = [Box("robot", u - 20, v - 60, u + 20, float(CAMERA.floor_to_pixel((0.9, 0.0))[1]))]
-    thing = SimpleNamespace(x_m=1.0, y_m=0.0)
+    thing = SimpleNamespace(x_m=1.0, y_m=0.0, kind=None)
     (found,) = match_boxes(view(obstacles=[thing]), boxes, FIELD)
     assert found.is_hit
     assert found.kind == "robot"
