@@ -5,9 +5,6 @@ show one. A state has a probability if the pose is right, in each of two conditi
 (clutter's best fit, a wrong place). The logarithms of the probabilities add up, divided by how many samples err alike;
 the likeliest condition of either side counts. What is hidden is nearly as likely in either case, and so hardly counts.
 
-Where lines alone tell the pose, line points are in one of few states as well, and each sample of a predicted line on
-floor in plain sight is found or missed: by chance as often as a frame's own points cover places of lines anywhere.
-
 The probabilities are data: `evidence.toml`, which `robocup-vision fit-evidence` writes.
 """
 
@@ -38,7 +35,6 @@ LineOdds = Callable[[Pose2], float]
 
 OUTLINE_STATES = ("agrees", "off", "hidden", "beyond", "no floor")
 LINE_STATES = ("on a line", "floor instead of a line", "line elsewhere")
-LINE_POINT_STATES = ("on a line", "near a line", "line elsewhere")
 CONDITIONS = 2
 # so near to a line's middle, in line widths, a sample is on it; so near, it is nothing but line
 _NEAR_WIDTHS, _WITHIN_WIDTHS = 1.2, 0.25
@@ -51,12 +47,6 @@ class _Cue(StrictStruct):
     wrong: list[list[float]]
 
 
-class _Found(StrictStruct):
-    correlation: float
-    right: list[float]
-    wrong: list[float]
-
-
 class _EvidenceFile(StrictStruct):
     format: int
     command: str
@@ -66,8 +56,6 @@ class _EvidenceFile(StrictStruct):
     sure_log_odds_at_prior: float
     outline: _Cue
     lines: _Cue
-    line_points: _Cue
-    predicted_lines: _Found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,54 +82,6 @@ class Likelihoods:
         return float(total[:CONDITIONS].max() - total[CONDITIONS:].max())
 
 
-class LineCounts(NamedTuple):
-    """What a frame's line points say of a pose.
-
-    Parameters
-    ----------
-    points : (3,) float64
-        Line points, one for each patch of floor, in each of `LINE_POINT_STATES`.
-    found, missed : int
-        Samples of the lines that the pose predicts on floor in plain sight: with a line point near, and without.
-    chance : float
-        Of samples of lines at places that have nothing to do with the frame, the fraction that is found.
-    """
-
-    points: FloatArray
-    found: int
-    missed: int
-    chance: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LinesAloneLikelihoods:
-    """Probabilities of what line points show where nothing else tells the pose.
-
-    Parameters
-    ----------
-    points : Likelihoods
-        Of `LINE_POINT_STATES`.
-    found : (2 CONDITIONS,) float64
-        Fraction of the predicted samples in plain sight that show their line, by the conditions of a right pose, then
-        of a wrong one; others are found by chance.
-    correlation : float
-        Predicted samples that err alike.
-    """
-
-    points: Likelihoods
-    found: FloatArray
-    correlation: float
-
-    def log_odds(self, counts: LineCounts) -> float:
-        """Return the log-likelihood ratio of what is counted; the condition of either side is that of all of it."""
-        unseen = 1.0 - self.found
-        # what does not show its line is found by chance
-        found, missed = np.log1p(-unseen * (1.0 - counts.chance)), np.log(unseen * (1.0 - counts.chance))
-        total = self.points.log_p @ counts.points
-        total += (counts.found * found + counts.missed * missed) / self.correlation
-        return float(total[:CONDITIONS].max() - total[CONDITIONS:].max())
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEvidence:
     """What decides whether a pose is believed.
@@ -150,8 +90,6 @@ class PoseEvidence:
     ----------
     outline, lines : Likelihoods
         Of the states `OUTLINE_STATES` and `LINE_STATES`.
-    lines_alone : LinesAloneLikelihoods
-        Of poses that line points alone tell.
     min_log_odds : float
         What a pose must have: against clutter, and against every other candidate.
     sure_log_odds, sure_log_odds_at_prior : float
@@ -161,7 +99,6 @@ class PoseEvidence:
 
     outline: Likelihoods
     lines: Likelihoods
-    lines_alone: LinesAloneLikelihoods
     min_log_odds: float
     sure_log_odds: float
     sure_log_odds_at_prior: float
@@ -191,11 +128,6 @@ def load_evidence(path: str | Path | None = None) -> PoseEvidence:
     return PoseEvidence(
         _likelihoods(where, "outline", described.outline, OUTLINE_STATES),
         _likelihoods(where, "lines", described.lines, LINE_STATES),
-        LinesAloneLikelihoods(
-            _likelihoods(where, "line_points", described.line_points, LINE_POINT_STATES),
-            _found(where, "predicted_lines", described.predicted_lines),
-            described.predicted_lines.correlation,
-        ),
         described.min_log_odds,
         described.sure_log_odds,
         described.sure_log_odds_at_prior,
@@ -205,7 +137,8 @@ def load_evidence(path: str | Path | None = None) -> PoseEvidence:
 def _likelihoods(where: Path, name: str, cue: _Cue, states: tuple[str, ...]) -> Likelihoods:
     if tuple(cue.states) != states:
         raise FileError(where, f"must be {list(states)}", key=f"{name}.states", value=cue.states)
-    _check_correlation(where, name, cue.correlation)
+    if not 1.0 <= cue.correlation < math.inf:
+        raise FileError(where, "must be at least 1", key=f"{name}.correlation", value=cue.correlation)
     for key, rows in (("right", cue.right), ("wrong", cue.wrong)):
         if len(rows) != CONDITIONS:
             raise FileError(where, f"must have {CONDITIONS} rows", key=f"{name}.{key}", value=rows)
@@ -214,20 +147,6 @@ def _likelihoods(where: Path, name: str, cue: _Cue, states: tuple[str, ...]) -> 
                 problem = f"must hold {len(states)} probabilities above 0 that add up to 1"
                 raise FileError(where, problem, key=f"{name}.{key}", value=row)
     return Likelihoods.of(np.array(cue.right), np.array(cue.wrong), cue.correlation)
-
-
-def _found(where: Path, name: str, cue: _Found) -> FloatArray:
-    _check_correlation(where, name, cue.correlation)
-    for key, values in (("right", cue.right), ("wrong", cue.wrong)):
-        if len(values) != CONDITIONS or not all(0.0 < value < 1.0 for value in values):
-            problem = f"must be {CONDITIONS} fractions between 0 and 1"
-            raise FileError(where, problem, key=f"{name}.{key}", value=values)
-    return read_only(np.array([*cue.right, *cue.wrong]))
-
-
-def _check_correlation(where: Path, name: str, correlation: float) -> None:
-    if not 1.0 <= correlation < math.inf:
-        raise FileError(where, "must be at least 1", key=f"{name}.correlation", value=correlation)
 
 
 @lru_cache(maxsize=1)

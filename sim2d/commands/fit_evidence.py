@@ -20,10 +20,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--field", default="ssl_2001", metavar="F", help="field with walls and lines (default: ssl_2001)")
     add("--camera", metavar="C", help="file of a mirror camera (default: that of Sekimori et al., 256 x 220)")
-    add("--open-field", default="msl_18x12", metavar="F", help="field without walls (default: msl_18x12)")
     add("--count", type=count, default=50, metavar="N", help="pictures of each set (default: 50)")
-    add("--open-count", type=count, default=6, metavar="N", help="the same without walls (default: 6)")
-    add("--open-size", type=count, default=2, metavar="N", help="its camera's pictures enlarged so often (default: 2)")
     add("--seed", type=seed, default=0, metavar="S", help="all depends on S alone (default: 0)")
     add("--odds", type=float, default=2.0, metavar="O", help="odds that a pose must have (default: 2)")
     add("out", metavar="OUT.toml", help="file to write")
@@ -48,11 +45,9 @@ def run_fit_evidence(args: argparse.Namespace) -> int:
     from robocup_vision import load_camera
     from robocup_vision.camera import OmniCamera
     from robocup_vision.files.out_file import require_folder, telling_write_errors
-    from robocup_vision.localization.evidence import LINE_POINT_STATES, LINE_STATES, OUTLINE_STATES
+    from robocup_vision.localization.evidence import LINE_STATES, OUTLINE_STATES
     from robocup_vision.progress import progress
-    from sim2d.match.setups import camera_for
     from sim2d.rendering.cameras import sekimori_camera
-    from sim2d.sensors.line_evidence import draw_line_samples, enlarged, fit_line_samples, line_picture_count
     from sim2d.sensors.pose_evidence import SETS, clutter_names, draw_samples, fit_samples, picture_count
 
     if not 1.0 < args.odds < math.inf:
@@ -61,22 +56,14 @@ def run_fit_evidence(args: argparse.Namespace) -> int:
     camera = load_camera(args.camera) if args.camera else sekimori_camera()
     if not isinstance(camera, OmniCamera):
         raise ArgumentError(f"{args.camera} is no mirror camera")
-    open_field = load_field(args.open_field)
-    open_camera = camera_for(open_field)
-    if not isinstance(open_camera, OmniCamera):
-        raise ArgumentError(f"robots carry no mirror camera on field '{open_field.name}'")
     require_folder(args.out)
-    total, open_total = picture_count(args.count), line_picture_count(args.open_count)
+    total = picture_count(args.count)
     min_log_odds = math.log(args.odds)
     *_, samples = progress(draw_samples(field, camera, args.seed, args.count), total, "fit-evidence")
     fitted = fit_samples(samples, min_log_odds)
-    open_pictures = draw_line_samples(open_field, enlarged(open_camera, args.open_size), args.seed, args.open_count)
-    *_, line_samples = progress(open_pictures, open_total, "lines alone")
-    alone = fit_line_samples(line_samples)
     command = ["robocup-vision", "fit-evidence", "--field", args.field]
     command += ["--camera", args.camera] if args.camera else []
-    command += ["--open-field", args.open_field, "--count", str(args.count), "--open-count", str(args.open_count)]
-    command += ["--open-size", str(args.open_size), "--seed", str(args.seed), "--odds", f"{args.odds:g}"]
+    command += ["--count", str(args.count), "--seed", str(args.seed), "--odds", f"{args.odds:g}"]
     sets = [f"rendered: {name}" for name in SETS] + [f"without a field: {name}" for name in clutter_names()]
     lines = [
         "# What a mirror camera's frames show of right and of wrong poses. Written by a command, never by hand.",
@@ -90,7 +77,6 @@ def run_fit_evidence(args: argparse.Namespace) -> int:
     for name, states, cue in (
         ("outline", OUTLINE_STATES, fitted.outline),
         ("lines", LINE_STATES, fitted.lines),
-        ("line_points", LINE_POINT_STATES, alone.points),
     ):
         lines += [
             "",
@@ -100,22 +86,11 @@ def run_fit_evidence(args: argparse.Namespace) -> int:
             f"right = {_rows(cue.right.tolist())}       # in clear and in rough conditions",
             f"wrong = {_rows(cue.wrong.tolist())}       # the best of clutter, and wrong places",
         ]
-    lines += [
-        "",
-        "[predicted_lines]",
-        f"correlation = {alone.found.correlation:.2f}       # samples that err alike",
-        f"right = {_row(alone.found.right.tolist())}       # in clear and in rough conditions",
-        f"wrong = {_row(alone.found.wrong.tolist())}       # the best of clutter, and wrong places",
-    ]
     with telling_write_errors(args.out):
         Path(args.out).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(f"evidence of {total + open_total} pictures in {args.out}")
+    print(f"evidence of {total} pictures in {args.out}")
     return 0
 
 
 def _rows(rows: list[list[float]]) -> str:
-    return "[" + ", ".join(map(_row, rows)) + "]"
-
-
-def _row(values: list[float]) -> str:
-    return "[" + ", ".join(f"{value:.6f}" for value in values) + "]"
+    return "[" + ", ".join("[" + ", ".join(f"{value:.6f}" for value in row) + "]" for row in rows) + "]"

@@ -235,10 +235,10 @@ def fit_samples(samples: Samples, min_log_odds: float) -> FittedEvidence:
     best = [max(found, key=lambda one: one.outline[0]) for found in samples.clutter]
     for _ in range(_ROUNDS):
         rows = [*samples.right, best, samples.wrong_place]
-        outline = fit_cue([[one.outline for one in row] for row in rows], OUTLINE_STATES)
+        outline = _fit_cue([[one.outline for one in row] for row in rows], OUTLINE_STATES)
         by_outline = outline.likelihoods
         best = [max(found, key=lambda one: by_outline.log_odds(one.outline)) for found in samples.clutter]
-    lines = fit_cue([[one.lines for one in row] for row in rows], LINE_STATES)
+    lines = _fit_cue([[one.lines for one in row] for row in rows], LINE_STATES)
     sure, at_prior = (
         max([0.0, *(by_outline.log_odds(counts) for counts in wrong)]) + min_log_odds
         for wrong in (samples.wrong_guesses, samples.wrong_at_prior)
@@ -246,31 +246,22 @@ def fit_samples(samples: Samples, min_log_odds: float) -> FittedEvidence:
     return FittedEvidence(outline, lines, sure, at_prior)
 
 
-def fit_cue(rows: list[list[FloatArray]], states: tuple[str, ...]) -> FittedCue:
+def _fit_cue(rows: list[list[FloatArray]], states: tuple[str, ...]) -> FittedCue:
     """Fit the probabilities of a cue's states to the counts (N, S) of two rows of right poses and two of wrong ones."""
     counts = [np.array(row).reshape(-1, len(states)) for row in rows]
     totals = np.array([one.sum(axis=0) for one in counts]) + PSEUDO_COUNT
     p = totals / totals.sum(axis=1, keepdims=True)
     correlation = max(
-        err_alike(counts[right], p[right], np.log(p[right] / p[wrong]))
+        _err_alike(counts[right], p[right], np.log(p[right] / p[wrong]))
         for right in (CLEAR, ROUGH)
         for wrong in (CLUTTER, WRONG_PLACE)
     )
     return FittedCue(p[:CLUTTER], p[CLUTTER:], max(correlation, 1.0))
 
 
-def err_alike(counts: FloatArray, p: FloatArray, ratio: FloatArray) -> float:
-    """Return how many samples err alike: how much more a picture's sum varies than that of independent samples.
-
-    Parameters
-    ----------
-    counts : (N, S) float64
-        Of N pictures.
-    p, ratio : (S,) or (N, S) float64
-        Probabilities of the states, and their log-likelihood ratios.
-    """
+def _err_alike(counts: FloatArray, p: FloatArray, ratio: FloatArray) -> float:
+    """Return how many samples err alike: how much more a picture's sum varies than that of independent samples."""
     number = counts.sum(axis=1)
-    mean = np.sum(p * ratio, axis=-1)
-    alone = np.sum(p * (ratio - np.expand_dims(mean, -1)) ** 2, axis=-1)
-    off = np.sum(counts * ratio, axis=1) - number * mean
-    return float((off**2).sum() / max(float((number * alone).sum()), 1e-9))
+    mean = float(p @ ratio)
+    alone = float(p @ (ratio - mean) ** 2)
+    return float(((counts @ ratio - number * mean) ** 2).sum() / max(number.sum() * alone, 1e-9))

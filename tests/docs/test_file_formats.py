@@ -89,7 +89,6 @@ EXPECTED = {
     "goal evidence": keys_of(goal_evidence._EvidenceFile),
     "evidence.toml": keys_of(pose_evidence._EvidenceFile),
     "evidence.toml cue": keys_of(pose_evidence._Cue),
-    "evidence.toml found": keys_of(pose_evidence._Found),
 }
 
 

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.evidence import PoseEvidence, default_evidence
-from robocup_vision.localization.lines.evidence import LinesAloneEvidence, LineTally, SeenLines
-from robocup_vision.localization.lines.fit import LineFitSettings, refine_by_lines
+from robocup_vision.localization.lines.fit import LineFitSettings, refine_by_lines, residuals_px
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.localization.lines.search import LineSearchSettings, same_pose, search_by_lines
+from robocup_vision.localization.lines.search import (
+    LineCandidate,
+    LineSearchSettings,
+    one_per_patch,
+    same_pose,
+    search_by_lines,
+)
 from robocup_vision.perception.line_points import FloorCamera, LineFinder, LinePoints
+
+_BY_CHANCE = "{} line points lie near lines of the best pose no better than by chance"
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +34,22 @@ class LineSettings:
     ----------
     search, fit : LineSearchSettings, LineFitSettings
         Of its stages.
+    min_rough_ratio, min_inlier_ratio : float
+        Of all line points, those that must lie on lines of the pose: as the search leaves it, and refined in pixels.
+    min_carpet_ratio, min_carpet_ratio_at_prior : float
+        The same of those points that lie on the field's carpet by that pose, or on its lines: what stands around the
+        field, people and shelves, is neither for nor against it; of a pose refined from a prior.
+    few_points, min_nats_of_few : int, float
+        So few line points come to lie near some lines by chance, evenly over the whole gate: the log-likelihood ratio a
+        point against that, which they must have for a pose that is found without a prior. Rendered frames have 1.0 and
+        more; photographs by a rough calibration less, but they have a thousand points.
+    chance_stds : float
+        Residuals of points evenly over the gate have a mean square of a third of the gate's: however many points there
+        are, theirs must be lower by so many standard deviations of that mean.
+    rival_ratio, rival_excess : float
+        The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
+    min_support : float
+        Of the lines that a pose predicts on floor in plain sight, this fraction must have been seen.
     max_std_m, max_std_rad : float
         A pose more uncertain than this is refused.
     max_followed_m, max_followed_rad : float
@@ -37,18 +59,20 @@ class LineSettings:
 
     search: LineSearchSettings = LineSearchSettings()
     fit: LineFitSettings = LineFitSettings()
+    min_rough_ratio: float = 0.4
+    min_inlier_ratio: float = 0.5
+    min_carpet_ratio: float = 0.7
+    min_carpet_ratio_at_prior: float = 0.75
+    few_points: int = 300
+    min_nats_of_few: float = 0.5
+    chance_stds: float = 2.0
+    rival_ratio: float = 1.35
+    rival_excess: float = 0.15
+    min_support: float = 0.75
     max_std_m: float = 0.25
     max_std_rad: float = math.radians(8.0)
     max_followed_m: float = 0.3
     max_followed_rad: float = math.radians(10.0)
-
-
-class FoundPose(NamedTuple):
-    """A pose of the search, its evidence, and whether the lines fix it in every direction."""
-
-    pose: Pose2
-    tally: LineTally
-    is_fixed: bool
 
 
 class LinePoseEstimator:
@@ -64,8 +88,6 @@ class LinePoseEstimator:
         Non-zero pixels are never looked at.
     settings : LineSettings, optional
         Of search and fit.
-    evidence : PoseEvidence, optional
-        Its `lines_alone` and `min_log_odds` decide; those that come with the package unless given.
     """
 
     def __init__(
@@ -74,18 +96,11 @@ class LinePoseEstimator:
         camera: FloorCamera,
         mask: npt.NDArray[np.generic] | None = None,
         settings: LineSettings = LineSettings(),
-        evidence: PoseEvidence | None = None,
     ) -> None:
         self.settings = settings
-        decides = evidence or default_evidence()
-        self._min_log_odds = decides.min_log_odds
-        # of a whole field's places one may be told by clutter: without a prior the odds are asked for twice
-        self._min_found_log_odds = 2 * decides.min_log_odds
         self.line_map = LineMap(field)
         self.finder = LineFinder(camera, field.line_width_m, mask)
-        self.evidence = LinesAloneEvidence(
-            camera, self.line_map, decides.lines_alone, settings.fit.inlier_px, settings.search
-        )
+        self._model_points_m = field.line_points(self.settings.search.patch_m)
 
     def locate(
         self,
@@ -104,41 +119,17 @@ class LinePoseEstimator:
             On a field whose lines are point-symmetric both candidates half a turn apart, `pose` first.
         """
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
-        seen = self.evidence.see(points)
-        candidates = self.candidates(points, seen)
-        if not candidates:
+        found = search_by_lines(points, self.line_map, settings=self.settings.search)
+        if not found:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
-        (best, tally, _), *others = candidates
-        if tally.log_odds < self._min_found_log_odds:
-            return NotLocated(tally.reason)
-        for other, its, _ in others:
-            if its.log_odds < tally.log_odds - self._min_log_odds:
-                break
-            if not same_pose(other, best, self.line_map.is_point_symmetric, self.settings.search):
-                return NotLocated(
-                    f"the lines fit two poses about equally well: ({best.x_m:.2f}, {best.y_m:.2f}) "
-                    f"and ({other.x_m:.2f}, {other.y_m:.2f}), {tally.reason}"
-                )
-        refined = self._refined(best, points, seen, self._min_found_log_odds)
+        best = found[0]
+        if best.inlier_ratio < self.settings.min_rough_ratio:
+            return NotLocated(f"only {best.inlier_ratio:.0%} of the line points lie on lines of the best pose")
+        start = self._choose(found, points)
+        if isinstance(start, NotLocated):
+            return start
+        refined = self._refined(start, points, self.settings.min_carpet_ratio)
         return self._with_candidates(refined, None) if refined else refined
-
-    def candidates(self, points: LinePoints, seen: SeenLines) -> list[FoundPose]:
-        """Return poses anywhere on the field that put line points on lines, with their evidence, the likeliest first.
-
-        Parameters
-        ----------
-        points : LinePoints
-            Of a frame.
-        seen : SeenLines
-            The same, as the evidence takes them.
-        """
-        fit, found = self.settings.fit, []
-        for candidate in search_by_lines(points, self.line_map, settings=self.settings.search):
-            refined = refine_by_lines(candidate.pose, seen.patches, self.line_map, settings=fit)
-            pose = refined.pose if refined else candidate.pose
-            is_fixed = isinstance(refined, PoseEstimate) and self._fixes(refined)
-            found.append(FoundPose(pose, self.evidence.tally(pose, seen), is_fixed))
-        return sorted(found, key=lambda one: -one.tally.log_odds)
 
     def follow(self, frame: npt.NDArray[np.uint8] | LinePoints, start: Pose2) -> PoseEstimate | NotLocated:
         """Find the pose near one, by the frame alone: where the search begins, and nothing more, is known beforehand.
@@ -160,7 +151,7 @@ class LinePoseEstimator:
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         if len(points) < self.settings.search.min_points:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
-        refined = self._refined(start, points, self.evidence.see(points), self._min_log_odds)
+        refined = self._refined(start, points, self.settings.min_carpet_ratio_at_prior)
         if not refined:
             return refined
         if not self.is_near(refined, start):
@@ -176,21 +167,103 @@ class LinePoseEstimator:
                 return True
         return False
 
-    def _refined(
-        self, start: Pose2, points: LinePoints, seen: SeenLines, min_log_odds: float
-    ) -> PoseEstimate | NotLocated:
+    def _refined(self, start: Pose2, points: LinePoints, min_carpet_ratio: float) -> PoseEstimate | NotLocated:
         """Refine a pose in pixels; NotLocated if the lines do not bear it out, or do not fix it."""
         refined = refine_by_lines(start, points, self.line_map, settings=self.settings.fit)
         if not refined:
             return refined
-        tally = self.evidence.tally(refined.pose, seen)
-        if tally.log_odds < min_log_odds:
-            return NotLocated(tally.reason)
-        return refined if self._fixes(refined) else NotLocated("the lines in view do not fix the pose")
+        refined = self._judged(refined, points, min_carpet_ratio)
+        if not refined:
+            return refined
+        if len(points) < self.settings.few_points and self._nats(refined) < self.settings.min_nats_of_few:
+            return NotLocated(_BY_CHANCE.format(len(points)))
+        if max(refined.std[:2]) > self.settings.max_std_m or refined.std[2] > self.settings.max_std_rad:
+            return NotLocated("the lines in view do not fix the pose")
+        return refined
 
-    def _fixes(self, estimate: PoseEstimate) -> bool:
-        x_m, y_m, theta_rad = estimate.std
-        return bool(max(x_m, y_m) <= self.settings.max_std_m and theta_rad <= self.settings.max_std_rad)
+    def _judged(self, estimate: PoseEstimate, points: LinePoints, min_carpet_ratio: float) -> PoseEstimate | NotLocated:
+        """Return the estimate if the line points bear it out, and the lines it predicts in plain sight were seen."""
+        if estimate.inlier_ratio < self.settings.min_inlier_ratio:
+            return NotLocated(f"only {estimate.inlier_ratio:.0%} of the line points lie on lines of the best pose")
+        if self._is_by_chance(estimate, len(points)):
+            return NotLocated(_BY_CHANCE.format(len(points)))
+        on_carpet = self._carpet_ratio(estimate.pose, points)
+        if on_carpet < min_carpet_ratio:
+            return NotLocated(f"only {on_carpet:.0%} of the line points on the carpet lie on lines of the best pose")
+        support = self._support(estimate.pose, points)
+        if support < self.settings.min_support:
+            return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
+        return estimate
+
+    def _is_by_chance(self, estimate: PoseEstimate, points: int) -> bool:
+        """Whether the points of a pose lie no nearer to its lines than any that are even over the gate."""
+        # of which the mean square is a third, and the square's variance 4/45, in units of the gate
+        near = max(estimate.inlier_ratio * points, 1.0)
+        most = 1 / 3 - self.settings.chance_stds * math.sqrt(4 / 45 / near)
+        return (estimate.residual_px / self.settings.fit.inlier_px) ** 2 > most
+
+    def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
+        """Refine in pixels the candidates that the search does not separate, and take the best if it is alone."""
+        doubtful = [
+            c.pose for c in found if c.cost <= self.settings.rival_ratio * found[0].cost + self.settings.rival_excess
+        ]
+        if len(doubtful) == 1:
+            return doubtful[0]
+        thin = one_per_patch(points, math.inf, self.settings.search)
+        answers = [refine_by_lines(pose, thin, self.line_map, settings=self.settings.fit) for pose in doubtful]
+        poses = [answer.pose if answer else pose for answer, pose in zip(answers, doubtful, strict=True)]
+        ranked = sorted((self._pixel_loss(pose, thin), i) for i, pose in enumerate(poses))
+        ranked = [(loss, i) for loss, i in ranked if self._support(poses[i], points) >= self.settings.min_support]
+        if not ranked:
+            return NotLocated("most of the lines that should be in plain sight were not seen")
+        least = self.settings.min_carpet_ratio
+        ranked = [(loss, i) for loss, i in ranked if self._carpet_ratio(poses[i], points) >= least]
+        if not ranked:
+            return NotLocated(f"no pose puts {least:.0%} of the line points on the carpet onto lines")
+        best = poses[ranked[0][1]]
+        for loss, i in ranked[1:]:
+            other = poses[i]
+            if loss < self.settings.rival_ratio * ranked[0][0] + self.settings.rival_excess and not same_pose(
+                other, best, self.line_map.is_point_symmetric, self.settings.search
+            ):
+                return NotLocated(
+                    f"the lines fit two poses about equally well: ({best.x_m:.2f}, {best.y_m:.2f}) "
+                    f"and ({other.x_m:.2f}, {other.y_m:.2f})"
+                )
+        return best
+
+    def _carpet_ratio(self, pose: Pose2, points: LinePoints) -> float:
+        """Of the line points on the field's carpet or on its lines by a pose, the fraction on its lines."""
+        residual = residuals_px(pose, points, self.line_map)
+        is_on_line = residual <= self.settings.fit.inlier_px
+        counts = self.line_map.counts(pose.transform(points.floor_m), is_on_line)
+        return float(points.weight[is_on_line].sum() / max(points.weight[counts].sum(), 1e-9))
+
+    def _nats(self, estimate: PoseEstimate) -> float:
+        """Log-likelihood ratio a point: residuals of a normal distribution against even ones over the gate."""
+        chance_px = 2 * self.settings.fit.inlier_px / math.sqrt(math.tau * math.e)
+        return estimate.inlier_ratio * math.log(chance_px / max(estimate.residual_px, 1e-3))
+
+    def _support(self, pose: Pose2, points: LinePoints) -> float:
+        """Fraction of the predicted line points that were seen, of all that were seen or are bare floor instead."""
+        if points.bare_floor is None:
+            return 1.0
+        height, width = points.bare_floor.shape
+        spots = np.zeros((height, width), dtype=np.uint8)
+        u, v = np.rint(points.pixels).astype(int).T
+        spots[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] = 1
+        seen = cv2.dilate(spots, np.ones((9, 9), dtype=np.uint8))
+        pixels = self.finder.camera.floor_to_pixel(pose.inverse().transform(self._model_points_m))
+        pixels = np.rint(pixels[np.isfinite(pixels).all(axis=1)])
+        u, v = pixels[((pixels >= 0) & (pixels < (width, height))).all(axis=1)].astype(int).T
+        agreed = seen[v, u] > 0
+        missed = points.bare_floor[v, u] & ~agreed
+        spoken = int(agreed.sum() + missed.sum())
+        return int(agreed.sum()) / spoken if spoken else 1.0
+
+    def _pixel_loss(self, pose: Pose2, points: LinePoints) -> float:
+        residual = residuals_px(pose, points, self.line_map)
+        return float(np.average(np.log1p((residual / self.settings.search.noise_px) ** 2), weights=points.weight))
 
     def _with_candidates(self, estimate: PoseEstimate, near: Pose2 | None) -> PoseEstimate:
         if not self.line_map.is_point_symmetric:

@@ -42,6 +42,8 @@ class LineSearchSettings:
         Scale of the loss, step by step.
     same_m, same_rad : float
         Two refined poses closer than this are one mode.
+    inlier_px : float
+        A point within this many pixels of a line agrees with a pose.
     noise_px : float
         The search lets a camera be off by this much; the refinement is finer.
     """
@@ -57,6 +59,7 @@ class LineSearchSettings:
     scales_m: tuple[float, ...] = (0.25, 0.25, 0.2, 0.16, 0.13, 0.1, 0.08, 0.06, 0.06, 0.06)
     same_m: float = 0.15
     same_rad: float = math.radians(4.0)
+    inlier_px: float = 3.0
     noise_px: float = 2.0
 
 
@@ -70,10 +73,13 @@ class LineCandidate:
         Robot in the field frame.
     cost : float
         Mean robust loss of the points, lower is better; comparable within one frame.
+    inlier_ratio : float
+        Of the points, one per patch of floor, those that lie on a line.
     """
 
     pose: Pose2
     cost: float
+    inlier_ratio: float
 
 
 def search_by_lines(
@@ -126,7 +132,10 @@ def search_by_lines(
         pose = Pose2(float(x), float(y), float(theta))
         if any(same_pose(pose, other.pose, line_map.is_point_symmetric, settings) for other in kept):
             continue
-        kept.append(LineCandidate(pose, float(cost[k])))
+        distance = line_map.nearest(pose.transform(floor_m)).distance_m
+        good = distance <= np.maximum(settings.inlier_px / settings.noise_px * noise_m, 0.06)
+        ratio = float(thin.weight[good].sum() / thin.weight.sum())
+        kept.append(LineCandidate(pose, float(cost[k]), ratio))
     return kept
 
 

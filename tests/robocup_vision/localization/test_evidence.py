@@ -109,9 +109,6 @@ def test_the_likeliest_condition_of_each_side_counts():
         ('"agrees"', '"disagrees"', "outline.states"),
         ("right = [[", "right = [[2", "outline.right"),
         ("wrong = [[", "wrong = [[0.5, 0.5], [", "outline.wrong"),
-        ("[predicted_lines]\ncorrelation = ", "[predicted_lines]\ncorrelation = 0.5 # ", "predicted_lines.correlation"),
-        ("\nright = [0.", "\nright = [1.", "predicted_lines.right"),
-        ("\nwrong = [0.", "\nwrong = [0.1, 0.", "predicted_lines.wrong"),
     ],
 )
 def test_a_wrong_file_is_refused_by_its_key(tmp_path, old, new, key):

@@ -50,7 +50,6 @@ def test_without_samples_nothing_is_fitted():
     [
         (["--odds", "1"], "--odds must be above 1, got 1"),
         (["--field", "msl_6x4"], "must have walls or boards"),
-        (["--open-field", "ssl_division_b"], "no mirror camera on field 'ssl_division_b'"),
     ],
 )
 def test_command_refuses(tmp_path, capsys, arguments, message):
