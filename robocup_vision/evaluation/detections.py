@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -17,14 +17,15 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.evaluation.boxes import Box
+from robocup_vision.perception.kinds.network import Kind
 
 HIT_PX = 2.0
 BALL, OBSTACLE = "ball", "obstacle"
 # kinds of boxes that an obstacle may be told of
 OBSTACLE_KINDS = (OBSTACLE, "robot", "person", "human")
 SCORED_KINDS = (BALL, *OBSTACLE_KINDS)
-# what an obstacle's kind must be in a box of this kind
-TOLD_AS = {"robot": "robot", "person": "person", "human": "person"}
+# kinds of boxes that show a robot or a person; a box of another kind shows neither, but an obstacle may be either
+KIND_OF_BOX: Final[dict[str, Kind]] = {"robot": "robot", "person": "person", "human": "person"}
 
 
 class Detection(NamedTuple):
@@ -94,7 +95,7 @@ def match_boxes(
     feet = np.array([(one.x_m, one.y_m) for one in view.obstacles], dtype=np.float64).reshape(-1, 2)
     shown = camera.floor_to_pixel(feet) if len(feet) else feet
     # telling kinds takes time
-    asks_kinds = any(box.kind in TOLD_AS for box in boxes)
+    asks_kinds = any(box.kind in KIND_OF_BOX for box in boxes)
     things = [
         _Told((float(u), float(v)), math.hypot(x, y), one.kind if asks_kinds else None)
         for (u, v), (x, y), one in zip(shown, feet, view.obstacles, strict=True)
@@ -129,7 +130,7 @@ def _matched(
         boxes.remove(box)
         true_m = None if box.is_cut(camera.size_px) else _range_m(box, camera, height_m)
         error_m = None if true_m is None else range_m - true_m
-        found.append(Detection(box.kind, box[1:], place, error_m, told_kind if box.kind in TOLD_AS else None))
+        found.append(Detection(box.kind, box[1:], place, error_m, told_kind if box.kind in KIND_OF_BOX else None))
     return found + [Detection(box.kind, box[1:]) for box in boxes]
 
 
@@ -206,8 +207,8 @@ def _figures(kind: str, every: list[Detection]) -> KindFigures:
         recall=len(hits) / len(boxes) if boxes else None,
         precision=true / told if told and true is not None else None,
         median_range_error_m=float(np.median(errors)) if errors else None,
-        kind_told=sum(one.told_kind is not None for one in hits) if kind in TOLD_AS else None,
-        kind_right=sum(one.told_kind == TOLD_AS[kind] for one in hits) if kind in TOLD_AS else None,
+        kind_told=sum(one.told_kind is not None for one in hits) if kind in KIND_OF_BOX else None,
+        kind_right=sum(one.told_kind == KIND_OF_BOX[kind] for one in hits) if kind in KIND_OF_BOX else None,
     )
 
 

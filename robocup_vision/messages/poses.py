@@ -9,7 +9,7 @@ from field_models.errors import PacketError
 from robocup_vision.geometry import Pose2
 
 # a quaternion shorter than this is none; one of another length than 1 tells its direction all the same
-_LEAST_NORM = 1e-3
+_MIN_NORM = 1e-3
 
 
 def place_of(position: Any, orientation: Any) -> tuple[float, float, float | None]:
@@ -45,7 +45,7 @@ def heading_of(orientation: Any) -> float | None:
     """Return the direction of the x axis that a geometry_msgs/Quaternion turns; None where it is no rotation."""
     x, y, z, w = (float(getattr(orientation, name)) for name in "xyzw")
     norm = math.hypot(x, y, z, w)
-    if not math.isfinite(norm) or norm < _LEAST_NORM:
+    if not math.isfinite(norm) or norm < _MIN_NORM:
         return None
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 

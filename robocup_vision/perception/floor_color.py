@@ -25,7 +25,7 @@ LEVEL_STEP = 0.25
 LEVELS = np.arange(-7, 6) * LEVEL_STEP
 _CENTER = 7
 # a channel of which the floor shows nothing has a ratio, too
-_LEAST_RATIO = 0.01
+_MIN_RATIO = 0.01
 # the steps reach so far up for sure
 _SUN = float(LEVELS[-2]) - 0.1
 
@@ -385,7 +385,7 @@ def _follow(
                 scale = max(start, 1.0 - start)
                 step = _within((seen - last) / scale, settings.max_step_drift)
                 ratio = start + scale * _within((last - start) / scale + step, settings.max_drift)
-                drifts.append(math.log(max(ratio, _LEAST_RATIO) / start))
+                drifts.append(math.log(max(ratio, _MIN_RATIO) / start))
             else:
                 drift = math.log(last / start) + _within(math.log(seen / last), settings.max_step_drift)
                 drifts.append(_within(drift, settings.max_drift))

@@ -17,7 +17,7 @@ from robocup_vision.ros.timeline import FOR_GOOD, Timeline
 # axes of a camera (ahead, left, up) in its optical frame (right, down, ahead), REP-103
 _OF_OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 # a tree of a robot is not deeper
-_MOST_FRAMES = 100
+_MAX_FRAMES = 100
 
 
 class Transforms:
@@ -54,7 +54,7 @@ class Transforms:
 
     def _ancestors(self, frame: str) -> Iterator[str]:
         """Yield a frame, its parent and so on."""
-        for _ in range(_MOST_FRAMES):
+        for _ in range(_MAX_FRAMES):
             yield frame
             if frame not in self._steps:
                 return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,13 +13,11 @@ from robocup_vision.arrays import BoolArray, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.evaluation.boxes import Box
 from robocup_vision.evaluation.dataset import Dataset
-from robocup_vision.perception.kinds.network import KINDS, SEEN_PX, Kind, upright_pictures
+from robocup_vision.evaluation.detections import KIND_OF_BOX, OBSTACLE_KINDS
+from robocup_vision.perception.kinds.network import KINDS, SEEN_PX, upright_pictures
 from robocup_vision.perception.networks import Shrunk
 from robocup_vision.vision import Vision
 
-# kinds of boxes that show a robot or a person; a box of another kind shows neither, but an obstacle may be either
-KIND_OF_BOX: Final[dict[str, Kind]] = {"robot": "robot", "person": "person", "human": "person"}
-_EITHER: Final = "obstacle"
 OTHER = len(KINDS)
 # so much more than the network sees is cut on each side: for what is shifted and scaled
 RIM_PX = 8
@@ -71,12 +69,12 @@ def photograph_crops(
             continue
         camera = view.polar.camera
         assert isinstance(camera, PinholeCamera)
-        things = [box for box in marked if box.kind in KIND_OF_BOX or box.kind == _EITHER]
+        things = [box for box in marked if box.kind in OBSTACLE_KINDS]
         # the picture hides the feet of the others
         boxes = [box for box in marked if box.ymax < camera.size_px[1] - 1]
         feet = _feet_m(camera, boxes)
         kinds = np.array([_index(box.kind) for box in boxes], dtype=np.int64)
-        is_thing = np.array([box.kind in KIND_OF_BOX or box.kind == _EITHER for box in boxes], dtype=bool)
+        is_thing = np.array([box.kind in OBSTACLE_KINDS for box in boxes], dtype=bool)
         told = np.array([(one.x_m, one.y_m) for one in view.obstacles]).reshape(-1, 2)
         free = view.free_space
         known = np.flatnonzero(np.isfinite(free.range_m) & (free.range_m > 0.3))

@@ -23,7 +23,7 @@ _FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, *[1.0] * 5])
 # a motion takes at least this fraction of the time that slip lasts: keeps a quotient finite
 _MIN_TIMES = 1e-4
 # bounds that keep numbers finite where frames have one time, or a robot drives for long without any
-_MOST_REPEATED, _LEAST_KEPT, _MOST_BIAS = 0.9, 1e-3, 1e2
+_MAX_REPEATED, _MIN_KEPT, _MAX_BIAS = 0.9, 1e-3, 1e2
 _POSE, _BIAS, _SLIP, _GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 _STATE = 11
 # what a frame measures: the pose, and the bias on top
@@ -179,8 +179,8 @@ class PoseMode:
             How long the error lasts that frames have in common.
         """
         # elsewhere another error comes on top, until a frame there says how large it can be
-        bias_kept = max(errors.bias_kept(motion), _LEAST_KEPT)
-        more_bias = (1 / bias_kept - 1) * self.bias if self.bias.trace() < _MOST_BIAS else np.zeros((3, 3))
+        bias_kept = max(errors.bias_kept(motion), _MIN_KEPT)
+        more_bias = (1 / bias_kept - 1) * self.bias if self.bias.trace() < _MAX_BIAS else np.zeros((3, 3))
         # the exact Gauss-Markov process: mean of the slip over the motion, and its end, given its beginning
         times = max(seconds / odometry.slip_s, _MIN_TIMES)
         slip_decay = math.exp(-times)
@@ -323,7 +323,7 @@ class FacedFrame:
         """
         mode = self.mode
         # of a mean of values each of which keeps so much of the one before: a first-order Gauss-Markov process
-        repeated = min(mode.bias_kept * math.exp(-max(t_s - mode.agreed_s, 0.0) / errors.spell_s), _MOST_REPEATED)
+        repeated = min(mode.bias_kept * math.exp(-max(t_s - mode.agreed_s, 0.0) / errors.spell_s), _MAX_REPEATED)
         white = scale * (self.measurement.white + (1 + repeated) / (1 - repeated) * self.on_top)
         offset, spread = self._innovation(white)
         gain = np.linalg.solve(spread, _SEEN @ mode.covariance).T
