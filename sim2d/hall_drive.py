@@ -32,23 +32,15 @@ _AHEAD_M = 0.25
 
 @dataclass(frozen=True, slots=True)
 class DriveStep:
-    """One period of a drive.
+    """One period of a drive."""
 
-    Parameters
-    ----------
-    t_s : float
-        When the frame was taken.
-    truth : Pose2
-        Where the robot was then.
-    pose : PoseEstimate or NotLocated
-        Where it took itself to be.
-    off_path_m : float
-        Distance of its true place from the path.
-    """
-
+    #: When the frame was taken.
     t_s: float
+    #: Where the robot was then.
     truth: Pose2
+    #: Where it took itself to be.
     pose: PoseEstimate | NotLocated
+    #: Distance of its true place from the path.
     off_path_m: float
 
 

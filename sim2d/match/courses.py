@@ -43,23 +43,16 @@ _TRIES = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """How a drive sees the floor, and what it remembers of it.
+    """How a drive sees the floor, and what it remembers of it."""
 
-    Parameters
-    ----------
-    directions, rings : int
-        Cells of the free space. The default ones hold a few samples each, and are less than a centimetre deep close to
-        the robot.
-    free_ratio : float
-        As that of `Vision`.
-    remembers : bool
-        Steady the free space from frame to frame, and find the way by what was seen before. False: each frame stands
-        for itself, and the target is headed for as it lies.
-    """
-
+    #: Cells of the free space. The default ones hold a few samples each, and are less than a centimetre deep close to
+    #: the robot.
     directions: int = 64
     rings: int = 60
+    #: As that of `Vision`.
     free_ratio: float = FREE_RATIO
+    #: Steady the free space from frame to frame, and find the way by what was seen before. False: each frame stands for
+    #: itself, and the target is headed for as it lies.
     remembers: bool = True
 
 
@@ -69,23 +62,15 @@ PRINTED_SIGHT = Sight(32, 6, 0.8, remembers=False)
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Where to go, and what stands in the way.
+    """Where to go, and what stands in the way."""
 
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    boxes : tuple of Box
-        What stands on it.
-    start : Pose2
-        The robot at the beginning.
-    goal : (float, float)
-        Where it shall go, field frame, metres.
-    """
-
+    #: The pitch.
     field: Field
+    #: What stands on it.
     boxes: tuple[Box, ...]
+    #: The robot at the beginning.
     start: Pose2
+    #: Where it shall go, field frame, metres.
     goal: Point
 
     def has_route(self, radius_m: float, clearance_m: float = ROUTE_CLEARANCE_M) -> bool:

@@ -21,17 +21,11 @@ NAMES = ("sway", "latency", "slip", "drift", "shutter", "camera", "knock", "mess
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """How much less sure odometry is than that of `BodySettings`.
+    """How much less sure odometry is than that of `BodySettings`."""
 
-    Attributes
-    ----------
-    gain_std : float
-        Systematic error of the odometry's way and turn, drawn once a robot: legs are 10 % off at two of these.
-    slip_part, slip_turn_rad_per_m : float
-        As in `BodySettings`.
-    """
-
+    #: Systematic error of the odometry's way and turn, drawn once a robot: legs are 10 % off at two of these.
     gain_std: float = 0.05
+    #: As in `BodySettings`.
     slip_part: float = 0.1
     slip_turn_rad_per_m: float = 0.1
 
@@ -44,35 +38,23 @@ class Slip:
 
 @dataclass(frozen=True, slots=True)
 class Disturbances:
-    """Which of them a match has, and how much; None: not this one.
+    """Which of them a match has, and how much; None: not this one."""
 
-    Parameters
-    ----------
-    sway : SwaySettings or None
-        Of bodies, which carry their cameras along.
-    latency : LatencySettings or None
-        Of frames.
-    slip : Slip or None
-        Of the odometry.
-    drift : LightDriftSettings or None
-        Of the light.
-    shutter : ShutterSettings or None
-        Motion blur and rolling shutter of pinhole cameras.
-    camera : CameraErrorSettings or None
-        Each robot's true camera about its file, which is all that the player knows.
-    knock : KnockSettings or None
-        It is moved once during the match.
-    messages : ChannelSettings or None
-        Of the team's radio: late and lost messages.
-    """
-
+    #: Of bodies, which carry their cameras along.
     sway: SwaySettings | None = None
+    #: Of frames.
     latency: LatencySettings | None = None
+    #: Of the odometry.
     slip: Slip | None = None
+    #: Of the light.
     drift: LightDriftSettings | None = None
+    #: Motion blur and rolling shutter of pinhole cameras.
     shutter: ShutterSettings | None = None
+    #: Each robot's true camera about its file, which is all that the player knows.
     camera: CameraErrorSettings | None = None
+    #: It is moved once during the match.
     knock: KnockSettings | None = None
+    #: Of the team's radio: late and lost messages.
     messages: ChannelSettings | None = None
 
     def only(self, names: Iterable[str]) -> Disturbances:

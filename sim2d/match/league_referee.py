@@ -32,60 +32,43 @@ Stage = Literal["first_half", "half_time", "second_half", "post_game"]
 
 @dataclass(frozen=True, slots=True)
 class LeagueRefereeSettings:
-    """Values of `LeagueReferee`; those of the rules unless said otherwise.
+    """Values of `LeagueReferee`; those of the rules unless said otherwise."""
 
-    Attributes
-    ----------
-    half_s, half_time_s : float
-        Length of a half, and of the halt between two (the rules' five minutes would be waited for in vain).
-    begin_s, stop_s, by_hand_s : float
-        The match begins with a halt of so long; a stop takes at least so long, and after so much of it a person puts
-        the ball where it belongs, if no team does. Chosen so that all have noticed.
-    prepare_s, max_prepare_s : float
-        A kick-off or penalty is prepared for at least so long, and at most.
-    kick_s : float or None
-        Who has a kick must take it within so long; None: as long as the field's division says.
-    place_s : float
-        A team has so long to place the ball.
-    placed_m, left_m, left_kicker_m : float
-        A ball is placed that lies so near to its place, with the placing team's robots so far away: less where the same
-        team kicks it then.
-    still_m, still_s : float
-        A ball in play that stays within this for so long stops the game.
-    in_play_m : float
-        A kicked ball is in play once it has moved so far.
-    stop_mps, stop_grace_s : float
-        Robots may drive so fast in a stop, and have so long to slow down, and to make room for a ball that is placed.
-    ball_room_m : float
-        Between robots and the ball in a stop and at the other team's kicks.
-    ball_mps : float
-        A faster kick is a foul.
-    touch_m : float
-        A ball so near to a robot's hull touches it: what a ball moves between two looks at it.
-    fouls_a_card, card_s : int, float
-        So many fouls are a yellow card; a robot less plays for so long.
-    """
-
+    #: Length of a half, and of the halt between two (the rules' five minutes would be waited for in vain).
     half_s: float = 300.0
     half_time_s: float = 5.0
+    #: The match begins with a halt of so long; a stop takes at least so long, and after so much of it a person puts the
+    #: ball where it belongs, if no team does. Chosen so that all have noticed.
     begin_s: float = 1.0
     stop_s: float = 3.0
     by_hand_s: float = 0.5
+    #: A kick-off or penalty is prepared for at least so long, and at most.
     prepare_s: float = 2.0
     max_prepare_s: float = 10.0
+    #: Who has a kick must take it within so long; None: as long as the field's division says.
     kick_s: float | None = None
+    #: A team has so long to place the ball.
     place_s: float = 30.0
+    #: A ball is placed that lies so near to its place, with the placing team's robots so far away: less where the same
+    #: team kicks it then.
     placed_m: float = 0.15
     left_m: float = 0.5
     left_kicker_m: float = 0.05
+    #: A ball in play that stays within this for so long stops the game.
     still_m: float = 0.05
     still_s: float = 10.0
+    #: A kicked ball is in play once it has moved so far.
     in_play_m: float = 0.05
+    #: Robots may drive so fast in a stop, and have so long to slow down, and to make room for a ball that is placed.
     stop_mps: float = 1.5
     stop_grace_s: float = 2.0
+    #: Between robots and the ball in a stop and at the other team's kicks.
     ball_room_m: float = 0.5
+    #: A faster kick is a foul.
     ball_mps: float = 6.5
+    #: A ball so near to a robot's hull touches it: what a ball moves between two looks at it.
     touch_m: float = 0.012
+    #: So many fouls are a yellow card; a robot less plays for so long.
     fouls_a_card: int = 3
     card_s: float = 120.0
 

@@ -17,24 +17,17 @@ from sim2d.robot_link import Player, PlayerFactory, PlayerSetup
 
 @dataclass(frozen=True, slots=True)
 class BuiltInTeam:
-    """Makes built-in players with options; equal to another one of the same options, in other processes too.
+    """Makes built-in players with options; equal to another one of the same options, in other processes too."""
 
-    Parameters
-    ----------
-    remembers, plans, asks, looks_again, talks : bool
-        As `BuiltInPlayer`.
-    settings : PlayerSettings
-        As `BuiltInPlayer`.
-    parts : PlayerParts
-        As `BuiltInPlayer`.
-    """
-
+    #: As `BuiltInPlayer`.
     remembers: bool = False
     plans: bool = False
     asks: bool = False
     looks_again: bool = False
     talks: bool = False
+    #: As `BuiltInPlayer`.
     settings: PlayerSettings = PlayerSettings()
+    #: As `BuiltInPlayer`.
     parts: PlayerParts = PlayerParts()
 
     def __call__(self, setup: PlayerSetup) -> Player:

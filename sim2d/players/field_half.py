@@ -17,17 +17,11 @@ from robocup_vision.view import View
 
 @dataclass(frozen=True, slots=True)
 class FieldHalfSettings:
-    """Values of `FieldHalf`.
+    """Values of `FieldHalf`."""
 
-    Attributes
-    ----------
-    question : GoalQuestionSettings
-        Of the question.
-    elsewhere_m : float
-        A robot that has moved so far asks anew: goals that it missed may be found from there.
-    """
-
+    #: Of the question.
     question: GoalQuestionSettings = GoalQuestionSettings()
+    #: A robot that has moved so far asks anew: goals that it missed may be found from there.
     elsewhere_m: float = 0.3
 
 

@@ -18,17 +18,11 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class FloorLookSettings:
-    """Values of `FloorLook`.
+    """Values of `FloorLook`."""
 
-    Attributes
-    ----------
-    look : SelectiveLookSettings
-        Of the choice of a place.
-    arrived_rad : float
-        A frame taken so near to the wanted pan counts as a look.
-    """
-
+    #: Of the choice of a place.
     look: SelectiveLookSettings = SelectiveLookSettings()
+    #: A frame taken so near to the wanted pan counts as a look.
     arrived_rad: float = 0.15
 
 

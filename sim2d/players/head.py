@@ -25,89 +25,59 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class HeadSettings:
-    """Values of `Head`.
+    """Values of `Head`."""
 
-    Attributes
-    ----------
-    watch_s, sweep_s : float
-        The head watches the ball for so long, then looks for goals for so long, in turn.
-    sweep_rad : float
-        A sweep reaches so far to either side: goals seldom stand behind.
-    unsure_rad : float
-        Standard deviation of the heading from which on the head looks for goals though it would watch the ball: at
-        three of them a robot is no longer located within 5 degrees.
-    unlocated_looks : int
-        As much after so many frames in a row without a pose: where robots crowd around the ball it hides everything
-        else, and a push turns a robot by more than its odometry tells.
-    replan_s : float
-        A planned gaze is computed anew after this time.
-    drift_m, drift_rad : float
-        Standard deviations by which a pose drifts in a second without frames.
-    gaze : PoseGazeSettings
-        Of the planned gaze.
-    half : FieldHalfSettings
-        Of the question for the half of the field.
-    floor : FloorLookSettings
-        Of looks at undecided floor.
-    """
-
+    #: The head watches the ball for so long, then looks for goals for so long, in turn.
     watch_s: float = 1.5
     sweep_s: float = 1.5
+    #: A sweep reaches so far to either side: goals seldom stand behind.
     sweep_rad: float = 1.4
+    #: Standard deviation of the heading from which on the head looks for goals though it would watch the ball: at three
+    #: of them a robot is no longer located within 5 degrees.
     unsure_rad: float = 0.03
+    #: As much after so many frames in a row without a pose: where robots crowd around the ball it hides everything
+    #: else, and a push turns a robot by more than its odometry tells.
     unlocated_looks: int = 6
+    #: A planned gaze is computed anew after this time.
     replan_s: float = 0.1
+    #: Standard deviations by which a pose drifts in a second without frames.
     drift_m: float = 0.03
     drift_rad: float = 0.05
+    #: Of the planned gaze.
     gaze: PoseGazeSettings = PoseGazeSettings()
+    #: Of the question for the half of the field.
     half: FieldHalfSettings = FieldHalfSettings()
+    #: Of looks at undecided floor.
     floor: FloorLookSettings = FloorLookSettings()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeadView:
-    """The estimates from which a head is turned, field frame.
+    """The estimates from which a head is turned, field frame."""
 
-    Parameters
-    ----------
-    pose : PoseEstimate or NotLocated
-        The robot.
-    hypotheses : tuple of Hypothesis
-        Poses that it may have, most probable first.
-    ball : (float, float) or None
-        The ball.
-    tracks : tuple of Track
-        Robots that may hide goals.
-    floor : MapPicture or None
-        The map of the free floor.
-    target : (float, float) or None
-        Where the robot drives to.
-    """
-
+    #: The robot.
     pose: PoseEstimate | NotLocated
+    #: Poses that it may have, most probable first.
     hypotheses: tuple[Hypothesis, ...]
+    #: The ball.
     ball: Point | None
+    #: Robots that may hide goals.
     tracks: tuple[Track, ...]
+    #: The map of the free floor.
     floor: MapPicture | None
+    #: Where the robot drives to.
     target: Point | None
 
 
 @dataclass(frozen=True, slots=True)
 class HeadPlan:
-    """A planned pan of the head.
+    """A planned pan of the head."""
 
-    Parameters
-    ----------
-    pan_rad : float
-        From straight ahead, positive to the left.
-    choice : {"planned", "sweep", "half", "floor"}
-        For the pose, or without a plan; for the half of the field; for undecided floor.
-    reason : str
-        Why.
-    """
-
+    #: From straight ahead, positive to the left.
     pan_rad: float
+    #: For the pose, or without a plan; for the half of the field; for undecided floor.
     choice: Literal["planned", "sweep", "half", "floor"]
+    #: Why.
     reason: str
 
 

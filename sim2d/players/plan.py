@@ -15,50 +15,33 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What a player estimates now, team frame, metres and seconds.
+    """What a player estimates now, team frame, metres and seconds."""
 
-    Parameters
-    ----------
-    pose : Pose2
-        The robot.
-    ball : (float, float) or None
-        The ball, where it was last seen.
-    ball_velocity_mps : (float, float)
-        Its velocity then.
-    in_mouth : bool
-        The robot holds the ball.
-    held_s : float
-        For how long.
-    obstacles : tuple of (float, float)
-        Whatever stands on the floor and is no wall.
-    phase : Phase
-        What the referee announced.
-    own_turn : bool
-        Own team has the kick-off, free kick, penalty or ball placement.
-    t_s : float
-        Now.
-    shot : ShotPlan or None
-        What to do with the ball in the mouth, where that was planned.
-    others : tuple of (float, float)
-        Robots that are tracked; empty for players that do not plan.
-    placement : (float, float) or None
-        Where the ball shall be placed, in phase "ball_placement".
-    role : ChosenRole or None
-        What the player's part in the team is, where its robots speak to each other.
-    """
-
+    #: The robot.
     pose: Pose2
+    #: The ball, where it was last seen.
     ball: Point | None
+    #: Its velocity then.
     ball_velocity_mps: Point
+    #: The robot holds the ball.
     in_mouth: bool
+    #: For how long.
     held_s: float
+    #: Whatever stands on the floor and is no wall.
     obstacles: tuple[Point, ...]
+    #: What the referee announced.
     phase: Phase
+    #: Own team has the kick-off, free kick, penalty or ball placement.
     own_turn: bool
+    #: Now.
     t_s: float
+    #: What to do with the ball in the mouth, where that was planned.
     shot: ShotPlan | None = None
+    #: Robots that are tracked; empty for players that do not plan.
     others: tuple[Point, ...] = ()
+    #: Where the ball shall be placed, in phase "ball_placement".
     placement: Point | None = None
+    #: What the player's part in the team is, where its robots speak to each other.
     role: ChosenRole | None = None
 
     @property
@@ -69,48 +52,31 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Where to go and what to do there, team frame.
+    """Where to go and what to do there, team frame."""
 
-    Parameters
-    ----------
-    intent : str
-        A word or two for films and reports.
-    target : (float, float)
-        Place to drive to.
-    heading_rad : float
-        Direction to face.
-    kick_mps : float
-        Speed to kick with now; 0: do not.
-    dribble : bool
-        Whether the dribbler spins.
-    avoid_ball : bool
-        Go round the ball.
-    close : bool
-        Close to the ball: others may be touched, walls not.
-    holding : bool
-        With the ball in the mouth: turn gently.
-    why : Reason or None
-        Reason of the choice, where it was weighed.
-    speed_mps : float or None
-        The rules allow no more now; None: any speed.
-    keep_outs : tuple of KeepOut
-        Where the rules forbid the robot to be now.
-    looks : bool
-        Face the heading on the way, too.
-    races : bool
-        To a ball that whoever is first has: straight, and at full speed.
-    """
-
+    #: A word or two for films and reports.
     intent: str
+    #: Place to drive to.
     target: Point
+    #: Direction to face.
     heading_rad: float
+    #: Speed to kick with now; 0: do not.
     kick_mps: float = 0.0
+    #: Whether the dribbler spins.
     dribble: bool = False
+    #: Go round the ball.
     avoid_ball: bool = False
+    #: Close to the ball: others may be touched, walls not.
     close: bool = False
+    #: With the ball in the mouth: turn gently.
     holding: bool = False
+    #: Reason of the choice, where it was weighed.
     why: Reason | None = None
+    #: The rules allow no more now; None: any speed.
     speed_mps: float | None = None
+    #: Where the rules forbid the robot to be now.
     keep_outs: tuple[KeepOut, ...] = ()
+    #: Face the heading on the way, too.
     looks: bool = False
+    #: To a ball that whoever is first has: straight, and at full speed.
     races: bool = False

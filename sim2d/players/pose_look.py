@@ -12,21 +12,14 @@ from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 
 @dataclass(frozen=True, slots=True)
 class PoseLookSettings:
-    """Values of `PoseLook`.
+    """Values of `PoseLook`."""
 
-    Attributes
-    ----------
-    unsure_m : float
-        Standard deviation of the position from which on it looks. On a large field a robot is off by 1.3 times what it
-        states; at three of these it is no longer located within 15 cm.
-    sure_m : float
-        It looks until the standard deviation is this small.
-    nearest_m : float
-        A crossing nearer than this would soon lie below the picture.
-    """
-
+    #: Standard deviation of the position from which on it looks. On a large field a robot is off by 1.3 times what it
+    #: states; at three of these it is no longer located within 15 cm.
     unsure_m: float = 0.035
+    #: It looks until the standard deviation is this small.
     sure_m: float = 0.0175
+    #: A crossing nearer than this would soon lie below the picture.
     nearest_m: float = 0.5
 
 

@@ -21,35 +21,9 @@ from sim2d.players.team_talk import TeamTalkSettings
 
 @dataclass(frozen=True, slots=True)
 class PlayerSettings:
-    """Values of `BuiltInPlayer`.
+    """Values of `BuiltInPlayer`."""
 
-    Attributes
-    ----------
-    tactics, ball, motion, travel, shot, head, look, talk
-        Of its parts. Its keeper does not go out to block: with the ball others drive round it.
-    memory : MemorySettings
-        Of its estimates over time: pose filter, tracks and map.
-    legs_odometry, wheels_odometry : OdometryNoise
-        In place of the memory's with a pinhole camera. Legs slip by a tenth and are a twentieth off for good; frames of
-        a body that nods or turns err by more than they state, which counts as slip. Wheels slip in bursts as short. A
-        robot that does not see who is beside it is pushed, which its odometry does not tell.
-    start_std_m, start_std_rad : float
-        How exactly it stands at its place when a match begins with a kick-off.
-    floor_margin_ratio : float
-        Margin of the filtered free floor, as `SteadyFreeSpace` takes it.
-    recent_floor : RecentFreeSpaceSettings
-        Of the floor that a camera has seen that does not see all around.
-    max_frame_age_s : float
-        It drives by a frame's free space for so long, then stops until the next: obstacles move on.
-    calibrates : bool
-        Where its camera file is rough (`PlayerSetup.camera_is_rough`) it calibrates while it plays.
-    lost_look_s : float
-        With a pinhole camera it looks no more often than this while no pose is expected: a search of the whole field
-        takes as long as several other looks, and frames close together err alike.
-    lost_rps : float
-        It turns so fast while it is not located, to see more of the field.
-    """
-
+    #: Of its parts. Its keeper does not go out to block: with the ball others drive round it.
     tactics: TacticsSettings = TacticsSettings(keeper=KeeperSettings(block_widths=0.0))
     ball: BallMemorySettings = BallMemorySettings()
     motion: MotionSettings = MotionSettings()
@@ -58,14 +32,26 @@ class PlayerSettings:
     head: HeadSettings = HeadSettings()
     look: PoseLookSettings = PoseLookSettings()
     talk: TeamTalkSettings = TeamTalkSettings()
+    #: Of its estimates over time: pose filter, tracks and map.
     memory: MemorySettings = MemorySettings()
+    #: In place of the memory's with a pinhole camera. Legs slip by a tenth and are a twentieth off for good; frames of
+    #: a body that nods or turns err by more than they state, which counts as slip. Wheels slip in bursts as short. A
+    #: robot that does not see who is beside it is pushed, which its odometry does not tell.
     legs_odometry: OdometryNoise = OdometryNoise(slip_ratio=0.14, slip_s=0.1, gain_std=0.05, push_m=0.01, push_rad=0.03)
     wheels_odometry: OdometryNoise = OdometryNoise(slip_s=0.1, gain_std=0.02, push_m=0.01, push_rad=0.01)
+    #: How exactly it stands at its place when a match begins with a kick-off.
     start_std_m: float = 0.05
     start_std_rad: float = math.radians(3.0)
+    #: Margin of the filtered free floor, as `SteadyFreeSpace` takes it.
     floor_margin_ratio: float = 0.02
+    #: Of the floor that a camera has seen that does not see all around.
     recent_floor: RecentFreeSpaceSettings = RecentFreeSpaceSettings()
+    #: It drives by a frame's free space for so long, then stops until the next: obstacles move on.
     max_frame_age_s: float = 0.4
+    #: Where its camera file is rough (`PlayerSetup.camera_is_rough`) it calibrates while it plays.
     calibrates: bool = True
+    #: With a pinhole camera it looks no more often than this while no pose is expected: a search of the whole field
+    #: takes as long as several other looks, and frames close together err alike.
     lost_look_s: float = 0.1
+    #: It turns so fast while it is not located, to see more of the field.
     lost_rps: float = 1.0

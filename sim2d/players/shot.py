@@ -20,30 +20,20 @@ from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 
 @dataclass(frozen=True, slots=True)
 class ShotSettings:
-    """Values of `Shooter`.
+    """Values of `Shooter`."""
 
-    Attributes
-    ----------
-    kick_std_rad : float
-        A kicked ball's direction about the heading.
-    rolling_speed : float
-        Part of a kick's speed that is left when the ball rolls: 5/7 for a solid sphere.
-    reaction_s : float
-        Other robots run for a ball so long after the kick.
-    lost_s, slips_s : float
-        Mean time for which a ball is held where an opponent can reach it, and where none can.
-    keeper_std_m : float
-        Of the position assumed for a keeper that is not seen.
-    planner : ShotPlannerSettings
-        Which kicks are compared.
-    """
-
+    #: A kicked ball's direction about the heading.
     kick_std_rad: float = 0.03
+    #: Part of a kick's speed that is left when the ball rolls: 5/7 for a solid sphere.
     rolling_speed: float = 5 / 7
+    #: Other robots run for a ball so long after the kick.
     reaction_s: float = 0.3
+    #: Mean time for which a ball is held where an opponent can reach it, and where none can.
     lost_s: float = 0.5
     slips_s: float = 8.0
+    #: Of the position assumed for a keeper that is not seen.
     keeper_std_m: float = 0.1
+    #: Which kicks are compared.
     planner: ShotPlannerSettings = ShotPlannerSettings()
 
 

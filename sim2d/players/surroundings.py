@@ -15,30 +15,20 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
-    """One player's estimates at one time.
+    """One player's estimates at one time."""
 
-    Parameters
-    ----------
-    t_s : float
-        Now.
-    robot : PoseEstimate
-        The robot.
-    velocity_mps, pending_mps : (float, float)
-        Its velocity, and the command that it obeys until the next one.
-    tracks : tuple of Track
-        Robots that are tracked, as of `age_s` ago.
-    age_s : float
-        Since the last frame.
-    floor : MapPicture or None
-        Which floor is free.
-    """
-
+    #: Now.
     t_s: float
+    #: The robot.
     robot: PoseEstimate
+    #: Its velocity, and the command that it obeys until the next one.
     velocity_mps: Point
     pending_mps: Point
+    #: Robots that are tracked, as of `age_s` ago.
     tracks: tuple[Track, ...]
+    #: Since the last frame.
     age_s: float
+    #: Which floor is free.
     floor: MapPicture | None
 
     @property

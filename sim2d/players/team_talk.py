@@ -23,20 +23,13 @@ _TIME_SLACK_S = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class TeamTalkSettings:
-    """Values of `TeamTalk`.
+    """Values of `TeamTalk`."""
 
-    Attributes
-    ----------
-    period_s : float
-        Time between two messages: the channel carries no more.
-    ball : BallFusionSettings
-        Of the ball.
-    roles : RoleSettings
-        Of the roles.
-    """
-
+    #: Time between two messages: the channel carries no more.
     period_s: float = 0.5
+    #: Of the ball.
     ball: BallFusionSettings = BallFusionSettings()
+    #: Of the roles.
     roles: RoleSettings = RoleSettings()
 
 

@@ -25,17 +25,11 @@ DRAWN_RADIUS_M = 5.0  # the wall is drawn for a room of this size, and stretched
 
 @dataclass(frozen=True, slots=True)
 class Backdrop:
-    """A round room about the field's centre.
+    """A round room about the field's centre."""
 
-    Parameters
-    ----------
-    kind : {"plain", "hall", "orange"}
-        An even grey wall, a hall full of things, or a hall with an orange wall.
-    seed : int
-        Which room.
-    """
-
+    #: An even grey wall, a hall full of things, or a hall with an orange wall.
     kind: BackdropKind = "hall"
+    #: Which room.
     seed: int = 0
 
     def colors(self, x_m: Float32Array, y_m: Float32Array, z_m: Float32Array) -> Float32Array:

@@ -24,24 +24,16 @@ SMOOTH_TEXTURE_M, FINE_TEXTURE_M = 0.15, 0.012  # cells of the carpet's two nois
 
 @dataclass(frozen=True, eq=False)
 class TracedLight:
-    """The light of N rays.
+    """The light of N rays."""
 
-    Parameters
-    ----------
-    light : (N, 3) float32
-        BGR; 255 is a sensor's white, more is possible.
-    hits : FirstHits
-        The surfaces they met.
-    x_m, y_m : (N,) float32
-        Where, field frame, metres.
-    in_room : (M,) intp
-        Those that ended on the room's wall.
-    """
-
+    #: (N, 3) float32: BGR; 255 is a sensor's white, more is possible.
     light: Float32Array
+    #: The surfaces they met.
     hits: FirstHits
+    #: (N,) float32: where, field frame, metres.
     x_m: Float32Array
     y_m: Float32Array
+    #: (M,) intp: those that ended on the room's wall.
     in_room: npt.NDArray[np.intp]
 
     @property

@@ -104,52 +104,34 @@ class Highlight:
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """How the scene is lit.
+    """How the scene is lit."""
 
-    Parameters
-    ----------
-    level : float
-        Overall brightness, 1 = colours as named.
-    gradient, gradient_direction_rad : float
-        Relative gain of light from the field's centre over half its length, in this direction.
-    texture : float
-        Standard deviation of the carpet's brightness, relative.
-    texture_seed : int
-        Which carpet.
-    shadow : Shadow or None
-        A hard shadow.
-    highlights : tuple of Highlight
-        Reflections of lamps.
-    """
-
+    #: Overall brightness, 1 = colours as named.
     level: float = 1.0
+    #: Relative gain of light from the field's centre over half its length, in this direction.
     gradient: float = 0.0
     gradient_direction_rad: float = 0.0
+    #: Standard deviation of the carpet's brightness, relative.
     texture: float = 0.0
+    #: Which carpet.
     texture_seed: int = 0
+    #: A hard shadow.
     shadow: Shadow | None = None
+    #: Reflections of lamps.
     highlights: tuple[Highlight, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """What is seen beyond the floor: a round room full of clutter, drawn from a seed.
+    """What is seen beyond the floor: a round room full of clutter, drawn from a seed."""
 
-    Parameters
-    ----------
-    seed : int
-        Which room.
-    distance_m : float
-        From the floor's farthest corner to the clutter.
-    floor_bgr : (float, float, float)
-        Colour of the ground around the field.
-    bystanders : int
-        People and furniture that stand between the floor's end and the room's wall.
-    """
-
+    #: Which room.
     seed: int = 0
+    #: From the floor's farthest corner to the clutter.
     distance_m: float = 0.6
+    #: Colour of the ground around the field.
     floor_bgr: Bgr = (95, 105, 112)
+    #: People and furniture that stand between the floor's end and the room's wall.
     bystanders: int = 0
 
 
@@ -179,28 +161,19 @@ class Post:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A field, what stands on it, its light and its surroundings.
+    """A field, what stands on it, its light and its surroundings."""
 
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    boxes, robots, ball
-        What stands or lies on it.
-    light : Light
-        How it is lit.
-    room : Room
-        What is seen beyond.
-    carpet_margin_m : float
-        How far the carpet goes on beyond the floor polygon where nothing bounds it.
-    """
-
+    #: The pitch.
     field: Field
+    #: What stands or lies on it.
     boxes: tuple[Box, ...] = ()
     robots: tuple[Robot, ...] = ()
     ball: Ball | None = None
+    #: How it is lit.
     light: Light = Light()
+    #: What is seen beyond.
     room: Room = Room()
+    #: How far the carpet goes on beyond the floor polygon where nothing bounds it.
     carpet_margin_m: float = 0.0
 
     @property

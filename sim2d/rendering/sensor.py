@@ -18,32 +18,21 @@ BLOOM_SPREAD = (0.005, 0.02)
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A camera's lens and sensor.
+    """A camera's lens and sensor."""
 
-    Parameters
-    ----------
-    noise_sigma : float
-        Standard deviation of the noise of each channel, grey levels.
-    blur_px : float
-        Standard deviation of the Gaussian blur, pixels.
-    vignette : float
-        Fraction of the light lost in the image's corners; it grows with the squared distance from the image's middle.
-    cast_bgr : (float, float, float)
-        White balance gains.
-    gain : float
-        Overall gain.
-    jpeg_quality : int or None
-        Compress and expand with chroma at half resolution, at this quality.
-    bloom : float
-        Fraction of the light beyond white that spreads around where it falls: what is burnt out bleeds over its border.
-    """
-
+    #: Standard deviation of the noise of each channel, grey levels.
     noise_sigma: float = 0.0
+    #: Standard deviation of the Gaussian blur, pixels.
     blur_px: float = 0.0
+    #: Fraction of the light lost in the image's corners; it grows with the squared distance from the image's middle.
     vignette: float = 0.0
+    #: White balance gains.
     cast_bgr: Bgr = (1.0, 1.0, 1.0)
+    #: Overall gain.
     gain: float = 1.0
+    #: Compress and expand with chroma at half resolution, at this quality.
     jpeg_quality: int | None = None
+    #: Fraction of the light beyond white that spreads around where it falls: what is burnt out bleeds over its border.
     bloom: float = 0.0
 
     def __post_init__(self) -> None:

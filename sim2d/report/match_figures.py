@@ -18,29 +18,19 @@ _REACH_M = 0.05
 
 @dataclass(frozen=True, slots=True)
 class MatchFigures:
-    """The figures of a match so far.
+    """The figures of a match so far."""
 
-    Parameters
-    ----------
-    seconds : float
-        Time played.
-    score : (int, int)
-        Goals of the side that attacks the goal at +x, and of the other.
-    goals : tuple of (float, int)
-        Time and scoring side, +1 or -1, of each.
-    possession : (float or None, float or None)
-        Fraction of each side of the time in which a robot had the ball; None if none ever had.
-    robots : tuple of RobotFigures
-        In order of their index.
-    faults : tuple of FaultFigures
-        The faults, by robots.
-    """
-
+    #: Time played.
     seconds: float
+    #: Goals of the side that attacks the goal at +x, and of the other.
     score: tuple[int, int]
+    #: Time and scoring side, +1 or -1, of each.
     goals: tuple[tuple[float, int], ...]
+    #: Fraction of each side of the time in which a robot had the ball; None if none ever had.
     possession: tuple[float | None, float | None]
+    #: In order of their index.
     robots: tuple[RobotFigures, ...]
+    #: The faults, by robots.
     faults: tuple[FaultFigures, ...]
 
 

@@ -10,23 +10,15 @@ from sim2d.world.state import WorldState
 
 @dataclass(frozen=True, slots=True)
 class RobotMoment:
-    """One robot in one control period.
+    """One robot in one control period."""
 
-    Parameters
-    ----------
-    senses : Senses
-        What it sensed.
-    status : PlayerStatus
-        What its player reported then.
-    command : Command
-        What its player commanded then.
-    stopped : str
-        Why its player was stopped; empty if it was not.
-    """
-
+    #: What it sensed.
     senses: Senses
+    #: What its player reported then.
     status: PlayerStatus
+    #: What its player commanded then.
     command: Command
+    #: Why its player was stopped; empty if it was not.
     stopped: str
 
 

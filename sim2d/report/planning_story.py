@@ -15,27 +15,18 @@ TOPICS = ("gap", "speed", "gaze", "shot")
 
 @dataclass(frozen=True, slots=True)
 class ChoiceRate:
-    """How often a robot made one choice.
+    """How often a robot made one choice."""
 
-    Parameters
-    ----------
-    robot : int
-        Its index.
-    topic, choice : str
-        As in `Reason`.
-    rate : float
-        Part of the time in which it decided about the topic.
-    times : int
-        How often it changed to this choice.
-    example : str
-        Reason in words, the first time.
-    """
-
+    #: Its index.
     robot: int
+    #: As in `Reason`.
     topic: str
     choice: str
+    #: Part of the time in which it decided about the topic.
     rate: float
+    #: How often it changed to this choice.
     times: int
+    #: Reason in words, the first time.
     example: str
 
 

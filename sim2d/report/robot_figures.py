@@ -35,92 +35,64 @@ _STAYS_RIGHT_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class CalibrationFigures:
-    """A player's estimate of its camera at one time, see `OnlineState`.
+    """A player's estimate of its camera at one time, see `OnlineState`."""
 
-    Parameters
-    ----------
-    t_s : float
-        When.
-    center_px, tilt_rad : (float, float)
-        In use; of a pinhole camera tilt and roll.
-    center_std_px, tilt_std_rad : (float, float)
-        Standard deviations.
-    scale, scale_std : float
-        Of the image against the camera file's, and its standard deviation.
-    steps, knocks : int
-        Changes of the camera, and knocks noticed so far.
-    """
-
+    #: When.
     t_s: float
+    #: In use; of a pinhole camera tilt and roll.
     center_px: tuple[float, float]
     tilt_rad: tuple[float, float]
+    #: Standard deviations.
     center_std_px: tuple[float, float]
     tilt_std_rad: tuple[float, float]
+    #: Of the image against the camera file's, and its standard deviation.
     scale: float
     scale_std: float
+    #: Changes of the camera, and knocks noticed so far.
     steps: int
     knocks: int
 
 
 @dataclass(frozen=True, slots=True)
 class RobotFigures:
-    """One robot's match. Fractions are of all frames; errors are of the frames with an estimated pose.
+    """One robot's match. Fractions are of all frames; errors are of the frames with an estimated pose."""
 
-    Parameters
-    ----------
-    robot, side, number : int
-        Index in the match, +1 or -1 for the goal it attacks, number within its side.
-    frames : int
-        Control periods, each with one camera frame.
-    within_5cm_3deg : float
-        Fraction of frames after which the estimated pose was that near the truth, in the right half of the field.
-    median_error_m, p95_error_m, median_error_rad, p95_error_rad : float or None
-        Of the estimated pose; None if there was no estimate.
-    lost_ratio : float
-        Fraction of frames with no estimate, or one more than 10 cm or 5 degrees off.
-    longest_lost_s : float
-        Longest time without a break for which it was lost.
-    right_half_ratio : float or None
-        Of the poses estimated after the first 2 s, those nearer to the truth than to its half turn.
-    collisions, wall_contacts : int
-        Times it came to touch another robot, and something fixed.
-    kicks : int
-        Times it kicked the ball.
-    distance_m : float
-        Way driven.
-    possession : float
-        Fraction of the time for which it had the ball within reach, nearer than any other robot.
-    longest_stuck_s : float
-        Longest time, of 5 s or more, that it stayed within 10 cm of a place though its commands were to drive
-        (faster than 5 cm/s) for half of it or more, and free wheels would have driven twice as far; 0 if never.
-    stopped_s : float or None
-        When it was stopped, its player having failed.
-    stopped_reason : str
-        Why; empty if it was not.
-    calibration : tuple of CalibrationFigures
-        Its camera as its player estimates it, every 5 s; empty if the player does not calibrate.
-    """
-
+    #: Index in the match, +1 or -1 for the goal it attacks, number within its side.
     robot: int
     side: int
     number: int
+    #: Control periods, each with one camera frame.
     frames: int
+    #: Fraction of frames after which the estimated pose was that near the truth, in the right half of the field.
     within_5cm_3deg: float
+    #: Of the estimated pose; None if there was no estimate.
     median_error_m: float | None
     p95_error_m: float | None
     median_error_rad: float | None
     p95_error_rad: float | None
+    #: Fraction of frames with no estimate, or one more than 10 cm or 5 degrees off.
     lost_ratio: float
+    #: Longest time without a break for which it was lost.
     longest_lost_s: float
+    #: Of the poses estimated after the first 2 s, those nearer to the truth than to its half turn.
     right_half_ratio: float | None
+    #: Times it came to touch another robot, and something fixed.
     collisions: int
     wall_contacts: int
+    #: Times it kicked the ball.
     kicks: int
+    #: Way driven.
     distance_m: float
+    #: Fraction of the time for which it had the ball within reach, nearer than any other robot.
     possession: float
+    #: Longest time, of 5 s or more, that it stayed within 10 cm of a place though its commands were to drive (faster
+    #: than 5 cm/s) for half of it or more, and free wheels would have driven twice as far; 0 if never.
     longest_stuck_s: float
+    #: When it was stopped, its player having failed.
     stopped_s: float | None
+    #: Why; empty if it was not.
     stopped_reason: str
+    #: Its camera as its player estimates it, every 5 s; empty if the player does not calibrate.
     calibration: tuple[CalibrationFigures, ...] = ()
 
 

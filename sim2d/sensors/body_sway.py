@@ -16,20 +16,13 @@ from sim2d.world.state import RobotState
 
 
 class Sway(NamedTuple):
-    """How a body stands now, from upright.
+    """How a body stands now, from upright."""
 
-    Parameters
-    ----------
-    pitch_rad : float
-        Nose up is positive.
-    roll_rad : float
-        Right side down is positive.
-    height_m : float
-        Above its usual height.
-    """
-
+    #: Nose up is positive.
     pitch_rad: float = 0.0
+    #: Right side down is positive.
     roll_rad: float = 0.0
+    #: Above its usual height.
     height_m: float = 0.0
 
 
@@ -38,37 +31,25 @@ UPRIGHT = Sway()
 
 @dataclass(frozen=True, slots=True)
 class SwaySettings:
-    """Values of `BodySway`.
+    """Values of `BodySway`."""
 
-    Attributes
-    ----------
-    nod_rad, roll_rad, height_m : float
-        Amplitude of the gait's nod, roll and rise at full step; 0 on wheels.
-    chance_ratio : float
-        Standard deviation of what chance adds to each, as a part of the amplitude: carpets are uneven.
-    chance_time_s : float
-        It is correlated over this time.
-    pace_hz : float
-        Steps a second; the body nods with each, and rolls with each pair.
-    full_step_ratio : float
-        Part of the largest speed or turning rate from which on steps are full.
-    pitch_rad_per_mps2 : float
-        By acceleration ahead: wheels' suspension and soft carpet; 0 on legs.
-    pitch_time_s : float
-        The pitch follows the acceleration within this time.
-    kick_rad, kick_hz, kick_time_s : float
-        Amplitude of the shake after a kick, its frequency, and the time in which it falls to a third.
-    """
-
+    #: Amplitude of the gait's nod, roll and rise at full step; 0 on wheels.
     nod_rad: float = 0.0
     roll_rad: float = 0.0
     height_m: float = 0.0
+    #: Standard deviation of what chance adds to each, as a part of the amplitude: carpets are uneven.
     chance_ratio: float = 0.7
+    #: It is correlated over this time.
     chance_time_s: float = 0.2
+    #: Steps a second; the body nods with each, and rolls with each pair.
     pace_hz: float = 1.7
+    #: Part of the largest speed or turning rate from which on steps are full.
     full_step_ratio: float = 0.3
+    #: By acceleration ahead: wheels' suspension and soft carpet; 0 on legs.
     pitch_rad_per_mps2: float = 0.0
+    #: The pitch follows the acceleration within this time.
     pitch_time_s: float = 0.05
+    #: Amplitude of the shake after a kick, its frequency, and the time in which it falls to a third.
     kick_rad: float = math.radians(1.0)
     kick_hz: float = 8.0
     kick_time_s: float = 0.1

@@ -33,17 +33,12 @@ RIGHT, WRONG, NOTHING = range(3)
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """Counts of outcomes.
+    """Counts of outcomes."""
 
-    Parameters
-    ----------
-    first : (CORNERS + 1, K, 3) int64
-        First looks by corners in view and by apparent width: the right goal, the wrong one, nothing.
-    again_found, again_missed : int
-        Second looks at whole goals that the first had missed.
-    """
-
+    #: (CORNERS + 1, K, 3) int64: first looks by corners in view and by apparent width: the right goal, the wrong one,
+    #: nothing.
     first: npt.NDArray[np.int64]
+    #: Second looks at whole goals that the first had missed.
     again_found: int
     again_missed: int
 

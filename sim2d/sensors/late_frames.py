@@ -16,21 +16,14 @@ _TIME_SLACK_S = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class LatencySettings:
-    """Values of `LateFrames`.
+    """Values of `LateFrames`."""
 
-    Attributes
-    ----------
-    min_s, max_s : float
-        A frame comes so long after it was exposed at least, and at most.
-    jitter_s : float
-        Standard deviation of a frame's lateness about the robot's usual one, which is drawn once.
-    lost_ratio : float
-        Part of the frames that never come.
-    """
-
+    #: A frame comes so long after it was exposed at least, and at most.
     min_s: float = 0.02
     max_s: float = 0.06
+    #: Standard deviation of a frame's lateness about the robot's usual one, which is drawn once.
     jitter_s: float = 0.005
+    #: Part of the frames that never come.
     lost_ratio: float = 0.02
 
     def __post_init__(self) -> None:

@@ -12,20 +12,13 @@ from sim2d.rendering.scene import Light
 
 @dataclass(frozen=True, slots=True)
 class LightDriftSettings:
-    """Values of `LightDrift`.
+    """Values of `LightDrift`."""
 
-    Attributes
-    ----------
-    level_ratio : float
-        Greatest change of the brightness on the field, as a part of it.
-    level_period_s : float
-        From one brightest moment to the next.
-    turn_period_s : float
-        In this time the direction in which it grows lighter over the field turns once.
-    """
-
+    #: Greatest change of the brightness on the field, as a part of it.
     level_ratio: float = 0.1
+    #: From one brightest moment to the next.
     level_period_s: float = 40.0
+    #: In this time the direction in which it grows lighter over the field turns once.
     turn_period_s: float = 240.0
 
 

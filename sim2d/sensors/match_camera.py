@@ -37,20 +37,13 @@ MARKERS_BGR = {1: COLOR_NAMES["yellow"], -1: COLOR_NAMES["blue"]}
 
 @dataclass(frozen=True, slots=True)
 class ShutterSettings:
-    """How long a pinhole camera takes for a frame while its head and body turn.
+    """How long a pinhole camera takes for a frame while its head and body turn."""
 
-    Attributes
-    ----------
-    exposure_s : float
-        Motion blur: a pixel gathers light for so long. An indoor hall's light needs some 10 ms.
-    readout_s : float
-        Rolling shutter: from the first row to the last, as a cheap sensor takes of its frame's 33 ms.
-    max_turn_rad : float
-        A camera that turns farther between two frames was carried elsewhere, and shows neither.
-    """
-
+    #: Motion blur: a pixel gathers light for so long. An indoor hall's light needs some 10 ms.
     exposure_s: float = 0.010
+    #: Rolling shutter: from the first row to the last, as a cheap sensor takes of its frame's 33 ms.
     readout_s: float = 0.020
+    #: A camera that turns farther between two frames was carried elsewhere, and shows neither.
     max_turn_rad: float = 0.6
 
 

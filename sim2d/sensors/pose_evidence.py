@@ -63,23 +63,15 @@ class Sample(NamedTuple):
 
 @dataclass(eq=False)
 class Samples:
-    """What poses look like.
+    """What poses look like."""
 
-    Parameters
-    ----------
-    right : list of two lists of Sample
-        Right poses, in clear and in rough conditions.
-    wrong_place : list of Sample
-        Where fits end that begin anywhere.
-    clutter : list of lists of Sample
-        All that is found in each picture without a field.
-    wrong_guesses, wrong_at_prior : list of (5,) float64
-        Outlines of wrong fits that fix a pose, from the first guess and from near the truth.
-    """
-
+    #: Right poses, in clear and in rough conditions.
     right: tuple[list[Sample], list[Sample]] = field(default_factory=lambda: ([], []))
+    #: Where fits end that begin anywhere.
     wrong_place: list[Sample] = field(default_factory=list)
+    #: All that is found in each picture without a field.
     clutter: list[list[Sample]] = field(default_factory=list)
+    #: list of (5,) float64: outlines of wrong fits that fix a pose, from the first guess and from near the truth.
     wrong_guesses: list[FloatArray] = field(default_factory=list)
     wrong_at_prior: list[FloatArray] = field(default_factory=list)
 

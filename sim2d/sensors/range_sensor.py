@@ -19,29 +19,21 @@ from sim2d.rendering.scene import Robot, Scene
 class RangeSensor:
     """A scanner at the robot's centre.
 
-    Parameters
-    ----------
-    height_m : float
-        Of the plane over the floor. A ball that reaches higher is met where the plane cuts it.
-    beams : int
-        Evenly all around.
-    reach_m : float
-        What is farther gives no echo.
-    noise_std_m : float
-        Of each range.
-    dropout_rate : float
-        Fraction of beams that get no echo from something within reach: they look as if nothing were there.
-
     Raises
     ------
     ArgumentError
         If one is out of its range.
     """
 
+    #: Of the plane over the floor. A ball that reaches higher is met where the plane cuts it.
     height_m: float = 0.08
+    #: Evenly all around.
     beams: int = 240
+    #: What is farther gives no echo.
     reach_m: float = 3.0
+    #: Of each range.
     noise_std_m: float = 0.01
+    #: Fraction of beams that get no echo from something within reach: they look as if nothing were there.
     dropout_rate: float = 0.02
 
     def __post_init__(self) -> None:

@@ -48,26 +48,17 @@ _LAMP_SIGMA_M, _LAMP_AMPLITUDE = (0.04, 0.10), (50.0, 110.0)
 
 @dataclass(frozen=True, slots=True)
 class RunKind:
-    """What a run is disturbed by.
+    """What a run is disturbed by."""
 
-    Parameters
-    ----------
-    lamps : int
-        Ceiling lamps whose reflections lie on the floor and move with the viewpoint.
-    sun_patches : int
-        Bright places that stay where they are.
-    shadow : bool
-        A hard shadow over part of the floor.
-    movers : int
-        Robots that drive to and fro.
-    boxes, fallen, robots : int
-        Things that stand: boxes, low ones (fallen robots), upright robots.
-    """
-
+    #: Ceiling lamps whose reflections lie on the floor and move with the viewpoint.
     lamps: int = 0
+    #: Bright places that stay where they are.
     sun_patches: int = 0
+    #: A hard shadow over part of the floor.
     shadow: bool = False
+    #: Robots that drive to and fro.
     movers: int = 0
+    #: Things that stand: boxes, low ones (fallen robots), upright robots.
     boxes: int = 2
     fallen: int = 2
     robots: int = 1
@@ -84,30 +75,20 @@ KINDS: dict[str, RunKind] = {
 
 @dataclass(frozen=True, eq=False)
 class SensorFrame:
-    """What both sensors see at one moment, and the truth.
+    """What both sensors see at one moment, and the truth."""
 
-    Parameters
-    ----------
-    t_s : float
-        When.
-    estimated : Pose2 or None
-        The robot by camera and odometry, field frame; None while it is lost.
-    floor, scan : RangeProfile
-        What camera and range sensor see.
-    pose : Pose2
-        Truth: the robot.
-    scene : Scene
-        Truth: what stands, and the light as it is seen from here; without movers.
-    movers_m : (M, 3) float64
-        Truth: x, y and radius of what moves.
-    """
-
+    #: When.
     t_s: float
+    #: The robot by camera and odometry, field frame; None while it is lost.
     estimated: Pose2 | None
+    #: What camera and range sensor see.
     floor: RangeProfile
     scan: RangeProfile
+    #: Truth: the robot.
     pose: Pose2
+    #: Truth: what stands, and the light as it is seen from here; without movers.
     scene: Scene
+    #: (M, 3) float64: truth: x, y and radius of what moves.
     movers_m: FloatArray
 
 

@@ -17,17 +17,11 @@ _TIME_SLACK_S = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class ChannelSettings:
-    """Values of `TeamChannel`.
+    """Values of `TeamChannel`."""
 
-    Attributes
-    ----------
-    loss_ratio : float
-        Part of the messages that a robot does not get, each robot by itself: wireless networks in a full hall.
-    min_delay_s, max_delay_s : float
-        A message takes so long at least, and at most; a later one may come sooner.
-    """
-
+    #: Part of the messages that a robot does not get, each robot by itself: wireless networks in a full hall.
     loss_ratio: float = 0.1
+    #: A message takes so long at least, and at most; a later one may come sooner.
     min_delay_s: float = 0.02
     max_delay_s: float = 0.1
 

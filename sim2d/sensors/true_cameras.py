@@ -17,51 +17,34 @@ from robocup_vision.camera.floor_range import magnified
 
 @dataclass(frozen=True, slots=True)
 class CameraErrorSettings:
-    """Standard deviations of a true camera about its file.
+    """Standard deviations of a true camera about its file."""
 
-    Attributes
-    ----------
-    mirror_center_px : float
-        Of the mirror's axis in the image, each way.
-    mirror_curve_ratio : float
-        Of the image radius of every floor range, relative.
-    mirror_tilt_rad : float
-        Of the mirror's axis about either horizontal axis.
-    focal_ratio : float
-        Of a pinhole camera's focal length, relative.
-    center_px : float
-        Of its optical axis in the image, each way.
-    tilt_rad, height_m : float
-        Of its tilt and of its roll; of its height.
-    pan_rad : float
-        Of its pan: a neck's joint, or a camera on board that looks a little aside. None by default: frames do not tell
-        it from the robot's own heading, and nothing estimates it yet.
-    """
-
+    #: Of the mirror's axis in the image, each way.
     mirror_center_px: float = 1.5
+    #: Of the image radius of every floor range, relative.
     mirror_curve_ratio: float = 0.02
+    #: Of the mirror's axis about either horizontal axis.
     mirror_tilt_rad: float = math.radians(0.3)
+    #: Of a pinhole camera's focal length, relative.
     focal_ratio: float = 0.01
+    #: Of its optical axis in the image, each way.
     center_px: float = 3.0
+    #: Of its tilt and of its roll; of its height.
     tilt_rad: float = math.radians(0.5)
     height_m: float = 0.005
+    #: Of its pan: a neck's joint, or a camera on board that looks a little aside. None by default: frames do not tell
+    #: it from the robot's own heading, and nothing estimates it yet.
     pan_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class KnockSettings:
-    """When a knock moves a robot's camera once more, by as much as `CameraErrorSettings` say.
+    """When a knock moves a robot's camera once more, by as much as `CameraErrorSettings` say."""
 
-    Attributes
-    ----------
-    from_s, until_s : float
-        At a moment between these, drawn for each robot.
-    error : CameraErrorSettings
-        By how much; a knock changes no lens.
-    """
-
+    #: At a moment between these, drawn for each robot.
     from_s: float = 10.0
     until_s: float = 40.0
+    #: By how much; a knock changes no lens.
     error: CameraErrorSettings = CameraErrorSettings(mirror_curve_ratio=0.0, focal_ratio=0.0)
 
 

@@ -33,35 +33,22 @@ _VIEW_PX = (400, 300)
 
 
 class Crops(NamedTuple):
-    """Crops, and which of them show a ball of `CROP_RADIUS_PX` in their middle.
+    """Crops, and which of them show a ball of `CROP_RADIUS_PX` in their middle."""
 
-    Parameters
-    ----------
-    images : (N, 48, 48, 3) uint8
-        BGR.
-    is_ball : (N,) bool
-        What is not shows none in its middle.
-    """
-
+    #: (N, 48, 48, 3) uint8: BGR.
     images: UInt8Array
+    #: (N,) bool: what is not shows none in its middle.
     is_ball: BoolArray
 
 
 class Picture(NamedTuple):
-    """A picture of a field and what is known of it.
+    """A picture of a field and what is known of it."""
 
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    strips : BallStrips
-        Where it shows floor, and how large a ball is there.
-    balls, unsure : (N, 3) float64
-        Centre u, v and radius of each, pixels; unsure: cut by the picture's rim.
-    """
-
+    #: (H, W, 3) uint8: BGR.
     frame: UInt8Array
+    #: Where it shows floor, and how large a ball is there.
     strips: BallStrips
+    #: (N, 3) float64: centre u, v and radius of each, pixels; unsure: cut by the picture's rim.
     balls: FloatArray
     unsure: FloatArray
 

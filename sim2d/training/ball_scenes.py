@@ -25,20 +25,13 @@ Floats = npt.NDArray[np.float32]
 
 
 class Scene(NamedTuple):
-    """A picture and the balls in it.
+    """A picture and the balls in it."""
 
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        BGR.
-    balls : (N, 3) float64
-        Centre u, v and radius of each, pixels; hidden by half at most.
-    unsure : (N, 3) float64
-        The same of balls that are hidden by more: neither balls nor anything else.
-    """
-
+    #: (H, W, 3) uint8: BGR.
     image: UInt8Array
+    #: (N, 3) float64: centre u, v and radius of each, pixels; hidden by half at most.
     balls: FloatArray
+    #: (N, 3) float64: the same of balls that are hidden by more: neither balls nor anything else.
     unsure: FloatArray
 
 

@@ -31,17 +31,11 @@ _ENDS, _FLOORS = 16, 12
 
 
 class KindCrops(NamedTuple):
-    """Upright pictures, and what stands on the foot in each.
+    """Upright pictures, and what stands on the foot in each."""
 
-    Parameters
-    ----------
-    images : (N, 64, 52, 3) uint8
-        BGR.
-    kinds : (N,) int64
-        Index of `KINDS`, or `OTHER`.
-    """
-
+    #: (N, 64, 52, 3) uint8: BGR.
     images: UInt8Array
+    #: (N,) int64: index of `KINDS`, or `OTHER`.
     kinds: Int64Array
 
 

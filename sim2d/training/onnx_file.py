@@ -15,20 +15,13 @@ _VARINT, _BYTES = 0, 2
 
 
 class Convolution(NamedTuple):
-    """One convolution; between two of them negative values become 0.
+    """One convolution; between two of them negative values become 0."""
 
-    Parameters
-    ----------
-    weight : (C, B, K, L) float64
-        Of C channels by B before.
-    bias : (C,) float64
-        Of each channel.
-    stride : int
-        Along rows and columns.
-    """
-
+    #: (C, B, K, L) float64: of C channels by B before.
     weight: npt.NDArray[np.float64]
+    #: (C,) float64: of each channel.
     bias: npt.NDArray[np.float64]
+    #: Along rows and columns.
     stride: int
 
 

@@ -18,46 +18,30 @@ _STILL_MPS = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class BallSettings:
-    """Values of `BallBody`.
+    """Values of `BallBody`."""
 
-    Attributes
-    ----------
-    mass_kg : float
-        Of a golf ball.
-    elasticity : float
-        Part of the speed that it keeps at a wall.
-    sliding_friction : float
-        A ball kicked at 2 m/s rolls after about 0.2 s.
-    rolling_friction : float
-        Of a carpet.
-    """
-
+    #: Of a golf ball.
     mass_kg: float = 0.046
+    #: Part of the speed that it keeps at a wall.
     elasticity: float = 0.7
+    #: A ball kicked at 2 m/s rolls after about 0.2 s.
     sliding_friction: float = 0.35
+    #: Of a carpet.
     rolling_friction: float = 0.03
 
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """How a chipped ball flies: the league's model of a fixed loss at each bounce.
+    """How a chipped ball flies: the league's model of a fixed loss at each bounce."""
 
-    Attributes
-    ----------
-    first_floor_ratio, later_floor_ratio : float
-        Of its velocity along the floor, what it keeps at its first bounce and at each later one.
-    up_ratio : float
-        Of its vertical speed, what it keeps at a bounce.
-    min_bounce_mps : float
-        Below this vertical speed it no longer bounces: that is a bounce of 1 mm.
-    clear_height_m : float
-        With its lower side above this it touches neither robots nor walls: the league's robots are at most 0.15 m high.
-    """
-
+    #: Of its velocity along the floor, what it keeps at its first bounce and at each later one.
     first_floor_ratio: float = 0.715
     later_floor_ratio: float = 1.0
+    #: Of its vertical speed, what it keeps at a bounce.
     up_ratio: float = 0.566
+    #: Below this vertical speed it no longer bounces: that is a bounce of 1 mm.
     min_bounce_mps: float = 0.15
+    #: With its lower side above this it touches neither robots nor walls: the league's robots are at most 0.15 m high.
     clear_height_m: float = 0.15
 
 

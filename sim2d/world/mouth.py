@@ -12,27 +12,18 @@ from sim2d.world.ball_physics import BallBody
 
 @dataclass(frozen=True, slots=True)
 class Mouth:
-    """The mouth of one kind of robot.
+    """The mouth of one kind of robot."""
 
-    Parameters
-    ----------
-    seat_m : float
-        From the robot's centre ahead to the centre of a ball that touches its front.
-    half_width_m : float
-        To either side of straight ahead.
-    depth_m : float
-        A ball that lies so far before its seat is still in the mouth.
-    stiffness_ps2, damping_ps : float
-        The dribbler pulls the ball to its seat like a damped spring.
-    grip_mps2 : float
-        Largest acceleration that the dribbler gives it.
-    """
-
+    #: From the robot's centre ahead to the centre of a ball that touches its front.
     seat_m: float
+    #: To either side of straight ahead.
     half_width_m: float
+    #: A ball that lies so far before its seat is still in the mouth.
     depth_m: float = 0.011
+    #: The dribbler pulls the ball to its seat like a damped spring.
     stiffness_ps2: float = 900.0
     damping_ps: float = 50.0
+    #: Largest acceleration that the dribbler gives it.
     grip_mps2: float = 6.0
 
     def holds(self, robot: pymunk.Body, ball: BallBody) -> bool:

@@ -17,24 +17,16 @@ from sim2d.world.state import BallState, Event, RobotState
 
 @dataclass(frozen=True, slots=True)
 class RefereeSettings:
-    """Values of `Referee`.
+    """Values of `Referee`."""
 
-    Attributes
-    ----------
-    min_kick_off_s : float
-        A kick-off takes at least so long, so that everybody notices it.
-    still_s, still_way_m : float
-        A ball that stays within this way for so long is put elsewhere: nobody can get at it.
-    astray_m : float
-        A robot so far beyond the floor is carried back.
-    drop_way_m : float
-        A ball is not put back where it lay.
-    """
-
+    #: A kick-off takes at least so long, so that everybody notices it.
     min_kick_off_s: float = 1.0
+    #: A ball that stays within this way for so long is put elsewhere: nobody can get at it.
     still_s: float = 10.0
     still_way_m: float = 0.05
+    #: A robot so far beyond the floor is carried back.
     astray_m: float = 0.5
+    #: A ball is not put back where it lay.
     drop_way_m: float = 0.2
 
 

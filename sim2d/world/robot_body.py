@@ -19,49 +19,33 @@ from sim2d.world.state import RobotState
 
 @dataclass(frozen=True, slots=True)
 class BodySettings:
-    """Values of `RobotBody`.
+    """Values of `RobotBody`."""
 
-    Attributes
-    ----------
-    mass_kg : float
-        Of a small robot.
-    gain_std : float
-        Systematic error of the odometry's way and turn, drawn once a robot: wheels are never quite round.
-    slip_part : float
-        Slip's standard deviation as a part of the speed.
-    slip_turn_rad_per_m : float
-        The same for turning, per metre driven.
-    slip_time_s : float
-        Slip is correlated over this time.
-    mouth_half_width, mouth_depth : float
-        Of the dribbler's mouth, in ball radii.
-    dribbler_stiffness_ps2, dribbler_damping_ps : float
-        The dribbler pulls the ball to its seat like a damped spring.
-    dribbler_grip_mps2 : float
-        It pulls no harder than this.
-    kick_again_s : float
-        Time to charge the kicker.
-    kick_speed_std : float
-        Of a kick's speed, as a part of it.
-    kick_angle_std_rad : float
-        Of a kick's direction.
-    push_s : float
-        A push from outside takes so long.
-    """
-
+    #: Of a small robot.
     mass_kg: float = 2.5
+    #: Systematic error of the odometry's way and turn, drawn once a robot: wheels are never quite round.
     gain_std: float = 0.01
+    #: Slip's standard deviation as a part of the speed.
     slip_part: float = 0.05
+    #: The same for turning, per metre driven.
     slip_turn_rad_per_m: float = 0.05
+    #: Slip is correlated over this time.
     slip_time_s: float = 0.1
+    #: Of the dribbler's mouth, in ball radii.
     mouth_half_width: float = 1.5
     mouth_depth: float = 0.5
+    #: The dribbler pulls the ball to its seat like a damped spring.
     dribbler_stiffness_ps2: float = 900.0
     dribbler_damping_ps: float = 50.0
+    #: It pulls no harder than this.
     dribbler_grip_mps2: float = 6.0
+    #: Time to charge the kicker.
     kick_again_s: float = 0.5
+    #: Of a kick's speed, as a part of it.
     kick_speed_std: float = 0.05
+    #: Of a kick's direction.
     kick_angle_std_rad: float = math.radians(1.5)
+    #: A push from outside takes so long.
     push_s: float = 0.2
 
 

@@ -13,32 +13,21 @@ EventKind = Literal["kick", "goal", "ball_out", "drop", "collision", "carried_ba
 
 @dataclass(frozen=True, slots=True)
 class RobotState:
-    """One robot.
+    """One robot."""
 
-    Parameters
-    ----------
-    index : int
-        Among all robots, side +1 first.
-    side : int
-        +1: attacks the goal at +x; -1: the one at -x.
-    number : int
-        Within its side.
-    pose : Pose2
-        Field frame.
-    velocity_mps : (float, float)
-        Field frame.
-    turn_rps : float
-        Turning rate, radians a second.
-    pan_rad : float
-        Of the head that carries a pinhole camera.
-    """
-
+    #: Among all robots, side +1 first.
     index: int
+    #: +1: attacks the goal at +x; -1: the one at -x.
     side: int
+    #: Within its side.
     number: int
+    #: Field frame.
     pose: Pose2
+    #: Field frame.
     velocity_mps: tuple[float, float]
+    #: Turning rate, radians a second.
     turn_rps: float
+    #: Of the head that carries a pinhole camera.
     pan_rad: float = 0.0
 
 
@@ -56,59 +45,38 @@ class BallState:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened.
+    """Something that happened."""
 
-    Parameters
-    ----------
-    t_s : float
-        When.
-    kind : str
-        ``kick``, ``goal``, ``ball_out``, ``drop`` (a ball that lay still is put elsewhere), ``collision``,
-        ``carried_back`` (a robot that left the field), ``whistle`` (play begins).
-    robots : tuple of int
-        Those that took part; a collision with something fixed has one.
-    side : int
-        Goal: that scored; 0 otherwise.
-    speed_mps : float
-        Collision: speed of approach; kick: of the ball; 0 otherwise.
-    """
-
+    #: When.
     t_s: float
+    #: ``kick``, ``goal``, ``ball_out``, ``drop`` (a ball that lay still is put elsewhere), ``collision``,
+    #: ``carried_back`` (a robot that left the field), ``whistle`` (play begins).
     kind: EventKind
+    #: Those that took part; a collision with something fixed has one.
     robots: tuple[int, ...] = ()
+    #: Goal: that scored; 0 otherwise.
     side: int = 0
+    #: Collision: speed of approach; kick: of the ball; 0 otherwise.
     speed_mps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class WorldState:
-    """The whole world at one moment.
+    """The whole world at one moment."""
 
-    Parameters
-    ----------
-    t_s : float
-        Since the start.
-    robots : tuple of RobotState
-        In order of their index.
-    ball : BallState or None
-        None on a course without one.
-    score : (int, int)
-        Goals of side +1, of side -1.
-    phase : Phase
-        Kick-off: the ball lies at the centre until the whistle.
-    kick_off_side : int
-        Whose turn it is at a kick-off, free kick, penalty or ball placement: +1 or -1.
-    events : tuple of Event
-        What happened during the last control period.
-    placement_m : (float, float) or None
-        Where the ball shall be placed, in phase "ball_placement".
-    """
-
+    #: Since the start.
     t_s: float
+    #: In order of their index.
     robots: tuple[RobotState, ...]
+    #: None on a course without one.
     ball: BallState | None
+    #: Goals of side +1, of side -1.
     score: tuple[int, int]
+    #: Kick-off: the ball lies at the centre until the whistle.
     phase: Phase
+    #: Whose turn it is at a kick-off, free kick, penalty or ball placement: +1 or -1.
     kick_off_side: int
+    #: What happened during the last control period.
     events: tuple[Event, ...]
+    #: Where the ball shall be placed, in phase "ball_placement".
     placement_m: tuple[float, float] | None = None

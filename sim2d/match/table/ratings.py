@@ -28,18 +28,12 @@ _CONVERGED_LOGIT = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class RatingSettings:
-    """Values of `rate_players`.
+    """Values of `rate_players`."""
 
-    Attributes
-    ----------
-    mean_elo : float
-        Mean of all ratings: results tell differences alone.
-    prior_std_elo : float
-        Standard deviation of a rating before any match. Keeps a player finite that won or lost all its matches. 400
-        Elo are ten matches won for one lost; among players of one program that is a large difference.
-    """
-
+    #: Mean of all ratings: results tell differences alone.
     mean_elo: float = 1500.0
+    #: Standard deviation of a rating before any match. Keeps a player finite that won or lost all its matches. 400 Elo
+    #: are ten matches won for one lost; among players of one program that is a large difference.
     prior_std_elo: float = 400.0
 
     def __post_init__(self) -> None:
@@ -51,17 +45,11 @@ class RatingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ratings:
-    """Ratings of some players.
+    """Ratings of some players."""
 
-    Parameters
-    ----------
-    elo : (n,) float64
-        Rating of each player.
-    covariance : (n, n) float64
-        Of the errors of the ratings about their common mean, Elo squared.
-    """
-
+    #: (n,) float64: rating of each player.
     elo: FloatArray
+    #: (n, n) float64: of the errors of the ratings about their common mean, Elo squared.
     covariance: FloatArray
 
     @property

@@ -24,23 +24,17 @@ from sim2d.robot_link import PlayerFactory
 class RoundRobin:
     """Who meets whom.
 
-    Parameters
-    ----------
-    plan : MatchPlan
-        Of every match, but for its players; its seed is that of the first two matches of each pair.
-    players : tuple of (str, PlayerFactory)
-        The players and their names.
-    matches : int
-        Of each pair, an even number: two on each seed.
-
     Raises
     ------
     ArgumentError
         If there are fewer than two players, two have one name, or the number of matches is not even.
     """
 
+    #: Of every match, but for its players; its seed is that of the first two matches of each pair.
     plan: MatchPlan
+    #: The players and their names.
     players: tuple[tuple[str, PlayerFactory], ...]
+    #: Of each pair, an even number: two on each seed.
     matches: int
 
     def __post_init__(self) -> None:

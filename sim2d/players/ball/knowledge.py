@@ -34,17 +34,11 @@ class KnownBall:
 
 @dataclass(frozen=True, slots=True)
 class NoddingCamera:
-    """A camera near the ground whose body nods.
+    """A camera near the ground whose body nods."""
 
-    Parameters
-    ----------
-    limits_m : (float, float)
-        Greatest x and y of the floor that a ball may lie on, field frame.
-    blind_m : float
-        The camera does not see the floor nearer than this.
-    """
-
+    #: Greatest x and y of the floor that a ball may lie on, field frame.
     limits_m: Point
+    #: The camera does not see the floor nearer than this.
     blind_m: float
 
     def within(self, robot: Pose2, ball: Pose2) -> Pose2:

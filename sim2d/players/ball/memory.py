@@ -16,36 +16,24 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class BallMemorySettings:
-    """Values of `BallMemory` and `HiddenBall`.
+    """Values of `BallMemory` and `HiddenBall`."""
 
-    Attributes
-    ----------
-    forget_s : float
-        A ball unseen for so long may be anywhere: a kicked one crosses a field in this time.
-    velocity_gain : float
-        Weight of a new velocity against the remembered one: smooths the error of two positions a frame apart.
-    max_gap_s : float
-        Longest time between two positions of which a velocity is made: after more the ball may have turned.
-    max_speed_mps : float
-        A faster ball is a wrong detection.
-    missed_s : float
-        A ball unseen for so long at a visible place is gone from there.
-    told_missed_m : float
-        A ball that others told of is not there if the robot sees the floor there from no farther than this: small
-        cameras miss balls that are far.
-    hidden_s : float
-        A ball unseen for so long is hidden by the robot that held it.
-    taken_reaches : float
-        A ball nearer than this to another robot's centre, in reaches (robot radius plus ball radius), is held by it.
-    """
-
+    #: A ball unseen for so long may be anywhere: a kicked one crosses a field in this time.
     forget_s: float = 4.0
+    #: Weight of a new velocity against the remembered one: smooths the error of two positions a frame apart.
     velocity_gain: float = 0.4
+    #: Longest time between two positions of which a velocity is made: after more the ball may have turned.
     max_gap_s: float = 0.25
+    #: A faster ball is a wrong detection.
     max_speed_mps: float = 4.0
+    #: A ball unseen for so long at a visible place is gone from there.
     missed_s: float = 0.5
+    #: A ball that others told of is not there if the robot sees the floor there from no farther than this: small
+    #: cameras miss balls that are far.
     told_missed_m: float = 1.0
+    #: A ball unseen for so long is hidden by the robot that held it.
     hidden_s: float = 0.15
+    #: A ball nearer than this to another robot's centre, in reaches (robot radius plus ball radius), is held by it.
     taken_reaches: float = 2.0
 
 

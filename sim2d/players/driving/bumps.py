@@ -19,17 +19,11 @@ from robocup_vision.perception.free_space import FreeSpace
 
 @dataclass(frozen=True, slots=True)
 class BumpSettings:
-    """Values of `Bumps`.
+    """Values of `Bumps`."""
 
-    Attributes
-    ----------
-    min_jolt_mps : float
-        Of the wheels, beyond what their motors do in a period: more than odometry errs by.
-    lasts_s : float
-        A robot that was touched is kept off for so long: the other one has moved on then, or is seen.
-    """
-
+    #: Of the wheels, beyond what their motors do in a period: more than odometry errs by.
     min_jolt_mps: float = 0.03
+    #: A robot that was touched is kept off for so long: the other one has moved on then, or is seen.
     lasts_s: float = 1.0
 
 

@@ -21,58 +21,40 @@ from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 
 @dataclass(frozen=True, slots=True)
 class MotionSettings:
-    """Values of `Motion`.
+    """Values of `Motion`."""
 
-    Attributes
-    ----------
-    margin_m : float
-        Clearance kept on the way; none close to the ball, where others may be touched.
-    step_m : float
-        Steering looks at distances in steps of this.
-    turn_time_s : float
-        The heading's error is turned away in about this time: shorter overshoots by the dead time.
-    holding_mps, holding_rps : float
-        Limits with the ball in the mouth where none are planned: slow enough for any dribbler.
-    push_mps : float
-        Speed of pushing close to the ball where no direction is safe.
-    near_m, near_holding_m : float
-        A robot whose rim is so near would be pushed; with the ball before it, sooner.
-    pushed_rad : float
-        Only a robot within this of the way ahead is.
-    detour_s : float
-        Obstacles move on: a longer detour is dropped.
-    arrived_radii : float
-        So near to its target, in robot radii, the robot is not stuck, even where others or its own slip keep it from
-        getting nearer.
-    stuck_m, stuck_s : float
-        One that has moved less than this for so long without having arrived is stuck.
-    escape_s : float
-        It then drives in a random free direction for so long.
-    face_way_m : float
-        A robot that sees ahead only faces its way while its target is farther away than this, unless its plan looks
-        elsewhere. From here on it faces what its plan wants, and goes there sideways.
-    calm_rps : float
-        It turns no faster, unless the ball is close: quick turns blur and lean the picture, and slip.
-    bumps : BumpSettings
-        How such a robot keeps off whom it has bumped into.
-    """
-
+    #: Clearance kept on the way; none close to the ball, where others may be touched.
     margin_m: float = 0.01
+    #: Steering looks at distances in steps of this.
     step_m: float = 0.01
+    #: The heading's error is turned away in about this time: shorter overshoots by the dead time.
     turn_time_s: float = 0.18
+    #: Limits with the ball in the mouth where none are planned: slow enough for any dribbler.
     holding_mps: float = 0.6
     holding_rps: float = 2.2
+    #: Speed of pushing close to the ball where no direction is safe.
     push_mps: float = 0.25
+    #: A robot whose rim is so near would be pushed; with the ball before it, sooner.
     near_m: float = 0.02
     near_holding_m: float = 0.1
+    #: Only a robot within this of the way ahead is.
     pushed_rad: float = 1.3
+    #: Obstacles move on: a longer detour is dropped.
     detour_s: float = 1.5
+    #: So near to its target, in robot radii, the robot is not stuck, even where others or its own slip keep it from
+    #: getting nearer.
     arrived_radii: float = 1.0
+    #: One that has moved less than this for so long without having arrived is stuck.
     stuck_m: float = 0.04
     stuck_s: float = 1.5
+    #: It then drives in a random free direction for so long.
     escape_s: float = 0.7
+    #: A robot that sees ahead only faces its way while its target is farther away than this, unless its plan looks
+    #: elsewhere. From here on it faces what its plan wants, and goes there sideways.
     face_way_m: float = 0.4
+    #: It turns no faster, unless the ball is close: quick turns blur and lean the picture, and slip.
     calm_rps: float = 2.0
+    #: How such a robot keeps off whom it has bumped into.
     bumps: BumpSettings = BumpSettings()
 
 

@@ -19,45 +19,29 @@ _RIGHT, _LEFT = -1, -2
 
 @dataclass(frozen=True, slots=True)
 class RowSettings:
-    """Values of `row_across`.
+    """Values of `row_across`."""
 
-    Attributes
-    ----------
-    beside_m : float
-        A robot so near to the way counts, besides one in it.
-    row_radii : float
-        Robots whose places differ by less than so many radii along the way stand in one row across it.
-    outside_radii : float
-        On a field without walls a robot may leave the field by so many radii.
-    alongside_sin : float
-        A gap with a smaller sine of the angle to the way lies along it.
-    """
-
+    #: A robot so near to the way counts, besides one in it.
     beside_m: float = 0.12
+    #: Robots whose places differ by less than so many radii along the way stand in one row across it.
     row_radii: float = 4.0
+    #: On a field without walls a robot may leave the field by so many radii.
     outside_radii: float = 4.0
+    #: A gap with a smaller sine of the angle to the way lies along it.
     alongside_sin: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Gaps from right to left.
+    """Gaps from right to left."""
 
-    Parameters
-    ----------
-    gaps : tuple of Gap
-        Estimated gaps; the middle of each is where it is best crossed: near the straight way, clear of its ends.
-    keys : tuple of (int, int)
-        Numbers of the robots at its ends; negative: the field's border.
-    ends : tuple of ((float, float), (float, float))
-        Of each.
-    straight : int
-        Through which of them the straight way leads.
-    """
-
+    #: Estimated gaps; the middle of each is where it is best crossed: near the straight way, clear of its ends.
     gaps: tuple[Gap, ...]
+    #: Numbers of the robots at its ends; negative: the field's border.
     keys: tuple[Key, ...]
+    #: Of each.
     ends: tuple[tuple[Point, Point], ...]
+    #: Through which of them the straight way leads.
     straight: int
 
 

@@ -31,71 +31,47 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class RouteSettings:
-    """Values of `RoutePlanner`.
+    """Values of `RoutePlanner`."""
 
-    Attributes
-    ----------
-    row : RowSettings
-        Which robots stand in one row.
-    better_s : float
-        A gap is changed for another only if that saves so much: changing to and fro costs more.
-    narrow, wide : float
-        A gap with a probability to be wide enough between these is worth a second look.
-    here_m : float
-        A viewpoint so near is reached.
-    passed_m : float
-        A gap so near is passed.
-    replan_s : float
-        Time between two plans.
-    odometry_error : float
-        Of the odometry, as a part of the way driven.
-    pose_std_m, pose_std_rad : float
-        Of a pose right after a frame.
-    others_std_m : float
-        Of the position of a tracked robot.
-    gate : GatePlannerSettings
-        Of looks and passing, where a gap may be too narrow.
-    passage : PassageSettings
-        Of the table of passage times.
-    speed : SpeedPlannerSettings
-        Of the search of a safe speed.
-    """
-
+    #: Which robots stand in one row.
     row: RowSettings = RowSettings()
+    #: A gap is changed for another only if that saves so much: changing to and fro costs more.
     better_s: float = 0.25
+    #: A gap with a probability to be wide enough between these is worth a second look.
     narrow: float = 0.02
     wide: float = 0.95
+    #: A viewpoint so near is reached.
     here_m: float = 0.02
+    #: A gap so near is passed.
     passed_m: float = 0.06
+    #: Time between two plans.
     replan_s: float = 0.1
+    #: Of the odometry, as a part of the way driven.
     odometry_error: float = 0.03
+    #: Of a pose right after a frame.
     pose_std_m: float = 0.01
     pose_std_rad: float = 0.01
+    #: Of the position of a tracked robot.
     others_std_m: float = 0.015
+    #: Of looks and passing, where a gap may be too narrow.
     gate: GatePlannerSettings = GatePlannerSettings()
+    #: Of the table of passage times.
     passage: PassageSettings = PassageSettings()
+    #: Of the search of a safe speed.
     speed: SpeedPlannerSettings = SpeedPlannerSettings()
 
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """A way to a target.
+    """A way to a target."""
 
-    Parameters
-    ----------
-    points : tuple of (float, float)
-        Where it leads, target last.
-    ends : ((float, float), (float, float)) or None
-        Ends of the gap that is taken.
-    reason : Reason
-        Why.
-    waits : bool
-        The robot waits here for a second look.
-    """
-
+    #: Where it leads, target last.
     points: tuple[Point, ...]
+    #: Ends of the gap that is taken.
     ends: tuple[Point, Point] | None
+    #: Why.
     reason: Reason
+    #: The robot waits here for a second look.
     waits: bool = False
 
 

@@ -29,75 +29,49 @@ _SHORT_M = 0.35
 
 @dataclass(frozen=True, slots=True)
 class TravelSettings:
-    """Values of `TravelPlanner`.
+    """Values of `TravelPlanner`."""
 
-    Attributes
-    ----------
-    route : RouteSettings
-        Of the choice between gaps; its `replan_s` is the time between two plans here too.
-    same_m : float
-        A target that moved by less keeps its plan.
-    ahead_s : float
-        Other robots are predicted to when this one comes, at most so far ahead: their velocities change.
-    short_radii : float
-        So short a way, in robot radii, is left to steering: a keeper must be quick.
-    at_target_m : float
-        A robot so near to the target counts only once this one comes near.
-    stands_mps : float
-        A slower robot stands.
-    taken_m : float
-        A ball so near to another robot's rim is held by it.
-    room_m : float
-        That robot is left so much room.
-    apart_radii : float
-        Two tracks whose centres are nearer than this, in robot radii, are of one robot: two robots would overlap.
-    creep_mps : float
-        Where no speed is safe, the robot creeps on by steering; no plan makes it slower.
-    hold_mps2 : float
-        A ball in the mouth is turned with the robot by no larger an acceleration: half of what a dribbler pulls with.
-    """
-
+    #: Of the choice between gaps; its `replan_s` is the time between two plans here too.
     route: RouteSettings = RouteSettings()
+    #: A target that moved by less keeps its plan.
     same_m: float = 0.06
+    #: Other robots are predicted to when this one comes, at most so far ahead: their velocities change.
     ahead_s: float = 0.6
+    #: So short a way, in robot radii, is left to steering: a keeper must be quick.
     short_radii: float = 3.5
+    #: A robot so near to the target counts only once this one comes near.
     at_target_m: float = 0.35
+    #: A slower robot stands.
     stands_mps: float = 0.25
+    #: A ball so near to another robot's rim is held by it.
     taken_m: float = 0.04
+    #: That robot is left so much room.
     room_m: float = 0.06
+    #: Two tracks whose centres are nearer than this, in robot radii, are of one robot: two robots would overlap.
     apart_radii: float = 1.6
+    #: Where no speed is safe, the robot creeps on by steering; no plan makes it slower.
     creep_mps: float = 0.2
+    #: A ball in the mouth is turned with the robot by no larger an acceleration: half of what a dribbler pulls with.
     hold_mps2: float = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """How to get to a target.
+    """How to get to a target."""
 
-    Parameters
-    ----------
-    waypoint : (float, float)
-        Where to drive first.
-    speed_mps : float
-        How fast at most.
-    gap : ((float, float), (float, float)) or None
-        Ends of the gap that is taken, field frame.
-    reasons : tuple of Reason
-        Why.
-    ends_there : bool
-        The drive ends at the waypoint for now, not at the target.
-    turn_rps : float
-        How fast to turn at most.
-    presses : bool
-        Close to the ball, and with it, others may be touched.
-    """
-
+    #: Where to drive first.
     waypoint: Point
+    #: How fast at most.
     speed_mps: float
+    #: Ends of the gap that is taken, field frame.
     gap: tuple[Point, Point] | None
+    #: Why.
     reasons: tuple[Reason, ...]
+    #: The drive ends at the waypoint for now, not at the target.
     ends_there: bool = False
+    #: How fast to turn at most.
     turn_rps: float = math.inf
+    #: Close to the ball, and with it, others may be touched.
     presses: bool = False
 
 

@@ -16,50 +16,35 @@ from sim2d.robot_link import Reason, RobotLimits
 
 @dataclass(frozen=True, slots=True)
 class BallHolderSettings:
-    """Values of `BallHolder`; lengths in radii are robot radii unless the line names ball radii.
+    """Values of `BallHolder`; lengths in radii are robot radii unless the line names ball radii."""
 
-    Attributes
-    ----------
-    places : int
-        Places in the goal's mouth that are tried, less than a ball apart, and odd so that the middle is one.
-    reaction_s : float
-        A robot in the shot's way starts so long after the kick.
-    keeper_radii : float
-        A keeper that is not seen is taken to stand in the middle of its goal, so many robot radii before the line.
-    max_aim_rad, min_aim_rad : float
-        A shot must be open to either side by at least the smaller angle, about what kicks scatter by. It may miss its
-        aim by half of what is open, but by no less than the smaller angle; one that is not open, by the larger.
-    pressed_radii : float
-        Where another robot is so near, the ball is lost soon: a keeper clears it, others do not hold it for long.
-    min_forward_cos : float
-        It clears only where it looks forward by this cosine: no kick goes to its own goal.
-    min_chance : float
-        A planned shot that promises less is none.
-    max_held_s, clear_after_s : float
-        A ball that others or a wall keep from the goal for so long is shot in any case, and kicked off in any
-        direction: opponents end longer holds. With free way it is held for the time that the way takes, too.
-    max_step_m, min_step_m : float
-        Length of a step of dribbling: far enough to get speed, near enough to react.
-    turn_rad, turn_room_reaches : float
-        Before a turn by more than this with less room ahead it draws back: the ball would wedge between robot and wall.
-    draw_back_m : float
-        By so much.
-    """
-
+    #: Places in the goal's mouth that are tried, less than a ball apart, and odd so that the middle is one.
     places: int = 21
+    #: A robot in the shot's way starts so long after the kick.
     reaction_s: float = 0.3
+    #: A keeper that is not seen is taken to stand in the middle of its goal, so many robot radii before the line.
     keeper_radii: float = 1.3
+    #: A shot must be open to either side by at least the smaller angle, about what kicks scatter by. It may miss its
+    #: aim by half of what is open, but by no less than the smaller angle; one that is not open, by the larger.
     max_aim_rad: float = 0.35
     min_aim_rad: float = 0.06
+    #: Where another robot is so near, the ball is lost soon: a keeper clears it, others do not hold it for long.
     pressed_radii: float = 3.0
+    #: It clears only where it looks forward by this cosine: no kick goes to its own goal.
     min_forward_cos: float = 0.3
+    #: A planned shot that promises less is none.
     min_chance: float = 0.05
+    #: A ball that others or a wall keep from the goal for so long is shot in any case, and kicked off in any direction:
+    #: opponents end longer holds. With free way it is held for the time that the way takes, too.
     max_held_s: float = 3.0
     clear_after_s: float = 4.5
+    #: Length of a step of dribbling: far enough to get speed, near enough to react.
     max_step_m: float = 0.4
     min_step_m: float = 0.15
+    #: Before a turn by more than this with less room ahead it draws back: the ball would wedge between robot and wall.
     turn_rad: float = 0.6
     turn_room_reaches: float = 1.5
+    #: By so much.
     draw_back_m: float = 0.3
 
 

@@ -12,35 +12,23 @@ from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
 
 @dataclass(frozen=True, slots=True)
 class FetchSettings:
-    """Values of `Fetch`; lengths in reaches (robot radius plus ball radius) unless the name has a unit.
+    """Values of `Fetch`; lengths in reaches (robot radius plus ball radius) unless the name has a unit."""
 
-    Attributes
-    ----------
-    lead_s : float
-        The ball is met where it rolls to in this time: about the way's length for the last piece.
-    straight_rad : float
-        Within this angle of the line from ball to opponent's goal the robot takes the ball from where it is.
-    straight_reaches : float
-        Farther away than this it drives straight too: the ball moves on before it arrives.
-    wall_reaches : float
-        A ball so near to a wall leaves no room to go round it.
-    through_reaches : float
-        The target lies so far before the ball's middle, so that the robot arrives with speed enough to take the ball.
-    close_reaches : float
-        From here on other robots may be touched.
-    round_reaches : float
-        Radius of the way round the ball.
-    step_rad : float
-        Part of that way driven towards at a time.
-    """
-
+    #: The ball is met where it rolls to in this time: about the way's length for the last piece.
     lead_s: float = 0.15
+    #: Within this angle of the line from ball to opponent's goal the robot takes the ball from where it is.
     straight_rad: float = 0.9
+    #: Farther away than this it drives straight too: the ball moves on before it arrives.
     straight_reaches: float = 6.0
+    #: A ball so near to a wall leaves no room to go round it.
     wall_reaches: float = 2.2
+    #: The target lies so far before the ball's middle, so that the robot arrives with speed enough to take the ball.
     through_reaches: float = 0.75
+    #: From here on other robots may be touched.
     close_reaches: float = 3.0
+    #: Radius of the way round the ball.
     round_reaches: float = 1.5
+    #: Part of that way driven towards at a time.
     step_rad: float = 1.2
 
 

@@ -12,35 +12,24 @@ from sim2d.players.tactics.team_field import TeamField, direction_rad
 
 @dataclass(frozen=True, slots=True)
 class FieldPlayerSettings:
-    """Values of `FieldPlayer`.
+    """Values of `FieldPlayer`."""
 
-    Attributes
-    ----------
-    behind_ball_reaches : float
-        A supporter stays so many reaches behind the ball: a lost ball is still before it, and two robots that fight for
-        the ball have room.
-    support_limits : (float, float)
-        Least x as a part of half the length (negative: own half), greatest x in metres.
-    other_side_part : float
-        Where it supports alone, it stays on the other side of the field than the ball, by this part of the ball's
-        distance from the middle.
-    wait_part : float
-        While the keeper fetches the ball it waits in this part of the own half, and moves to either side by it.
-    search_part : float
-        A search goes round the corners of a rectangle this part of the field's size.
-    search_corner_s : float
-        Time for each corner.
-    search_turn_rad : float
-        It turns on the way, so that a camera with a narrow view looks everywhere: by about 1 rad/s (by this within
-        `MotionSettings.turn_time_s`), as faster turns blur the picture, and slip.
-    """
-
+    #: A supporter stays so many reaches behind the ball: a lost ball is still before it, and two robots that fight for
+    #: the ball have room.
     behind_ball_reaches: float = 4.0
+    #: Least x as a part of half the length (negative: own half), greatest x in metres.
     support_limits: tuple[float, float] = (-0.4, 0.3)
+    #: Where it supports alone, it stays on the other side of the field than the ball, by this part of the ball's
+    #: distance from the middle.
     other_side_part: float = 0.5
+    #: While the keeper fetches the ball it waits in this part of the own half, and moves to either side by it.
     wait_part: float = 0.3
+    #: A search goes round the corners of a rectangle this part of the field's size.
     search_part: float = 0.4
+    #: Time for each corner.
     search_corner_s: float = 3.0
+    #: It turns on the way, so that a camera with a narrow view looks everywhere: by about 1 rad/s (by this within
+    #: `MotionSettings.turn_time_s`), as faster turns blur the picture, and slip.
     search_turn_rad: float = 0.2
 
 

@@ -15,36 +15,24 @@ from sim2d.robot_link import Reason
 
 @dataclass(frozen=True, slots=True)
 class KeeperSettings:
-    """Values of `Keeper`.
+    """Values of `Keeper`."""
 
-    Attributes
-    ----------
-    line_radii : float
-        It stands so many robot radii before its goal's line: clear of the posts, but near enough to cover the mouth.
-    area_radii, area_depth_radii : float
-        It fetches a ball within so many robot radii of its goal's middle to either side, and of the end line.
-    slow_ball_mps : float
-        It fetches no faster ball: that one is met on the line.
-    rolling_mps : float
-        A ball that comes at least so fast is met where it will cross the line; a slower one has no sure direction.
-    block_widths : float
-        Within so many goal widths it goes out to block a ball that another robot has.
-    block_room_m : float
-        It leaves the ball so much room when it blocks, to avoid a foul.
-    aim_depth_m : float
-        It stands on the way from the ball to a place so far behind the goal's middle.
-    sway : float
-        Without a ball it sways over this part of the mouth, so that nothing hides the ball for long.
-    """
-
+    #: It stands so many robot radii before its goal's line: clear of the posts, but near enough to cover the mouth.
     line_radii: float = 1.3
+    #: It fetches a ball within so many robot radii of its goal's middle to either side, and of the end line.
     area_radii: float = 7.0
     area_depth_radii: float = 6.0
+    #: It fetches no faster ball: that one is met on the line.
     slow_ball_mps: float = 0.6
+    #: A ball that comes at least so fast is met where it will cross the line; a slower one has no sure direction.
     rolling_mps: float = 0.2
+    #: Within so many goal widths it goes out to block a ball that another robot has.
     block_widths: float = 4 / 3
+    #: It leaves the ball so much room when it blocks, to avoid a foul.
     block_room_m: float = 0.03
+    #: It stands on the way from the ball to a place so far behind the goal's middle.
     aim_depth_m: float = 0.3
+    #: Without a ball it sways over this part of the mouth, so that nothing hides the ball for long.
     sway: float = 0.3
 
 

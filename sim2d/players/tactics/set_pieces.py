@@ -18,36 +18,25 @@ from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
 
 @dataclass(frozen=True, slots=True)
 class RestartSettings:
-    """Values of `Restart`; the rules are those of the small-size league.
+    """Values of `Restart`; the rules are those of the small-size league."""
 
-    Attributes
-    ----------
-    ball_room_m : float
-        From any part of a robot to the ball during a stop and the other team's set pieces: 0.5 m by the rules, and some
-        for what is not known of the ball's place.
-    stop_mps : float
-        Largest speed during a stop: 1.5 m/s by the rules, less what a velocity overshoots.
-    behind_reaches : float
-        Who takes a penalty waits so many reaches behind the ball.
-    penalty_room_m : float
-        Behind the ball at a penalty: 1 m by the rules, and a robot.
-    release_m, placed_m : float
-        A carried ball so near to where it shall be is let go; one that lies so near is placed: 0.15 m by the rules,
-        less what is not known of its place.
-    left_m : float
-        Who has placed the ball goes so far away from it.
-    wall_reaches, pull_m, straight_rad : float
-        A ball so near to a wall (in reaches) cannot be got behind: it is taken from before it, within this angle of
-        straight on, and pulled away so far.
-    """
-
+    #: From any part of a robot to the ball during a stop and the other team's set pieces: 0.5 m by the rules, and some
+    #: for what is not known of the ball's place.
     ball_room_m: float = 0.57
+    #: Largest speed during a stop: 1.5 m/s by the rules, less what a velocity overshoots.
     stop_mps: float = 1.3
+    #: Who takes a penalty waits so many reaches behind the ball.
     behind_reaches: float = 2.0
+    #: Behind the ball at a penalty: 1 m by the rules, and a robot.
     penalty_room_m: float = 1.3
+    #: A carried ball so near to where it shall be is let go; one that lies so near is placed: 0.15 m by the rules, less
+    #: what is not known of its place.
     release_m: float = 0.05
     placed_m: float = 0.12
+    #: Who has placed the ball goes so far away from it.
     left_m: float = 0.75
+    #: A ball so near to a wall (in reaches) cannot be got behind: it is taken from before it, within this angle of
+    #: straight on, and pulled away so far.
     wall_reaches: float = 2.5
     pull_m: float = 0.4
     straight_rad: float = 0.3

@@ -19,32 +19,23 @@ from sim2d.robot_link import RobotLimits
 
 @dataclass(frozen=True, slots=True)
 class TacticsSettings:
-    """Values of `Tactics`.
+    """Values of `Tactics`."""
 
-    Attributes
-    ----------
-    keeper, ball_holder, fetch, field_player, restart
-        Of each role and situation.
-    wall_clearance_m : float
-        Targets leave so much room between robot and wall: less than steering keeps would stop it on the way.
-    kick_off_reaches : float
-        The player that kicks off waits so many reaches behind the ball: it does not touch it before.
-    fetches_in_strip : bool
-        Players from number 2 on fetch a ball in their own strip, as those must that cannot agree who does. Else number
-        1 alone fetches.
-    give_way_reaches, give_way_s : float
-        Number 1 leaves a ball in another's strip for so long after it saw a robot nearer to it, and within so many
-        reaches of it: that is its mate, or one whom its mate meets. A head looks at the ball again within that time.
-    """
-
+    #: Of each role and situation.
     keeper: KeeperSettings = KeeperSettings()
     ball_holder: BallHolderSettings = BallHolderSettings()
     fetch: FetchSettings = FetchSettings()
     field_player: FieldPlayerSettings = FieldPlayerSettings()
     restart: RestartSettings = RestartSettings()
+    #: Targets leave so much room between robot and wall: less than steering keeps would stop it on the way.
     wall_clearance_m: float = 0.015
+    #: The player that kicks off waits so many reaches behind the ball: it does not touch it before.
     kick_off_reaches: float = 2.0
+    #: Players from number 2 on fetch a ball in their own strip, as those must that cannot agree who does. Else number 1
+    #: alone fetches.
     fetches_in_strip: bool = True
+    #: Number 1 leaves a ball in another's strip for so long after it saw a robot nearer to it, and within so many
+    #: reaches of it: that is its mate, or one whom its mate meets. A head looks at the ball again within that time.
     give_way_reaches: float = 3.0
     give_way_s: float = 1.5
 

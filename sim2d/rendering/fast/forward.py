@@ -35,24 +35,17 @@ from sim2d.rendering.surfaces import face_light
 
 
 class EyeInField(NamedTuple):
-    """A camera's centre of projection and where it looks, field frame.
+    """A camera's centre of projection and where it looks, field frame."""
 
-    Parameters
-    ----------
-    x_m, y_m, height_m : float
-        Its place.
-    heading_rad, tilt_rad, roll_rad : float
-        See `camera_rotation`; when the middle row is read.
-    turn_rad : (float, float, float)
-        How far it turns about its own axes (ahead, left, up) while its rows are read from the first to the last.
-    """
-
+    #: Its place.
     x_m: float
     y_m: float
     height_m: float
+    #: See `camera_rotation`; when the middle row is read.
     heading_rad: float
     tilt_rad: float
     roll_rad: float
+    #: How far it turns about its own axes (ahead, left, up) while its rows are read from the first to the last.
     turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 

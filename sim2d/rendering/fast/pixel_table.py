@@ -18,26 +18,17 @@ from sim2d.rendering.rays import MirrorRays
 
 @dataclass(frozen=True, eq=False)
 class PixelTable:
-    """A camera's pixels as the compiled loops take them (`kernels.match_pixels`).
+    """A camera's pixels as the compiled loops take them (`kernels.match_pixels`)."""
 
-    Parameters
-    ----------
-    height_m : float
-        Of the viewpoint.
-    rays : PixelRays
-        Of every pixel that shows the scene.
-    bearings : Bearings
-        Over a full turn.
-    floor : (3, H * W) float32
-        Floor point and gain of every pixel in the order of the image; 0 where no ray goes.
-    body : (3, H * W) uint8
-        The picture where no ray goes: the robot's own body, and black.
-    """
-
+    #: Of the viewpoint.
     height_m: float
+    #: Of every pixel that shows the scene.
     rays: PixelRays
+    #: Over a full turn.
     bearings: Bearings
+    #: (3, H * W) float32: floor point and gain of every pixel in the order of the image; 0 where no ray goes.
     floor: npt.NDArray[np.float32]
+    #: (3, H * W) uint8: the picture where no ray goes: the robot's own body, and black.
     body: npt.NDArray[np.uint8]
 
 

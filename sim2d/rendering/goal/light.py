@@ -20,28 +20,19 @@ ON_SURFACE_M = 2e-3
 
 @dataclass(frozen=True, slots=True)
 class Glare:
-    """White light that a post or a bar reflects: a soft-edged patch on its round side.
+    """White light that a post or a bar reflects: a soft-edged patch on its round side."""
 
-    Parameters
-    ----------
-    goal_side : int
-        +1 for the goal at +x, -1 for the one at -x.
-    member : {"positive_y", "negative_y", "bar"}
-        Which post, or the bar.
-    middle, half_length : float
-        Along the member, as fractions of its length; 0 is its foot (bar: the end at negative y).
-    turn_rad, half_width_rad : float
-        About its axis, 0 where it faces the camera; pi/2 is its silhouette.
-    amplitude : float
-        Added at the middle, grey levels; enough of it is white whatever the paint.
-    """
-
+    #: +1 for the goal at +x, -1 for the one at -x.
     goal_side: int
+    #: Which post, or the bar.
     member: Member
+    #: Along the member, as fractions of its length; 0 is its foot (bar: the end at negative y).
     middle: float
     half_length: float
+    #: About its axis, 0 where it faces the camera; pi/2 is its silhouette.
     turn_rad: float
     half_width_rad: float
+    #: Added at the middle, grey levels; enough of it is white whatever the paint.
     amplitude: float
 
     def add_to(self, traced: TracedLight, goal: Goal) -> None:
@@ -71,27 +62,19 @@ class Glare:
 
 @dataclass(frozen=True, slots=True)
 class SunPatch:
-    """A window's parallelogram of sunlight, on the floor and on what stands in its beam.
+    """A window's parallelogram of sunlight, on the floor and on what stands in its beam."""
 
-    Parameters
-    ----------
-    x_m, y_m, yaw_rad : float
-        Its middle and the direction of its length on the floor.
-    length_m, width_m : float
-        Its size.
-    sun_azimuth_rad, sun_elevation_rad : float
-        Where the sun stands, field frame.
-    factor : float
-        Light there, relative to the hall's.
-    """
-
+    #: Its middle and the direction of its length on the floor.
     x_m: float
     y_m: float
     yaw_rad: float
+    #: Its size.
     length_m: float
     width_m: float
+    #: Where the sun stands, field frame.
     sun_azimuth_rad: float
     sun_elevation_rad: float
+    #: Light there, relative to the hall's.
     factor: float
 
     def shine_on(self, traced: TracedLight) -> None:

@@ -76,38 +76,25 @@ BURNT_SHOT = dataclasses.replace(ROUGH_SHOT, bloom=0.4)
 
 @dataclass(frozen=True, slots=True)
 class GoalCondition:
-    """How pictures of a goal are disturbed, and what stands around it.
+    """How pictures of a goal are disturbed, and what stands around it."""
 
-    Parameters
-    ----------
-    camera : PinholeCamera
-        The camera handed to the localiser: without pan, tilt and roll.
-    glare : {"none", "mild", "heavy", "streaks"}
-        How much of the goal's paint shines white: a few patches, many, or streaks along whole posts and bar.
-    sensor : Sensor
-        Noise, blur, compression.
-    smear_px : float
-        Greatest motion blur along the rows, by panning.
-    backdrop : {"plain", "hall", "orange"}
-        What hangs on the room's wall.
-    robots : (int, int)
-        Least and greatest number of other robots on the field; they leave the posts in view.
-    sun_patches : int
-        Greatest number of patches of sunlight.
-    height_std_m : float
-        How far the true camera height strays from the given one.
-    has_nets : bool
-        Whether goals have the nets of the field's file: through a white net the goal is located a little less often.
-    """
-
+    #: The camera handed to the localiser: without pan, tilt and roll.
     camera: PinholeCamera
+    #: How much of the goal's paint shines white: a few patches, many, or streaks along whole posts and bar.
     glare: GlareLevel = "none"
+    #: Noise, blur, compression.
     sensor: Sensor = CLEAR_SHOT
+    #: Greatest motion blur along the rows, by panning.
     smear_px: float = 0.0
+    #: What hangs on the room's wall.
     backdrop: BackdropKind = "hall"
+    #: Least and greatest number of other robots on the field; they leave the posts in view.
     robots: tuple[int, int] = (0, 2)
+    #: Greatest number of patches of sunlight.
     sun_patches: int = 0
+    #: How far the true camera height strays from the given one.
     height_std_m: float = 0.0
+    #: Whether goals have the nets of the field's file: through a white net the goal is located a little less often.
     has_nets: bool = False
 
 
@@ -131,32 +118,21 @@ GOAL_CONDITIONS: dict[str, GoalCondition] = {
 
 @dataclass(frozen=True, eq=False)
 class GoalSample:
-    """One picture with its truth.
+    """One picture with its truth."""
 
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        The picture.
-    pose : Pose2
-        The camera's own place on the floor, and the heading of its optical axis.
-    camera : PinholeCamera
-        The true camera, with its height, tilt and roll; its pan is 0.
-    scene : Scene
-        What stands there.
-    goal : Goal
-        The goal that was aimed at.
-    view : str
-        "goal", or why there is none to find.
-    index : int
-        Its number.
-    """
-
+    #: (H, W, 3) uint8: the picture.
     frame: npt.NDArray[np.uint8]
+    #: The camera's own place on the floor, and the heading of its optical axis.
     pose: Pose2
+    #: The true camera, with its height, tilt and roll; its pan is 0.
     camera: PinholeCamera
+    #: What stands there.
     scene: Scene
+    #: The goal that was aimed at.
     goal: Goal
+    #: "goal", or why there is none to find.
     view: View
+    #: Its number.
     index: int
 
 

@@ -22,30 +22,20 @@ _ROOM_M = 0.9
 
 @dataclass(frozen=True, slots=True)
 class Passer:
-    """A person who walks to and fro between two places, and waits a little at each.
+    """A person who walks to and fro between two places, and waits a little at each."""
 
-    Parameters
-    ----------
-    start_m, end_m : (float, float)
-        The places.
-    speed_mps : float
-        How fast they walk.
-    wait_s : float
-        How long they wait.
-    late_s : float
-        When they set out.
-    height_m : float
-        How tall they are.
-    jacket, trousers, face, nape : int
-        Textures.
-    """
-
+    #: The places.
     start_m: tuple[float, float]
     end_m: tuple[float, float]
+    #: How fast they walk.
     speed_mps: float
+    #: How long they wait.
     wait_s: float
+    #: When they set out.
     late_s: float
+    #: How tall they are.
     height_m: float
+    #: Textures.
     jacket: int
     trousers: int
     face: int
@@ -93,26 +83,17 @@ class Passer:
 
 @dataclass(frozen=True, slots=True)
 class Bustle:
-    """People and light of one visit to a hall.
+    """People and light of one visit to a hall."""
 
-    Parameters
-    ----------
-    people : sequence of Passer
-        Who is there.
-    light : HallLight
-        The lamps, all on, and the daylight's mean.
-    clouds : float
-        Ratio by which daylight rises and falls.
-    cloud_s : float
-        How long that takes.
-    flicker_s : float
-        How long a lamp stays on, and off in turn; each lamp at its own time.
-    """
-
+    #: Who is there.
     people: tuple[Passer, ...]
+    #: The lamps, all on, and the daylight's mean.
     light: HallLight
+    #: Ratio by which daylight rises and falls.
     clouds: float = 0.3
+    #: How long that takes.
     cloud_s: float = 31.0
+    #: How long a lamp stays on, and off in turn; each lamp at its own time.
     flicker_s: float = 17.0
 
     def panels(self, t_s: float, robot: Pose2) -> list[Panel]:

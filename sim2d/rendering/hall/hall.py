@@ -29,20 +29,13 @@ _NEAREST_M = 0.02
 
 @dataclass(frozen=True, slots=True)
 class HallLight:
-    """How the hall is lit.
+    """How the hall is lit."""
 
-    Parameters
-    ----------
-    level : float
-        Overall brightness.
-    ambient : float
-        Fraction of the light that comes from everywhere.
-    lamps : tuple of (x_m, y_m, z_m, strength)
-        Strength: light on a surface that faces the lamp 1 m away.
-    """
-
+    #: Overall brightness.
     level: float = 1.0
+    #: Fraction of the light that comes from everywhere.
     ambient: float = 0.55
+    #: Strength: light on a surface that faces the lamp 1 m away.
     lamps: tuple[tuple[float, float, float, float], ...] = ((-2.2, 0.0, 2.8, 2.5), (2.2, 0.0, 2.8, 2.5))
 
     def __post_init__(self) -> None:
@@ -52,17 +45,11 @@ class HallLight:
 
 @dataclass(frozen=True, eq=False)
 class Hall:
-    """Panels and the textures they wear.
+    """Panels and the textures they wear."""
 
-    Parameters
-    ----------
-    panels : tuple of Panel
-        Walls, posters, furniture.
-    textures : tuple of (rows, columns, 3) uint8
-        BGR under light of level 1, rows from the top down.
-    """
-
+    #: Walls, posters, furniture.
     panels: tuple[Panel, ...]
+    #: tuple of (rows, columns, 3) uint8: BGR under light of level 1, rows from the top down.
     textures: tuple[UInt8Array, ...]
 
     @cached_property
