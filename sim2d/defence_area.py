@@ -21,13 +21,7 @@ class DefenceArea:
 
 
 def defence_area(field: Field) -> DefenceArea | None:
-    """Return the size of a field's defence areas; None if it has none.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch. Of several rectangles before a goal the largest is meant.
-    """
+    """Return the size of a field's defence areas, the largest rectangle before each goal; None if it has none."""
     half = field.length_m / 2
     fronts = [row for row in field.lines.tolist() if row[0] == row[2] and 1e-9 < row[0] < half - 1e-9]
     if not fronts:

@@ -62,20 +62,10 @@ def drive(
     ----------
     vision : LandmarkVision
         All that the robot knows where it is by. Where it does not know, the robot stands still.
-    hall, bustle
-        Where it drives, and what goes on there.
     path : sequence of Pose2
         The places to pass, looking this way at each; the first is where the robot takes itself to start.
     start : Pose2
         Where it truly starts.
-    sensor : Sensor
-        Of its camera.
-    rng : numpy.random.Generator
-        Of the sensor's noise and the wheels' slip.
-    supersample : int
-        Rays along each axis of a pixel.
-    limit_s : float
-        The longest drive.
     """
     renderer = HallCamera(vision.camera, supersample)
     follower = PathFollower(MotionLimits(SPEED_MPS, 0.5), ahead_m=_AHEAD_M)

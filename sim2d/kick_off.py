@@ -21,8 +21,6 @@ def kick_off_pose(field: Field, attacks: int, number: int, players: int, radius_
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     attacks : int
         +1: the opponent's goal is at +x; -1: at -x.
     number, players : int

@@ -255,12 +255,10 @@ class Player(Protocol):
 
     def act(self, senses: Senses) -> Command:
         """Return what the robot shall do until the next senses come."""
-        ...
 
     @property
     def status(self) -> PlayerStatus:
         """Estimates and plans after the last `act`."""
-        ...
 
 
 PlayerFactory: TypeAlias = Callable[[PlayerSetup], Player]

@@ -1,1 +1,4 @@
-"""The simulator's commands of `robocup-vision`, found by entry point."""
+"""The simulator's commands of `robocup-vision`, found by entry point.
+
+Each raises RobocupVisionError for anything the user can mend.
+"""

@@ -29,13 +29,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_fit_evidence(args: argparse.Namespace) -> int:
-    """Fit and write; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Fit and write; return the exit status."""
     import json
     import math
     from pathlib import Path

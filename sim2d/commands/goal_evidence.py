@@ -27,13 +27,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_goal_evidence(args: argparse.Namespace) -> int:
-    """Count and write; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Count and write; return the exit status."""
     from pathlib import Path
 
     from field_models import load_field

@@ -52,13 +52,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_match_command(args: argparse.Namespace) -> int:
-    """Play a match and print its figures; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Play a match and print its figures; return the exit status."""
     import dataclasses
     from contextlib import ExitStack
 

@@ -39,13 +39,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_play(args: argparse.Namespace) -> int:
-    """Play until interrupted or the time is over; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Play until interrupted or the time is over; return the exit status."""
     import dataclasses
     import math
 

@@ -53,13 +53,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_render(args: argparse.Namespace) -> int:
-    """Render a dataset and print its folder; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Render a dataset and print its folder; return the exit status."""
     from contextlib import closing
     from functools import partial
 

@@ -34,13 +34,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_render_hall(args: argparse.Namespace) -> int:
-    """Render both runs and print their folders; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Render both runs and print their folders; return the exit status."""
     from field_models.errors import ArgumentError
     from robocup_vision.files.output_folder import require_empty_folder, written_at_once
     from robocup_vision.progress import progress

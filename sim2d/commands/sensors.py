@@ -37,13 +37,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_sensors(args: argparse.Namespace) -> int:
-    """Learn and write; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Learn and write; return the exit status."""
     from field_models import load_field
     from field_models.errors import ArgumentError
     from robocup_vision.camera import OmniCamera

@@ -75,13 +75,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_simulate(args: argparse.Namespace) -> int:
-    """Serve until interrupted or the time is over; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Serve until interrupted or the time is over; return the exit status."""
     import math
     import time
     from contextlib import ExitStack

@@ -52,13 +52,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_tournament(args: argparse.Namespace) -> int:
-    """Play the matches and print their totals, or the table of the players; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Play the matches and print their totals, or the table of the players; return the exit status."""
     from functools import partial
     from pathlib import Path
 

@@ -35,13 +35,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_train_balls(args: argparse.Namespace) -> int:
-    """Train and write; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Train and write; return the exit status."""
     from pathlib import Path
 
     import numpy as np

@@ -93,17 +93,7 @@ class Course:
 
 
 def cube_course(field: Field, radius_m: float, rng: np.random.Generator) -> Course:
-    """Draw a course along the field's length through 5 to 10 cubes of 0.13 m; a route need not exist.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    radius_m : float
-        Of the robot.
-    rng : numpy.random.Generator
-        Source of the course.
-    """
+    """Draw a course along the field's length through 5 to 10 cubes of 0.13 m; a route need not exist."""
     half_x, half_y = field.length_m / 2, field.width_m / 2
     start, goal = _ends(field, radius_m, rng, 0.7)
     count = int(rng.integers(CUBES[0], CUBES[1] + 1))
@@ -121,13 +111,7 @@ def cube_course(field: Field, radius_m: float, rng: np.random.Generator) -> Cour
 
 
 def pocket_course(field: Field, radius_m: float, rng: np.random.Generator) -> Course:
-    """Draw a course whose straight way leads into a pocket: three walls in the shape of a U; a route need not exist.
-
-    Parameters
-    ----------
-    field, radius_m, rng
-        As those of `cube_course`.
-    """
+    """Draw a course whose straight way leads into a pocket: three walls in the shape of a U; a route need not exist."""
     start, goal = _ends(field, radius_m, rng, 0.25)
     thick_m, room_m = 0.06, 2 * (radius_m + _ROOM_M)
     mouth_m = float(rng.uniform(1.5 * room_m, 2.4 * room_m))
@@ -177,7 +161,6 @@ class Pilot(Protocol):
         pending_mps: Sequence[float],
     ) -> Decision:
         """Choose the next velocity from what is seen."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,16 +198,8 @@ def drive_course(
         With `course.start` clear of everything.
     pilot : Pilot
         Steers to a target direction 30 times a second; a new one for each course.
-    camera : OmniCamera
-        The robot's.
-    limits : RobotLimits
-        What it can do.
-    rng : numpy.random.Generator
-        Source of the sensor's noise and the wheels' slip.
     patience_s : float
         Longest drive, seconds.
-    sight : Sight, optional
-        How it sees the floor.
     watch : callable, optional
         Is shown the true pose before every decision.
     """

@@ -93,21 +93,13 @@ class LeagueReferee:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    robot_radius_m : float
-        Of the robots.
     keepers : dict of int to int
         Number of each side's goalkeeper.
-    settings : LeagueRefereeSettings
-        See there.
 
     Attributes
     ----------
     score : dict of int to int
         Goals of each side.
-    keepers : dict of int to int
-        Number of each side's goalkeeper.
     command, command_side, command_counter, command_s : str, int, int, float
         What was commanded last, whose turn it is (0: nobody's), how many commands there were, and when.
     stage, stage_end_s : str, float

@@ -74,8 +74,6 @@ class MatchSource:
     ----------
     name : str
         What the page calls it.
-    match : Match
-        That is played.
     robots : sequence of int
         Indices of those that are shown.
     """

@@ -46,15 +46,7 @@ class NextPlay(NamedTuple):
 
 
 class PitchRules:
-    """The rules of one field's places.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    robot_radius_m : float
-        Of the robots.
-    """
+    """The rules of one field's places."""
 
     def __init__(self, field: Field, robot_radius_m: float) -> None:
         self._field, self._radius_m = field, robot_radius_m

@@ -41,8 +41,6 @@ class MatchRecorders:
         The match, before its first step.
     players : (str, str)
         Names of the players of both sides, the one that attacks +x first.
-    settings : RecorderSettings
-        How it is recorded.
 
     Raises
     ------

@@ -46,8 +46,6 @@ class BuiltInPlayer:
 
     Parameters
     ----------
-    setup : PlayerSetup
-        Its data before the match.
     remembers : bool
         Track other robots and keep a map of the floor: steering then keeps clear of where the others will be.
     plans : bool
@@ -58,8 +56,6 @@ class BuiltInPlayer:
         With plans and a head that turns: look at undecided floor on the way.
     talks : bool
         Tell the others of the team where the ball is, and agree with them who fetches it.
-    settings : PlayerSettings
-        See there.
     parts : PlayerParts
         What makes its parts; replace some to play with parts of your own.
 

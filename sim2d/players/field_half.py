@@ -26,19 +26,7 @@ class FieldHalfSettings:
 
 
 class FieldHalf:
-    """Asks for the half of the field while the pose filter has two mirrored modes. The filter weighs the answers.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    camera : PinholeCamera
-        On the head.
-    neck : Neck
-        How the head pans.
-    settings : FieldHalfSettings
-        See there.
-    """
+    """Asks for the half of the field while the pose filter has two mirrored modes. The filter weighs the answers."""
 
     def __init__(self, field: Field, camera: PinholeCamera, neck: Neck, settings: FieldHalfSettings) -> None:
         self._field, self._settings = field, settings
@@ -53,8 +41,6 @@ class FieldHalf:
         ----------
         hypotheses : sequence of Hypothesis
             Of the pose filter, most probable first.
-        pan_rad : float
-            Present pan of the head.
         blockers : sequence of Disc
             Robots that may hide a goal, field frame of the first hypothesis.
         """

@@ -31,12 +31,8 @@ class FloorLook:
 
     Parameters
     ----------
-    limits : RobotLimits
-        Of the robot.
     half_view_rad : float
         Half of the camera's horizontal field of view.
-    settings : FloorLookSettings
-        See there.
     """
 
     def __init__(self, limits: RobotLimits, half_view_rad: float, settings: FloorLookSettings) -> None:
@@ -50,10 +46,6 @@ class FloorLook:
 
         Parameters
         ----------
-        floor : MapPicture
-            The map.
-        robot : Pose2
-            The robot, field frame.
         target : (float, float)
             Where it drives to, field frame; one off the map counts as on its rim.
         """

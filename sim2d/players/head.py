@@ -86,20 +86,12 @@ class Head:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    limits : RobotLimits
-        Of all robots on it.
-    camera : PinholeCamera
-        On the head.
     plans : bool
         Look for goals at the pan that measures the pose best; else sweep.
     asks : bool
         Ask for the half of the field by looks at goals while it is not known.
     looks_again : bool
         Look at undecided floor on the way.
-    settings : HeadSettings
-        See there.
 
     Attributes
     ----------

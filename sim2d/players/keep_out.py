@@ -24,15 +24,12 @@ class KeepOut(Protocol):
 
     def signed_distance_m(self, place: Point) -> float:
         """Return how far a place is from its edge; negative inside."""
-        ...
 
     def moved_out(self, place: Point, room_m: float) -> Point:
         """Return the nearest place that is `room_m` from its edge, for one that is nearer."""
-        ...
 
     def edge(self) -> FloatArray:
         """Return corners (N, 2) of its outline, counter-clockwise."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,14 +140,8 @@ def block_zones(free_space: FreeSpace, robot: Pose2, zones: Sequence[KeepOut], r
 
     Parameters
     ----------
-    free_space : FreeSpace
-        Around the robot.
     robot : Pose2
         In the zones' frame.
-    zones : sequence of KeepOut
-        What to keep out of.
-    radius_m : float
-        Of the robot.
     """
     ranges = free_space.range_m
     for zone in zones:

@@ -44,23 +44,19 @@ class LocalizerPart(Protocol):
     @property
     def memory(self) -> Memory | None:
         """Estimates over time; `look` updates them."""
-        ...
 
     @property
     def colors(self) -> Colors | None:
         """Colours that it uses."""
-        ...
 
     @property
     def online(self) -> CameraRefiner | None:
         """What calibrates its camera meanwhile; a player's status tells the state of an `OnlineCalibration`."""
-        ...
 
     def look(
         self, frame: UInt8Array | Sequence[UInt8Array | None], t_s: float, *, pan_rad: float | None = None
     ) -> View:
         """Return what a frame shows."""
-        ...
 
 
 class BallPart(Protocol):
@@ -69,29 +65,23 @@ class BallPart(Protocol):
     @property
     def sighting(self) -> BallSighting | None:
         """The ball as the player last saw it itself, for messages."""
-        ...
 
     def place(self, t_s: float) -> Point | None:
         """Return where the ball is, field frame."""
-        ...
 
     def see(self, robot: PoseEstimate, ball: Ball, t_s: float, tracks: tuple[Track, ...], age_s: float) -> None:
         """Update with a ball that a frame shows."""
-        ...
 
     def hold(self, robot: PoseEstimate, t_s: float) -> None:
         """Update with a ball in the robot's mouth."""
-        ...
 
     def forget(self, t_s: float) -> None:
         """Forget all that was seen before a time."""
-        ...
 
     def locate(
         self, robot: Pose2 | None, free_space: FreeSpace | None, t_s: float, tracks: tuple[Track, ...], age_s: float
     ) -> KnownBall:
         """Return where the ball is now."""
-        ...
 
 
 class TacticsPart(Protocol):
@@ -100,11 +90,9 @@ class TacticsPart(Protocol):
     @property
     def is_keeper(self) -> bool:
         """Whether the player keeps the goal."""
-        ...
 
     def decide(self, now: Situation) -> Plan:
         """Choose the next plan."""
-        ...
 
 
 class DrivingPart(Protocol):
@@ -113,16 +101,13 @@ class DrivingPart(Protocol):
     @property
     def now_mps(self) -> tuple[float, float]:
         """Velocity, robot frame."""
-        ...
 
     @property
     def pending_mps(self) -> tuple[float, float]:
         """What was commanded last, robot frame."""
-        ...
 
     def update(self, odometry: Pose2, t_s: float) -> None:
         """Update with the odometry since the last call."""
-        ...
 
     def drive(
         self,
@@ -134,7 +119,6 @@ class DrivingPart(Protocol):
         travel: Travel | None = None,
     ) -> Command:
         """Return the next command."""
-        ...
 
 
 def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool) -> LocalizerPart:

@@ -24,15 +24,7 @@ class PoseLookSettings:
 
 
 class PoseLook:
-    """Decides for one robot.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    settings : PoseLookSettings
-        See there.
-    """
+    """Decides where one robot turns its fixed camera."""
 
     def __init__(self, field: Field, settings: PoseLookSettings = PoseLookSettings()) -> None:
         self._settings = settings

@@ -44,22 +44,12 @@ class Shooter:
     ----------
     field : Field
         The pitch, with goals.
-    limits : RobotLimits
-        Of all robots on it.
     attacks : int
         +1: the goal at +x of the field frame; -1: that at -x.
-
-    settings : ShotSettings
-        See there.
     motion : MotionSettings
         How a robot drives with the ball.
     keeper : KeeperSettings
         Where a keeper stands.
-
-    Attributes
-    ----------
-    shots : ShotPlanner
-        For the goal, the ball and the robots' limits.
     """
 
     def __init__(

@@ -33,8 +33,6 @@ class StraightFrames:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            The newest frame, BGR.
         frame_t_s : float
             When it was exposed.
         pan_rad : float

@@ -41,8 +41,6 @@ class Surroundings:
 
         Parameters
         ----------
-        limits : RobotLimits
-            Of all robots.
         ahead_s : float
             They are predicted at most so far ahead.
         apart_radii : float

@@ -40,24 +40,13 @@ class ChoosesRole(Protocol):
 
     def update(self, message: TeamMessage) -> None:
         """Take in a message."""
-        ...
 
     def choose(self, t_s: float, place: Point | None, ball: Point | None, time_to_ball_s: float) -> ChosenRole:
         """Return the role for now."""
-        ...
 
 
 class TeamTalk:
     """One player's messages.
-
-    Parameters
-    ----------
-    setup : PlayerSetup
-        Of the player.
-    roles : ChoosesRole
-        What agrees on roles; a `RoleChooser`, or a part of one's own.
-    settings : TeamTalkSettings
-        See there.
 
     Attributes
     ----------
@@ -78,8 +67,6 @@ class TeamTalk:
 
         Parameters
         ----------
-        messages : sequence of bytes
-            As they came.
         own : BallSighting or None
             The ball as this player last saw it.
         """
@@ -127,8 +114,6 @@ class TeamTalk:
 
         Parameters
         ----------
-        t_s : float
-            Now.
         belief : PoseEstimate or NotLocated
             Where the player is; with more than one candidate it tells neither its place nor the ball's.
         own : BallSighting or None

@@ -13,13 +13,7 @@ _MAX_PX = 9999
 
 
 def sekimori_camera(width: int = 256, height: int = 220) -> OmniCamera:
-    """Return the mirror camera of Sekimori et al. 2001 (eq. 26), scaled to an image size by its height.
-
-    Parameters
-    ----------
-    width, height : int
-        Image size in pixels; the paper's is 256 x 220.
-    """
+    """Return the mirror camera of Sekimori et al. 2001 (eq. 26, 256 x 220), scaled to an image size by its height."""
     scale = height / 220
     return OmniCamera(
         size_px=(width, height),

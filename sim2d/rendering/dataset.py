@@ -29,22 +29,18 @@ class Picture(Protocol):
     @property
     def frame(self) -> npt.NDArray[np.uint8]:
         """(H, W, 3) uint8: BGR."""
-        ...
 
     @property
     def pose(self) -> Pose2:
         """The true pose."""
-        ...
 
     @property
     def scene(self) -> Scene:
         """What was there."""
-        ...
 
     @property
     def index(self) -> int:
         """Its number."""
-        ...
 
 
 class EncodedPicture(NamedTuple):
@@ -70,7 +66,6 @@ class SampleByIndex(Protocol):
 
     def __call__(self, *, indices: Iterable[int]) -> Iterator[Picture]:
         """Yield the pictures of these numbers."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,8 +53,6 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
     ----------
     rays : RaySet
         In the robot's frame.
-    scene : Scene
-        What is there.
     eye : Pose2
         The viewpoint's place and the robot's heading, field frame.
     """

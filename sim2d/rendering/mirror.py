@@ -47,8 +47,6 @@ class MirrorRenderer:
 
         Parameters
         ----------
-        scene : Scene
-            What is there.
         pose : Pose2
             The robot in the field frame; in the middle of the exposure if it spins.
         spin_rad : float

@@ -94,8 +94,6 @@ def render_pinhole(
     ----------
     camera : PinholeCamera
         As the neck holds it: its tilt must be known, an unknown pan or roll counts as 0.
-    scene : Scene
-        What is there.
     pose : Pose2
         The robot in the field frame (the camera itself if its offset and pan are 0).
     backdrop : Backdrop, optional

@@ -88,8 +88,6 @@ class MirrorRays(RaySet):
     ----------
     camera : OmniCamera
         With a known viewpoint height.
-    supersample : int
-        Rays a pixel along each image axis.
 
     Attributes
     ----------

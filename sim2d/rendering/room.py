@@ -14,13 +14,7 @@ COLUMNS = 1440
 
 @lru_cache(maxsize=32)
 def room_panorama(seed: int) -> npt.NDArray[np.float32]:
-    """Return the round wall of a room as (rows, columns, 3) float32 BGR, row 0 at the floor, columns counter-clockwise.
-
-    Parameters
-    ----------
-    seed : int
-        The same seed gives the same room.
-    """
+    """Return a room's round wall (rows, columns, 3) float32 BGR, row 0 at the floor, columns counter-clockwise."""
     rng = np.random.default_rng([seed, 0x600D])
     rows = round(HEIGHT_M * ROWS_PER_M)
     wall = rng.uniform(110, 200) * rng.uniform(0.85, 1.1, 3)

@@ -255,8 +255,6 @@ class Scene:
 
         Parameters
         ----------
-        pose : Pose2
-            The robot in the field frame.
         bearing_rad : (N,) array_like
             Bearings in the robot frame.
         above_m : float

@@ -48,20 +48,7 @@ class Sensor:
             raise ArgumentError(f"jpeg_quality must be within 1 to 100, got {self.jpeg_quality}")
 
     def expose(self, radiance: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
-        """Turn linear light into a frame.
-
-        Parameters
-        ----------
-        radiance : (H, W, 3) float32
-            Linear light, BGR, 255 is white.
-        rng : numpy.random.Generator
-            Source of the noise.
-
-        Returns
-        -------
-        (H, W, 3) uint8
-            BGR frame.
-        """
+        """Turn linear light (H, W, 3) float32, BGR, 255 is white, into a frame (H, W, 3) uint8; `rng` draws noise."""
         light = radiance.astype(np.float32)
         if self.vignette:
             light *= vignette_gain(light.shape[0], light.shape[1], self.vignette)[..., None]

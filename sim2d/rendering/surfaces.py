@@ -23,8 +23,6 @@ class FirstHits:
 
     Parameters
     ----------
-    rays : RaySet
-        The camera's rays.
     eye : Pose2
         Viewpoint's place and robot's heading, in the field frame.
 

@@ -31,10 +31,6 @@ class FilmFile:
     ----------
     path : Path
         The file, which is there once the film is closed. Until then there is one beside it that ends in ``.ivf``.
-    pictures_per_s : float
-        At which the film is played.
-    size_px : (int, int)
-        Width and height of the pictures.
     """
 
     def __init__(self, path: Path, pictures_per_s: float, size_px: tuple[int, int]) -> None:

@@ -48,16 +48,6 @@ def render_report(
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    seed : int
-        Of the match.
-    figures : MatchFigures
-        Its figures.
-    story : MatchStory
-        Samples over its course.
-    planning : PlanningStory
-        Decisions of its planning players.
     video : Path or None
         The film, in the page's own folder.
     notes : sequence of str

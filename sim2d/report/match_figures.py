@@ -41,12 +41,6 @@ class MatchLog:
     ----------
     state : WorldState
         At its beginning.
-    limits : RobotLimits
-        Of every robot.
-    ball_radius_m : float
-        Of the ball.
-    faults : sequence of Fault
-        Faults of senses and bodies.
     """
 
     def __init__(self, state: WorldState, limits: RobotLimits, ball_radius_m: float, faults: Sequence[Fault]) -> None:

@@ -29,18 +29,8 @@ def match_json(
 
     Parameters
     ----------
-    field : str
-        The pitch's name.
-    players : int
-        Per side.
-    seed : int
-        Of the match.
-    figures : MatchFigures
-        Its figures.
     ours, theirs : str
         Names of the players of the side that attacks +x, and of the other.
-    disturbances : sequence of str
-        Names of those that are on.
     """
     values = dataclasses.asdict(figures)
     values["goals"] = [{"t_s": t_s, "side": side} for t_s, side in figures.goals]

@@ -31,13 +31,7 @@ class ChoiceRate:
 
 
 class PlanningStory:
-    """Collects decisions of a match as it is played; stays empty where no player plans.
-
-    Parameters
-    ----------
-    robots : int
-        Their number.
-    """
+    """Collects decisions of a match as it is played; stays empty where no player plans."""
 
     def __init__(self, robots: int) -> None:
         self.t_s = array("d")

@@ -145,10 +145,6 @@ class RobotLog:
 
     Parameters
     ----------
-    robot, side, number : int
-        See `RobotFigures`.
-    step_s : float
-        The control period.
     acceleration_mps2 : float
         Of free wheels.
     faults : sequence of Fault

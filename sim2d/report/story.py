@@ -12,13 +12,7 @@ _PERIODS_PER_SAMPLE = 3
 
 
 class MatchStory:
-    """Collects samples of a match as it is played.
-
-    Parameters
-    ----------
-    robots : int
-        Their number.
-    """
+    """Collects samples of a match as it is played."""
 
     def __init__(self, robots: int) -> None:
         self.t_s = array("d")

@@ -38,10 +38,6 @@ class TopView:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    size_px : (int, int)
-        Width and height.
     robot_radius_m : float
         Of the robots that play; on a field so large that they would be small, they are drawn larger.
     """

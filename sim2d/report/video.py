@@ -43,19 +43,6 @@ class MatchVideo:
 
     Pictures are drawn and encoded by a thread of its own: the match goes on meanwhile. `poster`, once it is closed, is
     the picture of play with the ball nearest to a goal, as JPEG; empty without any picture.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    field : Field
-        The pitch.
-    camera : OmniCamera or PinholeCamera
-        Of the robots.
-    robots : int
-        Their number.
-    robot_radius_m : float
-        Their radius.
     """
 
     def __init__(

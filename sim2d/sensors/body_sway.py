@@ -61,17 +61,7 @@ WHEELS_SWAY = SwaySettings(pitch_rad_per_mps2=math.radians(0.5))
 
 
 class BodySway:
-    """Follows the sway of one robot.
-
-    Parameters
-    ----------
-    settings : SwaySettings
-        Of its body.
-    limits : RobotLimits
-        What it can do.
-    rng : numpy.random.Generator
-        Source of chance.
-    """
+    """Follows the sway of one robot."""
 
     def __init__(self, settings: SwaySettings, limits: RobotLimits, rng: np.random.Generator) -> None:
         self._settings, self._limits, self._rng = settings, limits, rng
@@ -83,15 +73,7 @@ class BodySway:
         self._kicked_s = math.inf
 
     def update(self, robot: RobotState, kicked: bool) -> Sway:
-        """Return the sway after one control period more.
-
-        Parameters
-        ----------
-        robot : RobotState
-            The robot now.
-        kicked : bool
-            Whether it kicked in this period.
-        """
+        """Return the sway after one control period more, in which the robot kicked or did not."""
         settings, period_s = self._settings, CONTROL_PERIOD_S
         limits, (vx, vy) = self._limits, robot.velocity_mps
         effort = max(math.hypot(vx, vy) / limits.speed_mps, abs(robot.turn_rps) / limits.turn_rps)

@@ -17,13 +17,6 @@ _POINTS = 5
 class CellTruth:
     """The cells of a field.
 
-    Parameters
-    ----------
-    scene : Scene
-        What stands.
-    cell_m : float
-        Side of the map's cells.
-
     Attributes
     ----------
     occupied : (A, B) bool

@@ -124,8 +124,6 @@ class FaultySenses:
 
     Parameters
     ----------
-    faults : sequence of SenseFault
-        Those of this robot.
     rng : numpy Generator
         Chooses the frames that are dropped.
     """

@@ -57,10 +57,6 @@ def count_evidence(field: Field, camera: PinholeCamera, seed: int, indices: Iter
         With goals of posts, of different colours.
     camera : PinholeCamera
         On a head; its tilt must be known.
-    seed : int
-        Not negative.
-    indices : iterable of int
-        Which looks.
 
     Raises
     ------

@@ -34,15 +34,7 @@ class LatencySettings:
 
 
 class LateFrames:
-    """Delays one robot's frames; everything else that it senses comes at once.
-
-    Parameters
-    ----------
-    settings : LatencySettings
-        How much.
-    rng : numpy.random.Generator
-        Source of chance.
-    """
+    """Delays one robot's frames; everything else that it senses comes at once."""
 
     def __init__(self, settings: LatencySettings, rng: np.random.Generator) -> None:
         self._settings, self._rng = settings, rng

@@ -48,8 +48,6 @@ def learn_sensors(
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     camera : OmniCamera
         With a known viewpoint height.
     seed : int
@@ -58,10 +56,6 @@ def learn_sensors(
         Of each kind.
     frames : int
         Of each run.
-    cell_m : float
-        Side of the map's cells.
-    scanner : RangeSensor, optional
-        Its own defaults unless given.
 
     Notes
     -----

@@ -23,17 +23,7 @@ class LightDriftSettings:
 
 
 class LightDrift:
-    """Changes a match's light with time.
-
-    Parameters
-    ----------
-    settings : LightDriftSettings
-        How much.
-    light : Light
-        Without the drift.
-    rng : numpy.random.Generator
-        Draws the phase.
-    """
+    """Changes a match's light with time; `light` is what it would be without the drift."""
 
     def __init__(self, settings: LightDriftSettings, light: Light, rng: np.random.Generator) -> None:
         self._settings, self._light = settings, light

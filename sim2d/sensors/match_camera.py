@@ -52,23 +52,9 @@ class MatchCamera:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     camera : OmniCamera or PinholeCamera
         On every robot: a mirror camera with a known viewpoint height, or a pinhole one with a known tilt, on a head
         that pans.
-    limits : RobotLimits
-        The robots' size.
-    rng : numpy.random.Generator
-        Source of the sensor's noise.
-    boxes : sequence of Box
-        Obstacles on the field.
-    sensor : Sensor
-        Lens and sensor.
-    light : Light
-        How the field is lit.
-    room : Room
-        What is seen beyond.
     shutter : ShutterSettings, optional
         Of pinhole cameras; without it a frame takes no time.
     backdrop : Backdrop, optional
@@ -169,21 +155,12 @@ class MatchCamera:
         self.light = light
 
     def render(self, state: WorldState, index: int, sway: Sway = UPRIGHT) -> UInt8Array:
-        """Take one robot's picture.
+        """Take one robot's picture, (H, W, 3) uint8, BGR, read-only.
 
         Parameters
         ----------
-        state : WorldState
-            The truth.
-        index : int
-            Which robot.
         sway : Sway
             How its body stands; a mirror camera leans, but keeps its height.
-
-        Returns
-        -------
-        (H, W, 3) uint8
-            BGR frame, read-only.
         """
         robots, ball, robot = self._robots(state, index), self._ball(state), state.robots[index]
         camera, frames = self._own.get(index, (self.camera, self._frames))

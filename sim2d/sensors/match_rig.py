@@ -12,13 +12,7 @@ from sim2d.world.state import WorldState
 
 
 class MatchRig:
-    """Takes the pictures of all cameras of a robot at one moment.
-
-    Parameters
-    ----------
-    cameras : sequence of MatchCamera
-        One for each camera of a robot.
-    """
+    """Takes the pictures of all cameras of a robot at one moment."""
 
     def __init__(self, cameras: Sequence[MatchCamera]) -> None:
         self._cameras = tuple(cameras)

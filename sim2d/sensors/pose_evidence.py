@@ -145,18 +145,7 @@ def picture_count(count: int) -> int:
 
 
 def draw_samples(on: Field, camera: OmniCamera, seed: int, count: int) -> Iterator[Samples]:
-    """Yield, picture by picture, all samples so far (always the same, growing object); by `seed` alone.
-
-    Parameters
-    ----------
-    on : Field
-        With walls and lines.
-    camera : OmniCamera
-        The camera.
-    seed : int
-        Not negative.
-    count : int
-        Pictures of each set.
+    """Yield all samples so far after each of `count` pictures a set: always the same, growing object.
 
     Raises
     ------

@@ -56,8 +56,6 @@ class RangeSensor:
             What is there; without the robot that carries the sensor.
         pose : Pose2
             That robot, field frame.
-        rng : numpy.random.Generator
-            Source of noise and drop-outs.
         """
         bearing = read_only((np.arange(self.beams) + 0.5) * (math.tau / self.beams) - math.pi)
         true_m = self._with_cut_ball(scene).free_range_m(pose, bearing, self.height_m)

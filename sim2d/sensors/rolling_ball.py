@@ -11,13 +11,7 @@ from sim2d.world.state import BallState
 
 
 class RollingBall:
-    """Follows the turn of one ball.
-
-    Parameters
-    ----------
-    radius_m : float
-        Of the ball.
-    """
+    """Follows the turn of one ball."""
 
     def __init__(self, radius_m: float) -> None:
         self._radius_m = radius_m
@@ -25,13 +19,7 @@ class RollingBall:
         self._last_m: tuple[float, float] | None = None
 
     def turn_rad(self, ball: BallState) -> tuple[float, float, float]:
-        """Return its turns about x, y and z of the field, one after the other, now that it is here.
-
-        Parameters
-        ----------
-        ball : BallState
-            The ball; the same again has not rolled.
-        """
+        """Return its turns about x, y and z of the field, one after the other, now that it has rolled there."""
         if self._last_m is not None:
             self._roll(ball.x_m - self._last_m[0], ball.y_m - self._last_m[1])
         self._last_m = (ball.x_m, ball.y_m)

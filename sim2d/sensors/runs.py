@@ -111,18 +111,8 @@ def sensor_run(
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     camera : OmniCamera
         With a known viewpoint height.
-    kind : RunKind
-        What stands there, and the disturbances.
-    rng : numpy.random.Generator
-        Source of everything.
-    frames : int
-        How many.
-    scanner : RangeSensor, optional
-        Its own defaults unless given.
     vision : Vision, optional
         From `map_vision`, to be used again: it forgets first.
 

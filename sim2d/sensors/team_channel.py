@@ -45,8 +45,6 @@ class TeamChannel:
 
     Parameters
     ----------
-    settings : ChannelSettings
-        See there.
     rngs : sequence of numpy.random.Generator
         Source of chance for the messages of each robot.
     """

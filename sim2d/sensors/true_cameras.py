@@ -57,10 +57,6 @@ def draw_camera(
     ----------
     camera : OmniCamera or PinholeCamera
         As its file says, or as it truly was before a knock.
-    error : CameraErrorSettings
-        How far it may be off.
-    rng : numpy.random.Generator
-        Source of chance.
     """
     u, v, scale, first, second, up = rng.standard_normal(6).tolist()
     center_u, center_v = camera.center_px
@@ -113,10 +109,6 @@ class TrueCamera:
         How far it is off its file from the start; None: it is what its file says.
     knock : KnockSettings or None
         When it is moved; None: never.
-    camera : OmniCamera or PinholeCamera
-        As its file says.
-    seed : sequence of int
-        Of what is drawn.
     """
 
     def __init__(

@@ -80,12 +80,6 @@ def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: C
 
     Parameters
     ----------
-    folder : str or Path
-        Where both are written.
-    known : Material
-        What is learnt from.
-    seed : int
-        Of the training.
     steps : int
         How many batches are learnt from.
     tell : callable

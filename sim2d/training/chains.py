@@ -42,8 +42,6 @@ def learn(
 
     Parameters
     ----------
-    parameters : sequence of Parameter
-        Of the networks.
     loss_of : callable
         Gets a step's number and returns the loss of one batch.
     steps : int

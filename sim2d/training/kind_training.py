@@ -35,12 +35,8 @@ def train(
 
     Parameters
     ----------
-    path : str or Path
-        Of the ONNX file.
     crops : KindCrops
         What is learnt from: some of each kind.
-    seed : int
-        Of the training.
     steps : int
         How many batches are learnt from.
     tell : callable

@@ -51,19 +51,6 @@ class BallBody:
     Its roll is the velocity at which its lower side would rest on the carpet. Friction brings velocity and roll
     together. For a solid sphere the roll changes 2.5 times as fast, so a ball kicked without roll ends at 5/7 of its
     speed. Spin about the vertical is not modelled.
-
-    Parameters
-    ----------
-    space : pymunk.Space
-        Where it is added.
-    radius_m : float
-        Of the ball.
-    collision_type : int
-        Of its shape.
-    settings : BallSettings
-        See there.
-    flight : Flight
-        See there.
     """
 
     def __init__(

@@ -16,19 +16,7 @@ PANEL_HALF_THICKNESS_M = 0.005
 
 
 def add_ground(space: pymunk.Space, field: Field, boxes: Sequence[Box], collision_type: int) -> None:
-    """Add everything fixed to a space, always in the same order.
-
-    Parameters
-    ----------
-    space : pymunk.Space
-        Where to.
-    field : Field
-        Its walls or boards, goals and beacons.
-    boxes : sequence of Box
-        Further obstacles.
-    collision_type : int
-        Of all these shapes.
-    """
+    """Add everything fixed to a space, always in the same order."""
     shapes: list[pymunk.Shape] = []
     fixed = space.static_body
     if field.is_bounded:

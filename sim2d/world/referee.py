@@ -45,43 +45,28 @@ class MatchReferee(Protocol):
     @property
     def phase(self) -> Phase:
         """What players are told."""
-        ...
 
     @property
     def kick_off_side(self) -> int:
         """Whose turn it is, +1 or -1."""
-        ...
 
     @property
     def score(self) -> dict[int, int]:
         """Goals of each side."""
-        ...
 
     @property
     def placement_m(self) -> tuple[float, float] | None:
         """Where the ball shall be placed; None unless it shall."""
-        ...
 
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
         """Return the rulings after a control period."""
-        ...
 
 
 RefereeFactory = Callable[[Field, RobotLimits], MatchReferee]
 
 
 class Referee:
-    """Applies the rules to one match: kick-offs, and else a ball that is put back at once.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    limits : RobotLimits
-        The robots' size and speed.
-    settings : RefereeSettings
-        See there.
-    """
+    """Applies the rules to one match: kick-offs, and else a ball that is put back at once."""
 
     def __init__(self, field: Field, limits: RobotLimits, settings: RefereeSettings = RefereeSettings()) -> None:
         self._field, self._limits, self._settings = field, limits, settings
@@ -98,17 +83,7 @@ class Referee:
         self._still = (math.inf, math.inf, 0.0)
 
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
-        """Return the rulings after a control period.
-
-        Parameters
-        ----------
-        t_s : float
-            Now.
-        robots : sequence of RobotState
-            All of them.
-        ball : BallState
-            The ball.
-        """
+        """Return the rulings after a control period."""
         rulings = [self._carry_back(t_s, robot) for robot in robots if self._is_astray(robot)]
         if self.phase == "kick_off":
             waited = t_s - self._since_s

@@ -57,20 +57,12 @@ class RobotBody:
 
     Parameters
     ----------
-    space : pymunk.Space
-        Where it is added.
     index, side, number : int
         As in `RobotState`.
-    limits : RobotLimits
-        What it can do.
     step_s : float
         Length of a physics step.
-    collision_type : int
-        Of its shape.
     rng : numpy.random.Generator
         Draws its odometry's systematic error here.
-    settings : BodySettings
-        See there.
     """
 
     def __init__(

@@ -51,16 +51,6 @@ class World:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    players_per_side : int
-        At least 1.
-    limits : RobotLimits
-        What every robot can do.
-    rng : numpy.random.Generator
-        Source of all noise.
-    settings : WorldSettings
-        Of physics and rules.
     referee : MatchReferee, optional
         Who judges; default: one of sim2d's own simple rules, of `settings.referee`.
 
@@ -99,23 +89,7 @@ class World:
         rng: np.random.Generator,
         body: BodySettings = BodySettings(),
     ) -> World:
-        """Make a world without ball and rules: boxes as obstacles, and a robot at each start, all of side +1.
-
-        Parameters
-        ----------
-        field : Field
-            Its walls and goals stand as in a match.
-        boxes : sequence of Box
-            They do not move.
-        starts : sequence of Pose2
-            Where the robots begin.
-        limits : RobotLimits
-            What every robot can do.
-        rng : numpy.random.Generator
-            Source of all noise.
-        body : BodySettings
-            Of each robot.
-        """
+        """Make a world without ball and rules: boxes on a field, and a robot at each start, all of side +1."""
         world = cls.__new__(cls)
         world._build(field, boxes, limits, rng, [(1, k, start) for k, start in enumerate(starts)], body)
         world._ball = world._referee = None

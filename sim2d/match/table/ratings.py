@@ -73,8 +73,6 @@ def rate_players(points: FloatArray, settings: RatingSettings = RatingSettings()
     ----------
     points : (n, n) float64
         ``points[i, j]``: what player i won against player j, 1 for a match won and 0.5 for a draw. The diagonal is 0.
-    settings : RatingSettings
-        See there.
 
     Raises
     ------

@@ -94,8 +94,6 @@ class RoundRobin:
         ----------
         results : sequence of dict
             What stands in the match.json of each match, in the order of `plans`.
-        settings : RatingSettings
-            Of the ratings.
         """
         ratings = rate_players(self._points(results), settings)
         order = sorted(range(len(self.players)), key=lambda index: (-ratings.elo[index], self.names[index]))

@@ -42,15 +42,7 @@ class NoddingCamera:
     blind_m: float
 
     def within(self, robot: Pose2, ball: Pose2) -> Pose2:
-        """Return where a ball is that is seen farther off than the floor reaches: where its ray leaves the floor.
-
-        Parameters
-        ----------
-        robot : Pose2
-            Field frame.
-        ball : Pose2
-            The ball, robot frame.
-        """
+        """Return where a ball (robot frame) is that seems to lie beyond the floor: where its ray leaves the floor."""
         here, there = (robot.x_m, robot.y_m), robot.compose(ball)
         part = 1.0
         for start, end, limit_m in zip(here, (there.x_m, there.y_m), self.limits_m, strict=True):
@@ -66,12 +58,8 @@ class BallKnowledge:
     ----------
     reach_m : float
         From a robot's centre to the centre of a ball that it touches.
-    settings : BallMemorySettings
-        Of the memory.
     hides : bool
         Believe that a ball that went out of sight is with the robot that held it.
-    talk : TeamTalk or None
-        Messages of others.
     nods : NoddingCamera or None
         The camera, if its body nods: sightings are filtered. None: it does not.
     """
@@ -119,8 +107,6 @@ class BallKnowledge:
             When it was taken.
         tracks : tuple of Track
             Robots that are tracked, as of `age_s` ago.
-        age_s : float
-            See there.
         """
         if t_s < self._moved_s:
             return
@@ -156,12 +142,8 @@ class BallKnowledge:
             Where the robot is; None: it does not know.
         free_space : FreeSpace or None
             What it sees of the floor now, robot frame.
-        t_s : float
-            Now.
         tracks : tuple of Track
             Robots that are tracked, as of `age_s` ago.
-        age_s : float
-            See there.
         """
         memory, settings = self._memory, self._settings
         ball, unseen_s = memory.place(t_s), memory.age_s(t_s)

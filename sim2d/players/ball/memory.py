@@ -38,13 +38,7 @@ class BallMemorySettings:
 
 
 class BallMemory:
-    """The ball as last seen, in the field frame.
-
-    Parameters
-    ----------
-    settings : BallMemorySettings
-        See there.
-    """
+    """The ball as last seen, in the field frame."""
 
     def __init__(self, settings: BallMemorySettings = BallMemorySettings()) -> None:
         self.settings = settings
@@ -57,10 +51,6 @@ class BallMemory:
 
         Parameters
         ----------
-        place : (float, float)
-            Where the ball was seen.
-        t_s : float
-            When.
         velocity_mps : (float, float), optional
             Its velocity, where that is known; else it is computed from positions.
         """
@@ -103,8 +93,6 @@ class HiddenBall:
     ----------
     reach_m : float
         From a robot's centre to the centre of a ball that it touches.
-    settings : BallMemorySettings
-        See there.
     """
 
     def __init__(self, reach_m: float, settings: BallMemorySettings = BallMemorySettings()) -> None:

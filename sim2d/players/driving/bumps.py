@@ -42,8 +42,6 @@ class Bumps:
     ----------
     radius_m : float
         Of this robot and of the others.
-    settings : BumpSettings
-        See there.
     """
 
     def __init__(self, radius_m: float, settings: BumpSettings = BumpSettings()) -> None:

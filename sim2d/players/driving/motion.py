@@ -63,12 +63,8 @@ class Motion:
 
     Parameters
     ----------
-    limits : RobotLimits
-        What the robot can do.
     rng : numpy.random.Generator
         Chooses a direction where the robot is stuck.
-    settings : MotionSettings
-        See there.
     sees_ahead_only : bool
         Its camera does not see all around: it faces its way, and keeps off whom it bumps into.
     """
@@ -128,14 +124,8 @@ class Motion:
 
         Parameters
         ----------
-        plan : Plan
-            What is wanted.
         pose : Pose2
             The robot, in the plan's frame.
-        free_space : FreeSpace
-            Around the robot.
-        t_s : float
-            Now, seconds.
         moving : sequence of Disc
             Robots that move around this one: steering keeps clear of them, unless the plan is `close` or `holding`.
         travel : Travel, optional

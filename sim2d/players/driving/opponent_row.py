@@ -59,14 +59,6 @@ def row_across(
     ----------
     here, target : (float, float)
         The way's ends, field frame.
-    others : mapping of int to Disc
-        The other robots, by number.
-    field : Field
-        The pitch.
-    radius_m : float
-        Of the robot.
-    settings : RowSettings
-        See there.
     """
     along = unit(here, target)
     length, beside_m = math.dist(here, target), settings.beside_m

@@ -76,17 +76,7 @@ class Route:
 
 
 class RoutePlanner:
-    """Chooses the ways of one player. Field frame.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    limits : RobotLimits
-        Of all robots on it.
-    settings : RouteSettings
-        See there.
-    """
+    """Chooses the ways of one player. Field frame."""
 
     def __init__(self, field: Field, limits: RobotLimits, settings: RouteSettings) -> None:
         self._field, self._limits, self._settings = field, limits, settings

@@ -80,14 +80,8 @@ class TravelPlanner:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    limits : RobotLimits
-        Of all robots on it.
     looks : int
         How many frames decide a cell of the floor.
-    settings : TravelSettings
-        See there.
     """
 
     def __init__(

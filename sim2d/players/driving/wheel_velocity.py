@@ -15,8 +15,6 @@ class WheelVelocity:
 
     Parameters
     ----------
-    limits : RobotLimits
-        What the robot can do.
     period_s : float
         Between two commands.
     """

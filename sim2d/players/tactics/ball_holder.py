@@ -53,14 +53,8 @@ class BallHolder:
 
     Parameters
     ----------
-    team : TeamField
-        The field.
-    limits : RobotLimits
-        Of all robots.
     is_keeper : bool
         A keeper clears the ball under pressure and shoots from any distance.
-    settings : BallHolderSettings
-        See there.
     """
 
     def __init__(self, team: TeamField, limits: RobotLimits, is_keeper: bool, settings: BallHolderSettings) -> None:

@@ -33,15 +33,7 @@ class FetchSettings:
 
 
 class Fetch:
-    """Takes one player to the ball.
-
-    Parameters
-    ----------
-    team : TeamField
-        The field.
-    settings : FetchSettings
-        See there.
-    """
+    """Takes one player to the ball."""
 
     def __init__(self, team: TeamField, settings: FetchSettings) -> None:
         self._team, self._settings = team, settings
@@ -51,10 +43,6 @@ class Fetch:
 
         Parameters
         ----------
-        now : Situation
-            Team frame.
-        ball : (float, float)
-            Where it is.
         towards : (float, float), optional
             Where it shall go; default: into the opponent's goal.
         """

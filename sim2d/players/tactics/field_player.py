@@ -39,15 +39,6 @@ class FieldPlayer:
     Field players divide the field into strips along its length, so that two of a team do not run for the same ball: in
     the order in which they stand at a kick-off, so that none has to cross another's. Those that heard of each other
     divide it among the ones that support now.
-
-    Parameters
-    ----------
-    team : TeamField
-        The field.
-    number, players : int
-        As in `PlayerSetup`.
-    settings : FieldPlayerSettings
-        See there.
     """
 
     def __init__(self, team: TeamField, number: int, players: int, settings: FieldPlayerSettings) -> None:

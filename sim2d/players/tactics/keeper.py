@@ -41,12 +41,6 @@ class Keeper:
 
     Parameters
     ----------
-    team : TeamField
-        The field.
-    fetch : Fetch
-        How it gets at a ball.
-    settings : KeeperSettings
-        See there.
     ball : BallMemorySettings
         When another robot has the ball.
     """

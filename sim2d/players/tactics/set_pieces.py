@@ -47,12 +47,6 @@ class KickOff:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    team : TeamField
-        The same, in the team's frame.
-    number, players : int
-        As in `PlayerSetup`.
     behind_reaches : float
         The player that kicks off waits so many reaches behind the ball.
     """
@@ -78,20 +72,10 @@ class Restart:
 
     Parameters
     ----------
-    team : TeamField
-        The field.
-    fetch : Fetch
-        How it gets at the ball.
-    keeper : Keeper
-        How the goal is kept.
-    field_player : FieldPlayer
-        Where it supports.
     number, players : int
         As in `PlayerSetup`; number 1 takes what is its team's turn, a single player as number 0.
     kick_speed_mps : float
         Of a free kick.
-    settings : RestartSettings
-        See there.
     """
 
     def __init__(

@@ -49,21 +49,8 @@ class Tactics:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    limits : RobotLimits
-        What the robot can do.
-    number, players : int
-        As in `PlayerSetup`.
-    settings : TacticsSettings
-        See there.
     ball : BallMemorySettings
         When another robot has the ball.
-
-    Attributes
-    ----------
-    is_keeper : bool
-        It keeps the goal.
     """
 
     def __init__(

@@ -18,10 +18,6 @@ class TeamField:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    limits : RobotLimits
-        Of the team's robots.
     wall_clearance_m : float
         Room that a target leaves between robot and wall.
 
@@ -31,8 +27,6 @@ class TeamField:
         Half the field's length and width, and half a goal's width (a sixth of the field's without goals).
     mouth_half_m : float
         Half of what is open between the posts.
-    ball_radius_m, robot_radius_m : float
-        Radii.
     reach_m : float
         From a robot's centre to the centre of a ball that it touches.
     """

@@ -143,22 +143,7 @@ class ForwardFrames(EvenlyLit):
         return np.asarray(colors * self._cast, dtype=np.float32)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, eye: EyeInField) -> UInt8Array:
-        """Draw a frame.
-
-        Parameters
-        ----------
-        robots : tuple of Robot
-            The others.
-        ball : Ball or None
-            The ball.
-        eye : EyeInField
-            Where the camera is, and where it looks.
-
-        Returns
-        -------
-        (H, W, 3) uint8
-            Light through the lens, neither blurred nor noisy.
-        """
+        """Draw a frame (H, W, 3) uint8 of other robots and the ball: light through the lens, without blur and noise."""
         fixed, number = len(self._rows), len(self._colors)
         count = fixed + len(robots) + (ball is not None)
         if count > len(self._all_rows):

@@ -183,21 +183,9 @@ class FastFrames(EvenlyLit):
         return Things(np.array(rows, dtype=np.float64).reshape(-1, 7), np.array(colors, dtype=np.float64) * self._cast)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, pose: Pose2) -> UInt8Array:
-        """Draw a frame.
+        """Draw a frame (H, W, 3) uint8 of other robots and the ball: light through the lens, without blur and noise.
 
-        Parameters
-        ----------
-        robots : tuple of Robot
-            The others.
-        ball : Ball or None
-            The ball.
-        pose : Pose2
-            The robot that carries the camera, field frame.
-
-        Returns
-        -------
-        (H, W, 3) uint8
-            Light through the lens, neither blurred nor noisy.
+        `pose` is that of the robot that carries the camera, field frame.
         """
         table, plain = self._table, self._plain
         eye = self._viewpoint(pose)

@@ -59,8 +59,6 @@ class LeaningMirror:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            Light through the lens, drawn upright.
         pitch_rad, roll_rad : float
             Nose up and right side down are positive.
         """

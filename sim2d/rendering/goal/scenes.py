@@ -168,10 +168,6 @@ def sample_goal(
     ----------
     field : Field
         With goals of posts and a bar.
-    condition : GoalCondition
-        Camera and disturbances.
-    seed : int
-        Not negative.
     count : int
         Samples 0 to count - 1 are made.
     places : sequence of (x, y), optional
@@ -181,8 +177,6 @@ def sample_goal(
         Sample i shows `views[i % len(views)]`.
     indices : iterable of int, optional
         Make these samples instead.
-    supersample : int
-        See `render_pinhole`.
 
     Raises
     ------

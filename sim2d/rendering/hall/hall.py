@@ -102,12 +102,10 @@ def make_hall(
     furniture: int = 18,
     crates: int = 4,
 ) -> Hall:
-    """Furnish a hall.
+    """Furnish a hall; the same seed makes the same one.
 
     Parameters
     ----------
-    seed : int
-        The same seed makes the same hall.
     size_m : (float, float, float)
         Along x, along y, and height.
     posters, furniture, crates : int
@@ -180,8 +178,6 @@ class HallCamera:
     ----------
     camera : PinholeCamera
         Its tilt must be known.
-    supersample : int
-        Rays along each axis of a pixel.
     """
 
     def __init__(self, camera: PinholeCamera, supersample: int = 3) -> None:
@@ -206,12 +202,6 @@ class HallCamera:
 
         Parameters
         ----------
-        hall : Hall
-            What stays where it is.
-        pose : Pose2
-            Of the robot.
-        light : HallLight, optional
-            How the hall is lit.
         passers : sequence of Panel
             What is there for the moment, in the hall's textures.
 
@@ -263,8 +253,6 @@ def loop_path(count: int, length_m: float = 10.0, *, shift_m: float = 0.0, turns
 
     Parameters
     ----------
-    count : int
-        Number of poses.
     length_m : float
         Of one turn.
     shift_m : float

@@ -90,17 +90,7 @@ def make_lecture_hall(seed: int) -> Hall:
 
 
 def visit(hall: Hall, seed: int, *, level: float = 0.9) -> tuple[Hall, Bustle]:
-    """Let people in and light the lamps: return the hall with people's clothes at hand, and what goes on.
-
-    Parameters
-    ----------
-    hall : Hall
-        From `make_lecture_hall`.
-    seed : int
-        Of the visit: who comes, and when.
-    level : float
-        How bright it is.
-    """
+    """Light the lamps and let people in, by a seed: return the hall with their clothes at hand, and what goes on."""
     rng = np.random.default_rng([seed, 0xB057])
     moved = [tuple(tuple((np.array(end) + rng.uniform(-0.2, 0.2, 2)).tolist()) for end in walk) for walk in _WALKS_M]
     ways = [((a[0], a[1]), (b[0], b[1])) for a, b in moved]

@@ -54,24 +54,14 @@ def take(
 
     Parameters
     ----------
-    hall : Hall
-        Where.
     cameras : sequence of PinholeCamera
         Of one robot, exposed together.
-    poses : sequence of Pose2
-        Of the robot.
     seed : int
         Of the sensor's noise; frame i depends on it and on `first` + i alone.
-    light : HallLight, optional
-        How the hall is lit.
     bustle : Bustle, optional
         What goes on there; its light then takes the place of `light`.
     interval_s : float
         Time from frame to frame.
-    sensor : Sensor
-        Of each camera.
-    supersample : int
-        Rays along each axis of a pixel.
     first : int
         Number of the first frame.
     depths : bool

@@ -52,8 +52,6 @@ def box(place: Pose2, size_m: Vector, skins: Sequence[int], base_m: float = 0.0)
         Its middle, and the direction of its first edge.
     size_m : (float, float, float)
         Along that edge, across it, and height.
-    skins : sequence of int
-        Textures.
     base_m : float
         Where it begins above the floor.
     """
@@ -78,8 +76,6 @@ def prism(
         Along the heading and across it.
     heights_m : (float, float)
         Where it begins and ends above the floor.
-    skins : sequence of int
-        Texture of each side.
     """
     angles = (np.arange(len(skins)) - 0.5) * (math.tau / len(skins))
     corners = place.transform(np.column_stack([np.cos(angles), np.sin(angles)]) * radii_m)
