@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from typing import Any
 
 from robocup_vision.commands.options import count, seed
+from sim2d.commands.spelled import spelled
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -55,14 +55,11 @@ def run_fit_evidence(args: argparse.Namespace) -> int:
     min_log_odds = math.log(args.odds)
     *_, samples = progress(draw_samples(field, camera, args.seed, args.count), total, "fit-evidence")
     fitted = fit_samples(samples, min_log_odds)
-    command = ["robocup-vision", "fit-evidence", "--field", args.field]
-    command += ["--camera", args.camera] if args.camera else []
-    command += ["--count", str(args.count), "--seed", str(args.seed), "--odds", f"{args.odds:g}"]
     sets = [f"rendered: {name}" for name in SETS] + [f"without a field: {name}" for name in clutter_names()]
     lines = [
         "# What a mirror camera's frames show of right and of wrong poses. Written by a command, never by hand.",
         "format = 1",
-        f'command = "{shlex.join([*command, "OUT.toml"])}"',
+        f'command = "{spelled("fit-evidence", args, "OUT.toml")}"',
         f"sets = {json.dumps(sets)}",
         f"min_log_odds = {min_log_odds:.4f}             # against clutter, and against every other candidate",
         f"sure_log_odds = {fitted.sure_log_odds:.4f}            # by the outline alone, from the first guess",

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from typing import Any
 
 from robocup_vision.commands.options import count, seed
+from sim2d.commands.spelled import spelled
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -44,12 +44,10 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
         raise ArgumentError(f"the robots of field '{field.name}' carry no pinhole camera")
     require_folder(args.out)
     counts = count_evidence(field, camera, args.seed, progress(range(args.count), args.count, "learn-goal-evidence"))
-    command = ["robocup-vision", "learn-goal-evidence", "--field", args.field]
-    command += ["--count", str(args.count), "--seed", str(args.seed), "OUT.toml"]
     lines = [
         "# How often the goal localiser finds a goal and identifies it, by its parts in view.",
         "format = 1",
-        f'command = "{shlex.join(command)}"',
+        f'command = "{spelled("learn-goal-evidence", args, "OUT.toml")}"',
         f"width_px = {list(WIDTHS_PX)}   # bounds between classes of the apparent distance of the posts",
         f"again_found = {counts.again_found}       # second looks at whole goals that a first one had missed",
         f"again_missed = {counts.again_missed}",

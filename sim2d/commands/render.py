@@ -5,14 +5,31 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-import shlex
 from typing import Any, Literal
 
 from robocup_vision.commands.options import count, seed
 from robocup_vision.commands.worker_options import add_worker_options
+from sim2d.commands.spelled import spelled
 
 # names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
 CONDITION_NAMES = ("nominal", "noisy", "warm", "cold", "dark", "crowd", "bad_day", "miscalibrated")
+# options that override values of a `Condition` as they are
+_OVERRIDES = {
+    "robots": "robots",
+    "obstacles": "obstacles",
+    "noise": "noise_sigma",
+    "blur": "blur_px",
+    "vignette": "vignette",
+    "light_gradient": "light_gradient",
+    "cast": "cast_bgr",
+    "gain": "gain",
+    "center_offset": "center_offset_px",
+    "texture": "texture",
+    "shadow": "shadow",
+    "highlights": "highlights",
+    "jpeg": "jpeg_quality",
+    "ball": "ball_rate",
+}
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -31,11 +48,11 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--condition", choices=CONDITION_NAMES, default="nominal", help="what disturbs the images (default: nominal)")
     add("--robots", type=int, metavar="N", help="number of robots that stand on the field (default: none)")
     add("--obstacles", type=int, nargs=2, metavar=("LO", "HI"), help="smallest and greatest number of boxes")
-    add("--noise", dest="noise_sigma", type=float, metavar="S", help="sensor noise, grey levels")
-    add("--blur", dest="blur_px", type=float, metavar="PX", help="standard deviation of the blur, pixels")
+    add("--noise", type=float, metavar="S", help="sensor noise, grey levels")
+    add("--blur", type=float, metavar="PX", help="standard deviation of the blur, pixels")
     add("--vignette", type=float, metavar="V", help="fraction of light lost in the corners")
     add("--light-gradient", type=float, metavar="G", help="relative gain of light over half the field's length")
-    add("--cast", dest="cast_bgr", type=float, nargs=3, metavar=("B", "G", "R"), help="colour cast as channel gains")
+    add("--cast", type=float, nargs=3, metavar=("B", "G", "R"), help="colour cast as channel gains")
     add("--gain", type=float, metavar="G", help="overall gain")
     add("--tilt", type=float, nargs=2, metavar=("X", "Y"), help="true tilt minus the camera's, degrees")
     add("--center-offset", type=float, nargs=2, metavar=("DU", "DV"), help="true centre minus the camera's, pixels")
@@ -43,8 +60,8 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--shadow", action="store_true", default=None, help="a hard bluish shadow")
     add("--highlights", type=int, nargs="?", const=3, metavar="N", help="lamp reflections (without a number: 3)")
     add("--spin", type=float, metavar="DEG", help="turn during the exposure, degrees")
-    add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="compress with halved chroma at quality 1 to 100")
-    add("--ball", dest="ball_rate", type=float, metavar="RATE", help="fraction of images with a ball, 0 to 1")
+    add("--jpeg", type=int, metavar="Q", help="compress with halved chroma at quality 1 to 100")
+    add("--ball", type=float, metavar="RATE", help="fraction of images with a ball, 0 to 1")
     add("--symmetry", choices=("none", "point"), help="how errors count (default: point)")
     add_worker_options(parser)
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
@@ -68,26 +85,15 @@ def run_render(args: argparse.Namespace) -> int:
     from sim2d.rendering.dataset import DrawPictures, write_dataset
     from sim2d.rendering.random_scenes import CONDITIONS, sample
 
-    changes: dict[str, Any] = {}
-    for name in (
-        "noise_sigma",
-        "blur_px",
-        "vignette",
-        "light_gradient",
-        "gain",
-        "texture",
-        "shadow",
-        "highlights",
-        "robots",
-    ):
-        changes[name] = getattr(args, name)
-    changes |= {"jpeg_quality": args.jpeg_quality, "ball_rate": args.ball_rate, "robots": args.robots}
-    changes["spin_rad"] = None if args.spin is None else math.radians(args.spin)
-    for name, values in (("obstacles", args.obstacles), ("cast_bgr", args.cast_bgr)):
-        changes[name] = None if values is None else tuple(values)
-    changes["center_offset_px"] = None if args.center_offset is None else tuple(args.center_offset)
-    changes["tilt_rad"] = None if args.tilt is None else tuple(math.radians(v) for v in args.tilt)
-    given = {name: value for name, value in changes.items() if value is not None}
+    given: dict[str, Any] = {}
+    for option, name in _OVERRIDES.items():
+        value = getattr(args, option)
+        if value is not None:
+            given[name] = tuple(value) if isinstance(value, list) else value
+    if args.spin is not None:
+        given["spin_rad"] = math.radians(args.spin)
+    if args.tilt is not None:
+        given["tilt_rad"] = tuple(map(math.radians, args.tilt))
     field, camera = load_field(args.field), camera_by_name(args.camera)
     if args.robots and not field.is_half:
         given["robot_height_m"] = setup_for(field).robot.limits.height_m
@@ -106,36 +112,7 @@ def run_render(args: argparse.Namespace) -> int:
             camera,
             progress(drawn, args.count, "render"),
             symmetry=symmetry,
-            command=_command(args),
+            command=spelled("render", args),
         )
     print(f"{count} images of {field.name} in {args.out}")
     return 0
-
-
-def _command(args: argparse.Namespace) -> str:
-    """Spell the command that makes the same pictures."""
-    words = ["robocup-vision", "render", "--field", args.field, "--camera", args.camera]
-    words += ["--count", args.count, "--seed", args.seed, "--condition", args.condition]
-    for option, name in (
-        ("--robots", "robots"),
-        ("--obstacles", "obstacles"),
-        ("--noise", "noise_sigma"),
-        ("--blur", "blur_px"),
-        ("--vignette", "vignette"),
-        ("--light-gradient", "light_gradient"),
-        ("--cast", "cast_bgr"),
-        ("--gain", "gain"),
-        ("--tilt", "tilt"),
-        ("--center-offset", "center_offset"),
-        ("--texture", "texture"),
-        ("--highlights", "highlights"),
-        ("--spin", "spin"),
-        ("--jpeg", "jpeg_quality"),
-        ("--ball", "ball_rate"),
-    ):
-        value = getattr(args, name)
-        if value is not None:
-            words += [option, *(value if isinstance(value, list) else [value])]
-    if args.shadow:
-        words.append("--shadow")
-    return shlex.join(map(str, [*words, "OUT"]))

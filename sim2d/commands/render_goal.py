@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from typing import Any
 
 from robocup_vision.commands.options import count, seed
 from robocup_vision.commands.worker_options import add_worker_options
+from sim2d.commands.spelled import spelled
 
 # names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
 GOAL_CONDITION_NAMES = (
@@ -39,7 +39,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--views", choices=VIEWS, default="goal", help="the whole goal (default), or no or only half a goal to find")
     add("--count", type=count, default=66, metavar="N", help="number of images (default: 66)")
     add("--seed", type=seed, default=0, metavar="S", help="image i depends on S and i alone (default: 0)")
-    add("--jpeg", dest="jpeg_quality", type=int, metavar="Q", help="small .jpg files of quality 1 to 100, not .png")
+    add("--jpeg", type=int, metavar="Q", help="small .jpg files of quality 1 to 100, not .png")
     add_worker_options(parser)
     add("out", metavar="OUT", help="folder to write; must be absent or empty")
     parser.set_defaults(run=run_render_goal)
@@ -59,8 +59,8 @@ def run_render_goal(args: argparse.Namespace) -> int:
     from sim2d.rendering.dataset import DrawPictures, write_dataset
     from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
-    if args.jpeg_quality is not None and not 1 <= args.jpeg_quality <= 100:
-        raise ArgumentError(f"--jpeg must be within 1 to 100, got {args.jpeg_quality}")
+    if args.jpeg is not None and not 1 <= args.jpeg <= 100:
+        raise ArgumentError(f"--jpeg must be within 1 to 100, got {args.jpeg}")
     field, condition = load_field(args.field), GOAL_CONDITIONS[args.condition]
     negative = args.views == "negative"
     sample = partial(
@@ -72,7 +72,7 @@ def run_render_goal(args: argparse.Namespace) -> int:
         places=paper_places(field) if args.places == "paper" and not negative else None,
         views=NEGATIVE_VIEWS if negative else ("goal",),
     )
-    start = DrawPictures(sample, args.jpeg_quality)
+    start = DrawPictures(sample, args.jpeg)
     with closing(in_order(run_pieces(start, range(args.count), chosen_workers(args)))) as drawn:
         count = write_dataset(
             args.out,
@@ -80,16 +80,7 @@ def run_render_goal(args: argparse.Namespace) -> int:
             condition.camera,
             progress(drawn, args.count, "render-goal"),
             symmetry="none" if field.halves_differ else "point",
-            command=_command(args),
+            command=spelled("render-goal", args),
         )
     print(f"{count} images of {field.name} in {args.out}")
     return 0
-
-
-def _command(args: argparse.Namespace) -> str:
-    """Spell the command that makes the same pictures."""
-    words = ["robocup-vision", "render-goal", "--field", args.field, "--condition", args.condition]
-    words += ["--places", args.places, "--views", args.views, "--count", args.count, "--seed", args.seed]
-    if args.jpeg_quality is not None:
-        words += ["--jpeg", args.jpeg_quality]
-    return shlex.join(map(str, [*words, "OUT"]))

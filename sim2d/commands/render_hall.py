@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from pathlib import Path
 from typing import Any
 
 from robocup_vision.commands.options import count, seed
+from sim2d.commands.spelled import spelled
 
 FIELD = "four_legged_2007"
 _SECOND_SHIFT_M = 0.2
@@ -48,9 +48,7 @@ def run_render_hall(args: argparse.Namespace) -> int:
     hall = make_hall(args.seed)
     changed = hall.rearranged(args.moved, np.random.default_rng([args.seed, 1]))
     light = HallLight(level=args.level)
-    words = ["robocup-vision", "render-hall", "--count", args.count, "--second", args.second, "--turns", args.turns]
-    words += ["--seed", args.seed, "--level", args.level, "--moved", args.moved, "OUT"]
-    command = shlex.join(map(str, words))
+    command = spelled("render-hall", args)
     path = loop_path(args.count, turns=args.turns)
     cameras = (HALL_RIG.right, HALL_RIG.left, HALL_RIG.top)
     first = take(hall, cameras, path, args.seed)

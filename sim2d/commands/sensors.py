@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 from typing import Any
 
 from robocup_vision.commands.options import count, seed
+from sim2d.commands.spelled import spelled
 
 
 def add_parser(subparsers: Any) -> argparse.ArgumentParser:
@@ -65,7 +65,7 @@ def run_sensors(args: argparse.Namespace) -> int:
     )
     total = args.runs * len(KINDS_LEARNT)
     *_, models = progress(learnt, total, "sensors learn")
-    write_sensors(args.out, models, _command(args))
+    write_sensors(args.out, models, spelled("sensors learn", args, None))
     for name, model in models.items():
         print(
             f"{name}: has hits in {model.hit_if_occupied:.1%} of the occupied cells with evidence, in "
@@ -73,11 +73,3 @@ def run_sensors(args: argparse.Namespace) -> int:
         )
     print(f"learnt from {total} runs, written to {args.out}")
     return 0
-
-
-def _command(args: argparse.Namespace) -> str:
-    """Spell the command that learns the same."""
-    words = ["robocup-vision", "sensors", "learn", "--field", args.field, "--camera", args.camera]
-    words += ["--range-height", args.range_height, "--cell", args.cell]
-    words += ["--runs", args.runs, "--frames", args.frames, "--seed", args.seed]
-    return shlex.join(map(str, words))
