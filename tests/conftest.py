@@ -12,6 +12,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import cv2
+import pytest
 from hypothesis import settings
 
 if "PYTEST_XDIST_WORKER" in os.environ:
@@ -27,3 +28,11 @@ pytest_plugins = ["miscalibrated_frames", "needs_protobuf", "short_landmark_run"
 settings.register_profile("repeat", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeat"))
+
+
+def pytest_collection_modifyitems(items):
+    silent = {item.nodeid.split("[")[0] for item in items if item.get_closest_marker("slow") and not item.obj.__doc__}
+    if silent:
+        raise pytest.UsageError(
+            f"slow tests say in a docstring what fault they alone find: {', '.join(sorted(silent))}"
+        )

@@ -78,6 +78,7 @@ def test_the_onboard_field_file_has_the_numbers_it_was_given():
 @pytest.mark.slow
 @needs_photographs
 def test_floor_lines_and_pose_of_a_forward_camera():
+    """Only this finds floor, lines or refined priors that real pictures of a field belie."""
     folder = REAL / "onboard_ssl"
     camera = load_camera(folder / "camera.toml")
     vision = Vision(load_field(Path(__file__).parent / "data" / "onboard_ssl_field.toml"), camera)
@@ -129,6 +130,7 @@ def fisheye_photographs(start):
 @needs_photographs
 @pytest.mark.slow
 def test_a_lens_by_photographs_of_which_some_are_placed_wrongly():
+    """Only this finds a lens that wrongly placed photographs draw along."""
     field = load_field(DATA / "msl_2022_field.toml")
     found = calibrate_forward(
         field, fisheye_photographs("20220716"), KnownOfCamera("fisheye", height_m=0.77, tilt_rad=0.0)

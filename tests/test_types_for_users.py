@@ -38,6 +38,7 @@ def unpacked_wheel(tmp_path_factory):
 
 @pytest.mark.slow
 def test_programs_are_right_for_a_type_checker(unpacked_wheel, tmp_path):
+    """Only this finds types that are wrong for who installs the package."""
     assert len(PROGRAMS) > 15
     for name, program in PROGRAMS.items():
         (tmp_path / name).write_text(program, encoding="utf-8")

@@ -72,6 +72,7 @@ for name in sys.argv[1:]:
 
 @pytest.mark.slow
 def test_each_program_prints_its_options() -> None:
+    """Only this finds a program whose options or help texts cannot be read."""
     command = [sys.executable, "-c", ALL_HELP, *PROGRAMS]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
@@ -79,6 +80,7 @@ def test_each_program_prints_its_options() -> None:
 
 @pytest.mark.slow
 def test_a_program_runs_as_a_file_and_as_a_module(tmp_path: Path) -> None:
+    """Only this finds a program that one of the two ways of starting it cannot run, or names otherwise."""
     file, module = ROOT / "benchmarks" / "goal" / "goal_sensitivity.py", "benchmarks.goal.goal_sensitivity"
     for number, command in enumerate(([str(file)], ["-m", module])):
         path = tmp_path / f"{number}.json"

@@ -29,6 +29,7 @@ def match(tmp_path):
 
 
 def test_a_user_watches_a_match(node, match, tmp_path):
+    """Only this finds what a browser refuses of the live page, and what it shows in a wrong place."""
     done = node("live_page.mjs", match, tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])

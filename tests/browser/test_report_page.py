@@ -48,6 +48,7 @@ def report(tmp_path):
 
 
 def test_a_report_fits_its_window_and_filters_by_reason(node, report, tmp_path):
+    """Only this finds a report that a browser draws overlapping, and a filter that hides the wrong images."""
     done = node("report_page.mjs", report, tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])
@@ -72,6 +73,7 @@ def test_a_report_fits_its_window_and_filters_by_reason(node, report, tmp_path):
 
 
 def test_a_comparison_fits_its_window(node, tmp_path):
+    """Only this finds a comparison whose long names and reasons overlap."""
     names = (
         "out/the_last_evening_of_the_cup/with_the_old_colour_file",
         "out/the_last_evening_of_the_cup/with_the_new_one",

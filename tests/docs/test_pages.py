@@ -44,6 +44,7 @@ LINKS = [
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PROGRAMS)
 def test_programs_run(page, tmp_path):
+    """Only this finds a program of a page that the library no longer runs."""
     for number in range(len(PROGRAMS[page])):
         shutil.copytree(ROOT / "images", tmp_path / str(number) / "images")  # what a program writes goes there, too
     run = subprocess.run([sys.executable, "-c", RUN, *PROGRAMS[page]], cwd=tmp_path, capture_output=True, text=True)

@@ -27,6 +27,7 @@ WORDS = (
 
 @pytest.mark.slow
 def test_any_words_end_in_a_status_and_at_most_one_line(tmp_path, monkeypatch):
+    """Only this finds a command that ends in a traceback on words that nobody thought of."""
     monkeypatch.chdir(tmp_path)
     for name in ("camera.toml", "truth.csv"):
         (tmp_path / name).write_bytes((CORPUS / "dataset" / name).read_bytes())

@@ -54,6 +54,7 @@ def test_the_seeds_themselves_load(seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", READERS, ids=lambda path: path.name)
 def test_mutated_files_load_or_are_refused(seed, tmp_path):
+    """Only this finds a reader that a damaged file ends with a traceback."""
     read, count = READERS[seed]
     text, path = seed.read_text(encoding="utf-8"), tmp_path / seed.name
     rng = np.random.default_rng([18, list(READERS).index(seed)])
@@ -67,6 +68,7 @@ def test_mutated_files_load_or_are_refused(seed, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["dataset.toml", "frames.csv", "truth.csv", "camera.toml"])
 def test_mutated_datasets_load_or_are_refused(name, tmp_path):
+    """Only this finds a dataset's reader that a damaged file ends with a traceback."""
     folder = tmp_path / "dataset"
     shutil.copytree(CORPUS / "dataset", folder)
     load_dataset(folder)

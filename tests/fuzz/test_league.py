@@ -2,7 +2,6 @@
 
 import socket
 
-import pytest
 from ssl_sockets import free_port
 
 from benchmarks.worlds.flood import flood
@@ -21,9 +20,8 @@ def free_ports():
         return Ports(control, free_port(), free_port())
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_a_flood_of_damaged_messages_ends_nobody(seed):
-    found = flood(2000 if seed == 1 else 20_000, seed, free_ports(), free_port())
+def test_a_flood_of_damaged_messages_ends_nobody():
+    found = flood(2000, 1, free_ports(), free_port())
     assert found.is_finite
     assert found.plays_on
     assert found.refused > 50

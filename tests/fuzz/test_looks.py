@@ -78,6 +78,7 @@ def drive(vision, frames, count, seed):
 
 @pytest.mark.parametrize(("memory", "count"), [(False, 300), (True, 100)])
 def test_mirror_looks_end_in_views_or_in_errors_of_the_family(memory, count):
+    """Only this finds a look with a mirror that a strange frame, prior or step ends with a traceback."""
     field = load_field("ssl_2001")
     camera = load_camera(IMAGES / "omni_ssl_2001" / "camera.toml")
     vision = Vision(field, camera, memory=Memory.of_everything(field) if memory else None)
@@ -89,6 +90,7 @@ def test_mirror_looks_end_in_views_or_in_errors_of_the_family(memory, count):
 
 @pytest.mark.parametrize(("tilt_rad", "count"), [(None, 40), (-0.15, 60)])
 def test_pinhole_looks_end_in_views_or_in_errors_of_the_family(tilt_rad, count):
+    """Only this finds a look ahead that a strange frame, prior or step ends with a traceback."""
     camera = load_camera(IMAGES / "goal_four_legged" / "camera.toml")
     if tilt_rad is not None:
         camera = camera.with_orientation(0.0, tilt_rad, 0.0)
@@ -100,6 +102,7 @@ def test_pinhole_looks_end_in_views_or_in_errors_of_the_family(tilt_rad, count):
 
 
 def test_what_is_constructed_of_anything_is_refused_in_one_line():
+    """Only this finds an argument of `Vision` that is taken whatever it is."""
     rng = np.random.default_rng(4)
     field, camera = load_field("ssl_2001"), load_camera(IMAGES / "omni_ssl_2001" / "camera.toml")
     things = (

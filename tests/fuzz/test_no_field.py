@@ -41,6 +41,7 @@ def random_pose(field, rng):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CAMERAS)
 def test_pictures_without_a_field_give_no_pose(name):
+    """Only this finds a localiser that takes other pictures, painted ones or photographs, for its field."""
     field_name, make_camera, count, every = CAMERAS[name]
     field, camera = load_field(field_name), make_camera()
     vision = Vision(field, camera)

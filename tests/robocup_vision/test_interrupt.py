@@ -88,6 +88,7 @@ def works(group: int) -> bool:
 
 
 def test_evaluate_in_processes_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Only this finds rows that an interrupt of the command and its processes loses or doubles."""
     data, out = tmp_path / "data", tmp_path / "out"
     (data / "images").mkdir(parents=True)
     for name in ("dataset.toml", "camera.toml"):
@@ -111,6 +112,7 @@ def test_evaluate_in_processes_goes_on_where_it_was(tmp_path: Path) -> None:
 
 
 def test_a_tournament_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Only this finds matches that an interrupt loses or doubles."""
     words = ["tournament", "--players", "1", "--seconds", "1", "--matches", "4", "--jobs", "2", "--out"]
     out = tmp_path / "out"
     error = interrupt_at(ResumeFile.add, 2, *words, out)
@@ -124,6 +126,7 @@ def test_a_tournament_goes_on_where_it_was(tmp_path: Path) -> None:
 
 
 def test_a_calibration_says_how_far_it_has_come(tmp_path: Path) -> None:
+    """Only this finds a bar that a terminal does not get, or a file that is left of an early interrupt."""
     screen, terminal = os.openpty()
     out = tmp_path / "camera.toml"
     words = ["calibrate", "omni", DATASET / "images", "--field", "ssl_2001", "--frames", "6", "--out", out]
@@ -137,6 +140,7 @@ def test_a_calibration_says_how_far_it_has_come(tmp_path: Path) -> None:
 
 
 def test_a_calibration_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Only this finds a calibration that ends elsewhere once it was interrupted."""
     words = ["calibrate", "omni", str(DATASET / "images"), "--field", "ssl_2001", "--frames", "6", "--out"]
     unfinished = tmp_path / "camera.unfinished.jsonl"
     error = interrupt_at(ResumeFile.add, 4, *words, tmp_path / "camera.toml")

@@ -137,8 +137,9 @@ def test_a_camera_that_saw_nothing_leaves_its_directions_unknown(fresh, frames, 
     assert np.isfinite(space.range_m[np.abs(space.bearing_rad - math.pi / 2) < 0.3]).all()
 
 
-@pytest.mark.slow  # renders eight pictures and starts two rigs
+@pytest.mark.slow
 def test_late_frames_are_moved_by_odometry():
+    """Only this finds a late camera's frame that is taken as of now."""
     # the first frame was taken at the beginning of the step, the others at its end
     step = Pose2(0.10, 0.02, 0.08)
     before, after = render(POSE, 2), render(POSE.compose(step), 3)

@@ -432,6 +432,7 @@ def test_a_robot_walled_in_knows_no_pose_and_no_way_out(vision, ssl_field, paper
 
 @pytest.mark.slow
 def test_the_carpet_goes_on_and_the_lines_tell(mirror_camera, paint_field):
+    """Only this finds a mirror on an open field that needs walls, or sees through its mask."""
     field = load_field("msl_6x4")
     mask = struts((240, 320))
     rng = np.random.default_rng(2)

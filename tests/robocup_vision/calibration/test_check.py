@@ -62,6 +62,7 @@ def test_swapped_channels_are_found_and_told_how_they_came(write, off_samples):
 
 @pytest.mark.slow
 def test_pictures_that_show_no_field_are_reported_as_such_and_nothing_else(write, true_camera, capsys):
+    """Only this finds pictures of a room that are explained by a slip."""
     path = write(with_truth=False)
     rng = np.random.default_rng(4)
     width, height = true_camera.size_px
@@ -79,6 +80,7 @@ def test_pictures_that_show_no_field_are_reported_as_such_and_nothing_else(write
 
 @pytest.mark.slow
 def test_a_field_by_a_camera_that_is_far_off_is_not_said_to_be_none(write, true_camera):
+    """Only this finds a bad camera file that is told as a missing field."""
     u, v = true_camera.center_px
     findings = found(write(camera=dataclasses.replace(true_camera, center_px=(u + 40.0, v - 30.0))))
     assert not any("do not show this field" in finding.evidence for finding in findings.values())
@@ -102,6 +104,7 @@ def test_swapped_channels_of_a_forward_camera_are_found_by_the_ball(tmp_path):
 
 @pytest.mark.slow
 def test_a_sound_set_up_is_reported_to_be_one(write, capsys, ssl_field, true_camera, off_frames):
+    """Only this finds a false alarm of the whole check."""
     vision = Vision(ssl_field, true_camera)
     vision.look(off_frames[0])
     path = write(colors=vision.colors)
@@ -122,6 +125,7 @@ def test_a_sound_set_up_is_reported_to_be_one(write, capsys, ssl_field, true_cam
 
 @pytest.mark.slow
 def test_a_wrong_size_comes_with_its_factor(write, capsys):
+    """Only this finds pictures of another size whose scale is not told."""
     path = write(size=(512, 440))
     findings = found(path)
     assert list(findings) == ["size", "pictures"]
@@ -135,6 +139,7 @@ def test_a_wrong_size_comes_with_its_factor(write, capsys):
 
 @pytest.mark.slow
 def test_a_centre_that_is_off_is_reported_with_its_offset(write, true_camera):
+    """Only this finds a centre two pixels off that passes."""
     u, v = true_camera.center_px
     findings = found(write(camera=dataclasses.replace(true_camera, center_px=(u + 2.0, v))))
     assert findings["field"].state == "ok"
@@ -145,6 +150,7 @@ def test_a_centre_that_is_off_is_reported_with_its_offset(write, true_camera):
 
 @pytest.mark.slow
 def test_a_mirrored_camera_is_reported_by_truth(write, true_camera):
+    """Only this finds a wrong `mirrored` that truth does not bring to light."""
     findings = found(write(camera=dataclasses.replace(true_camera, mirrored=True)))
     assert findings["mirrored"].state == "wrong"
     evidence = "with mirrored = false in the camera file 4 of 4 pictures agree with the truth (0 of 4 as it is)"
@@ -153,6 +159,7 @@ def test_a_mirrored_camera_is_reported_by_truth(write, true_camera):
 
 @pytest.mark.slow
 def test_a_turned_camera_is_reported_by_truth(write, true_camera):
+    """Only this finds a heading that is told with the wrong sign or not at all."""
     findings = found(write(camera=dataclasses.replace(true_camera, heading_rad=0.2)))
     assert findings["heading"].state == "wrong"
     off, wanted = re.search(r"by (\S+) deg: heading_rad = (\S+) in", findings["heading"].evidence).groups()
@@ -163,6 +170,7 @@ def test_a_turned_camera_is_reported_by_truth(write, true_camera):
 @pytest.mark.slow
 @pytest.mark.parametrize(("sign", "state"), [(1, "ok"), (-1, "wrong")])
 def test_odometry_reports_mirroring(write, off_samples, sign, state):
+    """Only this finds turns between images that are compared with odometry the wrong way round."""
     rows = ["image,t_s,dx_m,dy_m,dtheta_rad", "0.png,0.0,,,"]
     for i in range(1, 4):
         turn = math.remainder(off_samples[i].pose.theta_rad - off_samples[i - 1].pose.theta_rad, math.pi)
@@ -175,6 +183,7 @@ def test_odometry_reports_mirroring(write, off_samples, sign, state):
 
 @pytest.mark.slow
 def test_without_truth_and_odometry_mirroring_is_unknown(write):
+    """Only this finds mirroring that is judged by nothing."""
     findings = found(write(with_truth=False))
     assert findings["mirrored"].state == "unknown"
     assert "looks the same in a mirror" in findings["mirrored"].evidence
@@ -182,6 +191,7 @@ def test_without_truth_and_odometry_mirroring_is_unknown(write):
 
 @pytest.mark.slow
 def test_another_field_s_name_is_reported_with_the_likelier_one(write):
+    """Only this finds a wrong field name that passes for a wrong camera."""
     findings = found(write(field="ssl_division_b", with_truth=False))
     assert findings["field"].state == "wrong"
     assert findings["field"].evidence.startswith("with field 'ssl_2001' instead of 'ssl_division_b' 4 of 4 pictures ")
@@ -205,6 +215,7 @@ def test_pictures_of_nothing_are_told_as_such(tmp_path, true_camera, level, evid
 
 @pytest.mark.slow
 def test_colours_of_another_light_are_reported(write, ssl_field, true_camera, off_frames):
+    """Only this finds a colour file of another light that passes."""
     vision = Vision(ssl_field, true_camera)
     vision.look(np.ascontiguousarray(off_frames[0][..., ::-1] // 3))
     wrong = vision.colors
@@ -217,6 +228,7 @@ def test_colours_of_another_light_are_reported(write, ssl_field, true_camera, of
 
 @pytest.mark.slow
 def test_fields_whose_goals_the_method_cannot_use_are_not_tried(tmp_path):
+    """Only this finds a check that ends in an error of a field that it tries."""
     (tmp_path / "images").mkdir()
     carpet = np.full((240, 320, 3), (50, 130, 45), dtype=np.uint8)
     carpet[::20, ::20] = 0

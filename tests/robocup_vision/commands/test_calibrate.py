@@ -20,6 +20,7 @@ def folder(tmp_path_factory, off_frames, rough_camera):
 
 @pytest.mark.slow
 def test_camera_file_overlays_and_figures_are_written(folder, capsys, true_camera, floor_error_m):
+    """Only this finds a figure or a picture that the command leaves out."""
     out = folder / "camera.toml"
     arguments = ["calibrate", "omni", "--field", "ssl_2001", str(folder / "images"), "--out", str(out)]
     assert main([*arguments, "--start", str(folder / "start.toml")]) == 0

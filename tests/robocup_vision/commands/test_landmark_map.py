@@ -20,6 +20,7 @@ def hall_folder(tmp_path_factory) -> Path:
 
 @pytest.mark.slow
 def test_from_the_run_to_a_report(hall_folder, tmp_path, capsys):
+    """Only this finds commands that cannot read what the command before them wrote."""
     map_file = str(hall_folder / "map.npz")
     assert cli.main(["map", "build", str(hall_folder / "run"), "--out", map_file]) == 0
     assert "from 3 of 3 moments" in capsys.readouterr().out
@@ -53,6 +54,7 @@ def error_line(capsys) -> str:
 
 @pytest.mark.slow
 def test_errors_are_one_line(hall_folder, short_run, tmp_path, capsys):
+    """Only this finds a damaged run or map that ends a command with a traceback."""
     capsys.readouterr()
     run = tmp_path / "run"
     run.mkdir()

@@ -226,6 +226,7 @@ def test_loops_that_came_with_an_installation_that_cannot_be_written_are_taken_a
 
 @pytest.mark.slow
 def test_loops_compile_in_a_read_only_installation(tmp_path, homeless):
+    """Only this finds a package in a folder that nobody may write whose loops do not start."""
     for package in (robocup_vision, field_models):
         source = Path(package.__file__).parent
         shutil.copytree(source, tmp_path / source.name, ignore=shutil.ignore_patterns("__pycache__"))

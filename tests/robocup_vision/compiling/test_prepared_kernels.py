@@ -94,6 +94,7 @@ note_ready(2, 2)
     "how", ["plain", *(pytest.param(how, marks=pytest.mark.slow) for how in ("terminal", "silent"))]
 )
 def test_people_are_told_at_once_and_once_what_they_wait_for(how: str, tmp_path: Path) -> None:
+    """A terminal and silence alone find a bar that is drawn where nobody looks, or to who asked for quiet."""
     for cache in ("empty", "full"):
         done = subprocess.run(
             [sys.executable, "-c", PREPARE, how],
@@ -125,7 +126,6 @@ def printed(program: str, *words: str, **environment: str) -> str:
     return done.stdout if done.returncode == 0 else done.stdout + done.stderr
 
 
-# a loop that the list lacks makes a robot's first frames wait; no other test sees that
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "workload",
@@ -136,11 +136,12 @@ def printed(program: str, *words: str, **environment: str) -> str:
     ],
 )
 def test_no_loop_is_compiled_or_loaded_after_the_making(workload: str) -> None:
+    """Only this finds a loop that the list lacks, so that a robot's first frames wait."""
     assert printed(COUNT, workload) == "[]\n"
 
 
-# that the command's processes keep what they compile where the next start looks for it
 @pytest.mark.slow
 def test_warm_up_leaves_nothing_to_compile(tmp_path: Path) -> None:
+    """Only this finds a warm-up whose processes keep what they compile where no start looks for it."""
     assert "loops are ready" in printed(WARM_UP, NUMBA_CACHE_DIR=str(tmp_path))
     assert printed(MISSED, NUMBA_CACHE_DIR=str(tmp_path)) == "0\n"

@@ -4,7 +4,6 @@ import csv
 import dataclasses
 import math
 
-import cv2
 import numpy as np
 import pytest
 
@@ -56,6 +55,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_pinhole_dataset_is_evaluated_by_the_goal(folder, tmp_path):
+    """Only this finds plots over the goal's distance that a dataset of goals does not get."""
     dataset = load_dataset(folder)
     assert isinstance(dataset.camera, PinholeCamera)
     assert dataset.method == "goal"
@@ -72,6 +72,7 @@ def test_a_pinhole_dataset_is_evaluated_by_the_goal(folder, tmp_path):
 
 @pytest.mark.slow
 def test_methods_that_do_not_fit_a_pinhole_camera_are_refused(folder, tmp_path):
+    """Only this finds a method that takes a dataset of goals it cannot locate."""
     with pytest.raises(ArgumentError, match="tilt_rad"):
         evaluate(load_dataset(folder, method="field"), tmp_path)
     with pytest.raises(FileError, match="known tilt_rad"):
@@ -80,17 +81,3 @@ def test_methods_that_do_not_fit_a_pinhole_camera_are_refused(folder, tmp_path):
         load_dataset(folder, method="floor")
     with pytest.raises(ArgumentError, match="no goals of posts"):
         evaluate(load_dataset(folder, field="ssl_2001"), tmp_path)
-
-
-@pytest.mark.slow
-def test_a_torn_image_costs_only_its_own_row(folder, tmp_path):
-    dataset = load_dataset(folder)
-    names = dataset.image_names
-    image = cv2.imread(str(dataset.path / names[0]))
-    broken = tmp_path / "images"
-    broken.mkdir()
-    (broken / names[0]).write_bytes((dataset.path / names[0]).read_bytes()[:200])
-    cv2.imwrite(str(broken / names[1]), image)
-    summary = evaluate(dataclasses.replace(dataset, path=broken, image_names=names[:2]), tmp_path / "out")
-    assert "1 of 2 images failed" in summary.problem
-    assert not summary.rows[1].failed

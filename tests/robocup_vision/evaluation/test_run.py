@@ -103,6 +103,7 @@ def test_nothing_is_dropped(folder: Path, fake: ModuleType, tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_a_localiser_may_know_no_symmetry(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    """Only this finds a half turn that is forgiven on a field that has none."""
     text = (folder / "truth.csv").read_text().replace("0.png,-0.01,-0.08,0.0", f"0.png,0.01,0.08,{math.pi}")
     (folder / "truth.csv").write_text(text)
     turned = evaluate(load_dataset(folder), tmp_path / "a", make_vision=fake.FakeVision, draw_overlay=fake.draw)
@@ -159,6 +160,7 @@ def without_times(out: Path) -> list[dict[str, str]]:
 
 @pytest.mark.slow
 def test_the_results_do_not_depend_on_jobs(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    """Only this finds a report or trajectory whose order depends on who finished first."""
     for index in range(5, 30):
         (folder / "images" / f"{index}.png").write_bytes((folder / "images" / f"{index % 5}.png").read_bytes())
         code(folder / "images" / f"{index}.png", index % 3)
@@ -210,6 +212,7 @@ def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, t
 def test_a_process_that_dies_is_reported(
     folder: Path, fake: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Only this finds an evaluation that waits for ever for a process that died."""
     monkeypatch.setattr("robocup_vision.workers.pieces._BARREN_ROUNDS", 1)
     code(folder / "images" / "2.png", 9)
     with pytest.raises(
@@ -305,6 +308,8 @@ def test_a_localiser_without_camera_poses_cannot_be_scored_by_them(
 def test_an_interrupted_run_keeps_what_is_done_and_is_gone_on_with(
     folder: Path, fake: ModuleType, tmp_path: Path
 ) -> None:
+    """Only this finds figures that differ once a run was interrupted."""
+
     class Interrupted(fake.FakeVision):
         def look(self, frame, t_s=None, odometry=None):
             if sum(call[0] == "look" for call in self.calls) == 3:
@@ -358,6 +363,8 @@ def test_the_time_of_single_images_is_said_to_be_theirs(folder: Path, fake: Modu
 
 @pytest.mark.slow
 def test_the_estimate_over_time_is_scored(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    """Only this finds a memory's run that is scored by its single looks."""
+
     class Remembering(fake.FakeVision):
         def look(self, frame, t_s=None, odometry=None):
             view = super().look(frame, t_s, odometry)

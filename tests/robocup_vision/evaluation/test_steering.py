@@ -55,6 +55,8 @@ def test_each_frame_is_steered_by(folder: Path, fake: ModuleType, tmp_path: Path
 
 @pytest.mark.slow
 def test_commands_of_an_interrupted_run_are_kept(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+    """Only this finds commands that an interrupted run loses, or mixes with those of another robot."""
+
     class Looking(fake.FakeVision):
         stops = True
 

@@ -273,6 +273,7 @@ def test_recordings_of_the_folder_are_opened_at_a_time(run_of, vision, frames, t
 
 @pytest.mark.slow
 def test_a_camera_is_calibrated_from_the_page(run_of, dataset, tmp_path, monkeypatch):
+    """Only this finds a calibration that the page starts with other frames, or whose end it does not hear."""
     monkeypatch.setattr("robocup_vision.live.calibrating._EVERY_S", 0.0)
     monkeypatch.setattr("robocup_vision.live.sources.folder._IMAGES_HZ", 20.0)
     images = tmp_path / "images"

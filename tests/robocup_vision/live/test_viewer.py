@@ -61,6 +61,7 @@ def test_what_is_shown_arrives_in_a_page(viewer, vision, frames, tmp_path):
 
 @pytest.mark.slow
 def test_frames_of_another_size_pass_too(viewer, vision, frames):
+    """Only this finds a larger frame that does not fit the memory both processes share."""
     with link_to(viewer) as link:
         view = vision.look(frames[0], t_s=0.0)
         for number, frame in enumerate((frames[0], np.zeros((900, 1600, 3), np.uint8), frames[0])):
@@ -79,6 +80,7 @@ def test_bad_arguments_are_refused(viewer, vision, frames):
 
 @pytest.mark.slow
 def test_a_port_that_is_taken_is_named(viewer, vision):
+    """Only this finds a page's process that fails unheard."""
     port = int(viewer.address.rstrip("/").rsplit(":", 1)[1])
     with pytest.raises(RobocupVisionError, match=f"port {port}"):
         Viewer(vision, port=port)

@@ -3,7 +3,6 @@
 import math
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -23,7 +22,6 @@ from robocup_vision.localization.evidence import (
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.polar_view import PolarView
 
-NEGATIVES = Path(__file__).resolve().parents[4] / "shared" / "real" / "negatives" / "images"
 PACKAGED = Path(module.__file__).with_name("evidence.toml")
 
 
@@ -118,18 +116,3 @@ def test_a_wrong_file_is_refused_by_its_key(tmp_path, old, new, key):
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(FileError, match=rf"evidence\.toml.*{key}"):
         load_evidence(path)
-
-
-@pytest.mark.skipif(not NEGATIVES.is_dir(), reason="the photographs are not installed")
-@pytest.mark.slow
-@pytest.mark.parametrize("prior", [True, False])
-def test_photographs_of_other_things_show_no_field(ssl_field, paper_camera, prior):
-    vision, rng = Vision(ssl_field, paper_camera), np.random.default_rng(8)
-    located = []
-    for path in sorted(NEGATIVES.iterdir()):
-        frame = cv2.resize(cv2.imread(str(path)), paper_camera.size_px, interpolation=cv2.INTER_AREA)
-        vision.forget()
-        near = Pose2(*rng.uniform((-1.2, -0.6), (1.2, 0.6)), rng.uniform(-3, 3)) if prior else None
-        if vision.look(frame, prior=near).pose:
-            located.append(path.name)
-    assert located == []

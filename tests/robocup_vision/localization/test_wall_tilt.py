@@ -69,6 +69,7 @@ def test_an_unsure_pose_and_a_stiff_mounting_say_less():
 
 @pytest.mark.slow
 def test_free_space_ends_at_the_boards_though_the_camera_nods():
+    """Only this finds a nod that the pose knows and the free space does not."""
     field, robot = load_field("ssl_division_b"), Pose2(2.9, -0.4, 0.2)
     nodding = HELD.with_orientation(0.0, HELD.tilt_rad + 0.012, 0.0)
     light = render_pinhole(nodding, Scene(field=field), robot, supersample=2)

@@ -58,8 +58,9 @@ def robots_around(count, color, range_m=0.19):
 
 
 @pytest.mark.parametrize("color", [BLACK, WHITE, GREY, RED])
-@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), pytest.param(4, marks=pytest.mark.slow), 6])
+@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), 6])
 def test_a_robot_parked_at_the_camera_is_never_learnt(watch, color, count):
+    """The single robot alone finds one that costs the pose although most of the floor is left."""
     watch.see()
     robots = robots_around(count, color)
     for _ in range(12):

@@ -158,6 +158,7 @@ def test_a_camera_that_looks_up_sees_no_ball():
 
 @pytest.mark.slow
 def test_a_view_has_them_without_a_pose():
+    """Only this finds balls that `Vision` drops where it knows no pose."""
     # loops compile; a ball of another hue than the field file names is a ball, too
     vision = Vision(FIELD, HELD)
     view = vision.look(picture([(1.2, -0.2)], WHITE, DARK))

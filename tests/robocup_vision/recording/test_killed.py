@@ -42,6 +42,7 @@ for path in sys.argv[1:]:
 
 @pytest.mark.slow
 def test_killed_recordings_read_to_their_last_second(tmp_path: Path) -> None:
+    """Only this finds a recording that keeps more than a second in memory."""
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     seconds = np.random.default_rng(7).uniform(1.2, 3.0, 4).tolist()
     paths = [tmp_path / f"{number}.mcap" for number in range(len(seconds))]

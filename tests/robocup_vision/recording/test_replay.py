@@ -96,6 +96,7 @@ def test_distances_are_of_what_both_know() -> None:
 
 @pytest.mark.slow
 def test_the_command_writes_its_files(recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Only this finds files of a replay that miss calls or tell another result than the page."""
     assert cli.main(["replay", str(recorded), "--out", str(tmp_path / "same")]) == 0
     printed = capsys.readouterr().out
     figures = json.loads((tmp_path / "same" / "replay.json").read_text())

@@ -13,7 +13,6 @@ from robocup_vision.ros.node import VisionNode
 from robocup_vision.ros.settings import NodeSettings
 from robocup_vision.ros.transforms import HeadJoints, Transforms, mounting_of
 
-HALF = math.sqrt(0.5)
 # the optical frame (right, down, ahead) in the head's (ahead, left, up), as every ROS robot has it: w, x, y, z
 OPTICAL = (0.5, -0.5, 0.5, -0.5)
 

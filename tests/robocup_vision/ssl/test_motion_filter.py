@@ -55,6 +55,7 @@ def test_what_drives_straight_is_known_exactly_and_foretold():
 
 @pytest.mark.slow
 def test_several_models_are_better_than_detections_and_than_each_alone():
+    """Only this finds a mixture of motions that is worse than one of them."""
     times, true = driven(20.0, 5)
     noisy = true[:, :2] + np.random.default_rng(6).normal(0.0, 0.0013, (len(times), 2))
 

@@ -52,6 +52,7 @@ def address(tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_killed_workers_pieces_are_done_again(address, tmp_path):
+    """Only this finds pieces that are lost with the machine that had them."""
     pieces = (piece for piece in range(100))
     done = list(in_order(run_pieces(Start(tmp_path / "killed"), pieces, dask_workers(address), batch=4)))
     assert done == [2 * piece for piece in range(100)]
@@ -60,12 +61,14 @@ def test_a_killed_workers_pieces_are_done_again(address, tmp_path):
 
 @pytest.mark.slow
 def test_what_a_worker_raises_is_one_line(address):
+    """Only this finds an error from elsewhere that arrives as a traceback."""
     with pytest.raises(RobocupVisionError, match=r"^no camera$"):
         list(run_pieces(refusing, [1, 2], dask_workers(address)))
 
 
 @pytest.mark.slow
 def test_workers_of_another_version_are_refused(address, monkeypatch):
+    """Only this finds results of another version among ours."""
     monkeypatch.setattr(cluster, "_version", lambda: "9.9")
     with pytest.raises(ArgumentError, match=r"worker tcp:.* has robocup-vision .*, this machine has 9\.9"):
         list(run_pieces(refusing, [1], dask_workers(address)))
@@ -73,6 +76,7 @@ def test_workers_of_another_version_are_refused(address, monkeypatch):
 
 @pytest.mark.slow
 def test_a_cluster_that_stays_without_workers_is_told(monkeypatch):
+    """Only this finds a command that waits for ever for workers."""
     monkeypatch.setattr(cluster, "_NO_WORKERS_S", 0.5)
     monkeypatch.setattr(cluster, "_COUNT_SLOTS_S", 0.1)
     monkeypatch.setattr("robocup_vision.workers.pieces._LOOK_AFTER_S", 0.2)
@@ -124,7 +128,7 @@ def but_for_times(out):
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [[], ["--shared-folder"]])
 def test_a_folder_is_scored_as_by_one_process(how, address, tmp_path, monkeypatch):
-    """With a worker killed on the way."""
+    """Only this finds rows that depend on who scored them, or a folder that others cannot read."""
     data = tmp_path / "data"
     shutil.copytree(DATASET, data)
     (data / "images" / "0007.png").write_bytes(b"no image")
@@ -154,6 +158,7 @@ def test_a_folder_is_scored_as_by_one_process(how, address, tmp_path, monkeypatc
 
 @pytest.mark.slow
 def test_a_folder_is_rendered_as_by_one_process(address, tmp_path):
+    """Only this finds pictures whose painter cannot be sent elsewhere."""
     words = ["render-goal", "--count", "2", "--seed", "3", "--jpeg", "80"]
     assert cli.main([*words, str(tmp_path / "one")]) == 0
     assert cli.main([*words, "--dask", address, str(tmp_path / "many")]) == 0
@@ -163,6 +168,7 @@ def test_a_folder_is_rendered_as_by_one_process(address, tmp_path):
 
 @pytest.mark.slow
 def test_a_camera_is_calibrated_as_by_one_process(address, tmp_path):
+    """Only this finds a calibration whose pieces cannot be sent elsewhere."""
     words = ["calibrate", "omni", str(DATASET / "images"), "--field", "ssl_2001", "--frames", "6", "--out"]
     assert cli.main([*words, str(tmp_path / "one.toml")]) == 0
     assert cli.main([*words, str(tmp_path / "many.toml"), "--dask", address]) == 0

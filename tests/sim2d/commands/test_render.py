@@ -195,6 +195,7 @@ def test_wrong_numbers_are_named_and_nothing_is_written(tmp_path: Path, words: l
 
 @pytest.mark.slow
 def test_pictures_do_not_depend_on_who_draws_them(tmp_path: Path):
+    """Only this finds random numbers that a painter shares with the pictures before."""
     words = ["--field", "ssl_2001", "--camera", SMALL, "--count", 5, "--seed", 2]
     for jobs in (1, 2):
         render(*words, "--jobs", jobs, tmp_path / str(jobs))

@@ -218,6 +218,7 @@ def test_the_link_knows_nothing_of_the_world():
 
 @pytest.mark.slow
 def test_the_same_seed_is_the_same_match_in_another_process():
+    """Only this finds a match that depends on hashes, threads or clocks of its process."""
     field = "four_legged_2007"  # most loops are a forward camera's
     code = (
         "import sys, json\n"
@@ -226,17 +227,15 @@ def test_the_same_seed_is_the_same_match_in_another_process():
         "from sim2d.report.match_file import match_json\n"
         "field, seed = sys.argv[1], int(sys.argv[2])\n"
         "match = Match(load_field(field), 1, seed)\n"
-        "for _ in match.play(3.0): pass\n"
+        "for _ in match.play(1.5): pass\n"
         "print(json.dumps(match_json(field, 1, seed, match.figures)))\n"
     )
     runs = [
         subprocess.run([sys.executable, "-c", code, field, seed], capture_output=True, text=True, check=True).stdout
-        for seed in ("5", "5", "6")
+        for seed in ("5", "5")
     ]
     assert runs[0] == runs[1]
-    values, other = (json.loads(run) for run in runs[1:])
-    assert values["robots"][0]["distance_m"] > 0.2
-    assert {**other, "seed": 5} != values
+    assert json.loads(runs[0])["robots"][0]["distance_m"] > 0.1
 
 
 def test_small_matches_repeat_and_seeds_differ():

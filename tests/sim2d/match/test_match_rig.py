@@ -33,9 +33,10 @@ def errors_of(match, seconds):
     return np.array(errors)
 
 
-@pytest.mark.slow  # plays a match
+@pytest.mark.slow
 @pytest.mark.parametrize(("field", "camera"), [("msl_6x4", "msl_fisheyes"), ("humanoid_kid_2025", "kid_fisheye")])
 def test_robots_know_where_they_are(field, camera):
+    """Only this finds robots with several cameras, or a fisheye, that lose their place in play."""
     match = Match(load_field(field), 1, 3, camera=CAMERAS[camera]())
     assert np.mean(errors_of(match, 1.5) < 0.05) > 0.97
 

@@ -189,6 +189,7 @@ def test_a_machine_that_is_too_slow_says_so(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_command_prints_a_table_and_repeats_its_file(tmp_path, capsys, monkeypatch):
+    """Only this finds a match file of the command that does not repeat."""
     monkeypatch.chdir(tmp_path)
     files = []
     for out in ("one", "two"):

@@ -114,6 +114,7 @@ def test_every_robot_of_every_field_sees_at_the_kick_off(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, *_ in LEAGUES])
 def test_every_field_plays_a_second_and_the_same_seed_plays_the_same_match(name):
+    """Only this finds a field on which players stop, lose their place or play another match each time."""
     match, again = (Match(load_field(name), seed=5) for _ in range(2))
     same_s = 0.2
     for moment in match.play(same_s):

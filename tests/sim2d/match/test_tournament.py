@@ -12,7 +12,7 @@ from sim2d_players import SMALL_CAMERA, FailsAt, KillsItsProcess, Reckoner, Slee
 
 from field_models.errors import RobocupVisionError
 from robocup_vision import cli, workers
-from robocup_vision.workers import Pool, Workers, dask_workers, local_workers
+from robocup_vision.workers import Pool, Workers, local_workers
 from robocup_vision.workers.doing import Doer
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches, play_matches, play_plan, tournament_json
@@ -94,6 +94,7 @@ def test_totals_are_over_all_matches():
 
 @pytest.mark.slow
 def test_local_processes_lose_no_match_and_change_no_result(tmp_path):
+    """Only this finds a match that is lost with its process."""
     expected = [play_plan(one) for one in plan_matches(PLAN, 5)]
     killing = replace(PLAN, theirs=functools.partial(KillsItsProcess, marker=tmp_path / "killed"))
     assert but_for_names(results_of(plan_matches(killing, 5), local_workers(2))) == but_for_names(expected)
@@ -101,20 +102,8 @@ def test_local_processes_lose_no_match_and_change_no_result(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_cluster_loses_no_match_and_changes_no_result(tmp_path):
-    distributed = pytest.importorskip("distributed")
-    expected = [play_plan(one) for one in plan_matches(PLAN, 5)]
-    killing = replace(PLAN, theirs=functools.partial(KillsItsProcess, marker=tmp_path / "killed"))
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50, local_directory=tmp_path
-    ) as cluster:
-        found = results_of(plan_matches(killing, 5), dask_workers(cluster.scheduler_address))
-        assert but_for_names(found) == but_for_names(expected)
-    assert (tmp_path / "killed").exists()
-
-
-@pytest.mark.slow
 def test_command_writes_the_same_file_for_any_workers(tmp_path, capsys, monkeypatch):
+    """Only this finds a tournament's file or table that depends on who played."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(workers, "local_workers", lambda jobs: here())
     monkeypatch.setattr(workers, "dask_workers", lambda address: here(loses=[3]))

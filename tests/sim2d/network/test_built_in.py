@@ -49,6 +49,7 @@ def test_some_robots_play_and_the_others_obey_foreign_commands():
 
 @pytest.mark.slow
 def test_players_with_cameras_of_their_own_play_within_their_limits():
+    """Only this finds a player by its own camera that no frame reaches in the league's simulator."""
     simulator = begin("blue=plain:1", players=2)
     assert way(simulator, sim.Team.BLUE, 1, 1.5) > 0.1
     assert simulator.world.spec(sim.Team.BLUE, 1).max_speed_mps == setup_for(FIELD).robot.limits.speed_mps

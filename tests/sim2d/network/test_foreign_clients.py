@@ -106,6 +106,7 @@ def namespace():
 
 @pytest.mark.parametrize(("package", "program"), [("sslclient==1.1.2", SSLCLIENT), ("pySSLVision==2.0.0", PYSSLVISION)])
 def test_a_foreign_client_reads_a_hundred_frames_as_they_are(environment, namespace, tmp_path, package, program):
+    """Only this finds packets that others' programs read otherwise than ours."""
     python = environment(package)
     done = subprocess.run(
         [*namespace, sys.executable, str(SESSION), str(python), program],
@@ -125,6 +126,7 @@ def test_a_foreign_client_reads_a_hundred_frames_as_they_are(environment, namesp
 
 
 def test_a_foreign_tool_reads_our_vision_log(environment, tmp_path):
+    """Only this finds a log that others' programs read otherwise than ours."""
     python = environment("rc-ssl-logtools==0.0.4")
     simulator = LeagueSimulator(load_field("ssl_division_b"), 6, REALISMS["rc2021"], epoch_s=time.time())
     entries = [

@@ -350,11 +350,6 @@ def test_no_bytes_stop_the_simulator():
     fuzz(3000)
 
 
-@pytest.mark.slow
-def test_many_bytes_do_not_stop_it_either():
-    fuzz(100_000)
-
-
 def test_the_same_seed_and_requests_give_the_same_packets():
     runs = []
     for seed in (1, 1, 2):
@@ -384,12 +379,13 @@ def test_what_a_user_can_mend_is_reported():
 
 @pytest.mark.slow
 def test_hours_neither_drift_nor_grow():
+    """Only this finds memory that grows with every step, and stamps that drift within a day."""
     import gc
     import tracemalloc
 
     made = simulator(1, REALISMS["rc2021"])
     move = sim.MoveCommand(world=sim.GlobalVelocity(1.0, 0.3, 1.0))
-    published_steps = 300 * 60
+    published_steps = 300 * 20
     sizes = []
     tracemalloc.start()
     for _ in range(3):
@@ -400,7 +396,7 @@ def test_hours_neither_drift_nor_grow():
         gc.collect()
         sizes.append(tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
-    assert made.world.t_s == 180.0
+    assert made.world.t_s == 60.0
     assert sizes[2] - sizes[1] < 20_000
     # a day is 25,920,000 steps, and time is their number over 300: no sum that could drift
     made.world._steps = 24 * 3600 * 300

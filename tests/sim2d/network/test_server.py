@@ -183,6 +183,7 @@ def test_the_command_runs_as_fast_as_it_goes_and_ends(ports, capsys):
 
 @pytest.mark.slow
 def test_the_command_shows_bad_datagrams_and_ends_by_an_interrupt(ports):
+    """Only this finds a server that an interrupt ends with a traceback, or not at all."""
     command = [sys.executable, "-m", "robocup_vision.cli", *command_line(ports, free_port(), "--seconds", "60")]
     # a test run in the background ignores interrupts, and what it starts would, too
     heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
@@ -221,6 +222,7 @@ def test_wrong_options_are_reported_in_one_line(options, words, capsys):
 
 @pytest.mark.slow
 def test_a_foreign_team_of_thirty_lines_drives_a_square_and_kicks(running):
+    """Only this finds commands of a stranger's program that robots obey otherwise than the league says."""
     ports = running.ports
     arguments = [ports.control, ports.yellow, running.simulator.vision_port]
     done = subprocess.run(

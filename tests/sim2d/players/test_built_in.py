@@ -75,6 +75,7 @@ def right(rows):
 
 @pytest.mark.slow
 def test_two_against_two_know_where_they_are():
+    """Only this finds players that lose their place among moving robots."""
     _, rows, _, team = play(6.0, players=2, seed=3)
     assert right(rows).mean() >= 0.95
     assert right(rows[rows[:, 0] > 2.0]).mean() >= 0.99
@@ -82,32 +83,17 @@ def test_two_against_two_know_where_they_are():
     assert team[1].status.view is not None
 
 
-@pytest.mark.parametrize("side", [1, pytest.param(-1, marks=pytest.mark.slow)])
-def test_a_ball_before_the_opponents_goal_is_shot_into_it(side):
+def test_a_ball_before_the_opponents_goal_is_shot_into_it():
     def lay_out(period, world):
         if period == 40:
             # the opponent stands in a far corner
-            world.place(0 if side > 0 else 1, Pose2(0.5 * side, 0.1, 0.0))
-            world.place(1 if side > 0 else 0, Pose2(-1.2 * side, -0.6, 0.0))
-            world.place_ball(0.9 * side, 0.1 * side)
+            world.place(0, Pose2(0.5, 0.1, 0.0))
+            world.place(1, Pose2(-1.2, -0.6, 0.0))
+            world.place_ball(0.9, 0.1)
 
     world, _, goals, _ = play(7.0, disturb=lay_out)
     assert goals >= 1
-    assert world.state.score[0 if side > 0 else 1] >= 1
-
-
-@pytest.mark.slow
-def test_a_robot_carried_off_knows_its_place_again_within_a_second():
-    def carry(period, world):
-        if period == 60:
-            world.place(0, Pose2(0.8, 0.4, 2.5))
-        if period == 75:
-            world.push(1, 0.2, -0.1, 1.0)
-
-    _, rows, _, _ = play(4.0, disturb=carry)
-    assert not right(rows[(rows[:, 1] == 0) & (rows[:, 0] > 2.05) & (rows[:, 0] < 2.2)]).any()
-    for robot, since in ((0, 60), (1, 75 + 6)):
-        assert right(rows[(rows[:, 1] == robot) & (rows[:, 0] > since / 30 + 1.0)]).all()
+    assert world.state.score[0] >= 1
 
 
 def dropped(rng):
@@ -118,32 +104,15 @@ def dropped(rng):
     return spoil
 
 
-def delayed(period, index, senses, held={}):  # noqa: B006
-    waiting = held.setdefault(index, [])
-    if period == 0:
-        waiting.clear()
-    waiting.append((senses.frame, senses.frame_t_s))
-    frame, frame_t_s = waiting[max(len(waiting) - 4, 0)]
-    return dataclasses.replace(senses, frame=frame, frame_t_s=frame_t_s)
-
-
-def stretched(period, index, senses):
-    x, y, theta = (1.2 * senses.odometry.array).tolist()
-    return dataclasses.replace(senses, odometry=Pose2(x, y, theta))
-
-
-@pytest.mark.parametrize(
-    "spoil",
-    [dropped(np.random.default_rng(5)), *(pytest.param(f, marks=pytest.mark.slow) for f in (delayed, stretched))],
-)
-def test_lasting_faults_of_the_senses_leave_it_its_place(spoil):
-    _, rows, _, _ = play(3.0, spoil=spoil, seed=7)
+def test_frames_that_are_dropped_leave_it_its_place():
+    _, rows, _, _ = play(3.0, spoil=dropped(np.random.default_rng(5)), seed=7)
     assert right(rows[rows[:, 0] > 0.5]).mean() >= 0.95
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["frozen", "black", "none"])
 def test_a_camera_that_fails_for_a_second_stops_the_robot_until_it_sees_again(fault):
+    """Only this finds a robot that drives on blindly."""
     kept = {}
 
     def spoil(period, index, senses):
@@ -216,6 +185,7 @@ def test_a_lost_player_with_a_forward_camera_looks_no_more_than_ten_times_a_seco
 
 @pytest.mark.slow
 def test_a_head_that_pans_finds_its_place_by_the_goals():
+    """Only this finds a place that is off by what the head turns between two frames."""
     field = load_field("four_legged_2007")
     camera = PinholeCamera((208, 160), (210.0, 210.0), (103.5, 79.5), 0.25, tilt_rad=math.radians(-6), roll_rad=0.0)
     limits = RobotLimits(radius_m=field.robot_radius_m, speed_mps=0.4)
@@ -247,6 +217,7 @@ def test_what_a_turning_head_sees_is_seen_from_where_it_was():
 
 @pytest.mark.slow
 def test_players_that_remember_follow_the_others_and_know_the_floor():
+    """Only this finds tracks or a map that a player's own driving smears."""
     plan = MatchPlan(seconds=3.0, seed=3, ours=partial(BuiltInPlayer, remembers=True))
     match = plan.begin()
     pictures = MatchPictures(match.arena.field, match.arena.camera, 4, match.arena.limits.radius_m)

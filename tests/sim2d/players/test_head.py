@@ -120,6 +120,7 @@ def test_a_head_looks_at_undecided_floor_on_the_way_when_it_does_not_watch_the_b
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["asking", "looking"])
 def test_players_that_ask_or_look_again_play_on(name):
+    """Only this finds a player that its own questions stop."""
     match = Match(FIELD, 1, 3, ours=player_factory(name))
     robots = [moment.robots[0] for moment in match.play(2.0)]
     assert not any(robot.stopped for robot in robots)

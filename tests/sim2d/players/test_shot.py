@@ -20,7 +20,6 @@ from sim2d.robot_link import RobotLimits
 
 FIELD = load_field("ssl_2001")
 LIMITS = RobotLimits()
-REACH_M = LIMITS.radius_m + FIELD.ball_radius_m
 
 
 def track(number, x_m, y_m, vx_mps=0.0, vy_mps=0.0):

@@ -91,14 +91,13 @@ def crossing_u(pixels: FloatArray, row: int) -> float:
 @pytest.mark.parametrize(
     ("x", "y", "tilt", "roll"),
     [
-        pytest.param(2.2, -1.0, 0.1, 0.0, marks=pytest.mark.slow),
         (1.2, 0.3, 0.05, 0.08),
-        pytest.param(-0.8, -1.5, 0.0, -0.05, marks=pytest.mark.slow),
         pytest.param(-2.3, 1.0, 0.1, 0.02, marks=pytest.mark.slow),
     ],
 )
 @pytest.mark.parametrize(("member", "side"), [("positive_y", 1), ("negative_y", -1)])
 def test_posts_edges_are_where_projection_says(x: float, y: float, tilt: float, roll: float, member: Member, side: int):
+    """The far, rolled view alone finds an error that grows with distance or roll."""
     camera, pose = looking_at_goal(x, y, tilt, roll)
     share = coverage(camera, pose, member)
     for outline, is_left in zip(silhouettes(pose, side, np.array([0.03, 0.38])), (True, False), strict=True):
@@ -114,9 +113,10 @@ def test_posts_edges_are_where_projection_says(x: float, y: float, tilt: float, 
 
 @pytest.mark.parametrize(
     ("x", "roll"),
-    [(1.2, 0.0), pytest.param(0.0, 0.06, marks=pytest.mark.slow), pytest.param(-2.0, -0.04, marks=pytest.mark.slow)],
+    [(1.2, 0.0), pytest.param(-2.0, -0.04, marks=pytest.mark.slow)],
 )
 def test_bars_edges_are_where_projection_says(x: float, roll: float):
+    """The far, rolled view alone finds an error that grows with distance or roll."""
     camera, pose = looking_at_goal(x, 0.2, 0.05, roll)
     share = coverage(camera, pose, "bar")
     # in the plane across the bar the sight lines touch it below and above its axis
@@ -136,12 +136,11 @@ def test_bars_edges_are_where_projection_says(x: float, roll: float):
         check_edge(np.array(errors))
 
 
-@pytest.mark.parametrize("side", [1, pytest.param(-1, marks=pytest.mark.slow)])
-def test_posts_stand_on_the_floor_and_end_at_the_bars_upper_edge(side: int):
+def test_posts_stand_on_the_floor_and_end_at_the_bars_upper_edge():
     camera, pose = looking_at_goal(1.0, 0.0, 0.05, 0.0)
-    share = coverage(camera, pose, "positive_y" if side > 0 else "negative_y")
-    toward = math.atan2(pose.y_m - side * GOAL.width_m / 2, pose.x_m - GOAL.line_x_m)
-    near = np.array([GOAL.line_x_m, side * GOAL.width_m / 2]) + GOAL.post_radius_m * np.array(
+    share = coverage(camera, pose, "positive_y")
+    toward = math.atan2(pose.y_m - GOAL.width_m / 2, pose.x_m - GOAL.line_x_m)
+    near = np.array([GOAL.line_x_m, GOAL.width_m / 2]) + GOAL.post_radius_m * np.array(
         [math.cos(toward), math.sin(toward)]
     )
     top = GOAL.height_m + GOAL.post_radius_m
@@ -181,6 +180,7 @@ def test_offset_and_pan_place_the_camera_on_its_robot():
 
 @pytest.mark.slow
 def test_distorted_lens_bends_the_picture_as_the_camera_says():
+    """Only this finds a renderer that leaves out the lens's distortion."""
     camera, pose = looking_at_goal(0.8, 0.0, 0.05, 0.0)
     camera = dataclasses.replace(camera, distortion=(-0.25, 0.05, 0.0, 0.0))
     share = coverage(camera, pose, "positive_y")
@@ -201,6 +201,7 @@ def test_robot_in_front_hides_the_post():
 
 @pytest.mark.slow
 def test_glare_stays_on_its_member_of_its_goal_and_turns_paint_white():
+    """Only this finds glare on the wrong member, or that leaves paint its colour."""
     camera, pose = looking_at_goal(1.0, 0.0, 0.05, 0.0)
     scene = Scene(FIELD, room=ROOM)
     dark = bare(camera, pose)
@@ -226,6 +227,7 @@ def test_sunlight_falls_where_its_beam_goes():
 
 @pytest.mark.slow
 def test_backdrop_hangs_behind_everything_and_repeats():
+    """Only this finds a backdrop that hides the field, or differs from frame to frame."""
     camera, pose = looking_at_goal(1.0, 0.0, 0.1, 0.0)
     scene = Scene(FIELD, room=ROOM)
     plain, hall, again = (

@@ -36,6 +36,7 @@ def test_corners_in_view_are_counted_with_what_hides_them() -> None:
 
 @pytest.mark.slow
 def test_counts_add_up_and_depend_on_seed_and_index_alone() -> None:
+    """Only this finds counts that depend on how the work was shared out."""
     both = count_evidence(FIELD, CAMERA, 3, range(8))
     parts = count_evidence(FIELD, CAMERA, 3, range(4)) + count_evidence(FIELD, CAMERA, 3, range(4, 8))
     assert both.first.sum() == 8

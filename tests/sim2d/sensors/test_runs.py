@@ -72,6 +72,7 @@ def test_movers_move_and_are_seen(vision):
 
 @pytest.mark.slow
 def test_a_field_without_room_is_refused(vision):
+    """Only this finds a search for room that never ends."""
     crowd = dataclasses.replace(KINDS["plain"], boxes=80)
     with pytest.raises(ArgumentError, match="has no room for all that shall stand on it"):
         next(sensor_run(FIELD, CAMERA, crowd, np.random.default_rng(0), frames=1, vision=vision))

@@ -95,6 +95,7 @@ def test_places_near_a_ball_are_not_apart_from_it():
 
 @pytest.mark.slow
 def test_rendered_fields_show_a_ball_where_they_say():
+    """Only this finds training pictures whose balls are of another size than their places ask for."""
     # compiles the renderer
     pictures = rendered_pictures(np.random.default_rng(5), 3)
     for one in pictures:

@@ -43,6 +43,7 @@ def test_crops_are_of_what_boxes_mark_and_of_other_places_of_the_floor():
 
 @pytest.mark.slow
 def test_a_network_learns_to_tell_what_it_is_shown(tmp_path):
+    """Only this finds a training that does not learn, or writes a network that OpenCV runs otherwise."""
     # torch is imported and trained
     pytest.importorskip("torch")
     from robocup_vision.perception.kinds.network import KindNetwork

@@ -52,30 +52,23 @@ def assert_is_true(result, camera=TRUE):
     ("ratio", "height_m", "tilt_deg"),
     [
         (0.93, 0.0, 0.0),
-        *(pytest.param(*far, marks=pytest.mark.slow) for far in ((1.07, 0.03, 1.0), (1.15, -0.03, -1.0))),
+        pytest.param(1.15, -0.03, -1.0, marks=pytest.mark.slow),
     ],
 )
 def test_lines_alone_correct_a_start(ratio, height_m, tilt_deg, spl, frames):
+    """The farther start alone finds a fit that is led astray by one that is too long, too low and nods."""
     assert_is_true(calibrate_forward(spl, frames, off(ratio, height_m, tilt_deg)))
 
 
 @pytest.mark.slow
-def test_the_result_does_not_depend_on_the_start(spl, frames):
-    one, other = (calibrate_forward(spl, frames, off(ratio)) for ratio in (0.95, 1.05))
-    assert one
-    assert other
-    assert one.camera.focal_px[0] == pytest.approx(other.camera.focal_px[0], rel=1e-3)
-    assert one.camera.height_m == pytest.approx(other.camera.height_m, abs=1e-3)
-
-
-@pytest.mark.slow
 def test_lines_do_without_any_start(spl, frames):
-    """Tilt, focal length and height are of no file."""
+    """Only this finds a search over tilts, focal lengths and heights that misses the true ones."""
     assert_is_true(calibrate_forward(spl, frames))
 
 
 @pytest.mark.slow
 def test_walls_serve_where_goals_have_no_posts():
+    """Only this finds boards that draw a lens's fit to another scale."""
     field = load_field("ssl_2001")
     camera = replace(TRUE, height_m=0.2, tilt_rad=math.radians(-12.0))
     places = (
@@ -102,6 +95,7 @@ def test_walls_serve_where_goals_have_no_posts():
     ],
 )
 def test_what_would_do_is_said_where_nothing_is_in_view(start, ways, spl):
+    """The case without a start alone finds wrong advice to who gave none."""
     result = calibrate_forward(spl, [np.full((240, 320, 3), (50, 130, 45), np.uint8)], start)
     assert isinstance(result, NotCalibrated)
     assert result.reason == f"no goal is found in any of the images, whatever the focal length may be{ways}"

@@ -39,6 +39,7 @@ def off(ratio, height_m):
 
 @pytest.mark.slow
 def test_focal_length_and_height_are_reported_with_their_uncertainty(field, samples):
+    """Only this finds a fit by goals that is wrong, or surer than it is right."""
     result = calibrate_forward(field, [s.frame for s in samples], off(1.1, 0.21))
     assert result
     height_m = float(np.mean([s.camera.height_m for s in samples]))
@@ -54,6 +55,7 @@ def test_focal_length_and_height_are_reported_with_their_uncertainty(field, samp
 
 @pytest.mark.slow
 def test_a_fixed_camera_has_its_tilt_reported(field, samples):
+    """Only this finds a tilt that is left out though all pictures share it."""
     result = calibrate_forward(field, [samples[0].frame] * 3, TRUE)
     assert result
     assert result.camera.tilt_rad == pytest.approx(samples[0].camera.tilt_rad, abs=math.radians(1.0))
@@ -98,6 +100,7 @@ def test_a_field_without_posts_is_refused():
 
 @pytest.mark.slow
 def test_the_command(samples, tmp_path, capsys):
+    """Only this finds a command that hands start or images over wrongly."""
     for one in samples:
         cv2.imwrite(str(tmp_path / f"{one.index}.png"), one.frame)
     save_camera(off(1.05, 0.19), tmp_path / "start.toml")
@@ -135,6 +138,7 @@ def test_each_mistake_is_one_line(arguments, said, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_pose_helps_where_the_prior_is_right(field, samples):
+    """Only this finds poses that are matched to other images than theirs."""
     poses = {str(s.index): Pose2(s.pose.x_m, s.pose.y_m, s.pose.theta_rad) for s in samples}
     names = [str(s.index) for s in samples]
     result = calibrate_forward(field, [s.frame for s in samples], off(0.95, 0.18), names=names, poses=poses)

@@ -67,8 +67,9 @@ def assert_is_true(result, truth):
         assert abs(found - true) < 3 * std[f"center_{name}_px"] + 0.5
 
 
-@pytest.mark.slow  # renders eight pictures, and tries seven focal lengths
+@pytest.mark.slow
 def test_a_fisheye_is_found_from_its_rough_height_and_tilt(middle_size, fisheye_frames):
+    """Only this finds a fisheye's search and fit that end at another lens, or see past its rim."""
     known = KnownOfCamera("fisheye", height_m=0.7, tilt_rad=0.0)
     result = calibrate_forward(middle_size, fisheye_frames, known)
     assert_is_true(result, FISHEYE)
@@ -83,8 +84,9 @@ def test_a_fisheye_is_found_from_its_rough_height_and_tilt(middle_size, fisheye_
     assert 0.9 * 190 < outer <= 190 + 1
 
 
-@pytest.mark.slow  # renders six pictures, and fits them four times
+@pytest.mark.slow
 def test_a_lens_that_bends_lines_is_noticed_without_a_word():
+    """Only this finds a bent lens that is fitted as a straight one."""
     field = load_field("spl_2020")
     start = replace(BENT, distortion=(), center_px=(159.5, 119.5), focal_px=(216.0, 216.0))
     result = calibrate_forward(field, render(field, BENT, PLACES, 8, margin_m=0.6), start)

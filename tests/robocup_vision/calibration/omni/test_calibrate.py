@@ -20,7 +20,6 @@ def from_rough(ssl_field, off_frames, rough_camera):
     return calibrate_omni(ssl_field, off_frames, rough_camera)
 
 
-@pytest.mark.slow
 def test_a_rough_start_leads_to_the_true_camera(from_rough, true_camera, floor_error_m):
     assert isinstance(from_rough, OmniCalibration)
     assert floor_error_m(from_rough.camera, true_camera) < 2e-3
@@ -31,6 +30,7 @@ def test_a_rough_start_leads_to_the_true_camera(from_rough, true_camera, floor_e
 
 @pytest.mark.slow
 def test_no_start_at_all_leads_there_too(ssl_field, off_frames, true_camera, floor_error_m):
+    """Only this finds a search without a start that misses the camera, or its usable rim."""
     result = calibrate_omni(ssl_field, off_frames[:4])
     assert isinstance(result, OmniCalibration)
     assert floor_error_m(result.camera, true_camera) < 2e-3
@@ -77,6 +77,7 @@ def test_it_says_how_good_it_is(from_rough):
 
 @pytest.mark.slow
 def test_a_carpet_is_calibrated_by_its_lines(mirror_camera, paint_field, floor_error_m):
+    """Only this finds a fit that needs walls."""
     field = load_field("msl_6x4")
     truth = dataclasses.replace(mirror_camera, center_px=(163.0, 116.0))
     rng = np.random.default_rng(5)
@@ -94,6 +95,8 @@ def test_a_carpet_is_calibrated_by_its_lines(mirror_camera, paint_field, floor_e
 
 @pytest.mark.slow
 def test_frames_that_are_of_no_use_are_left_out_by_name(ssl_field, off_frames, rough_camera):
+    """Only this finds useless images that end a calibration, or leave it in silence."""
+
     class Broken(list):
         def __getitem__(self, index):
             if index == 1:
@@ -113,19 +116,6 @@ def test_frames_that_are_of_no_use_are_left_out_by_name(ssl_field, off_frames, r
     ]
 
 
-@pytest.mark.slow
-def test_at_most_so_many_frames_are_looked_at(ssl_field, off_frames, paper_camera):
-    seen = set()
-
-    class Watched(list):
-        def __getitem__(self, index):
-            seen.add(index)
-            return super().__getitem__(index)
-
-    calibrate_omni(ssl_field, Watched(off_frames * 20), paper_camera, max_frames=3)
-    assert seen == {0, 60, 119} or len(seen) == 3
-
-
 def test_images_without_a_field_are_refused(ssl_field, rough_camera):
     rng = np.random.default_rng(6)
     dark = np.zeros((220, 256, 3), dtype=np.uint8)
@@ -138,21 +128,15 @@ def test_images_without_a_field_are_refused(ssl_field, rough_camera):
     assert isinstance(calibrate_omni(ssl_field, list(noise), rough_camera), NotCalibrated)
 
 
-@pytest.mark.parametrize(
-    ("name", "has_start"),
-    [
-        ("ssl_division_b", True),
-        pytest.param("msl_6x4", False, marks=pytest.mark.slow),
-    ],
-)
-def test_images_of_another_field_are_refused(off_frames, rough_camera, name, has_start):
-    refused = calibrate_omni(load_field(name), off_frames[:3], rough_camera if has_start else None)
+def test_images_of_another_field_are_refused(off_frames, rough_camera):
+    refused = calibrate_omni(load_field("ssl_division_b"), off_frames[:3], rough_camera)
     assert isinstance(refused, NotCalibrated)
     assert refused.reason
 
 
 @pytest.mark.slow
 def test_a_centre_beyond_the_bound_is_refused(ssl_field, off_frames, rough_camera):
+    """Only this finds a fit that takes a camera's centre anywhere."""
     far = dataclasses.replace(rough_camera, center_px=(185.0, 60.0))
     assert isinstance(calibrate_omni(ssl_field, off_frames, far), NotCalibrated)
 
@@ -196,6 +180,7 @@ def calibrated_on_carpet(paint_field, camera, pose, start=None, settings=OmniCal
 
 @pytest.mark.slow
 def test_one_image_of_many_lines_is_enough(carpet_camera, paint_field, floor_error_m):
+    """Only this finds a calibration by one image that is refused or wrong."""
     result = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3))
     assert isinstance(result, OmniCalibration)
     assert floor_error_m(result.camera, carpet_camera) < 0.02
@@ -214,6 +199,7 @@ def test_one_image_of_few_lines_is_refused(carpet_camera, paint_field):
 
 @pytest.mark.slow
 def test_where_a_start_leads_to_no_answer_one_is_found_without_its_curve(carpet_camera, paint_field, floor_error_m):
+    """Only this finds a wrong curve in a start that ends the search, or costs the start's mounting."""
     true = dataclasses.replace(carpet_camera, mirrored=True, heading_rad=0.4, offset_m=(0.02, -0.01))
     # what a start must show is asked for in vain
     settings = dataclasses.replace(OmniCalibrationSettings(), min_started_features=30, max_height_radii=30.0)
@@ -227,15 +213,8 @@ def test_where_a_start_leads_to_no_answer_one_is_found_without_its_curve(carpet_
 
 
 @pytest.mark.slow
-def test_without_a_start_more_lines_may_be_asked_for(carpet_camera, paint_field):
-    settings = dataclasses.replace(OmniCalibrationSettings(), min_single_features=30)
-    refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), settings=settings)
-    assert isinstance(refused, NotCalibrated)
-    assert "so few lines" in refused.reason
-
-
-@pytest.mark.slow
 def test_a_table_with_a_kink_is_mended(carpet_camera, paint_field, floor_error_m):
+    """Only this finds a table of ranges that is replaced by a smooth curve instead of mended."""
     radius = np.array([18.0, 28.0, 38.0, 48.0, 58.0, 68.0, 73.0, 78.0, 83.0, 88.0, 93.0, 98.0, 103.0, 108.0, 113.0])
     kinked = Table(radius, 0.25 + 0.22 * np.arange(len(radius)))
     true = dataclasses.replace(carpet_camera, floor_range=kinked, tilt_rad=(0.004, -0.003), viewpoint_height_m=0.6)
@@ -267,6 +246,7 @@ def test_an_image_that_leaves_the_camera_open_is_refused(carpet_camera, paint_fi
 
 @pytest.mark.slow
 def test_without_a_start_less_may_stay_open(carpet_camera, paint_field):
+    """Only this finds a start that is held to the bounds of a camera nobody knows."""
     settings = dataclasses.replace(OmniCalibrationSettings(), max_range_std=1e-4)
     refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), settings=settings)
     assert isinstance(refused, NotCalibrated)

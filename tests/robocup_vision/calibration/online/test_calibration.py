@@ -33,6 +33,7 @@ def true_camera(paper_camera):
 
 @pytest.mark.slow
 def test_it_goes_to_the_true_camera_and_poses_get_better(ssl_field, paper_camera, true_camera, walk):
+    """Only this finds a followed calibration that does not make poses better."""
     online = OnlineCalibration(ssl_field, paper_camera, settings=OFTEN)
     vision, by_file = Vision(ssl_field, paper_camera, online=online), Vision(ssl_field, paper_camera)
     errors, errors_by_file = [], []
@@ -58,6 +59,7 @@ def test_it_goes_to_the_true_camera_and_poses_get_better(ssl_field, paper_camera
 
 @pytest.mark.slow
 def test_it_stops_at_its_bound_and_says_so(ssl_field, paper_camera, walk):
+    """Only this finds a camera that drifts past its bound."""
     off = dataclasses.replace(paper_camera, center_px=(125.5, 111.0))
     online = OnlineCalibration(
         ssl_field, off, settings=OnlineSettings(every_s=0.01, min_step_s=0.01, max_center_px=0.5, max_tilt_rad=1e-3)
@@ -120,6 +122,7 @@ def test_a_robot_that_is_not_located_tries_other_cameras_and_comes_back(ssl_fiel
 
 @pytest.mark.slow
 def test_a_knock_is_noticed(ssl_field, paper_camera, walk):
+    """Only this finds a knock that is followed as slowly as a drift, or not counted."""
     off = dataclasses.replace(paper_camera, center_px=(paper_camera.center_px[0] + 2.5, paper_camera.center_px[1]))
     online = OnlineCalibration(ssl_field, off, settings=OFTEN)
     vision = Vision(ssl_field, off, online=online)
@@ -143,6 +146,7 @@ def _leaning_walk(field, camera):
 
 @pytest.mark.slow
 def test_a_body_that_leans_is_no_knock_and_no_tilt(ssl_field, paper_camera):
+    """Only this finds a body's leaning that is learnt as tilt, or counted as knocks."""
     online = OnlineCalibration(ssl_field, paper_camera, settings=OFTEN)
     upright = OnlineSettings(
         every_s=OFTEN.every_s,

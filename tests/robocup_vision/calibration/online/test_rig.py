@@ -70,14 +70,13 @@ def off_by(online, true):
 @pytest.mark.parametrize(
     "degrees",
     [
-        ((0, 0), (2.0, 0), (0, 0), (0, 0)),
-        ((0, 0), (0, 0), (0, -1.5), (0, 0)),
         ((0, 2.0), (0, 0), (-1.8, 1.0), (0, 0)),
         ((0, 0), (0, 0), (0, 0), (0, 0)),
     ],
-    ids=["yaw", "tilt", "both", "right"],
+    ids=["turned", "right"],
 )
 def test_it_goes_to_the_true_rig_and_is_as_sure_as_it_says(degrees):
+    """Only this finds mountings that drift elsewhere, or are surer than they are right."""
     true = turned(degrees)
     online = OnlineCalibration(FIELD, RIG)
     before_px = online.shift_px(true)
@@ -100,6 +99,7 @@ def test_it_goes_to_the_true_rig_and_is_as_sure_as_it_says(degrees):
 # frames of four cameras are rendered and looked at
 @pytest.mark.slow
 def test_a_body_that_leans_leaves_the_mountings_where_they_are():
+    """Only this finds a body's leaning that is learnt as a mounting."""
     online = OnlineCalibration(FIELD, RIG)
     leans = [(1.0, -0.5), (-0.8, 1.0), (0.3, 1.1), (-1.0, -0.6), (0.6, -1.0)]
     drive(Vision(FIELD, RIG, online=online), [leaning(RIG, *map(math.radians, lean)) for lean in leans])

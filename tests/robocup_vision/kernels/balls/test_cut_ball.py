@@ -1,11 +1,9 @@
-"""The ball of which the picture shows a part, against plain NumPy."""
+"""The ball of which the picture shows a part."""
 
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from robocup_vision.kernels.balls.blobs import BallSize
 from robocup_vision.kernels.balls.cut_ball import fit_cut_ball
@@ -29,32 +27,6 @@ def plain_points(center, size):
     ways = np.array([size.along_px[index] * ray, size.across_px[index] * np.array([-ray[1], ray[0]])])
     points = center + DISC @ ways
     return points, points[((points >= -0.5) & (points <= (WIDTH - 0.5, HEIGHT - 0.5))).all(axis=1)]
-
-
-def plain_fit(part, size):
-    center, ratio, shown = part.copy(), 1.0, np.empty((0, 2))
-    for _ in range(12):
-        points, now = plain_points(center, size)
-        if not len(now):
-            break
-        ratio, shown = len(now) / len(points), now
-        center = center + part - now.mean(axis=0)
-    ray = (part - (size.axis_u, size.axis_v)) / max(math.hypot(*(part - (size.axis_u, size.axis_v))), 1e-9)
-    stds = [2 * np.std(shown @ way) if len(shown) else 0.0 for way in (ray, np.array([-ray[1], ray[0]]))]
-    return *center, ratio, len(shown), *stds
-
-
-@settings(deadline=None, max_examples=60)
-@given(
-    st.floats(-30.0, WIDTH + 30.0),
-    st.floats(-30.0, HEIGHT + 30.0),
-    st.sampled_from([(40.0, 300.0), (39.5, 29.5), (-50.0, 10.0)]),
-    st.floats(0.0, 0.08),
-)
-def test_a_cut_ball_is_fitted_as_plainly_defined(u, v, axis, slope):
-    size = ball_size(axis, slope)
-    found = fit_cut_ball(u, v, WIDTH, HEIGHT, size)
-    np.testing.assert_allclose(found, plain_fit(np.array((u, v)), size), atol=1e-7)
 
 
 @pytest.mark.parametrize(("u", "v"), [(2.0, 30.0), (77.0, 55.0), (40.0, -3.0), (40.0, 30.0)])

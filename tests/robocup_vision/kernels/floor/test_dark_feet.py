@@ -1,56 +1,18 @@
-"""The compiled loops that find the foot of dark things, against plain NumPy twins and edges drawn to be known."""
+"""The foot of dark things, drawn to be known."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.floor.dark_feet import (
     FADE,
-    SPREAD,
     block_dark_bodies,
     block_dark_feet,
-    doubt_beyond,
     foot_px,
 )
 from robocup_vision.kernels.floor.free_floor import BLOCKED, FLOOR, LINE
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def half_way(brightness, valid, last):
-    """Return the brightness half way between the floor up to a column and what lies behind, of one bearing."""
-    behind = slice(last + 1, last + 3)
-    if last + 2 >= len(brightness) or not valid[behind].all():
-        return 0.0
-    floor, dark = brightness[max(last - SPREAD, 0) : last + 1].max(), brightness[behind].min()
-    return 0.5 * (floor + dark) if dark < floor else 0.0
-
-
-def blocked_feet(brightness, valid, in_use, marks):
-    """Return marks (K, M) with the floor that is less than half floor blocked before what was blocked."""
-    out = marks.copy()
-    for k, row in enumerate(marks):
-        for m in range(1, in_use):
-            if row[m] == BLOCKED and row[m - 1] == FLOOR:
-                half = half_way(brightness[k], valid[k], m - 1)
-                at = m - 1
-                while at > max(m - 1 - SPREAD, 0) and row[at] == FLOOR and brightness[k, at] < half:
-                    out[k, at] = BLOCKED
-                    at -= 1
-    return out
-
-
-@settings(deadline=None, max_examples=60)
-@given(seeds, st.integers(6, 20))
-def test_feet_are_blocked_as_numpy_blocks_them(seed, in_use):
-    rng = np.random.default_rng(seed)
-    samples = rng.integers(0, 256, (12, 20, 3), dtype=np.uint8)
-    valid = (rng.random((12, 20)) < 0.95).astype(np.uint8)
-    marks = rng.choice(np.array([0, 1, 1, 1, 2, 3], dtype=np.uint8), (12, 20))
-    expected = blocked_feet(samples.sum(axis=2), valid, in_use, marks)
-    block_dark_feet(samples, valid, in_use, marks)
-    np.testing.assert_array_equal(marks, expected)
 
 
 @pytest.mark.parametrize("foot", [9.6, 12.0, 14.3])
@@ -81,19 +43,6 @@ def test_what_is_bright_behind_the_floor_leaves_its_end_where_it_was():
     block_dark_feet(samples, valid, 20, marks)
     assert ends[0] == 11.5
     assert marks.sum() == 12
-
-
-@settings(deadline=None, max_examples=40)
-@given(seeds, st.integers(1, 64))
-def test_only_weak_evidence_beyond_the_outermost_floor_is_taken_back(seed, certain):
-    rng = np.random.default_rng(seed)
-    llr = rng.integers(-64, 65, (10, 20)).astype(np.int8)
-    columns = rng.integers(-1, 20, 10)
-    expected = llr.copy()
-    beyond = (columns >= 0)[:, None] & (np.arange(20) > columns[:, None])
-    expected[beyond & (llr > 0) & (llr < certain)] = 0
-    doubt_beyond(columns, certain, llr)
-    np.testing.assert_array_equal(llr, expected)
 
 
 def dark_stretch(behind, level=0.3):

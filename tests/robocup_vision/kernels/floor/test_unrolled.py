@@ -19,13 +19,3 @@ def test_samples_are_gathered_and_blurred_as_opencv_does(seed, rows, columns, le
     out = np.empty((rows, columns, 3), dtype=np.uint8)
     unroll(frame, (3 * (v * width + u)).astype(np.int32), out)
     np.testing.assert_array_equal(out, cv2.blur(frame[v, u], (3, 3)))
-
-
-def test_each_sum_of_nine_pixels_is_rounded_to_the_nearest_average():
-    for total in range(9 * 255 + 1):
-        parts = [total // 9 + (n < total % 9) for n in range(9)]
-        frame = np.repeat(np.array(parts, dtype=np.uint8)[None, :, None], 3, axis=2)
-        places = (3 * np.arange(9).reshape(3, 3)).astype(np.int32)
-        out = np.empty((3, 3, 3), dtype=np.uint8)
-        unroll(frame, places, out)
-        assert out[1, 1].tolist() == [(total + 4) // 9] * 3

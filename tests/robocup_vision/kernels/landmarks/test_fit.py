@@ -10,7 +10,7 @@ from landmark_twins import pixel_by_point
 from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.kernels.landmarks.fit import LandmarkPixels, Linearised, fit_pose, linearise, most_informative
+from robocup_vision.kernels.landmarks.fit import LandmarkPixels, fit_pose, most_informative
 from robocup_vision.landmarks.index import pinhole_view
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF
 from robocup_vision.landmarks.projection import (
@@ -55,36 +55,6 @@ def plain_linearise(pose, landmarks, covariance, std):
     return project(CAMERA, points), by_point @ point_by_pose(CAMERA, pose, landmarks), np.linalg.inv(spread)
 
 
-def plain_fit(start, landmarks, covariance, pixels, std):
-    pose = start.copy()
-    for width in (*WIDTHS, None):
-        predicted, jacobian, weight = plain_linearise(pose, landmarks, covariance, std)
-        residual = pixels - predicted
-        squared = np.einsum("ni,nij,nj->n", residual, weight, residual)
-        counts = squared <= CHI2_2DOF if width is None else 1.0 / (1.0 + squared / width**2) ** 2
-        weighted = jacobian.transpose(0, 2, 1) @ (weight * counts[:, None, None])
-        normal = (weighted @ jacobian).sum(axis=0) + 1e-9 * np.eye(3)
-        if width is not None:
-            pose = pose + np.linalg.solve(normal, (weighted @ residual[:, :, None]).sum(axis=0)[:, 0])
-    return pose, np.linalg.inv(normal), squared
-
-
-@settings(max_examples=30, deadline=None)
-@given(POSES, st.integers(0, 10**6))
-def test_a_landmark_is_linearised_as_numpy_does(pose, seed):
-    landmarks, covariance, _ = scene(pose, seed, count=8)
-    std = np.random.default_rng(seed).uniform(0.2, 1.0, 8)
-    pixels, jacobian, weight = plain_linearise(pose, landmarks, covariance, std)
-    for n in range(8):
-        out = Linearised(np.empty(2), np.empty((2, 3)), np.empty((2, 2)))
-        assert linearise(VIEW, pose, landmarks[n], covariance[n], std[n], out)
-        np.testing.assert_allclose(out.pixel, pixels[n], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(out.jacobian, jacobian[n], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(out.weight, weight[n], rtol=1e-7, atol=1e-9)
-    behind = to_world(CAMERA, pose, np.array([[-1.0, 0.2, 0.1]]))[0]
-    assert not linearise(VIEW, pose, behind, covariance[0], std[0], out)
-
-
 @settings(max_examples=20, deadline=None)
 @given(POSES, st.integers(0, 10**6))
 def test_exact_pixels_give_the_exact_pose(pose, seed):
@@ -93,21 +63,6 @@ def test_exact_pixels_give_the_exact_pose(pose, seed):
     found, _, squared = compiled(start, landmarks, covariance, pixels, np.full(len(pixels), 0.3))
     np.testing.assert_allclose(found, pose, atol=1e-5)
     assert (squared < CHI2_2DOF).all()
-
-
-@settings(max_examples=20, deadline=None)
-@given(POSES, st.integers(0, 10**6))
-def test_the_compiled_fit_is_the_plain_one(pose, seed):
-    landmarks, covariance, pixels = scene(pose, seed)
-    rng = np.random.default_rng(seed)
-    std = rng.uniform(0.2, 1.0, len(pixels))
-    pixels = pixels + rng.normal(0, 1, pixels.shape) * std[:, None]
-    start = pose + np.array([0.02, 0.03, -0.02])
-    plain, plain_cov, plain_squared = plain_fit(start, landmarks, covariance, pixels, std)
-    found, cov, squared = compiled(start, landmarks, covariance, pixels, std)
-    np.testing.assert_allclose(found, plain, atol=1e-9)
-    np.testing.assert_allclose(squared, plain_squared, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(cov, plain_cov, rtol=1e-6, atol=1e-15)
 
 
 def test_outliers_are_distinguished():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from steering_twins import BINS, EDGES, RADIUS, around, empty_profile, grown, plain_bin, sectors_of, with_minima
+from steering_twins import BINS, RADIUS, around, grown, plain_bin, sectors_of
 
 from robocup_vision.kernels.mapping import grown_profile as kernels
 
@@ -40,24 +40,6 @@ def test_bins_agree_with_trigonometry(bearing, reach):
     assert index in {int(plain_bin(math.cos(b), math.sin(b))) for b in (bearing - 1e-9, bearing, bearing + 1e-9)}
 
 
-@settings(deadline=None, max_examples=20)
-@given(seeds, st.integers(3, 80))
-def test_sectors_reach_halfway_to_the_neighbours(seed, count):
-    rng = np.random.default_rng(seed)
-    # uneven spacings of at most 1.5 times the smallest: no gaps
-    gaps = rng.uniform(1.0, 1.45, count)
-    bearing = rng.uniform(-1, 1) + np.cumsum(gaps) * math.tau / gaps.sum()
-    sectors = sectors_of(count)
-    assert kernels.measure_sectors(bearing, sectors)
-    upper = 0.5 * (bearing + np.append(bearing[1:], bearing[0] + math.tau))
-    lower = np.append(upper[-1], upper[:-1])
-    expected = np.stack([np.cos(lower), np.sin(lower), np.cos(upper), np.sin(upper)], axis=1)
-    np.testing.assert_allclose(sectors.units, expected, atol=1e-12)
-    assert (sectors.bins[:, 2:] == 1).all()
-    edge_bins = np.stack([plain_bin(np.cos(lower), np.sin(lower)), plain_bin(np.cos(upper), np.sin(upper))], axis=1)
-    assert (np.abs((sectors.bins[:, :2] - edge_bins + BINS // 2) % BINS - BINS // 2) <= 1).all()
-
-
 @pytest.mark.parametrize("bearing", [[0.0, 2.0, 1.0], [0.0, 0.0, 1.0], [0.0, 3.0, 6.5], [0.0, 1.0, math.nan]])
 def test_bearings_that_do_not_ascend_within_a_turn_are_refused(bearing):
     assert not kernels.measure_sectors(np.array(bearing), sectors_of(3))
@@ -79,15 +61,6 @@ def test_grown_profile_is_never_beyond_and_hardly_before_the_exact_one(seed, cou
     assert (value >= least - 1e-9 - 0.002).all()
 
 
-@settings(deadline=None, max_examples=20)
-@given(seeds)
-def test_groups_hold_the_least_of_themselves_and_their_neighbours(seed):
-    profile, _ = grown(np.random.default_rng(seed).uniform(0.02, 1.5, 24))
-    expected, _ = with_minima(profile.ranges)
-    np.testing.assert_array_equal(profile.fine, expected.fine)
-    np.testing.assert_array_equal(profile.coarse, expected.coarse)
-
-
 def test_disc_touches_a_facing_obstacle_one_radius_before_it_and_a_wall_behind_blocks_nothing():
     profile, _ = grown(np.where(np.arange(64) == 0, 0.5, np.inf))
     assert profile_at(profile, 0.0) == pytest.approx(0.41)
@@ -105,41 +78,3 @@ def test_unmeasured_bearings_block_themselves_only():
     pinhole, _ = grown(np.full(9, np.inf), np.linspace(-0.4, 0.4, 9))
     assert profile_at(pinhole, 0.0) == math.inf
     assert profile_at(pinhole, 0.5) == profile_at(pinhole, math.pi) == 0.0
-
-
-@settings(deadline=None, max_examples=20)
-@given(seeds)
-def test_growth_keeps_what_is_unseen_shut_and_grows_from_edges_that_no_neighbour_shades(seed):
-    """Bin by bin, with gaps between the bearings and bearings that were not measured."""
-    rng = np.random.default_rng(seed)
-    count = int(rng.integers(3, 20))
-    bearing = np.sort(rng.uniform(-math.pi, math.pi, count))
-    range_m = rng.uniform(0.02, 1.5, count)
-    range_m[rng.random(count) < 0.2] = rng.choice([np.nan, np.inf])
-    sectors, profile = sectors_of(count), empty_profile()
-    assert kernels.measure_sectors(bearing, sectors)
-    smallest = kernels.grow_profile(range_m, sectors, RADIUS, profile)
-    expected = np.zeros(BINS)
-    own = [np.arange(first, first + (last - first) % BINS + 1) % BINS for first, last, *_ in sectors.bins]
-    for bins in own:
-        expected[bins] = np.inf
-    for k, bins in enumerate(own):
-        expected[bins] = np.minimum(expected[bins], np.fmax(range_m[k], RADIUS) - RADIUS)
-    for k, (first, last, *joined) in enumerate(sectors.bins):
-        if not np.isfinite(range_m[k]):
-            continue
-        for side, other in ((0, range_m[k - 1]), (1, range_m[(k + 1) % count])):
-            if joined[side] and other <= range_m[k]:
-                continue
-            x, y = max(range_m[k], RADIUS) * sectors.units[k, 2 * side : 2 * side + 2]
-            # outwards from the edge, until the disc passes the end point by; edge e lies between bins e - 1 and e
-            steps = np.arange(BINS)
-            edges = (last + 1 + steps if side else first - steps) % BINS
-            ahead, beside = EDGES[edges] @ (x, y), EDGES[edges] @ (y, -x)
-            misses = (ahead <= 0) | (np.abs(beside) > RADIUS)
-            reached = steps < (np.argmax(misses) if misses.any() else BINS)
-            touch = ahead[reached] - np.sqrt(np.maximum(RADIUS**2 - beside[reached] ** 2, 0.0))
-            bins = edges[reached] if side else (edges[reached] - 1) % BINS
-            np.minimum.at(expected, bins, np.maximum(touch, 0.0))
-    np.testing.assert_allclose(profile.ranges, expected, atol=1e-9)
-    assert smallest == profile.ranges.min()

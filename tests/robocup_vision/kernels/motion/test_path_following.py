@@ -1,8 +1,7 @@
-"""Path following against plain NumPy: the path's points, the odometry's covariance, the worst clearance."""
+"""Path following: the path's points, a period's drive, and laws of the worst clearance."""
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -11,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from steering_twins import plain_positions
 
-from robocup_vision.geometry import Pose2, compose_covariance
 from robocup_vision.kernels.motion import path_following as kernels
 
 seeds = st.integers(0, 2**32 - 1)
@@ -75,22 +73,6 @@ def test_a_period_is_the_dead_time_with_the_old_command_and_the_rest_with_the_ne
     np.testing.assert_allclose(moving, (by_new[0] - by_new[1]) / 1e-7, atol=1e-4)
 
 
-@settings(deadline=None, max_examples=50)
-@given(seeds)
-def test_the_spread_is_that_of_composed_poses(seed):
-    rng = np.random.default_rng(seed)
-    root = rng.normal(0, 0.1, (3, 3))
-    covariance, moved = root @ root.T, rng.uniform(-1, 1, 2)
-    way = math.hypot(*moved)
-    along = Pose2(0.0, 0.0, math.atan2(moved[1], moved[0]))
-    slip = np.diag([(0.05 * way) ** 2, (0.2 * way) ** 2, 0.0])
-    turned = compose_covariance(along, np.zeros((3, 3)), Pose2(way, 0.0, 0.0), slip)
-    # odometry in the field's directions: the heading only turns the way
-    expected = compose_covariance(Pose2(0, 0, 0), covariance, Pose2(*moved, 0.0), turned)
-    xx, xy, yy = kernels.spread(covariance, (0.05, 0.2), tuple(moved))
-    np.testing.assert_allclose([[xx, xy], [xy, yy]], expected[:2, :2], atol=1e-12)
-
-
 def clearance(path, place, velocity, pending, covariance, *numbers):
     """Return what the kernel finds with the twin's arguments."""
     *way, discs = numbers
@@ -98,85 +80,9 @@ def clearance(path, place, velocity, pending, covariance, *numbers):
     return kernels.min_clearance(path, start, kernels.Following(*way), discs, 3.0)
 
 
-def plain_clearance(
-    path, place, velocity, pending, covariance, speed, ahead, acceleration, dead, period, looks, slip, discs
-):
-    """Both parts, straight from their definition, three deviations."""
-
-    def toward(disc, where, doubt):
-        way = np.subtract(disc[:2], where)
-        away = np.hypot(*way)
-        both = np.add(doubt, [[disc[3], disc[4]], [disc[4], disc[5]]])
-        return away, math.sqrt(way @ both @ way) / away
-
-    def turned(vector, angle):
-        return tuple(Pose2(0.0, 0.0, angle).transform(vector))
-
-    given = []
-    for disc in discs:
-        away, deviation = toward(disc, place, covariance[:2, :2])
-        given.append(max(disc[2] + 3 * deviation - away, 0.0))
-    here, moving, obeyed, least, at_look = place, velocity, pending, math.inf, None
-    for step in range(1000):
-        target = kernels.follow(path, here, speed, ahead, acceleration)
-        if at_look is not None:
-            target = (0.0, 0.0)
-        here, moving = kernels.drive(here, moving, obeyed, target, acceleration, dead, period)
-        obeyed, moved = target, np.subtract(here, place)
-        xx, xy, yy = kernels.spread(covariance, slip, tuple(moved))
-        doubt = np.array([[xx, xy], [xy, yy]])
-        for disc, more in zip(discs, given, strict=True):
-            away, deviation = toward(disc, here, doubt)
-            least = min(least, more + away - disc[2] - 3 * deviation)
-        if at_look is not None and moving == (0.0, 0.0):
-            break
-        if step + 1 == max(1, round(looks / period)):
-            at_look = (
-                here,
-                moving,
-                obeyed,
-                doubt,
-                covariance[:2, 2] + covariance[2, 2] * np.array([-moved[1], moved[0]]),
-            )
-    here, moving, obeyed, doubt, with_heading = at_look
-    values, vectors = np.linalg.eigh(doubt)
-    for sign, k in itertools.product((-1, 1), (0, 1)):
-        far, axis = math.sqrt(values[k]), sign * vectors[:, k]
-        worst, turn = tuple(here + 3 * far * axis), 3 * with_heading @ axis / far
-        worst_moving, worst_obeyed = turned(moving, turn), turned(obeyed, turn)
-        back, step = False, 0
-        while not (back and worst_moving == (0.0, 0.0)):
-            back = back or kernels.nearest_on_path(path, worst)[1] <= 0.01 or step * period >= 3.0
-            target = (0.0, 0.0) if back else kernels.follow(path, worst, speed, ahead, acceleration)
-            worst, worst_moving = kernels.drive(worst, worst_moving, worst_obeyed, target, acceleration, dead, period)
-            worst_obeyed, step = target, step + 1
-            for disc, more in zip(discs, given, strict=True):
-                away, of_disc = toward(disc, worst, np.zeros((2, 2)))
-                least = min(least, more + away - disc[2] - 3 * (math.hypot(far, of_disc) - far))
-    return least
-
-
 NUMBERS = (0.4, 1.5, 0.03, 1 / 30, 0.5)
 SLIP = (0.05, 0.1)
 STRAIGHT = np.array([[0.0, 0.0], [3.0, 0.0]])
-
-
-@settings(deadline=None, max_examples=40)
-@given(seeds)
-def test_the_least_clearance_is_that_of_its_definition(seed):
-    rng = np.random.default_rng(seed)
-    root = rng.normal(0, 0.03, (3, 3))
-    place, velocity = tuple(rng.uniform(-0.1, 0.1, 2)), tuple(rng.uniform(-0.5, 0.5, 2))
-    discs = np.array([(*rng.uniform((0, -0.9), (2.5, 0.9)), 0.18, 4e-4, 1e-4, 2e-4) for _ in range(2)])
-    given_ones = PATH, place, velocity, velocity, root @ root.T, rng.uniform(0.2, 1.2), *NUMBERS, SLIP
-    found, which = clearance(*given_ones, discs)
-    plain = plain_clearance(*given_ones, discs)
-    if plain < 0.0:
-        # the first part that is short settles it
-        assert plain - 1e-9 <= found < 0.0
-    else:
-        assert found == pytest.approx(plain, abs=1e-9)
-        assert clearance(*given_ones, discs[which : which + 1])[0] == pytest.approx(found)
 
 
 def between_posts(doubt, posts, x=0.0, speed=0.8, slip=SLIP):

@@ -8,7 +8,6 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.tracking.choice import keep_near
 from robocup_vision.tracking.branches import MISS, Branches
 from robocup_vision.tracking.settings import MovingObjectsSettings
 
@@ -69,39 +68,6 @@ def test_trees_apart_do_not_multiply():
     trees = np.repeat(np.arange(30), 2)
     chosen = branches(trees, np.tile([1.0, 2.0], 30), np.arange(60)).choose_together(MAX_STEPS)
     assert chosen.tolist() == list(range(1, 60, 2))
-
-
-def plain_keep(those, chosen, max_log_ratio, max_branches):
-    """Return what each chosen branch's tree keeps, by the words of the documentation."""
-    kept = []
-    for tree in np.unique(those.tree):
-        own = np.flatnonzero(those.tree == tree)
-        best = [i for i in own if chosen[i]]
-        if not best:
-            continue
-        histories, others = {those.history[best[0]].tobytes()}, 1
-        for i in own[np.argsort(-those.evidence[own], kind="stable")]:
-            if i != best[0]:
-                is_likely = those.evidence[i] >= those.evidence[best[0]] - max_log_ratio
-                agrees = those.history[i, -1] == those.history[best[0], -1]
-                if not (is_likely and agrees) or others >= max_branches or those.history[i].tobytes() in histories:
-                    continue
-                histories.add(those.history[i].tobytes())
-                others += 1
-            kept.append(i)
-    return kept
-
-
-@settings(deadline=None, max_examples=60)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 4))
-def test_what_is_kept_is_what_the_plain_twin_keeps(seed, max_branches):
-    rng = np.random.default_rng(seed)
-    those = branches(np.sort(rng.integers(0, 4, 14)), rng.normal(2, 3, 14), rng.integers(-1, 3, 14))
-    those.history[:, -1] = rng.integers(0, 2, 14)
-    chosen = np.zeros(14, dtype=bool)
-    chosen[those.choose_together(MAX_STEPS)] = True
-    kept = keep_near(those.tree, those.evidence, those.history, chosen, 5.0, max_branches)
-    assert kept.tolist() == plain_keep(those, chosen, 5.0, max_branches)
 
 
 def test_each_tree_keeps_its_likely_branches_that_agree_with_the_chosen_one():

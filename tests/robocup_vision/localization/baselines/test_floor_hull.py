@@ -75,6 +75,7 @@ def test_a_clean_floor_gives_the_pose_up_to_a_half_turn(pose: Pose2) -> None:
 @settings(deadline=None, max_examples=25)
 @given(camera=cameras(), pose=poses_inside())
 def test_any_mirror_camera(camera: OmniCamera, pose: Pose2) -> None:
+    """Only this finds a fit that holds for the paper's mirror alone."""
     assume(sees_all_walls(camera, pose))
     estimate = HullFitter(FIELD, camera).locate_floor(project(camera, pose))
     assert estimate
@@ -204,8 +205,9 @@ def test_the_floor_is_seen_to_its_edge_and_no_farther(pose: Pose2) -> None:
     assert 0.2 < (floor[seen].sum() - share[seen].sum()) / edge_px < 0.7
 
 
-@pytest.mark.slow  # renders pictures at the paper's six places
+@pytest.mark.slow
 def test_as_good_as_printed_at_the_papers_places() -> None:
+    """Only this finds a baseline that is worse than its paper, which would flatter all others."""
     vision = Vision(FIELD, CAMERA, method="hull")
     for place, (_, printed) in enumerate(PRINTED):
         found = errors(vision, list(pictures(place, 4, seed=5)))

@@ -227,6 +227,7 @@ def test_no_place_of_the_field_is_special_to_frames_that_tell_the_half(start, dx
 @settings(deadline=None, max_examples=12)
 @given(seeds)
 def test_the_order_in_which_frames_come_does_not_matter(seed):
+    """Only this finds late frames whose order changes the belief."""
     rng = np.random.default_rng(seed)
     steps, frames = random_drive(rng)
     frames += [(at, told(noisy(estimate.pose, rng))) for at, estimate in frames[::5]]
@@ -244,6 +245,7 @@ def test_the_order_in_which_frames_come_does_not_matter(seed):
 @settings(deadline=None, max_examples=15)
 @given(seeds)
 def test_a_late_frame_is_worth_what_it_would_have_been_in_time(seed):
+    """Only this finds late frames that count less, or more, than punctual ones."""
     rng = np.random.default_rng(seed)
     steps, frames = random_drive(rng)
     # the first founds the belief; before it nothing is

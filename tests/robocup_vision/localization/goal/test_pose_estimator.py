@@ -37,6 +37,7 @@ def estimator():
 
 @pytest.mark.slow
 def test_clean_frames_are_located(clean, estimator):
+    """Only this finds a pose by the goal that is off or surer than it is right where nothing disturbs."""
     for sample in clean:
         estimate = estimator.locate(sample.frame)
         assert estimate
@@ -50,6 +51,7 @@ def test_clean_frames_are_located(clean, estimator):
 
 @pytest.mark.slow
 def test_shading_alone_moves_no_edge(clean):
+    """Only this finds edges of a round post that its lighting moves."""
     goal_alone = GoalPoseEstimator(FIELD, CLEAN.camera, use_lines=False)
     for sample in clean:
         found = goal_alone.locate_camera(sample.frame)
@@ -148,6 +150,7 @@ def test_tilt_roll_and_height_are_estimated_too(clean, estimator):
 
 @pytest.mark.slow
 def test_the_goal_s_colour_gives_the_side(estimator):
+    """Only this finds a colour that is taken for the other goal's."""
     samples = list(sample_goal(FIELD, CLEAN, 8, 6, supersample=3))
     assert {sample.goal.side for sample in samples} == {1, -1}
     for sample in samples:
@@ -158,6 +161,7 @@ def test_the_goal_s_colour_gives_the_side(estimator):
 
 @pytest.mark.slow
 def test_frames_without_a_whole_goal_are_refused_with_a_reason(estimator):
+    """Only this finds half a goal, a hidden one or an orange wall that passes for a whole goal."""
     views = ("no_goal", "half_goal", "goal_behind_robot", "orange_wall")
     for sample in sample_goal(FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 4, 8, views=views, supersample=2):
         estimate = estimator.locate(sample.frame)
@@ -171,6 +175,7 @@ def test_an_empty_frame_is_refused(estimator):
 
 @pytest.mark.slow
 def test_half_a_goal_needs_a_prior(estimator):
+    """Only this finds half goals that a prior does not help, or helps to a wrong pose."""
     located = 0
     for sample in sample_goal(FIELD, CLEAN, 11, 8, views=("half_goal",), supersample=2):
         prior = Pose2(sample.pose.x_m + 0.1, sample.pose.y_m - 0.1, sample.pose.theta_rad + 0.03)
@@ -183,6 +188,7 @@ def test_half_a_goal_needs_a_prior(estimator):
 
 @pytest.mark.slow
 def test_white_goals_have_two_candidates_and_a_prior_chooses():
+    """Only this finds white goals whose two halves are not both told."""
     condition = GOAL_CONDITIONS["white_640x480"]
     estimator = GoalPoseEstimator(WHITE_FIELD, condition.camera)
     located = 0
@@ -210,8 +216,9 @@ def test_bad_arguments_are_named(estimator):
 
 
 @pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
-@pytest.mark.parametrize("focal_ratio", [1.0, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (0.97, 1.03))])
+@pytest.mark.parametrize("focal_ratio", [1.0, pytest.param(0.97, marks=pytest.mark.slow)])
 def test_photographs_of_a_white_goal(focal_ratio):
+    """The focal length that is 3 % off alone finds a localiser that needs an exact one."""
     camera = load_camera(PHOTOS / "camera.toml")
     fu, fv = camera.focal_px
     camera = PinholeCamera(camera.size_px, (fu * focal_ratio, fv * focal_ratio), camera.center_px, camera.height_m)

@@ -125,8 +125,9 @@ def test_colour_at_half_the_resolution_moves_no_edge(plain):
     assert math.dist(fit.unknowns[:2], TRUTH[:2]) < 0.03
 
 
-@pytest.mark.slow  # draws a second goal, two seconds
+@pytest.mark.slow
 def test_a_lit_cylinder_and_shining_paint_move_no_edge():
+    """Only this finds a gloss on a post that moves its edges."""
     fit = fitted(mixed(drawn(TRUTH, shade=0.5, shine=True), 0.11))
     assert np.median(edge_errors_px(fit)) < 0.03
     assert math.dist(fit.unknowns[:2], TRUTH[:2]) < 0.04

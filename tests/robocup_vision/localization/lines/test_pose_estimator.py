@@ -65,6 +65,7 @@ ESTIMATOR = LinePoseEstimator(FIELD, CAMERA)
 
 @pytest.mark.slow
 def test_hardly_any_pose_is_left_open():
+    """Only this finds a search by lines that refuses poses which they tell."""
     rng = np.random.default_rng(5)
     poses = [Pose2(*rng.uniform([-3.2, -2.2, -3], [3.2, 2.2, 3])) for _ in range(40)]
     located = [bool(ESTIMATOR.locate(seen_points(pose, rng))) for pose in poses]
@@ -213,6 +214,7 @@ def test_painted_pictures_are_located(mirror_camera, paint_field, truth):
 
 @pytest.mark.slow
 def test_a_pose_is_refused_where_most_of_its_lines_are_bare_floor(estimator, paint_field):
+    """Only this finds a pose that lines in plain sight contradict by being absent."""
     truth = Pose2(-0.7, 0.4, 0.5)
     # a circle and one line alone would fix the pose, but this is not the field that the localiser knows
     bare = dataclasses.replace(FIELD, lines=FIELD.lines[4:5], arcs=FIELD.arcs[:1])

@@ -95,6 +95,7 @@ def test_a_bag_of_any_kind_is_scored(
 
 @pytest.mark.slow
 def test_the_command_scores_a_bag_by_its_topics(recorded: Path, camera: Path, tmp_path: Path) -> None:
+    """Only this finds topics that the command hands over wrongly."""
     write_bag(tmp_path / "bag", recorded, "SQLITE3", None)
     out = tmp_path / "out"
     chosen = ["--field", "ssl_2001", "--camera", str(camera), "--truth-topic", "/truth/pose"]
@@ -112,6 +113,7 @@ def test_a_belief_may_stand_for_the_truth(recorded: Path) -> None:
 
 @pytest.mark.slow
 def test_jpeg_images_are_read(tmp_path: Path) -> None:
+    """Only this finds compressed images that no pose comes of."""
     record_run(tmp_path / "run.mcap", RecorderSettings("jpeg"))
     assert cli.main(["evaluate", str(tmp_path / "run.mcap"), "--out", str(tmp_path / "out")]) == 0
     _assert_scored(tmp_path / "out")

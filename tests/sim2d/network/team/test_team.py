@@ -108,9 +108,9 @@ def test_in_a_halt_no_robot_is_commanded_to_move_from_the_next_command_on(comman
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("realism", ["none", "rc2021"])
-def test_in_a_stop_they_leave_the_ball_and_drive_slowly(realism):
-    loop = Loop(4, realism).tell(C.FORCE_START)
+def test_in_a_stop_they_leave_the_ball_and_drive_slowly():
+    """Only this finds a stop that is not obeyed once vision is late and noisy."""
+    loop = Loop(4, "rc2021").tell(C.FORCE_START)
     loop.finish(2.5)
     loop.tell(C.STOP)
     loop.finish(2.0)
@@ -122,6 +122,7 @@ def test_in_a_stop_they_leave_the_ball_and_drive_slowly(realism):
 
 @pytest.mark.slow
 def test_a_kick_off_is_taken_and_the_ball_goes_into_the_goal():
+    """Only this finds a team that never scores."""
     loop = Loop(2)
     loop.simulator.world.remove(Team.BLUE, 0)
     loop.tell(C.PREPARE_KICKOFF_YELLOW)
@@ -150,6 +151,7 @@ def test_who_has_kicked_off_leaves_the_ball_to_others():
 
 @pytest.mark.slow
 def test_the_ball_is_placed_and_left():
+    """Only this finds a ball placement that does not end."""
     loop = Loop(3)
     loop.simulator.world.place_ball(BallState(-1.0, 3.2))
     loop.tell(C.BALL_PLACEMENT_YELLOW, (0.5, 2.0))
@@ -164,25 +166,19 @@ def test_the_ball_is_placed_and_left():
 
 
 @pytest.mark.slow
-def test_with_a_yellow_card_one_robot_leaves_the_field():
-    loop = Loop(3)
-    loop.robots = 2
-    loop.tell(C.FORCE_START)
-    state = loop.finish(7.0)
-    outside = [robot.number for robot in loop.own(state) if abs(robot.pose.y_m) > 3.05]
-    assert len(outside) == 1
-    assert outside != [0]
-    assert loop.team.intents[outside[0]] == "leave the field"
-
-
-@pytest.mark.slow
 def test_robots_with_cards_leave_to_places_of_their_own():
+    """Only this finds robots with cards that stay, leave with the keeper or wait in one place."""
     loop = Loop(4)
     loop.robots = 2
     loop.tell(C.FORCE_START)
     state = loop.finish(9.0)
-    outside = [robot.pose for robot in loop.own(state) if abs(robot.pose.y_m) > 3.05]
-    assert len(outside) == 2
+    left = [robot for robot in loop.own(state) if abs(robot.pose.y_m) > 3.05]
+    assert len(left) == 2
+    for robot in left:
+        # the keeper stays
+        assert robot.number != 0
+        assert loop.team.intents[robot.number] == "leave the field"
+    outside = [robot.pose for robot in left]
     assert math.hypot(outside[0].x_m - outside[1].x_m, outside[0].y_m - outside[1].y_m) > 0.25
 
 

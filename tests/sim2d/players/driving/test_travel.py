@@ -176,6 +176,7 @@ def test_a_ball_stays_in_the_mouth_of_a_robot_that_drives_and_turns_as_planned(n
 
 @pytest.mark.slow
 def test_a_planning_team_plays_and_says_why():
+    """Only this finds a planner that a real match stops, or that decides without a reason."""
     # the one without the ball plans ways to where it supports
     match = Match(FIELD, 3, 5, ours=player_factory("planning"))
     topics, seen = set(), []
@@ -204,6 +205,7 @@ def test_one_that_has_the_ball_is_left_room_from_behind_only():
 
 @pytest.mark.slow
 def test_a_head_that_turns_looks_where_the_plan_says():
+    """Only this finds a planned look that the head does not take."""
     match = Match(load_field("four_legged_2007"), 1, 3, ours=player_factory("planning"))
     robots = [moment.robots[0] for moment in match.play(3.0)]
     assert not any(robot.stopped for robot in robots)

@@ -79,6 +79,7 @@ def test_the_66_places_of_the_paper():
 
 @pytest.mark.slow
 def test_goal_is_wholly_in_view_from_each_of_the_66_places():
+    """Only this finds a place of the paper from which the goal is cut off."""
     places = paper_places(DOGS)
     for sample in sample_goal(DOGS, PLAIN, 3, 66, places=places, supersample=2):
         assert inside(sample).all()
@@ -90,6 +91,7 @@ def test_goal_is_wholly_in_view_from_each_of_the_66_places():
 @pytest.mark.slow
 @pytest.mark.parametrize(("field", "name"), [(DOGS, "clean_208x160"), (NAOS, "white_640x480")])
 def test_goal_anywhere_is_in_view_and_no_robot_hides_a_post(field, name: str):
+    """Only this finds pictures told as of a whole goal that show less."""
     condition = GOAL_CONDITIONS[name]
     camera = (
         ers7_camera(104, 80)
@@ -109,6 +111,7 @@ def test_goal_anywhere_is_in_view_and_no_robot_hides_a_post(field, name: str):
 
 @pytest.mark.slow
 def test_negative_views_show_no_whole_goal():
+    """Only this finds pictures told as negative that show a whole goal."""
     samples = list(sample_goal(DOGS, TINY["mild_glare"], 1, 24, views=NEGATIVE_VIEWS, supersample=2))
     assert [s.view for s in samples] == [NEGATIVE_VIEWS[i % 4] for i in range(24)]
     for sample in samples:
@@ -125,6 +128,8 @@ def test_negative_views_show_no_whole_goal():
 
 @pytest.mark.slow
 def test_orange_wall_is_orange_where_a_plain_hall_is_not():
+    """Only this finds a wall that misleads nobody."""
+
     def orange_share(view) -> float:
         frames = [s.frame for s in sample_goal(DOGS, TINY["clean"], 2, 8, views=(view,), supersample=2)]
         hsv = cv2.cvtColor(np.vstack(frames), cv2.COLOR_BGR2HSV)
@@ -164,6 +169,7 @@ def test_ers7_sees_56_9_degrees_across():
 
 @pytest.mark.slow
 def test_heavier_glare_washes_out_more_paint():
+    """Only this finds glare that does not spoil paint as its name says."""
     rng = np.random.default_rng(0)
 
     def area(level) -> float:
@@ -209,6 +215,7 @@ def test_what_cannot_be_drawn_is_refused():
 
 @pytest.mark.slow
 def test_a_place_too_near_the_goal_is_refused():
+    """Only this finds a search for a view that never ends."""
     with pytest.raises(ArgumentError, match=r"never in view from \(2\.60, 0\.00\)"):
         next(iter(sample_goal(DOGS, TINY["clean"], 0, 1, places=[(2.6, 0.0)])))
 
@@ -224,6 +231,7 @@ def render_goal(*words: str | Path) -> int:
 
 @pytest.mark.slow
 def test_dataset_holds_pictures_and_their_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Only this finds a dataset whose truth, camera or noted command is of other pictures."""
     out, again = tmp_path / "data", tmp_path / "again"
     words = ["--condition", "mild_glare_208x160", "--count", "3", "--seed", "5", "--jpeg", "90"]
     assert render_goal(*words, out) == 0

@@ -74,6 +74,7 @@ def test_far_textures_are_smoothed():
 
 @pytest.mark.slow
 def test_the_same_seed_makes_the_same_hall():
+    """Only this finds a hall that its seed does not repeat."""
     first, second, other = make_hall(4), make_hall(4), make_hall(5)
     assert first.panels == second.panels
     assert first.panels != other.panels
