@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,28 +37,36 @@ from sim2d.players.shot import Shooter
 from sim2d.players.straight_frames import StraightFrames
 from sim2d.players.surroundings import Surroundings
 from sim2d.players.team_talk import TeamTalk
-from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, PlayerSetup, PlayerStatus, Reason, Senses
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, Player, PlayerSetup, PlayerStatus, Reason, Senses
 
 _NO_MOTION = Pose2(0.0, 0.0, 0.0)
 
 
+@dataclass(frozen=True, slots=True)
+class BuiltInTeam:
+    """Makes built-in players with options; equal to another one of the same options, in other processes too."""
+
+    #: Track other robots and keep a map of the floor: steering then keeps clear of where the others will be.
+    remembers: bool = False
+    #: Plan ways between others, speeds, shots and, for a head that turns, where to look. It remembers then, too.
+    plans: bool = False
+    #: With a head that turns: while the half of the field is not known, look for a goal that decides.
+    asks: bool = False
+    #: With plans and a head that turns: look at undecided floor on the way.
+    looks_again: bool = False
+    #: Tell the others of the team where the ball is, and agree with them who fetches it.
+    talks: bool = False
+    settings: PlayerSettings = PlayerSettings()
+    #: What makes its parts; replace some to play with parts of your own.
+    parts: PlayerParts = PlayerParts()
+
+    def __call__(self, setup: PlayerSetup) -> Player:
+        """Make one player."""
+        return BuiltInPlayer(setup, self)
+
+
 class BuiltInPlayer:
     """Plays one robot; satisfies `sim2d.robot_link.Player`.
-
-    Parameters
-    ----------
-    remembers : bool
-        Track other robots and keep a map of the floor: steering then keeps clear of where the others will be.
-    plans : bool
-        Plan ways between others, speeds, shots and, for a head that turns, where to look. It remembers then, too.
-    asks : bool
-        With a head that turns: while the half of the field is not known, look for a goal that decides.
-    looks_again : bool
-        With plans and a head that turns: look at undecided floor on the way.
-    talks : bool
-        Tell the others of the team where the ball is, and agree with them who fetches it.
-    parts : PlayerParts
-        What makes its parts; replace some to play with parts of your own.
 
     Raises
     ------
@@ -65,30 +74,21 @@ class BuiltInPlayer:
         If the localizer has no memory.
     """
 
-    def __init__(
-        self,
-        setup: PlayerSetup,
-        *,
-        remembers: bool = False,
-        plans: bool = False,
-        asks: bool = False,
-        looks_again: bool = False,
-        talks: bool = False,
-        settings: PlayerSettings = PlayerSettings(),
-        parts: PlayerParts = PlayerParts(),
-    ) -> None:
+    def __init__(self, setup: PlayerSetup, team: BuiltInTeam = BuiltInTeam()) -> None:
+        settings, parts = team.settings, team.parts
         self._setup, self._settings = setup, settings
         field, limits, camera = setup.field, setup.limits, setup.camera
         self._head: Head | None = None
         self._sees_ahead_only = setup.sees_ahead_only
         if self._sees_ahead_only and isinstance(camera, PinholeCamera) and limits.pan_limit_rad > 0:
+            looks_again = team.plans and team.looks_again
             self._head = Head(
-                field, limits, camera, plans=plans, asks=asks, looks_again=plans and looks_again, settings=settings.head
+                field, limits, camera, plans=team.plans, asks=team.asks, looks_again=looks_again, settings=settings.head
             )
         # a camera that neither turns nor sees all around is turned with the robot
         is_fixed = self._sees_ahead_only and self._head is None
         self._pose_look = PoseLook(field, settings.look) if is_fixed else None
-        self._localizer = parts.localizer(setup, settings, remembers or plans)
+        self._localizer = parts.localizer(setup, settings, team.remembers or team.plans)
         if self._localizer.memory is None:
             raise ArgumentError("a player's localizer must have a memory")
         self._memory = self._localizer.memory
@@ -102,10 +102,10 @@ class BuiltInPlayer:
         self._tactics = parts.tactics(setup, settings)
         self._driving = parts.driving(setup, settings)
         self._talk: TeamTalk | None = None
-        if talks:
+        if team.talks:
             role = parts.role(setup, settings, self._tactics.is_keeper)
             self._talk = TeamTalk(setup, role, settings.talk)
-        hides = plans and self._memory.free_map is not None
+        hides = team.plans and self._memory.free_map is not None
         self._ball = parts.ball(setup, settings, hides, self._talk)
         self._phase: Phase = "play"
         self._view: View | None = None
@@ -123,7 +123,7 @@ class BuiltInPlayer:
         self._why: Reason | None = None
         self._planner: TravelPlanner | None = None
         self._shooter: Shooter | None = None
-        if plans and self._memory.free_map is not None:
+        if team.plans and self._memory.free_map is not None:
             self._planner = TravelPlanner(field, limits, self._memory.free_map.looks_to_free, settings.travel)
             # a keeper does not shoot
             if field.goals and not self._tactics.is_keeper:

@@ -5,44 +5,13 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from dataclasses import dataclass
 from typing import cast
 
 from field_models.errors import ArgumentError
-from sim2d.players.built_in import BuiltInPlayer
-from sim2d.players.parts import PlayerParts
-from sim2d.players.settings import PlayerSettings
-from sim2d.robot_link import Player, PlayerFactory, PlayerSetup
+from sim2d.players.built_in import BuiltInPlayer, BuiltInTeam
+from sim2d.robot_link import PlayerFactory
 
-
-@dataclass(frozen=True, slots=True)
-class BuiltInTeam:
-    """Makes built-in players with options; equal to another one of the same options, in other processes too."""
-
-    #: As `BuiltInPlayer`.
-    remembers: bool = False
-    plans: bool = False
-    asks: bool = False
-    looks_again: bool = False
-    talks: bool = False
-    #: As `BuiltInPlayer`.
-    settings: PlayerSettings = PlayerSettings()
-    #: As `BuiltInPlayer`.
-    parts: PlayerParts = PlayerParts()
-
-    def __call__(self, setup: PlayerSetup) -> Player:
-        """Make one player."""
-        return BuiltInPlayer(
-            setup,
-            remembers=self.remembers,
-            plans=self.plans,
-            asks=self.asks,
-            looks_again=self.looks_again,
-            talks=self.talks,
-            settings=self.settings,
-            parts=self.parts,
-        )
-
+__all__ = ["PLAYERS", "BuiltInTeam", "player_factory", "player_name"]
 
 PLAYERS: dict[str, PlayerFactory] = {
     "plain": BuiltInPlayer,

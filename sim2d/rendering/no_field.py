@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-UInt8Array = npt.NDArray[np.uint8]
+from robocup_vision.arrays import UInt8Array
+
 Painter = Callable[[tuple[int, int], np.random.Generator], UInt8Array]
 
 CARPET_BGR = (50.0, 130.0, 45.0)
@@ -138,18 +138,6 @@ def no_field_picture(size_px: tuple[int, int], index: int, seed: int) -> tuple[s
     rng = np.random.default_rng([seed, index])
     name = list(PAINTERS)[index % len(PAINTERS)]
     return name, PAINTERS[name](size_px, rng)
-
-
-def crop_to(picture: UInt8Array, size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """Return a random part of a photograph (H, W, 3), at least half as wide, turned over or not, in another size."""
-    height, width = picture.shape[:2]
-    share = rng.uniform(0.5, 1.0)
-    tall, wide = max(1, int(share * height)), max(1, int(share * width))
-    top, left = int(rng.integers(0, height - tall + 1)), int(rng.integers(0, width - wide + 1))
-    part = picture[top : top + tall, left : left + wide]
-    if rng.random() < 0.5:
-        part = part[:, ::-1]
-    return np.asarray(cv2.resize(np.ascontiguousarray(part), size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def _color(rng: np.random.Generator) -> tuple[float, float, float]:

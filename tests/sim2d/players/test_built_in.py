@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from robocup_vision.mapping.occupancy import FREE
 from sim2d.kick_off import kick_off_pose
 from sim2d.match.run import MatchPlan
 from sim2d.match.setups import camera_for
-from sim2d.players.built_in import BuiltInPlayer
+from sim2d.players.built_in import BuiltInPlayer, BuiltInTeam
 from sim2d.players.settings import PlayerSettings
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.report.video import MatchPictures
@@ -155,7 +154,7 @@ def test_it_calibrates_where_its_camera_file_is_rough():
     calibration = BuiltInPlayer(rough).status.calibration
     assert calibration is not None
     assert calibration.center_px == CAMERA.center_px
-    assert BuiltInPlayer(rough, settings=PlayerSettings(calibrates=False)).status.calibration is None
+    assert BuiltInTeam(settings=PlayerSettings(calibrates=False))(rough).status.calibration is None
     exact = dataclasses.replace(rough, camera_is_rough=False)
     assert BuiltInPlayer(exact).status.calibration is None
 
@@ -218,7 +217,7 @@ def test_what_a_turning_head_sees_is_seen_from_where_it_was():
 @pytest.mark.slow
 def test_players_that_remember_follow_the_others_and_know_the_floor():
     """Only this finds tracks or a map that a player's own driving smears."""
-    plan = MatchPlan(seconds=3.0, seed=3, ours=partial(BuiltInPlayer, remembers=True))
+    plan = MatchPlan(seconds=3.0, seed=3, ours=BuiltInTeam(remembers=True))
     match = plan.begin()
     pictures = MatchPictures(match.arena.field, match.arena.camera, 4, match.arena.limits.radius_m)
     off_m = []

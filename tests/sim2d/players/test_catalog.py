@@ -6,6 +6,7 @@ import functools
 import json
 import pickle
 import sys
+from dataclasses import replace
 
 import pytest
 from sim2d_players import Reckoner, Sleeper
@@ -16,20 +17,8 @@ from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import play_plan
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import PLAYERS, BuiltInTeam, player_factory, player_name
-from sim2d.players.parts import PlayerParts
-from sim2d.players.settings import PlayerSettings
 
 KNOWN = "plain, memory, planning, asking, looking, silent, or one's own as MODULE:NAME"
-LONE = PlayerSettings(lost_rps=2.0)
-OPTIONS = {
-    "remembers": False,
-    "plans": False,
-    "asks": False,
-    "looks_again": False,
-    "talks": False,
-    "settings": PlayerSettings(),
-    "parts": PlayerParts(),
-}
 
 
 @pytest.mark.parametrize("name", PLAYERS)
@@ -38,24 +27,13 @@ def test_a_name_survives_the_way_to_another_process(name):
     assert player_name(sent) == name
 
 
-def test_teams_have_the_options_of_their_names(monkeypatch):
-    made = []
-    monkeypatch.setattr("sim2d.players.catalog.BuiltInPlayer", lambda setup, **options: made.append((setup, options)))
-    player_factory("memory")("setup")
-    player_factory("planning")("setup")
-    player_factory("asking")("setup")
-    player_factory("looking")("setup")
-    player_factory("silent")("setup")
-    BuiltInTeam(settings=LONE)("setup")
-    assert made == [
-        ("setup", {**OPTIONS, "remembers": True}),
-        ("setup", {**OPTIONS, "remembers": True, "plans": True, "talks": True}),
-        ("setup", {**OPTIONS, "remembers": True, "plans": True, "asks": True, "talks": True}),
-        ("setup", {**OPTIONS, "remembers": True, "plans": True, "looks_again": True, "talks": True}),
-        ("setup", {**OPTIONS, "remembers": True, "plans": True}),
-        ("setup", {**OPTIONS, "settings": LONE}),
-    ]
+def test_teams_have_the_options_of_their_names():
     assert player_factory("plain") is BuiltInPlayer
+    assert player_factory("memory") == BuiltInTeam(remembers=True)
+    assert player_factory("silent") == BuiltInTeam(remembers=True, plans=True)
+    assert player_factory("planning") == replace(player_factory("silent"), talks=True)
+    assert player_factory("asking") == replace(player_factory("planning"), asks=True)
+    assert player_factory("looking") == replace(player_factory("planning"), looks_again=True)
 
 
 def test_players_of_ones_own_are_called_by_their_class():

@@ -15,7 +15,6 @@ from robocup_vision.vision import Vision
 from sim2d.match.arena import Arena
 from sim2d.match.match import Match
 from sim2d.match.setups import camera_for
-from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import BuiltInTeam, player_name
 from sim2d.players.driving.motion import Motion
 from sim2d.players.parts import PlayerParts, make_ball, make_driving, make_localizer, make_role, make_tactics
@@ -123,4 +122,4 @@ def test_players_are_told_whether_they_have_legs(field_name, has_legs):
 
 def test_a_localizer_without_a_memory_is_refused():
     with pytest.raises(ArgumentError, match="a player's localizer must have a memory"):
-        BuiltInPlayer(SETUP, parts=PlayerParts(localizer=lambda setup, *_: Vision(setup.field, setup.camera)))
+        BuiltInTeam(parts=PlayerParts(localizer=lambda setup, *_: Vision(setup.field, setup.camera)))(SETUP)
