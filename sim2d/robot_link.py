@@ -20,6 +20,9 @@ from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.view import View
 
+# a place on the floor, or a way along it, metres
+Point: TypeAlias = tuple[float, float]
+
 # between two commands of a player, and between two frames
 CONTROL_PERIOD_S = 1 / 30
 

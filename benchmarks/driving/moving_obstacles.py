@@ -26,7 +26,7 @@ from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.tracking import KnownFreeSpace, MovingObjects, ReturnDetector
-from sim2d.players.driving.wheel_velocity import WheelVelocity
+from sim2d.players.driving.wheels import WheelVelocity
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.world.world import World
 

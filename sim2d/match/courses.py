@@ -24,13 +24,11 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.memory import Memory
 from robocup_vision.perception.free_space import FREE_RATIO
 from robocup_vision.vision import Vision
-from sim2d.players.driving.wheel_velocity import WheelVelocity
+from sim2d.players.driving.wheels import WheelVelocity
 from sim2d.rendering.scene import BOX_COLORS, Box, Scene
-from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, Point, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
 from sim2d.world.world import World
-
-Point = tuple[float, float]
 
 CUBES = (5, 10)
 ARRIVED_M = 0.05

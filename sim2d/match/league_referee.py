@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from field_models import Field
-from sim2d.match.pitch_rules import FoulKind, NextPlay, PitchRules, Point, Restart, kick_time_s
-from sim2d.robot_link import Phase, RobotLimits
+from sim2d.match.pitch_rules import FoulKind, NextPlay, PitchRules, Restart, kick_time_s
+from sim2d.robot_link import Phase, Point, RobotLimits
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState
 

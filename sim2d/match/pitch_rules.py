@@ -12,12 +12,11 @@ from typing import Literal, NamedTuple
 from field_models import Field
 from sim2d.defence_area import defence_area
 from sim2d.kick_off import center_circle_radius_m
+from sim2d.robot_link import Point
 from sim2d.world.state import BallState, RobotState
 
 Restart = Literal["kick_off", "free_kick", "penalty", "force_start"]
 FoulKind = Literal["fast_in_stop", "near_ball", "fast_ball", "double_touch", "own_area", "their_area"]
-Point = tuple[float, float]
-
 _FREE_KICK_OF: frozenset[FoulKind] = frozenset({"fast_ball", "double_touch", "their_area"})
 # a free kick's distance from lines and defence areas, and a goal kick's from its goal line
 _CLEAR_M, _GOAL_KICK_M = 0.2, 1.0

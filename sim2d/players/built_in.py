@@ -25,19 +25,17 @@ from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning.shots.shot_planner import ShotPlan
 from robocup_vision.view import View
 from sim2d.kick_off import kick_off_pose
-from sim2d.players.ball.memory import Point, block_ball
+from sim2d.players.ball import block_ball
 from sim2d.players.driving.travel import Travel, TravelPlanner
-from sim2d.players.head import Head, HeadView
+from sim2d.players.head import Head, HeadView, PoseLook
 from sim2d.players.keep_out import allowed_target, block_zones
 from sim2d.players.parts import PlayerParts
-from sim2d.players.plan import Plan, Situation
-from sim2d.players.pose_look import PoseLook
+from sim2d.players.plan import Plan, Situation, Surroundings
 from sim2d.players.settings import PlayerSettings
 from sim2d.players.shot import Shooter
 from sim2d.players.straight_frames import StraightFrames
-from sim2d.players.surroundings import Surroundings
 from sim2d.players.team_talk import TeamTalk
-from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, Player, PlayerSetup, PlayerStatus, Reason, Senses
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, Player, PlayerSetup, PlayerStatus, Point, Reason, Senses
 
 _NO_MOTION = Pose2(0.0, 0.0, 0.0)
 

@@ -1,4 +1,4 @@
-"""Turns the head that carries a player's camera: to the ball, and in between to goals or undecided floor."""
+"""Where a player's camera looks: a head to ball, goals and undecided floor; a fixed camera with its robot."""
 
 from __future__ import annotations
 
@@ -14,13 +14,192 @@ from robocup_vision.belief import Hypothesis, MapPicture, Track
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Neck, PoseGaze, PoseGazeSettings
+from robocup_vision.geometry import Pose2
+from robocup_vision.mapping.occupancy import FREE, NO_GO
+from robocup_vision.planning import (
+    Fixation,
+    GoalQuestion,
+    GoalQuestionSettings,
+    Neck,
+    SelectiveLook,
+    SelectiveLookSettings,
+)
+from robocup_vision.planning.gaze.field_landmarks import field_landmarks
+from robocup_vision.planning.gaze.goal_question import identified_goal
+from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, PoseGaze, PoseGazeSettings
 from robocup_vision.view import View
-from sim2d.players.field_half import FieldHalf, FieldHalfSettings
-from sim2d.players.floor_look import FloorLook, FloorLookSettings
-from sim2d.robot_link import RobotLimits
+from sim2d.robot_link import Point, RobotLimits
 
-Point = tuple[float, float]
+
+@dataclass(frozen=True, slots=True)
+class FieldHalfSettings:
+    """Values of `FieldHalf`."""
+
+    #: Of the question.
+    question: GoalQuestionSettings = GoalQuestionSettings()
+    #: A robot that has moved so far asks anew: goals that it missed may be found from there.
+    elsewhere_m: float = 0.3
+
+
+class FieldHalf:
+    """Asks for the half of the field while the pose filter has two mirrored modes. The filter weighs the answers."""
+
+    def __init__(self, field: Field, camera: PinholeCamera, neck: Neck, settings: FieldHalfSettings) -> None:
+        self._field, self._settings = field, settings
+        self._question = GoalQuestion(field, camera, neck, settings=settings.question)
+        # position at the first look of the question; None: no question is open
+        self._asked_m: tuple[float, float] | None = None
+
+    def choose(self, hypotheses: Sequence[Hypothesis], pan_rad: float, blockers: Sequence[Disc]) -> Fixation | None:
+        """Return where to look; None if the half is known, or no look from here decides.
+
+        Parameters
+        ----------
+        hypotheses : sequence of Hypothesis
+            Of the pose filter, most probable first.
+        blockers : sequence of Disc
+            Robots that may hide a goal, field frame of the first hypothesis.
+        """
+        halves = mirrored(hypotheses)
+        if not halves:
+            return None
+        here = (halves[0].pose.x_m, halves[0].pose.y_m)
+        if self._asked_m is not None:
+            turned = (-here[0], -here[1])
+            if min(math.dist(self._asked_m, here), math.dist(self._asked_m, turned)) > self._settings.elsewhere_m:
+                self.forget()
+        fixation = self._question.choose(halves, pan_rad, blockers)
+        if fixation.answer == "decided":
+            self.forget()
+        if fixation.answer != "look":
+            return None
+        self._asked_m = self._asked_m or here
+        return fixation
+
+    def observe(self, hypotheses: Sequence[Hypothesis], pan_rad: float, view: View) -> None:
+        """Take in the view of a frame that was taken at this pan while a question is open."""
+        halves = mirrored(hypotheses)
+        if self._asked_m is None or not halves:
+            return
+        measured = view.pose if view.measurement is None else view.measurement
+        camera = measured.seen_from(view.camera.camera_in_robot) if measured else measured
+        self._question.observe(halves, pan_rad, identified_goal(self._field, camera))
+
+    def forget(self) -> None:
+        """End the question: the next one begins without missed goals."""
+        self._question.forget()
+        self._asked_m = None
+
+
+def mirrored(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Return the most probable hypothesis and its half turn; empty if it has none."""
+    for other in hypotheses[1:]:
+        if sum(other.pose.half_turn().error_to(hypotheses[0].pose)) < 1e-6:
+            return hypotheses[0], other
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class FloorLookSettings:
+    """Values of `FloorLook`."""
+
+    #: Of the choice of a place.
+    look: SelectiveLookSettings = SelectiveLookSettings()
+    #: A frame taken so near to the wanted pan counts as a look.
+    arrived_rad: float = 0.15
+
+
+class FloorLook:
+    """Chooses looks at undecided floor for one player.
+
+    Parameters
+    ----------
+    half_view_rad : float
+        Half of the camera's horizontal field of view.
+    """
+
+    def __init__(self, limits: RobotLimits, half_view_rad: float, settings: FloorLookSettings) -> None:
+        self._limits, self._half_view_rad, self._settings = limits, half_view_rad, settings
+        self._planner: SelectiveLook | None = None
+        # pan, place and position of the look that was chosen last
+        self._wanted: tuple[float, Point, Point] | None = None
+
+    def choose(self, floor: MapPicture, robot: Pose2, target: Point) -> tuple[float, str] | None:
+        """Return the pan of a look and its reason; None if no look decides more of the way.
+
+        Parameters
+        ----------
+        target : (float, float)
+            Where it drives to, field frame; one off the map counts as on its rim.
+        """
+        self._wanted = None
+        here = (robot.x_m, robot.y_m)
+        side_m = floor.cell_m * len(floor.state)
+        corner = np.array(floor.corner_m)
+        inside = np.clip(target, corner + 0.5 * floor.cell_m, corner + side_m - 0.5 * floor.cell_m)
+        if not ((corner <= here) & (corner + side_m > here)).all():
+            return None
+        if self._planner is None:
+            radius_m = self._limits.radius_m
+            self._planner = SelectiveLook(floor.cell_m, radius_m, self._half_view_rad, self._settings.look)
+        free, no_go = floor.state == FREE, floor.state == NO_GO
+        # the robot stands there, and its camera does not show the floor under it
+        x, y = (corner[k] + floor.cell_m * (np.arange(len(floor.state)) + 0.5) for k in (0, 1))
+        free |= np.hypot(x[:, None] - here[0], y - here[1]) < 2.0 * self._limits.radius_m
+        chosen = self._planner.choose(free, no_go & ~free, floor.corner_m, here, (float(inside[0]), float(inside[1])))
+        if chosen.at_m is None:
+            return None
+        at = robot.inverse().transform(chosen.at_m)
+        pan_rad = math.atan2(at[1], at[0])
+        self._wanted = (pan_rad, chosen.at_m, here)
+        return pan_rad, chosen.reason
+
+    def observe(self, pan_rad: float) -> None:
+        """Take in that a frame was taken at this pan."""
+        if self._planner is None or self._wanted is None:
+            return
+        wanted_rad, at_m, from_m = self._wanted
+        if abs(pan_rad - wanted_rad) < self._settings.arrived_rad:
+            self._planner.observe(at_m, from_m)
+            self._wanted = None
+
+
+@dataclass(frozen=True, slots=True)
+class PoseLookSettings:
+    """Values of `PoseLook`."""
+
+    #: Standard deviation of the position from which on it looks. On a large field a robot is off by 1.3 times what it
+    #: states; at three of these it is no longer located within 15 cm.
+    unsure_m: float = 0.035
+    #: It looks until the standard deviation is this small.
+    sure_m: float = 0.0175
+    #: A crossing nearer than this would soon lie below the picture.
+    nearest_m: float = 0.5
+
+
+class PoseLook:
+    """Decides where one robot turns its fixed camera."""
+
+    def __init__(self, field: Field, settings: PoseLookSettings = PoseLookSettings()) -> None:
+        self._settings = settings
+        self._crossings = [(mark.x_m, mark.y_m) for mark in field_landmarks(field) if mark.kind == "crossing"]
+        self._looks = False
+
+    def direction_rad(self, robot: PoseEstimate) -> float | None:
+        """Return the direction to turn to, field frame; None where the robot is sure of its place, or nothing helps.
+
+        Two lines that cross tell all of a pose, and the nearest ones tell it best.
+        """
+        settings, (x_m, y_m) = self._settings, (robot.pose.x_m, robot.pose.y_m)
+        self._looks = max(robot.std[:2]) > (settings.sure_m if self._looks else settings.unsure_m)
+        if not self._looks:
+            return None
+        ways = [(x - x_m, y - y_m) for x, y in self._crossings]
+        ahead = [way for way in ways if math.hypot(*way) > settings.nearest_m]
+        if not ahead:
+            return None
+        x, y = min(ahead, key=lambda way: math.hypot(*way))
+        return math.atan2(y, x)
 
 
 @dataclass(frozen=True, slots=True)

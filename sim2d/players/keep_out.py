@@ -12,8 +12,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
-
-Point = tuple[float, float]
+from sim2d.robot_link import Point
 
 # a place that is left is left by a little more: noise must not bring it back
 _CLEAR_M = 0.02

@@ -28,14 +28,14 @@ from robocup_vision.team.message import BallSighting
 from robocup_vision.team.roles import RoleChooser
 from robocup_vision.view import View
 from robocup_vision.vision import CameraRefiner, Vision
-from sim2d.players.ball.knowledge import BallKnowledge, KnownBall, NoddingCamera
+from sim2d.players.ball import BallKnowledge, KnownBall, NoddingCamera
 from sim2d.players.driving.motion import Motion
 from sim2d.players.driving.travel import Travel
-from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.plan import Plan, Situation
 from sim2d.players.settings import PlayerSettings
 from sim2d.players.tactics.tactics import Tactics
 from sim2d.players.team_talk import ChoosesRole, TeamTalk
-from sim2d.robot_link import Command, PlayerSetup
+from sim2d.robot_link import Command, PlayerSetup, Point
 
 
 class LocalizerPart(Protocol):

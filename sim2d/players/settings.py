@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from robocup_vision.avoidance.recent_free_space import RecentFreeSpaceSettings
 from robocup_vision.localization.filter.errors import OdometryNoise
 from robocup_vision.memory import MemorySettings
-from sim2d.players.ball.memory import BallMemorySettings
+from sim2d.players.ball import BallMemorySettings
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.driving.travel import TravelSettings
-from sim2d.players.head import HeadSettings
-from sim2d.players.pose_look import PoseLookSettings
+from sim2d.players.head import HeadSettings, PoseLookSettings
 from sim2d.players.shot import ShotSettings
 from sim2d.players.tactics.keeper import KeeperSettings
 from sim2d.players.tactics.tactics import TacticsSettings

@@ -13,7 +13,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
 from robocup_vision.planning import Disc, MotionLimits, ShotPlan, ShotPlanner, ShotPlannerSettings
 from sim2d.players.driving.motion import MotionSettings
-from sim2d.players.surroundings import Surroundings
+from sim2d.players.plan import Surroundings
 from sim2d.players.tactics.keeper import KeeperSettings
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 

@@ -13,9 +13,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.team.ball_fusion import BallFusionSettings, FusedBall, TeamBall
 from robocup_vision.team.message import BallSighting, Role, TeamMessage, unpack_message
 from robocup_vision.team.roles import ChosenRole, RoleSettings, time_to_ball_s
-from sim2d.robot_link import PlayerSetup
-
-Point = tuple[float, float]
+from sim2d.robot_link import PlayerSetup, Point
 
 # control periods are sums of binary fractions
 _TIME_SLACK_S = 1e-6

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,8 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
 
 Bgr = tuple[float, float, float]
+
+LAMP_DIRECTION_RAD = 0.9  # in the field frame: uprights facing it are lighter than those facing away
 
 # what obstacles are painted in: the field's own colours and a few of everyday things
 BOX_COLORS: dict[str, Bgr] = {
@@ -48,6 +50,12 @@ class Box:
         """(4, 2) float64: corners of its footprint, counter-clockwise, field frame, metres."""
         half = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]) * (self.width_m / 2, self.depth_m / 2)
         return Pose2(self.x_m, self.y_m, self.yaw_rad).transform(half)
+
+    def faces(self) -> Iterator[Wall]:
+        """Yield its upright faces as they are lit; the box is to the left of each."""
+        corners = self.corners
+        for (x0, y0), (x1, y1) in zip(np.roll(corners, 1, axis=0).tolist(), corners.tolist(), strict=True):
+            yield Wall(x0, y0, x1, y1, self.height_m, self.color_bgr, self.color_bgr).lit
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Distance of a point from the footprint, 0 inside it."""
@@ -147,6 +155,13 @@ class Wall:
     left_bgr: Bgr
     right_bgr: Bgr
 
+    @property
+    def lit(self) -> Wall:
+        """The same sheet with each side's colour in the light that falls on it."""
+        normal_rad = math.atan2(self.y1_m - self.y0_m, self.x1_m - self.x0_m) + math.pi / 2
+        left_bgr, right_bgr = _lit(self.left_bgr, normal_rad), _lit(self.right_bgr, normal_rad + math.pi)
+        return replace(self, left_bgr=left_bgr, right_bgr=right_bgr)
+
 
 @dataclass(frozen=True, slots=True)
 class Post:
@@ -157,6 +172,17 @@ class Post:
     radius_m: float
     height_m: float
     bands_bgr: tuple[Bgr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A goal's bar: a level cylinder along y, the height of its axis, its length to either side of the middle."""
+
+    x_m: float
+    half_length_m: float
+    radius_m: float
+    height_m: float
+    color_bgr: Bgr
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +242,13 @@ class Scene:
         for beacon in self.field.beacons:
             bands = tuple(COLOR_NAMES[color] for color in beacon.colors)
             yield Post(beacon.x_m, beacon.y_m, beacon.radius_m, beacon.height_m, bands)
+
+    def bars(self) -> Iterator[Bar]:
+        """Yield the bar of every goal of posts."""
+        for goal in self.field.goals:
+            if goal.kind == "posts":
+                color = COLOR_NAMES[goal.color]
+                yield Bar(goal.line_x_m, goal.width_m / 2, goal.post_radius_m, goal.height_m, color)
 
     def bystanders(self) -> Iterator[Box | Post]:
         """Yield the people and furniture around the floor, which `free_range_m` leaves out: they stand beyond it."""
@@ -298,6 +331,12 @@ class Scene:
         for x, y, radius in self.footprint_circles():
             nearest = min(nearest, math.hypot(x_m - x, y_m - y) - radius)
         return nearest
+
+
+def _lit(color: Bgr, normal_rad: float) -> Bgr:
+    """Return a colour on an upright face in the light that its normal's direction gets."""
+    factor = 0.78 + 0.14 * math.cos(normal_rad - LAMP_DIRECTION_RAD)
+    return (color[0] * factor, color[1] * factor, color[2] * factor)
 
 
 def _bgr(color: npt.NDArray[np.float64]) -> Bgr:

@@ -7,15 +7,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from field_models import COLOR_NAMES
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.ball_patches import is_patch
 from sim2d.rendering.rays import RaySet
-from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene, Wall
+from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Ball, Bar, Bgr, Box, Post, Robot, Scene, Wall
 
 FLOOR = 0  # number of the floor among the surfaces
-LAMP_DIRECTION_RAD = 0.9  # in the field frame: uprights facing it are lighter than those facing away
 
 
 class FirstHits:
@@ -47,32 +45,30 @@ class FirstHits:
         self.shade = np.ones(len(rays.cos), dtype=np.float32)
         self.colors: list[Bgr] = [floor_bgr]
 
-    def add_surface(self, color: Bgr, factor: float = 1.0) -> int:
+    def add_surface(self, color: Bgr) -> int:
         """Add a colour to `colors` and return its number."""
-        self.colors.append((color[0] * factor, color[1] * factor, color[2] * factor))
+        self.colors.append(color)
         return len(self.colors) - 1
 
     def add_scene(self, scene: Scene) -> None:
         """Meet everything that stands or lies on the field."""
         for wall in scene.walls():
-            self.add_wall(wall)
+            self._add_wall(wall.lit)
         for post in scene.posts():
-            self.add_post(post)
-        for goal in scene.field.goals:
-            if goal.kind == "posts":
-                half, x = goal.width_m / 2, goal.line_x_m
-                self.add_bar((x, -half), (x, half), goal.height_m, goal.post_radius_m, COLOR_NAMES[goal.color])
+            self._add_post(post)
+        for bar in scene.bars():
+            self._add_bar(bar)
         for box in scene.boxes:
-            self.add_box(box)
+            self._add_box(box)
         for bystander in scene.bystanders():
             if isinstance(bystander, Box):
-                self.add_box(bystander)
+                self._add_box(bystander)
             else:
-                self.add_post(bystander)
+                self._add_post(bystander)
         for robot in scene.robots:
-            self.add_robot(robot)
+            self._add_robot(robot)
         if scene.ball is not None:
-            self.add_ball(scene.ball)
+            self._add_ball(scene.ball)
 
     def crosses(self, corners: FloatArray) -> npt.NDArray[np.bool_]:
         """(N,) bool: whether the floor point of a ray lies outside a polygon (field frame) that holds the viewpoint."""
@@ -82,32 +78,23 @@ class FirstHits:
                 outside[part] ^= distance < self.rays.floor_m[part]
         return outside
 
-    def add_wall(self, wall: Wall) -> None:
+    def _add_wall(self, wall: Wall) -> None:
         """Meet an upright sheet from either side."""
-        start, end = (wall.x0_m, wall.y0_m), (wall.x1_m, wall.y1_m)
-        normal = math.atan2(wall.y1_m - wall.y0_m, wall.x1_m - wall.x0_m) + math.pi / 2
-        sides = (
-            self.add_surface(wall.left_bgr, face_light(normal)),
-            self.add_surface(wall.right_bgr, face_light(normal + math.pi)),
-        )
-        for part, distance, from_left in self._meet_segment(start, end):
+        sides = self.add_surface(wall.left_bgr), self.add_surface(wall.right_bgr)
+        for part, distance, from_left in self._meet_segment((wall.x0_m, wall.y0_m), (wall.x1_m, wall.y1_m)):
             self._keep(part, distance, wall.height_m, sides[0] if from_left else sides[1])
 
-    def add_box(self, box: Box) -> None:
+    def _add_box(self, box: Box) -> None:
         """Meet the faces of a box that look here, and its top."""
-        corners = box.corners
-        for k in range(4):
-            start, end = corners[k - 1], corners[k]
-            normal = math.atan2(end[1] - start[1], end[0] - start[0]) - math.pi / 2
-            for part, distance, from_left in self._meet_segment(start, end):
+        for face in box.faces():
+            for part, distance, from_left in self._meet_segment((face.x0_m, face.y0_m), (face.x1_m, face.y1_m)):
                 if not from_left:
-                    face = self.add_surface(box.color_bgr, face_light(normal))
-                    self._keep(part, distance, box.height_m, face)
+                    self._keep(part, distance, box.height_m, self.add_surface(face.right_bgr))
         if box.height_m < self.rays.height_m:
             top = self.add_surface(box.color_bgr)
             local = self.eye.inverse().compose(Pose2(box.x_m, box.y_m, box.yaw_rad))
             c, s = np.float32(math.cos(local.theta_rad)), np.float32(math.sin(local.theta_rad))
-            for part in self._window(self._to_eye.transform(corners)):
+            for part in self._window(self._to_eye.transform(box.corners)):
                 cos, sin = self.rays.cos[part], self.rays.sin[part]
                 distance = self._at_height(part, box.height_m)
                 dx = distance * cos - np.float32(local.x_m)
@@ -117,24 +104,23 @@ class FirstHits:
                 inside &= distance < self.distance_m[part]
                 self._set(part, inside, distance, top)
 
-    def add_post(self, post: Post) -> None:
+    def _add_post(self, post: Post) -> None:
         """Meet an upright cylinder of one or more bands of colour."""
         bands = [self.add_surface(color) for color in post.bands_bgr]
         self._add_cylinder(post.x_m, post.y_m, post.radius_m, post.height_m, bands)
 
-    def add_robot(self, robot: Robot) -> None:
+    def _add_robot(self, robot: Robot) -> None:
         """Meet a robot: its side, its top and the marker on it."""
         side = self.add_surface(robot.color_bgr)
         marker = self.add_surface(robot.marker_bgr)
         self._add_cylinder(robot.x_m, robot.y_m, robot.radius_m, robot.height_m, [side])
         self._add_disc(robot.x_m, robot.y_m, 0.3 * robot.radius_m, robot.height_m + 1e-4, marker)
 
-    def add_bar(
-        self, start: tuple[float, float], end: tuple[float, float], height_m: float, radius_m: float, color: Bgr
-    ) -> None:
-        """Meet a level cylinder whose axis lies `height_m` over the floor."""
-        a, b = self._to_eye.transform([start, end])
-        number = self.add_surface(color)
+    def _add_bar(self, bar: Bar) -> None:
+        """Meet a level cylinder."""
+        height_m, radius_m = bar.height_m, bar.radius_m
+        a, b = self._to_eye.transform([(bar.x_m, -bar.half_length_m), (bar.x_m, bar.half_length_m)])
+        number = self.add_surface(bar.color_bgr)
         length = math.hypot(*(b - a))
         ax, ay = (b - a) / length
         span = np.array([a, b])
@@ -156,7 +142,7 @@ class FirstHits:
             up = (self.rays.height_m + distance * slope - np.float32(height_m)) / np.float32(radius_m)
             np.copyto(self.shade[part], np.float32(0.80) + np.float32(0.20) * up, where=hit)
 
-    def add_ball(self, ball: Ball) -> None:
+    def _add_ball(self, ball: Ball) -> None:
         """Meet a ball on the floor, lit from above and a little from the side."""
         number = self.add_surface(ball.color_bgr)
         patches = None if ball.patches_bgr is None else self.add_surface(ball.patches_bgr)
@@ -272,8 +258,3 @@ class FirstHits:
     def _set(self, part: slice, hit: npt.NDArray[np.bool_], distance: Float32Array, number: int) -> None:
         np.copyto(self.distance_m[part], distance, where=hit)
         np.copyto(self.surface[part], np.uint16(number), where=hit)
-
-
-def face_light(normal_rad: float) -> float:
-    """Return the fraction of the light on an upright face, by the field-frame direction of its normal."""
-    return 0.78 + 0.14 * math.cos(normal_rad - LAMP_DIRECTION_RAD)

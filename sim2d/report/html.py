@@ -17,9 +17,8 @@ from robocup_vision.evaluation.plots import GREY, INK, data_uri, draw_field, enc
 from robocup_vision.evaluation.report import degrees, millimetres, missing_packages, package_version, percent
 from robocup_vision.evaluation.scoring import NEAR_M
 from sim2d.report.match_figures import MatchFigures
-from sim2d.report.planning_story import ChoiceRate, PlanningStory
 from sim2d.report.robot_figures import FaultFigures, RobotFigures
-from sim2d.report.story import MatchStory
+from sim2d.report.story import ChoiceRate, MatchStory, PlanningStory
 
 __all__ = ["missing_packages", "render_report"]
 

@@ -1,4 +1,4 @@
-"""Renders the frames of a match: the picture of each robot's camera of one world state."""
+"""Renders the frames of a match: the pictures of each robot's cameras of one world state."""
 
 from __future__ import annotations
 
@@ -25,8 +25,36 @@ from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
 from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.body_sway import UPRIGHT, Sway
-from sim2d.sensors.rolling_ball import RollingBall
-from sim2d.world.state import RobotState, WorldState
+from sim2d.world.state import BallState, RobotState, WorldState
+
+
+class RollingBall:
+    """Follows the turn of one ball."""
+
+    def __init__(self, radius_m: float) -> None:
+        self._radius_m = radius_m
+        self._rotation: FloatArray = np.eye(3)
+        self._last_m: tuple[float, float] | None = None
+
+    def turn_rad(self, ball: BallState) -> tuple[float, float, float]:
+        """Return its turns about x, y and z of the field, one after the other, now that it has rolled there."""
+        if self._last_m is not None:
+            self._roll(ball.x_m - self._last_m[0], ball.y_m - self._last_m[1])
+        self._last_m = (ball.x_m, ball.y_m)
+        r = self._rotation
+        pitch = math.asin(max(-1.0, min(1.0, -float(r[2, 0]))))
+        return math.atan2(r[2, 1], r[2, 2]), pitch, math.atan2(r[1, 0], r[0, 0])
+
+    def _roll(self, x_m: float, y_m: float) -> None:
+        distance_m = math.hypot(x_m, y_m)
+        if distance_m == 0.0:
+            return
+        # about the axis that lies across the way, to its left
+        ax, ay, angle = -y_m / distance_m, x_m / distance_m, distance_m / self._radius_m
+        c, s = math.cos(angle), math.sin(angle)
+        across = np.array([[0.0, 0.0, ay], [0.0, 0.0, -ax], [-ay, ax, 0.0]])
+        self._rotation = (np.eye(3) + s * across + (1.0 - c) * across @ across) @ self._rotation
+
 
 MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
 MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)
@@ -249,3 +277,19 @@ def rotation_vector(rotation: FloatArray) -> FloatArray:
     sine = float(np.linalg.norm(skew)) / 2
     angle = math.atan2(sine, (float(np.trace(rotation)) - 1) / 2)
     return np.asarray(skew / 2 * (angle / sine if sine > 1e-12 else 1.0))
+
+
+class MatchRig:
+    """Takes the pictures of all cameras of a robot at one moment."""
+
+    def __init__(self, cameras: Sequence[MatchCamera]) -> None:
+        self._cameras = tuple(cameras)
+
+    def render(self, state: WorldState, index: int, sway: Sway = UPRIGHT) -> tuple[UInt8Array, ...]:
+        """Take one robot's pictures, (H, W, 3) uint8 each, read-only; see `MatchCamera.render`."""
+        return tuple(camera.render(state, index, sway) for camera in self._cameras)
+
+    def set_light(self, light: Light) -> None:
+        """See `MatchCamera.set_light`."""
+        for camera in self._cameras:
+            camera.set_light(light)

@@ -23,11 +23,9 @@ from robocup_vision.vision import Vision
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Highlight, Light, Robot, Room, Scene, Shadow
 from sim2d.rendering.sensor import Sensor
-from sim2d.robot_link import Command, RobotLimits
+from sim2d.robot_link import Command, Point, RobotLimits
 from sim2d.sensors.range_sensor import RangeSensor
 from sim2d.world.world import World
-
-Point = tuple[float, float]
 
 # the camera and the range sensor deliver every third control period
 PERIODS_A_FRAME = 3

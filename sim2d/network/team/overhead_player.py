@@ -21,15 +21,14 @@ from robocup_vision.mapping.occupancy import FREE
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning import ShotPlan
 from sim2d.defence_area import defence_area
-from sim2d.players.ball.memory import block_ball
+from sim2d.players.ball import block_ball
 from sim2d.players.driving.motion import Motion, MotionSettings
 from sim2d.players.driving.travel import Travel, TravelPlanner
 from sim2d.players.keep_out import Area, KeepOut, allowed_target, block_zones, ranges_to_segments
-from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.plan import Plan, Situation, Surroundings
 from sim2d.players.shot import Shooter
-from sim2d.players.surroundings import Surroundings
 from sim2d.players.tactics.tactics import Tactics
-from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, Command, Point, RobotLimits
 
 _DIRECTIONS = 80
 # how well overhead vision knows a robot: place and heading, and others' places and velocities

@@ -26,12 +26,12 @@ from sim2d.match.pitch_rules import kick_time_s
 from sim2d.network.team.overhead_player import Moving, Orders, OverheadPlayer, defence_zones
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.keep_out import Capsule
-from sim2d.players.plan import Point, Situation
+from sim2d.players.plan import Situation
 from sim2d.players.tactics.fetch import FetchSettings
 from sim2d.players.tactics.field_player import FieldPlayerSettings
 from sim2d.players.tactics.keeper import KeeperSettings
 from sim2d.players.tactics.tactics import Tactics, TacticsSettings
-from sim2d.robot_link import Command, RobotLimits
+from sim2d.robot_link import Command, Point, RobotLimits
 
 _COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
 _NOTHING = Command()

@@ -12,9 +12,8 @@ from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.perception.free_space import FreeSpace
-from sim2d.players.driving.bumps import Bumps, BumpSettings
 from sim2d.players.driving.travel import Travel
-from sim2d.players.driving.wheel_velocity import WheelVelocity
+from sim2d.players.driving.wheels import Bumps, BumpSettings, WheelVelocity
 from sim2d.players.plan import Plan
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 from field_models.field import Field
 from robocup_vision.planning import Disc, Gap, gap_between
+from sim2d.robot_link import Point
 
-Point = tuple[float, float]
 Key = tuple[int, int]
 
 # the field's right and left border, where a robot's number stands

@@ -24,9 +24,7 @@ from robocup_vision.planning import (
 )
 from robocup_vision.planning.gaps.gap_choice import PassageTimes, choose_gap
 from sim2d.players.driving.opponent_row import Key, Row, RowSettings, row_across
-from sim2d.robot_link import Reason, RobotLimits
-
-Point = tuple[float, float]
+from sim2d.robot_link import Point, Reason, RobotLimits
 
 
 @dataclass(frozen=True, slots=True)

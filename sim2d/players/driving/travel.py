@@ -18,10 +18,8 @@ from robocup_vision.planning import Disc, SpeedPlan
 from robocup_vision.planning.speed.undecided_floor import FREE, UndecidedFloor, UndecidedSpeed, safe_speed_mps
 from sim2d.players.driving.opponent_row import in_way, unit
 from sim2d.players.driving.route import RoutePlanner, RouteSettings, speed_planner
-from sim2d.players.surroundings import Surroundings
-from sim2d.robot_link import CONTROL_PERIOD_S, Reason, RobotLimits
-
-Point = tuple[float, float]
+from sim2d.players.plan import Surroundings
+from sim2d.robot_link import CONTROL_PERIOD_S, Point, Reason, RobotLimits
 
 # to where a ball is taken before a kick, in the mean
 _SHORT_M = 0.35

@@ -9,9 +9,9 @@ import numpy as np
 
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.planning.shots.shot_planner import ShotPlan
-from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
-from sim2d.robot_link import Reason, RobotLimits
+from sim2d.robot_link import Point, Reason, RobotLimits
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 
 from robocup_vision.geometry import wrap_angle
-from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
+from sim2d.robot_link import Point
 
 
 @dataclass(frozen=True, slots=True)

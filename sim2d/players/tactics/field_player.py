@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 
 from sim2d.kick_off import kick_off_row
-from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.team_field import TeamField, direction_rad
+from sim2d.robot_link import Point
 
 
 @dataclass(frozen=True, slots=True)

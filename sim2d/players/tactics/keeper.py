@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 
 from robocup_vision.planning.shots.goal_cover import cover_goal
-from sim2d.players.ball.memory import BallMemorySettings
-from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.ball import BallMemorySettings
+from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.fetch import Fetch
 from sim2d.players.tactics.team_field import TeamField, direction_rad
-from sim2d.robot_link import Reason
+from sim2d.robot_link import Point, Reason
 
 
 @dataclass(frozen=True, slots=True)

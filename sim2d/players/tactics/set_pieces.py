@@ -9,11 +9,12 @@ from field_models.field import Field
 from robocup_vision.geometry import wrap_angle
 from sim2d.kick_off import kick_off_pose
 from sim2d.players.keep_out import Capsule, KeepOut
-from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.fetch import Fetch
 from sim2d.players.tactics.field_player import FieldPlayer
 from sim2d.players.tactics.keeper import Keeper
 from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
+from sim2d.robot_link import Point
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,15 +6,15 @@ import math
 from dataclasses import dataclass
 
 from field_models.field import Field
-from sim2d.players.ball.memory import BallMemorySettings
-from sim2d.players.plan import Plan, Point, Situation
+from sim2d.players.ball import BallMemorySettings
+from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.ball_holder import BallHolder, BallHolderSettings
 from sim2d.players.tactics.fetch import Fetch, FetchSettings
 from sim2d.players.tactics.field_player import FieldPlayer, FieldPlayerSettings
 from sim2d.players.tactics.keeper import Keeper, KeeperSettings
 from sim2d.players.tactics.set_pieces import KickOff, Restart, RestartSettings
 from sim2d.players.tactics.team_field import TeamField
-from sim2d.robot_link import RobotLimits
+from sim2d.robot_link import Point, RobotLimits
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.geometry import Pose2
-from sim2d.robot_link import RobotLimits
-
-Point = tuple[float, float]
+from sim2d.robot_link import Point, RobotLimits
 
 
 class TeamField:

@@ -25,13 +25,11 @@ from sim2d.kernels.forward.tiles import draw_forward
 from sim2d.kernels.forward.values import FloorPaint, ForwardEye, Outlines, UprightThings, WallPicture
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.frames import SHADE_REACH, EvenlyLit, even_light, refuse_uneven
-from sim2d.rendering.fast.lens_table import TILE_PX, lens_table
-from sim2d.rendering.fast.line_rows import arc_rows, line_rows
+from sim2d.rendering.fast.tables import TILE_PX, arc_rows, lens_table, line_rows
 from sim2d.rendering.nets import nets_of
 from sim2d.rendering.room import ROWS_PER_M, room_panorama
-from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene
+from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene, Wall
 from sim2d.rendering.sensor import Sensor, vignette_gain
-from sim2d.rendering.surfaces import face_light
 
 
 class EyeInField(NamedTuple):
@@ -103,15 +101,11 @@ class ForwardFrames(EvenlyLit):
 
     def _add_fixed(self, scene: Scene) -> None:
         for wall in scene.walls():
-            normal = math.atan2(wall.y1_m - wall.y0_m, wall.x1_m - wall.x0_m) + math.pi / 2
-            sides = (_lit(wall.left_bgr, face_light(normal)), _lit(wall.right_bgr, face_light(normal + math.pi)))
-            self._add_sheet((wall.x0_m, wall.y0_m), (wall.x1_m, wall.y1_m), wall.height_m, *sides)
-        for goal in scene.field.goals:
-            if goal.kind == "posts":
-                half, x = goal.width_m / 2, goal.line_x_m
-                row = [BAR, x, -half, x, half, goal.post_radius_m, goal.height_m, len(self._colors), 1, -1]
-                self._rows.append(row)
-                self._colors.append(COLOR_NAMES[goal.color])
+            self._add_sheet(wall.lit)
+        for bar in scene.bars():
+            ends = [bar.x_m, -bar.half_length_m, bar.x_m, bar.half_length_m]
+            self._rows.append([BAR, *ends, bar.radius_m, bar.height_m, len(self._colors), 1, -1])
+            self._colors.append(bar.color_bgr)
         for thing in (*scene.posts(), *scene.boxes, *scene.bystanders()):
             if isinstance(thing, Post):
                 row = [CYLINDER, thing.x_m, thing.y_m, 0, 0, thing.radius_m, thing.height_m, len(self._colors)]
@@ -121,21 +115,16 @@ class ForwardFrames(EvenlyLit):
                 self._add_box(thing)
 
     def _add_box(self, box: Box) -> None:
-        corners = box.corners
-        for start, end in zip(np.roll(corners, 1, axis=0).tolist(), corners.tolist(), strict=True):
-            normal = math.atan2(end[1] - start[1], end[0] - start[0]) - math.pi / 2
-            face = _lit(box.color_bgr, face_light(normal))
-            self._add_sheet(start, end, box.height_m, face, face)
+        for face in box.faces():
+            self._add_sheet(face)
         row = [BOX_TOP, box.x_m, box.y_m, math.cos(box.yaw_rad), math.sin(box.yaw_rad), box.width_m / 2, box.height_m]
         self._rows.append([*row, len(self._colors), 1, box.depth_m / 2])
         self._colors.append(box.color_bgr)
 
-    def _add_sheet(
-        self, start: tuple[float, float], end: tuple[float, float], height_m: float, left: Bgr, right: Bgr
-    ) -> None:
-        number = len(self._colors)
-        self._rows.append([SHEET, *start, *end, 0, height_m, number, 1, number + 1])
-        self._colors += [left, right]
+    def _add_sheet(self, wall: Wall) -> None:
+        number, ends = len(self._colors), [wall.x0_m, wall.y0_m, wall.x1_m, wall.y1_m]
+        self._rows.append([SHEET, *ends, 0, wall.height_m, number, 1, number + 1])
+        self._colors += [wall.left_bgr, wall.right_bgr]
 
     @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
     def _paints(self, moving: tuple[Bgr, ...]) -> Float32Array:
@@ -182,10 +171,6 @@ class ForwardFrames(EvenlyLit):
 
 def _room_for_outlines(count: int) -> Outlines:
     return Outlines(np.zeros((count, 10), dtype=np.float32), np.zeros((count, 3), dtype=np.int32))
-
-
-def _lit(color: Bgr, factor: float) -> Bgr:
-    return (color[0] * factor, color[1] * factor, color[2] * factor)
 
 
 def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tuple[Float32Array, float]:

@@ -7,6 +7,7 @@ does. Only `MirrorRenderer` draws texture, shadows, highlights and bystanders.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import cv2
@@ -30,13 +31,11 @@ from sim2d.kernels.frame_values import (
 from sim2d.kernels.match_frame import FloorPaint, FrameRoom, Standing, draw_over_carpet
 from sim2d.kernels.match_pixels import fill_carpet
 from sim2d.kernels.nets import lay_nets
-from sim2d.rendering.fast.line_rows import arc_rows, line_rows
-from sim2d.rendering.fast.pixel_table import mirror_pixels
+from sim2d.rendering.fast.tables import arc_rows, line_rows, mirror_pixels
 from sim2d.rendering.nets import nets_of
 from sim2d.rendering.room import ROWS_PER_M, room_panorama
-from sim2d.rendering.scene import Ball, Bgr, Light, Robot, Scene, Wall
+from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Ball, Bgr, Light, Robot, Scene, Wall
 from sim2d.rendering.sensor import Sensor, vignette_gain
-from sim2d.rendering.surfaces import LAMP_DIRECTION_RAD, face_light
 
 ENTRIES, SPANS = 12, 32  # most things along a bearing, and most spans they make
 MARKER_RATIO = 0.3  # of a robot's radius
@@ -145,28 +144,24 @@ class FastFrames(EvenlyLit):
         colors: list[Bgr] = []
         rows: list[list[float]] = []
 
-        def add(height_m: float, bands: list[Bgr], top: bool, is_edge: bool = False, factor: float = 1.0) -> None:
+        def add(height_m: float, bands: Sequence[Bgr], top: Bgr | None = None, is_edge: bool = False) -> None:
             rows.append([height_m, len(bands), len(colors), -1, -1, 0.0, float(is_edge)])
-            colors.extend((b * factor, g * factor, r * factor) for b, g, r in bands)
-            if top:
+            colors.extend(bands)
+            if top is not None:
                 rows[-1][3] = len(colors)
-                colors.append(bands[-1])
+                colors.append(top)
 
         for number, wall in enumerate(walls):
-            normal = math.atan2(wall.y1_m - wall.y0_m, wall.x1_m - wall.x0_m) + math.pi / 2
-            is_edge = number < len(edges)
-            add(wall.height_m, [wall.left_bgr], False, is_edge, face_light(normal))
-            add(wall.height_m, [wall.right_bgr], False, is_edge, face_light(normal + math.pi))
+            for side in (wall.lit.left_bgr, wall.lit.right_bgr):
+                add(wall.height_m, (side,), is_edge=number < len(edges))
         self._first_face = len(rows)
         for box in scene.boxes:
-            for k in range(4):
-                start, end = box.corners[k - 1], box.corners[k]
-                normal = math.atan2(end[1] - start[1], end[0] - start[0]) - math.pi / 2
-                add(box.height_m, [box.color_bgr], True, False, face_light(normal))
+            for face in box.faces():
+                add(box.height_m, (face.right_bgr,), box.color_bgr)
         self._first_cylinder = len(rows)
         posts = list(scene.posts())
         for post in posts:
-            add(post.height_m, list(post.bands_bgr), True)
+            add(post.height_m, post.bands_bgr, post.bands_bgr[-1])
         self._walls = np.array([[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in walls], dtype=np.float64).reshape(-1, 4)
         self._boxes = np.array([box.corners for box in scene.boxes], dtype=np.float64).reshape(-1, 4, 2)
         self._posts = [(post.x_m, post.y_m, post.radius_m) for post in posts]

@@ -10,7 +10,7 @@ import pytest
 from robocup_vision.belief import MapPicture
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE, UNDECIDED
-from sim2d.players.floor_look import FloorLook, FloorLookSettings
+from sim2d.players.head import FloorLook, FloorLookSettings
 from sim2d.robot_link import RobotLimits
 
 HERE = Pose2(0.0, 0.0, 0.3)

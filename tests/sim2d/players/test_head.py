@@ -16,8 +16,7 @@ from robocup_vision.mapping.occupancy import FREE, UNDECIDED
 from robocup_vision.planning import Neck
 from sim2d.match.match import Match
 from sim2d.players.catalog import player_factory
-from sim2d.players.field_half import FieldHalf, FieldHalfSettings, mirrored
-from sim2d.players.head import Head, HeadSettings, HeadView
+from sim2d.players.head import FieldHalf, FieldHalfSettings, Head, HeadSettings, HeadView, mirrored
 from sim2d.robot_link import RobotLimits
 
 FIELD = load_field("four_legged_2007")

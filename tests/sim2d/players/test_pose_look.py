@@ -13,8 +13,8 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from sim2d.match.setups import camera_for, setup_for
 from sim2d.players.built_in import BuiltInPlayer
+from sim2d.players.head import PoseLook, PoseLookSettings
 from sim2d.players.plan import Plan
-from sim2d.players.pose_look import PoseLook, PoseLookSettings
 from sim2d.robot_link import PlayerSetup
 
 FIELD = load_field("ssl_division_b")

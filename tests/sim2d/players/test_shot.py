@@ -14,8 +14,8 @@ from robocup_vision.belief import MapPicture, Track
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE, UNDECIDED
+from sim2d.players.plan import Surroundings
 from sim2d.players.shot import Shooter
-from sim2d.players.surroundings import Surroundings
 from sim2d.robot_link import RobotLimits
 
 FIELD = load_field("ssl_2001")

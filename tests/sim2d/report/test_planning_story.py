@@ -10,7 +10,7 @@ from sim2d_players import SMALL_CAMERA, Reckoner, Sleeper
 
 from sim2d.match.match import Match
 from sim2d.match.run import MatchPlan, run_match
-from sim2d.report.planning_story import PlanningStory
+from sim2d.report.story import PlanningStory
 from sim2d.report.video import MatchPictures
 from sim2d.robot_link import Reason
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sim2d.sensors.rolling_ball import RollingBall
+from sim2d.sensors.match_camera import RollingBall
 from sim2d.world.state import BallState
 
 RADIUS_M = 0.05

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
-from sim2d.players.driving.bumps import Bumps
 from sim2d.players.driving.motion import Motion
-from sim2d.players.driving.wheel_velocity import WheelVelocity
+from sim2d.players.driving.wheels import Bumps, WheelVelocity
 from sim2d.players.plan import Plan
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 

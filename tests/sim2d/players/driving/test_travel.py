@@ -16,7 +16,7 @@ from sim2d.match.match import Match
 from sim2d.match.setups import setup_for
 from sim2d.players.catalog import player_factory
 from sim2d.players.driving.travel import TravelPlanner
-from sim2d.players.surroundings import Surroundings
+from sim2d.players.plan import Surroundings
 from sim2d.robot_link import Command, RobotLimits
 from sim2d.world.world import World
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robocup_vision.geometry import Pose2
-from sim2d.players.driving.wheel_velocity import WheelVelocity
+from sim2d.players.driving.wheels import WheelVelocity
 from sim2d.robot_link import RobotLimits
 
 PERIOD = 1 / 30

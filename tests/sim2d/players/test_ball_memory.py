@@ -9,7 +9,7 @@ import pytest
 
 from robocup_vision.belief import Track
 from robocup_vision.perception.free_space import FreeSpace
-from sim2d.players.ball.memory import BallMemory, HiddenBall, block_ball, is_in_sight
+from sim2d.players.ball import BallMemory, HiddenBall, block_ball, is_in_sight
 
 BEARING = (np.arange(64) + 0.5) * math.tau / 64
 OPEN = FreeSpace(BEARING, np.full(64, 1.0))

@@ -15,8 +15,7 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.team.message import BallSighting, TeamMessage
 from robocup_vision.team.roles import RoleChooser
-from sim2d.players.ball.knowledge import BallKnowledge, NoddingCamera
-from sim2d.players.ball.memory import BallMemorySettings
+from sim2d.players.ball import BallKnowledge, BallMemorySettings, NoddingCamera
 from sim2d.players.team_talk import TeamTalk
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import PlayerSetup, RobotLimits
