@@ -26,14 +26,22 @@ from benchmarks.harness.pool import open_pool
 from field_models import load_field
 from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.geometry import Pose2
-from sim2d.match.courses import PRINTED_SIGHT, Course, Drive, Sight, cube_course, drive_course, nearest_seen_m
+from sim2d.match.courses import (
+    PRINTED_PERCEPTION,
+    Course,
+    Drive,
+    FloorPerception,
+    cube_course,
+    drive_course,
+    nearest_seen_m,
+)
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
 LIMITS = RobotLimits(speed_mps=0.4, acceleration_mps2=0.3)
 PATIENCE_S, PICTURED_EVERY_S = 60.0, 1 / 3
-_PRINTED = {"time_threshold_s": 2.75, "directions": PRINTED_SIGHT.directions, "keep_side": False}
+_PRINTED = {"time_threshold_s": 2.75, "directions": PRINTED_PERCEPTION.directions, "keep_side": False}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +50,14 @@ class Method:
 
     name: str
     settings: SteeringSettings
-    sight: Sight
+    perception: FloorPerception
 
 
 METHODS = (
-    Method("as printed, no velocity", SteeringSettings(use_velocity=False, **_PRINTED), PRINTED_SIGHT),  # type: ignore[arg-type]
-    Method("as printed, velocity", SteeringSettings(**_PRINTED), PRINTED_SIGHT),  # type: ignore[arg-type]
-    Method("ours, no velocity", SteeringSettings(use_velocity=False, keep_side=False), Sight()),
-    Method("ours, velocity", SteeringSettings(keep_side=False), Sight()),
+    Method("as printed, no velocity", SteeringSettings(use_velocity=False, **_PRINTED), PRINTED_PERCEPTION),  # type: ignore[arg-type]
+    Method("as printed, velocity", SteeringSettings(**_PRINTED), PRINTED_PERCEPTION),  # type: ignore[arg-type]
+    Method("ours, no velocity", SteeringSettings(use_velocity=False, keep_side=False), FloorPerception()),
+    Method("ours, velocity", SteeringSettings(keep_side=False), FloorPerception()),
 )
 
 
@@ -90,7 +98,7 @@ def drive(job: tuple[int, int, Method]) -> Way:
         LIMITS,
         rng,
         patience_s=PATIENCE_S,
-        sight=method.sight,
+        perception=method.perception,
         watch=poses.append,
     )
     return Way(driven, tuple(poses))

@@ -87,10 +87,10 @@ def _play(client: TeamClient, seconds: float | None) -> None:
     import time
 
     begin_s = time.monotonic()
-    told, next_s = "", begin_s + _STATUS_S
+    shown, next_s = "", begin_s + _STATUS_S
 
     def goes_on() -> bool:
-        nonlocal told, next_s
+        nonlocal shown, next_s
         now_s = time.monotonic()
         if now_s >= next_s:
             next_s = now_s + _STATUS_S
@@ -100,8 +100,8 @@ def _play(client: TeamClient, seconds: float | None) -> None:
                 words += f" ({state.doubt})"
             for problem in client.problems.take_new():
                 print(problem, flush=True)
-            if words != told:
-                told = words
+            if words != shown:
+                shown = words
                 print(words, flush=True)
         return seconds is None or now_s - begin_s < seconds
 

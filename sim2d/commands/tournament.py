@@ -140,8 +140,8 @@ def _play(
                     results[missing[place]] = result
                     kept.add(missing[place], result)
         except KeyboardInterrupt:
-            told = f"{len(results)} of {len(plans)} matches are played and kept in {kept.path}; --resume goes on"
-            raise KeyboardInterrupt(told) from None
+            kept_so_far = f"{len(results)} of {len(plans)} matches are played and kept in {kept.path}; --resume goes on"
+            raise KeyboardInterrupt(kept_so_far) from None
         values = values_of([results[index] for index in range(len(plans))])
         write_json(path, values)
         kept.delete()

@@ -23,7 +23,7 @@ from sim2d.sensors.late_frames import LateFrames
 from sim2d.sensors.light_drift import LightDrift
 from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera, MatchRig
 from sim2d.sensors.team_channel import UNDISTURBED, TeamChannel
-from sim2d.sensors.true_cameras import TrueCamera, with_doubt
+from sim2d.sensors.true_cameras import TrueCamera, with_stated_errors
 from sim2d.world.referee import RefereeFactory
 from sim2d.world.state import WorldState
 from sim2d.world.world import World, WorldSettings
@@ -165,7 +165,7 @@ class Arena:
         if isinstance(camera, PinholeCamera) and on.shutter is not None:
             camera = dataclasses.replace(camera, readout_s=on.shutter.readout_s)
         if isinstance(camera, PinholeCamera) and on.camera is not None:
-            camera = with_doubt(camera, on.camera)
+            camera = with_stated_errors(camera, on.camera)
         return PlayerSetup(
             self.field,
             camera,

@@ -40,7 +40,7 @@ _TRIES = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class FloorPerception:
     """How a drive sees the floor, and what it remembers of it."""
 
     #: Cells of the free space. The default ones hold a few samples each, and are less than a centimetre deep close to
@@ -55,7 +55,7 @@ class Sight:
 
 
 # the cells and the threshold of Sekimori et al. (2001), section 5.1
-PRINTED_SIGHT = Sight(32, 6, 0.8, remembers=False)
+PRINTED_PERCEPTION = FloorPerception(32, 6, 0.8, remembers=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +172,11 @@ class Drive:
 
 def nearest_seen_m(field: Field, camera: OmniCamera) -> float:
     """Range of the nearest floor that a drive's cells show: what is nearer than that must count as touched."""
-    return float(Vision(field, camera, directions=Sight().directions, rings=Sight().rings).grid.ring_bounds_m[0])
+    return float(
+        Vision(
+            field, camera, directions=FloorPerception().directions, rings=FloorPerception().rings
+        ).grid.ring_bounds_m[0]
+    )
 
 
 def drive_course(
@@ -183,7 +187,7 @@ def drive_course(
     rng: np.random.Generator,
     *,
     patience_s: float,
-    sight: Sight = Sight(),
+    perception: FloorPerception = FloorPerception(),
     watch: Callable[[Pose2], None] | None = None,
 ) -> Drive:
     """Drive a course by what the camera shows, until the goal, a collision, or the end of patience.
@@ -206,9 +210,9 @@ def drive_course(
     vision = Vision(
         course.field,
         camera,
-        directions=sight.directions,
-        rings=sight.rings,
-        free_ratio=sight.free_ratio,
+        directions=perception.directions,
+        rings=perception.rings,
+        free_ratio=perception.free_ratio,
         memory=Memory(course.field),
     )
     floor = SteadyFreeSpace()
@@ -230,7 +234,7 @@ def drive_course(
         view = vision.look(eye.render(state, 0), state.t_s, odometry)
         assert view.belief is not None
         free_space: FreeRanges = view.free_space
-        if sight.remembers:
+        if perception.remembers:
             free_space = floor.update(view.free_space, odometry)
             way.update(free_space, odometry)
         wheels.sense(odometry)
@@ -239,7 +243,7 @@ def drive_course(
         if known:
             x, y = known.pose.inverse().transform(course.goal).tolist()
             bearing_rad, distance_m = math.atan2(y, x), math.hypot(x, y)
-            if sight.remembers:
+            if perception.remembers:
                 heading = way.head(bearing_rad, distance_m, wheels.now_mps)
                 bearing_rad, distance_m = heading.bearing_rad, heading.distance_m
             decision = pilot.steer(free_space, wheels.now_mps, bearing_rad, distance_m, wheels.pending_mps)

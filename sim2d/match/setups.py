@@ -69,7 +69,7 @@ class MatchSetup:
     rig: Rig | None = None
 
 
-def _held(camera: PinholeCamera, tilt_deg: float) -> PinholeCamera:
+def _tilted(camera: PinholeCamera, tilt_deg: float) -> PinholeCamera:
     return replace(camera, pan_rad=0.0, tilt_rad=math.radians(tilt_deg), roll_rad=0.0)
 
 
@@ -115,11 +115,11 @@ def _kid_fisheye() -> FisheyeCamera:
 
 CAMERAS: dict[str, Callable[[], Camera | Rig]] = {
     "sekimori": sekimori_camera,
-    "ers7": lambda: _held(ers7_camera(*_HEAD_SIZE_PX), -12.0),
-    "nao": lambda: _held(nao_camera(*_HEAD_SIZE_PX), -20.0),
-    "kid_head": lambda: _held(replace(nao_camera(*_HEAD_SIZE_PX), height_m=0.55), -20.0),
+    "ers7": lambda: _tilted(ers7_camera(*_HEAD_SIZE_PX), -12.0),
+    "nao": lambda: _tilted(nao_camera(*_HEAD_SIZE_PX), -20.0),
+    "kid_head": lambda: _tilted(replace(nao_camera(*_HEAD_SIZE_PX), height_m=0.55), -20.0),
     "kid_fisheye": _kid_fisheye,
-    "adult_head": lambda: _held(replace(nao_camera(*_HEAD_SIZE_PX), height_m=1.2), -25.0),
+    "adult_head": lambda: _tilted(replace(nao_camera(*_HEAD_SIZE_PX), height_m=1.2), -25.0),
     "ssl_forward": partial(_built_in, "ssl_forward"),
     "ssl_mirror": partial(_built_in, "ssl_mirror"),
     "msl_mirror": partial(_built_in, "msl_mirror"),

@@ -36,7 +36,7 @@ class BallMemorySettings:
     missed_s: float = 0.5
     #: A ball that others told of is not there if the robot sees the floor there from no farther than this: small
     #: cameras miss balls that are far.
-    told_missed_m: float = 1.0
+    reported_missed_m: float = 1.0
     #: A ball unseen for so long is hidden by the robot that held it.
     hidden_s: float = 0.15
     #: A ball nearer than this to another robot's centre, in reaches (robot radius plus ball radius), is held by it.
@@ -282,7 +282,7 @@ class BallKnowledge:
         known = KnownBall(ball, velocity)
         if self._talk is not None:
             known = self._with_others(self._talk, known, is_hidden, t_s)
-            within_m = settings.told_missed_m
+            within_m = settings.reported_missed_m
             if known.place is not None and is_missed and self._sees(robot, free_space, known.place, within_m):
                 fused = self._talk.ball(None, t_s)
                 if fused is not None:

@@ -323,10 +323,10 @@ class BuiltInPlayer:
     def _plan_shot(self, senses: Senses) -> ShotPlan | None:
         if self._shooter is None or not senses.ball_in_mouth:
             return None
-        around = self._around(senses.t_s)
-        if around is None:
+        surroundings = self._surroundings(senses.t_s)
+        if surroundings is None:
             return None
-        shot = self._shooter.plan(around, senses.odometry.theta_rad / CONTROL_PERIOD_S)
+        shot = self._shooter.plan(surroundings, senses.odometry.theta_rad / CONTROL_PERIOD_S)
         return shot if self._setup.attacks > 0 else shot.half_turn()
 
     def _plan_travel(self, plan: Plan, t_s: float) -> Travel | None:
@@ -337,10 +337,10 @@ class BuiltInPlayer:
             return self._planner.carry(target)
         if plan.close or plan.races:
             return self._planner.race(target)
-        around = self._around(t_s)
-        return None if around is None else self._planner.plan(around, target)
+        surroundings = self._surroundings(t_s)
+        return None if surroundings is None else self._planner.plan(surroundings, target)
 
-    def _around(self, t_s: float) -> Surroundings | None:
+    def _surroundings(self, t_s: float) -> Surroundings | None:
         robot = self._filter.belief
         if not isinstance(robot, PoseEstimate):
             return None

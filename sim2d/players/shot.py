@@ -80,27 +80,29 @@ class Shooter:
             settings.planner,
         )
 
-    def plan(self, around: Surroundings, turn_rps: float) -> ShotPlan:
+    def plan(self, surroundings: Surroundings, turn_rps: float) -> ShotPlan:
         """Plan what to do with the ball in the mouth; `turn_rps`: how fast the robot turns now."""
-        robot = around.robot.pose
+        robot = surroundings.robot.pose
         mouth = robot.compose(Pose2(self._reach_m, 0.0, 0.0))
         # by the time the command works, the robot has turned on, and the ball has its velocity too
         heading = robot.theta_rad + turn_rps * (self._limits.dead_time_s + CONTROL_PERIOD_S / 2)
-        v_x, v_y = around.velocity_mps
+        v_x, v_y = surroundings.velocity_mps
         kick = self._limits.kick_speed_mps
         leaves = math.atan2(v_y + kick * math.sin(heading), v_x + kick * math.cos(heading))
-        std_x, std_y, heading_std = around.robot.std.tolist()
-        return self.shots.plan((mouth.x_m, mouth.y_m), leaves, self._defenders(around), max(std_x, std_y), heading_std)
+        std_x, std_y, heading_std = surroundings.robot.std.tolist()
+        return self.shots.plan(
+            (mouth.x_m, mouth.y_m), leaves, self._defenders(surroundings), max(std_x, std_y), heading_std
+        )
 
-    def _defenders(self, around: Surroundings) -> list[Disc]:
+    def _defenders(self, surroundings: Surroundings) -> list[Disc]:
         """Return tracked robots of either side, and a keeper, unless the goal's mouth is seen empty."""
-        t, radius_m = around.age_s, self._limits.radius_m
+        t, radius_m = surroundings.age_s, self._limits.radius_m
         known = [
             Disc(*one.place_after(t), radius_m, one.covariance[:2, :2], vx_mps=one.vx_mps, vy_mps=one.vy_mps)
-            for one in around.tracks
+            for one in surroundings.tracks
         ]
         is_kept = any(self._keeps(one.x_m, one.y_m) for one in known)
-        if is_kept or self._is_empty(around.floor):
+        if is_kept or self._is_empty(surroundings.floor):
             return known
         return [*known, Disc(self._keeper_x_m, 0.0, radius_m, np.eye(2) * self._settings.keeper_std_m**2)]
 

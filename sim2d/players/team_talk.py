@@ -57,7 +57,7 @@ class TeamTalk:
         self._limits, self._settings = setup.limits, settings
         self._ball = TeamBall(settings.ball)
         self._roles = roles
-        self._told_s = -math.inf
+        self._sent_s = -math.inf
         self.refused = 0
 
     def hear(self, messages: Sequence[bytes], own: BallSighting | None) -> None:
@@ -119,9 +119,9 @@ class TeamTalk:
         ball : (float, float) or None
             Where it takes the ball to be, from all it knows.
         """
-        if t_s < self._told_s + self._settings.period_s - _TIME_SLACK_S:
+        if t_s < self._sent_s + self._settings.period_s - _TIME_SLACK_S:
             return None
-        self._told_s = t_s
+        self._sent_s = t_s
         if not belief or len(belief.candidates) > 1:
             return TeamMessage(self._number, t_s, self._roles.role).pack()
         time_s = self._time_to_ball_s(belief.pose, ball)

@@ -1,6 +1,6 @@
 """Goal nets: the rectangles they hang in, and how the ray caster sees through them.
 
-A net covers what is behind it by the cords' share of a ray's patch. With cords d thick, s apart, that is
+A net covers what is behind it by the cords' fraction of a ray's patch. With cords d thick, s apart, that is
 1 - (1 - d / s)^2 where a patch is wider than many meshes; nearer cords are seen as lines. Where a ray meets two nets
 their order makes no difference, for their cords have one colour and hang in nearly one light.
 """
@@ -72,8 +72,8 @@ def lay_nets(traced: TracedLight, scene: Scene) -> None:
             light = np.tile(color, (len(met), 1))
             illuminate(light, np.ones(len(met), dtype=np.float32), scene, x, y)
             index = met + part.start
-            share = covered[met, None].astype(np.float32)
-            traced.light[index] += share * (light - traced.light[index])
+            fraction = covered[met, None].astype(np.float32)
+            traced.light[index] += fraction * (light - traced.light[index])
 
 
 def _corners(row: FloatArray) -> FloatArray:
@@ -84,7 +84,7 @@ def _corners(row: FloatArray) -> FloatArray:
 def _meet(
     row: FloatArray, eye: FloatArray, direction: FloatArray, steps: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return horizontal distances (N,) at which rays (3, N) meet a net, and the share of their patches it covers.
+    """Return horizontal distances (N,) at which rays (3, N) meet a net, and the fraction of their patches it covers.
 
     `steps`: angle to the ray beside each, and difference of slope to the one above.
     """

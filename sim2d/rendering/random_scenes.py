@@ -166,11 +166,11 @@ def sample(
     supersample : int
         Rays a pixel along each image axis.
     """
-    true, sight = condition.true_camera(camera), Sight.of(camera)
+    true, view = condition.true_camera(camera), BallView.of(camera)
     renderer = MirrorRenderer(true, supersample) if isinstance(true, OmniCamera) else None
     for index in range(count) if indices is None else indices:
         rng = np.random.default_rng([seed, index])
-        scene, pose = random_scene(field, condition, rng, sight)
+        scene, pose = random_scene(field, condition, rng, view)
         if isinstance(true, PinholeCamera):
             light = render_pinhole(true, scene, pose, supersample=supersample)
             light = smear(light, abs(condition.spin_rad) * true.focal_px[0])
@@ -181,7 +181,7 @@ def sample(
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class BallView:
     """Where a camera sees a ball: bearings about `middle_rad` by `half_rad`, from a range on; whether with patches."""
 
     middle_rad: float = 0.0
@@ -190,7 +190,7 @@ class Sight:
     shows_patches: bool = False
 
     @classmethod
-    def of(cls, camera: Camera) -> Sight:
+    def of(cls, camera: Camera) -> BallView:
         """Return where a camera sees a ball."""
         if not isinstance(camera, PinholeCamera):
             return cls()
@@ -202,7 +202,7 @@ class Sight:
 
 
 def random_scene(
-    field: Field, condition: Condition, rng: np.random.Generator, sight: Sight = Sight()
+    field: Field, condition: Condition, rng: np.random.Generator, view: BallView = BallView()
 ) -> tuple[Scene, Pose2]:
     """Draw a robot's pose anywhere on the floor, at any heading, and what stands around it."""
     bare = Scene(field)
@@ -213,7 +213,7 @@ def random_scene(
     if condition.ring:
         _add_ring(bare, pose, count, boxes, rng)
     _add_anywhere(bare, pose, count, boxes, rng)
-    ball = _ball(bare, pose, boxes, rng, sight) if rng.random() < condition.ball_rate else None
+    ball = _ball(bare, pose, boxes, rng, view) if rng.random() < condition.ball_rate else None
     margin = float(rng.uniform(0.0, 1.0))
     scene = Scene(
         field=field,
@@ -321,15 +321,15 @@ def _robots(
     return tuple(robots)
 
 
-def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator, sight: Sight) -> Ball | None:
-    """Place a ball in the open: on the floor, in the robot's sight, clear of everything; None if nothing was found."""
+def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator, view: BallView) -> Ball | None:
+    """Place a ball in the open: on the floor, in the camera's view, clear of everything; None if nothing was found."""
     field = scene.field
     radius = field.ball_radius_m
     with_boxes = Scene(field, boxes=tuple(boxes))
     for _ in range(TRIES):
-        bearing = sight.middle_rad + rng.uniform(-sight.half_rad, sight.half_rad)
-        nearest_m = max(field.robot_radius_m + 2 * radius + 0.05, sight.nearest_m)
-        range_m = rng.uniform(nearest_m, max(BALL_RANGE_M, 4 * field.robot_radius_m, 2 * sight.nearest_m))
+        bearing = view.middle_rad + rng.uniform(-view.half_rad, view.half_rad)
+        nearest_m = max(field.robot_radius_m + 2 * radius + 0.05, view.nearest_m)
+        range_m = rng.uniform(nearest_m, max(BALL_RANGE_M, 4 * field.robot_radius_m, 2 * view.nearest_m))
         x, y = pose.compose(Pose2(range_m * math.cos(bearing), range_m * math.sin(bearing), 0.0)).array[:2]
         if not field.contains([x, y]) or with_boxes.clearance_m(x, y) < radius + OPEN_M:
             continue
@@ -337,7 +337,7 @@ def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator,
         ahead = with_boxes.free_range_m(pose, bearing + np.linspace(-spread, spread, 5))
         if ahead.min() > range_m + radius:
             ball = Ball(float(x), float(y), radius, COLOR_NAMES[field.ball_color])
-            if not (field.ball_patches and sight.shows_patches):
+            if not (field.ball_patches and view.shows_patches):
                 return ball
             turn = tuple(rng.uniform(-math.pi, math.pi, 3).tolist())
             return dataclasses.replace(ball, patches_bgr=COLOR_NAMES[field.ball_patches], turn_rad=turn)

@@ -97,8 +97,8 @@ class BodySway:
         # a collision or a robot that is carried elsewhere is no braking
         most = 2 * limits.acceleration_mps2
         follows = 1 - math.exp(-period_s / settings.pitch_time_s)
-        leaned = settings.pitch_rad_per_mps2 * max(-most, min(most, acceleration))
-        self._pitch_rad += follows * (leaned - self._pitch_rad)
+        lean_rad = settings.pitch_rad_per_mps2 * max(-most, min(most, acceleration))
+        self._pitch_rad += follows * (lean_rad - self._pitch_rad)
 
         self._kicked_s = 0.0 if kicked else self._kicked_s + period_s
         shake = 0.0

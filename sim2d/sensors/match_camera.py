@@ -112,7 +112,8 @@ class MatchCamera:
         self.field, self.camera, self.limits = field, camera, limits
         self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, light, room
         self._rng, self._shutter = rng, shutter
-        self._held: dict[int, tuple[float, FloatArray]] = {}  # by robot: when its last frame was, and how it was held
+        # by robot: when its last frame was, and the camera's rotation then
+        self._last_rotation: dict[int, tuple[float, FloatArray]] = {}
         self._backdrop = backdrop
         self._frames = self._frames_of(camera)
         self._rolling = RollingBall(field.ball_radius_m)
@@ -227,8 +228,12 @@ class MatchCamera:
         ahead_m, left_m = camera.offset_m
         height_m += ahead_m * math.sin(sway.pitch_rad) + left_m * math.sin(sway.roll_rad)
         head = camera_rotation(pan_rad, tilt_rad or 0.0, roll_rad)
-        held = camera_rotation(robot.pose.theta_rad, sway.pitch_rad, sway.roll_rad) @ head
-        angles = math.atan2(held[1, 0], held[0, 0]), math.asin(held[2, 0]), math.atan2(held[2, 1], held[2, 2])
+        rotation = camera_rotation(robot.pose.theta_rad, sway.pitch_rad, sway.roll_rad) @ head
+        angles = (
+            math.atan2(rotation[1, 0], rotation[0, 0]),
+            math.asin(rotation[2, 0]),
+            math.atan2(rotation[2, 1], rotation[2, 2]),
+        )
         return EyeInField(x_m, y_m, height_m, *angles)
 
     def _expose(
@@ -244,10 +249,10 @@ class MatchCamera:
         shutter = self._shutter
         if shutter is None:
             return frames.draw(robots, ball, eye)
-        held = camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad)
-        before_s, before = self._held.get(index, (-math.inf, held))
-        self._held[index] = (t_s, held)
-        turned = rotation_vector(before.T @ held)
+        rotation = camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad)
+        before_s, before = self._last_rotation.get(index, (-math.inf, rotation))
+        self._last_rotation[index] = (t_s, rotation)
+        turned = rotation_vector(before.T @ rotation)
         if t_s - before_s > 2 * CONTROL_PERIOD_S or float(np.linalg.norm(turned)) > shutter.max_turn_rad:
             turned = np.zeros(3)
         rate_rps = turned / CONTROL_PERIOD_S

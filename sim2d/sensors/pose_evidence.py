@@ -244,5 +244,5 @@ def _err_alike(counts: FloatArray, p: FloatArray, ratio: FloatArray) -> float:
     """Return how many samples err alike: how much more a picture's sum varies than that of independent samples."""
     number = counts.sum(axis=1)
     mean = float(p @ ratio)
-    alone = float(p @ (ratio - mean) ** 2)
-    return float(((counts @ ratio - number * mean) ** 2).sum() / max(number.sum() * alone, 1e-9))
+    independent = float(p @ (ratio - mean) ** 2)
+    return float(((counts @ ratio - number * mean) ** 2).sum() / max(number.sum() * independent, 1e-9))

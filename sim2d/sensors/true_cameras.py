@@ -85,8 +85,8 @@ def draw_camera(
     )
 
 
-def with_doubt(camera: PinholeCamera, error: CameraErrorSettings) -> PinholeCamera:
-    """Return a camera as a file that may be off so much states it: held no surer than it is.
+def with_stated_errors(camera: PinholeCamera, error: CameraErrorSettings) -> PinholeCamera:
+    """Return a camera whose standard deviations are at least the errors of its file.
 
     A centre that is off looks like a tilt, to a frame. A focal length that is off is left to what calibrates.
     """

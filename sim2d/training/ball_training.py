@@ -50,8 +50,8 @@ _SHIFT_RADII, _OTHER_SHIFT_RADII, _SCALE_SPREAD = 0.63, 0.3, 0.28
 _COVERED = 0.25
 # crops of what is no ball from a scene and from a picture; of what is mistaken for one
 _OTHERS, _PICTURE_OTHERS, _MISTAKEN = 12, 150, 60
-# shares of scenes, whole fields and photographs in a batch
-_SHARES = (0.33, 0.17, 0.5)
+# fractions of scenes, whole fields and photographs in a batch
+_FRACTIONS = (0.33, 0.17, 0.5)
 # how much of the training is done when what is mistaken is looked for
 _MINE_AT = (0.35, 0.65)
 # so many balls may the first network miss: its answer 0 is there
@@ -91,7 +91,7 @@ def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: C
     if known.photographs:
         crops.append(picture_crops(rng, known.photographs, _PICTURE_OTHERS))
     banks = [_Bank(one) for one in crops]
-    counts = [round(share * _BATCH / sum(_SHARES[: len(banks)])) for share in _SHARES[: len(banks)]]
+    counts = [round(fraction * _BATCH / sum(_FRACTIONS[: len(banks)])) for fraction in _FRACTIONS[: len(banks)]]
     tell("; ".join(f"{int(one.is_ball.sum())} balls, {int((~one.is_ball).sum())} others" for one in crops))
     first, second = chain(FIRST_LAYERS, 3), chain(SECOND_LAYERS, 3)
     mine_at = [round(part * steps) for part in _MINE_AT]
@@ -106,8 +106,8 @@ def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: C
         is_ball = torch.cat([bank.is_ball[one] for bank, one in zip(banks, chosen, strict=True)])
         seen, off = _varied(images, is_ball)
         loss, each = _loss(first(_strips(seen)), second(seen), is_ball, off)
-        for bank, one, worth in zip(banks, chosen, torch.split(each, counts), strict=True):
-            bank.losses[one] = 0.5 * bank.losses[one] + 0.5 * worth
+        for bank, one, loss_each in zip(banks, chosen, torch.split(each, counts), strict=True):
+            bank.losses[one] = 0.5 * bank.losses[one] + 0.5 * loss_each
         return loss
 
     learn([*first.parameters(), *second.parameters()], loss_of, steps, tell)

@@ -69,7 +69,7 @@ def photograph_crops(
         feet = _feet_m(camera, boxes)
         kinds = np.array([_index(box.kind) for box in boxes], dtype=np.int64)
         is_thing = np.array([box.kind in OBSTACLE_KINDS for box in boxes], dtype=bool)
-        told = np.array([(one.x_m, one.y_m) for one in view.obstacles]).reshape(-1, 2)
+        found = np.array([(one.x_m, one.y_m) for one in view.obstacles]).reshape(-1, 2)
         free = view.free_space
         known = np.flatnonzero(np.isfinite(free.range_m) & (free.range_m > 0.3))
         chosen = rng.choice(known, _ENDS + _FLOORS) if len(known) else known
@@ -78,12 +78,12 @@ def photograph_crops(
         range_m[:_ENDS] *= np.exp(rng.normal(0.0, 0.05, len(range_m[:_ENDS])))
         bearing = free.bearing_rad[chosen]
         ends = range_m[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        near_kinds = [_kind_of(camera, place, boxes) for place in told]
-        others = np.concatenate([feet[~is_thing], told[[kind is None for kind in near_kinds]].reshape(-1, 2), ends])
+        near_kinds = [_kind_of(camera, place, boxes) for place in found]
+        others = np.concatenate([feet[~is_thing], found[[kind is None for kind in near_kinds]].reshape(-1, 2), ends])
         others = others[apart(others, feet[is_thing]) & _is_outside(camera, others, things)]
         sure = is_thing & (kinds != OTHER)
         hit = [kind is not None and kind != OTHER for kind in near_kinds]
-        places = np.concatenate([feet[sure], told[hit].reshape(-1, 2), others])
+        places = np.concatenate([feet[sure], found[hit].reshape(-1, 2), others])
         which = [*kinds[sure], *(kind for kind in near_kinds if kind is not None and kind != OTHER)]
         every = np.array([*which, *[OTHER] * len(others)], dtype=np.int64)
         keep = np.hypot(*places.T) < _FARTHEST_M

@@ -139,7 +139,7 @@ class Motion:
         speed_mps = None if travel is None else travel.speed_mps
         if plan.speed_mps is not None:
             speed_mps = min(plan.speed_mps, self._limits.speed_mps if speed_mps is None else speed_mps)
-        # a ball in the mouth is worth a push
+        # with the ball in the mouth it may push others
         touched = () if plan.holding else self._bumps.discs
         if touched:
             free_space = self._bumps.block(free_space)

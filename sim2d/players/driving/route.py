@@ -35,7 +35,7 @@ class RouteSettings:
     row: RowSettings = RowSettings()
     #: A gap is changed for another only if that saves so much: changing to and fro costs more.
     better_s: float = 0.25
-    #: A gap with a probability to be wide enough between these is worth a second look.
+    #: A gap whose probability to be wide enough lies between these gets a second look.
     narrow: float = 0.02
     wide: float = 0.95
     #: A viewpoint so near is reached.

@@ -91,28 +91,28 @@ class TravelPlanner:
         self._undecided = UndecidedSpeed(limits, limits.radius_m, settings.route.replan_s)
         self._last: tuple[float, Point, Travel] | None = None
 
-    def plan(self, around: Surroundings, target: Point) -> Travel:
+    def plan(self, surroundings: Surroundings, target: Point) -> Travel:
         """Plan a way to a target; every `replan_s`, in between the last plan stands."""
         if self._last is not None:
             planned_s, there, travel = self._last
             if (
-                0 <= around.t_s - planned_s < self._settings.route.replan_s
+                0 <= surroundings.t_s - planned_s < self._settings.route.replan_s
                 and math.dist(there, target) < self._settings.same_m
             ):
                 return travel if travel.gap is not None else replace(travel, waypoint=target)
-        travel = self._plan_anew(around, target)
-        self._last = (around.t_s, target, travel)
+        travel = self._plan_anew(surroundings, target)
+        self._last = (surroundings.t_s, target, travel)
         return travel
 
-    def approach(self, around: Surroundings, target: Point, ball: Point | None) -> Travel:
+    def approach(self, surroundings: Surroundings, target: Point, ball: Point | None) -> Travel:
         """Plan the last piece to a ball, straight, at a speed from which the robot can stop before others.
 
         A robot that has the ball is left room where it stands between the ball and this one. `ball`: None if unknown.
         """
-        here = around.here
+        here = surroundings.here
         way = unit(here, target)
         self._forget()
-        others = list(around.others(self._limits, 0.0, self._settings.apart_radii).values())
+        others = list(surroundings.others(self._limits, 0.0, self._settings.apart_radii).values())
         holder = None if ball is None else self._holder(here, others, ball)
         if holder is not None:
             ring_m = holder.radius_m + self._limits.radius_m + self._settings.room_m
@@ -174,24 +174,24 @@ class TravelPlanner:
         is_behind = to_ball[0] * to_robot[0] + to_ball[1] * to_robot[1] < 0.0
         return nearest if away_m < reach_m and is_behind else None
 
-    def _plan_anew(self, around: Surroundings, target: Point) -> Travel:
-        here = around.here
+    def _plan_anew(self, surroundings: Surroundings, target: Point) -> Travel:
+        here = surroundings.here
         if math.dist(here, target) < self._settings.short_radii * self._limits.radius_m:
             self._routes.forget()
             full = Reason("speed", "full speed", "the way is short")
             return Travel(target, self._limits.speed_mps, None, (full,))
-        others = around.others(self._limits, self._settings.ahead_s, self._settings.apart_radii)
+        others = surroundings.others(self._limits, self._settings.ahead_s, self._settings.apart_radii)
         way = self._routes.plan(here, target, others)
         path = np.array([here, *way.points])
         # the planner of speeds takes obstacles that stand; steering avoids those that move
-        moving = {t.number for t in around.tracks if math.hypot(t.vx_mps, t.vy_mps) > self._settings.stands_mps}
-        speed, why = self._speed(path, around, [disc for number, disc in others.items() if number not in moving])
+        moving = {t.number for t in surroundings.tracks if math.hypot(t.vx_mps, t.vy_mps) > self._settings.stands_mps}
+        speed, why = self._speed(path, surroundings, [disc for number, disc in others.items() if number not in moving])
         if way.waits:
             creep_mps = self._settings.creep_mps
             speed, why = creep_mps, Reason("speed", "slow: to look", f"{creep_mps:.2f} m/s: {way.reason.text}")
         return Travel(way.points[0], speed, way.ends, (way.reason, why))
 
-    def _speed(self, path: FloatArray, around: Surroundings, others: Sequence[Disc]) -> tuple[float, Reason]:
+    def _speed(self, path: FloatArray, surroundings: Surroundings, others: Sequence[Disc]) -> tuple[float, Reason]:
         """Return the largest speed that is safe among known robots and over floor that is not decided yet."""
         ahead = unit(tuple(path[0].tolist()), tuple(path[1].tolist()))
         target = tuple(path[-1].tolist())
@@ -203,32 +203,37 @@ class TravelPlanner:
             and math.dist((d.x_m, d.y_m), target) > self._settings.at_target_m
         ]
         known = self._speeds.plan(
-            path, around.robot.pose, around.robot.covariance, around.velocity_mps, before, around.pending_mps
+            path,
+            surroundings.robot.pose,
+            surroundings.robot.covariance,
+            surroundings.velocity_mps,
+            before,
+            surroundings.pending_mps,
         )
         speed, why = self._paced(known, "opponents")
-        floor = self._floor(around)
+        floor = self._floor(surroundings)
         if floor is not None:
             unknown = self._undecided.plan(path, floor)
             if unknown.speed_mps < speed:
                 speed, why = self._paced(unknown, "undecided floor")
         return speed, why
 
-    def _floor(self, around: Surroundings) -> UndecidedFloor | None:
+    def _floor(self, surroundings: Surroundings) -> UndecidedFloor | None:
         """Return the undecided cells; blocked ones are obstacles to steering too."""
-        if around.floor is None:
+        if surroundings.floor is None:
             return None
-        looks = np.where(around.floor.state.T == UNDECIDED, self._looks, FREE)
-        robot = around.robot.pose
+        looks = np.where(surroundings.floor.state.T == UNDECIDED, self._looks, FREE)
+        robot = surroundings.robot.pose
         # a tracked robot is no undecided floor, though the map leaves it out
-        side = (np.arange(looks.shape[0]) + 0.5) * around.floor.cell_m
-        x, y = around.floor.corner_m[0] + side, around.floor.corner_m[1] + side[:, None]
+        side = (np.arange(looks.shape[0]) + 0.5) * surroundings.floor.cell_m
+        x, y = surroundings.floor.corner_m[0] + side, surroundings.floor.corner_m[1] + side[:, None]
         reach = 2 * self._limits.radius_m
-        for disc in [*((t.x_m, t.y_m) for t in around.tracks), (robot.x_m, robot.y_m)]:
+        for disc in [*((t.x_m, t.y_m) for t in surroundings.tracks), (robot.x_m, robot.y_m)]:
             looks[np.hypot(x - disc[0], y - disc[1]) < reach] = FREE
         # no robot drives beyond the walls
         if self._field.is_bounded:
             looks[(np.abs(x) > self._field.length_m / 2) | (np.abs(y) > self._field.width_m / 2)] = FREE
-        return UndecidedFloor(looks, around.floor.corner_m, around.floor.cell_m)
+        return UndecidedFloor(looks, surroundings.floor.corner_m, surroundings.floor.cell_m)
 
     def _paced(self, plan: SpeedPlan, what: str) -> tuple[float, Reason]:
         """Return a plan's speed, and the reason in words."""

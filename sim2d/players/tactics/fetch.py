@@ -60,8 +60,8 @@ class Fetch:
             return Plan("fetch", place, to_ball, dribble=True, close=is_close, races=True)
         # on the near side round it
         side = 1.0 if off > 0 else -1.0
-        around = to_goal + math.pi + side * max(abs(off) - settings.step_rad, 0.0)
-        place = team.inside(offset(ball, around, settings.round_reaches * reach))
+        approach_rad = to_goal + math.pi + side * max(abs(off) - settings.step_rad, 0.0)
+        place = team.inside(offset(ball, approach_rad, settings.round_reaches * reach))
         return Plan("get behind", place, to_ball, avoid_ball=True, close=is_close, races=True)
 
     def meeting_place(self, now: Situation, ball: Point) -> Point:

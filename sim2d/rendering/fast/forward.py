@@ -97,7 +97,7 @@ class ForwardFrames(EvenlyLit):
         self._nets = nets_of(scene.field, self._cast)
         self._planes = np.zeros((3, height, width), dtype=np.uint8)
         self._all_rows = np.zeros((0, COLUMNS))
-        self._outlines = _room_for_outlines(0)
+        self._outlines = _empty_outlines(0)
 
     def _add_fixed(self, scene: Scene) -> None:
         for wall in scene.walls():
@@ -139,7 +139,7 @@ class ForwardFrames(EvenlyLit):
             self._all_rows = np.zeros((count, COLUMNS))
             self._all_rows[:fixed] = np.array(self._rows, dtype=np.float64).reshape(-1, COLUMNS)
             floor = len(self._paint.edges) + len(self._paint.lines) + len(self._paint.arcs) * ARC_PIECES
-            self._outlines = _room_for_outlines(floor + count + 1 + len(self._nets.rows))
+            self._outlines = _empty_outlines(floor + count + 1 + len(self._nets.rows))
         rows = self._all_rows[:count]
         moving: list[Bgr] = []
         moving_rows: list[tuple[float, ...]] = []
@@ -169,7 +169,7 @@ class ForwardFrames(EvenlyLit):
         return np.asarray(cv2.merge(list(self._planes)), dtype=np.uint8)
 
 
-def _room_for_outlines(count: int) -> Outlines:
+def _empty_outlines(count: int) -> Outlines:
     return Outlines(np.zeros((count, 10), dtype=np.float32), np.zeros((count, 3), dtype=np.int32))
 
 

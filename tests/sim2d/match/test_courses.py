@@ -14,7 +14,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.geometry import Pose2
-from sim2d.match.courses import PRINTED_SIGHT, Course, cube_course, drive_course, nearest_seen_m, pocket_course
+from sim2d.match.courses import PRINTED_PERCEPTION, Course, cube_course, drive_course, nearest_seen_m, pocket_course
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Box, Scene
 from sim2d.robot_link import RobotLimits
@@ -82,11 +82,11 @@ def test_a_drive_that_remembers_nothing_is_told_the_targets_own_direction():
 
     rng = np.random.default_rng(3)
     pilot = SimpleNamespace(steer=steer)
-    drive_course(course, pilot, sekimori_camera(), LIMITS, rng, patience_s=0.2, sight=PRINTED_SIGHT)
+    drive_course(course, pilot, sekimori_camera(), LIMITS, rng, patience_s=0.2, perception=PRINTED_PERCEPTION)
     x, y = START.inverse().transform(GOAL).tolist()
     assert told
     for directions, bearing_rad, distance_m in told:
-        assert directions == PRINTED_SIGHT.directions
+        assert directions == PRINTED_PERCEPTION.directions
         assert bearing_rad == pytest.approx(math.atan2(y, x), abs=0.02)
         assert distance_m == pytest.approx(math.hypot(x, y), abs=0.02)
 

@@ -14,7 +14,7 @@ from sim2d.match.disturbances import Disturbances
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
-from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings, TrueCamera, draw_camera, with_doubt
+from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings, TrueCamera, draw_camera, with_stated_errors
 
 FORWARD = PinholeCamera((52, 40), (48.0, 48.0), (25.5, 19.5), 0.2, tilt_rad=-0.2, roll_rad=0.0)
 MIRROR = sekimori_camera()
@@ -48,15 +48,15 @@ def test_mirror_cameras_are_drawn_about_their_file():
 
 def test_a_player_is_told_how_sure_its_file_is():
     sure = replace(FORWARD, height_std_m=0.001, roll_std_rad=0.01)
-    doubted = with_doubt(sure, ERROR)
+    doubted = with_stated_errors(sure, ERROR)
     tilts = [draw_camera(sure, ERROR, rng) for rng in map(np.random.default_rng, range(300))]
     # a centre that is off looks like a tilt
     seen = [camera.tilt_rad + 0.2 - (camera.center_px[1] - 19.5) / 48.0 for camera in tilts]
     assert np.std(seen) == pytest.approx(doubted.roll_std_rad, rel=0.12)
     assert doubted.height_std_m == ERROR.height_m
     # a file that doubts more stays as it is, and one that leaves it open
-    assert with_doubt(replace(sure, roll_std_rad=0.3), ERROR).roll_std_rad == 0.3
-    assert with_doubt(replace(sure, roll_std_rad=None), ERROR).roll_std_rad is None
+    assert with_stated_errors(replace(sure, roll_std_rad=0.3), ERROR).roll_std_rad == 0.3
+    assert with_stated_errors(replace(sure, roll_std_rad=None), ERROR).roll_std_rad is None
     field = load_field("ssl_division_b")
     setups = [Arena(field, 1, 0, disturbances=Disturbances(camera=error)).setup(0) for error in (None, ERROR)]
     assert setups[0].camera.roll_std_rad < setups[1].camera.roll_std_rad
