@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol, TypeAlias
 
 from field_models.field import Field
@@ -162,6 +162,13 @@ class Senses:
     placement_in_field: tuple[float, float] | None = None
     messages: tuple[bytes, ...] = ()
     rig_frames: tuple[UInt8Array | None, ...] | None = None
+
+    def with_frame_of(self, then: Senses | None) -> Senses:
+        """Return these senses with the frames of others; None: without any."""
+        if then is None:
+            return replace(self, frame=None, frame_t_s=None, frame_pan_rad=None, rig_frames=None)
+        frame_t_s, pan_rad = then.frame_t_s, then.frame_pan_rad
+        return replace(self, frame=then.frame, frame_t_s=frame_t_s, frame_pan_rad=pan_rad, rig_frames=then.rig_frames)
 
 
 @dataclass(frozen=True, slots=True)

@@ -164,7 +164,7 @@ class FaultySenses:
             rig_black = None if senses.rig_frames is None else tuple(map(_black, senses.rig_frames))
             senses = replace(senses, frame=black, rig_frames=rig_black)
         if "dropped" in on and self._rng.random() < on["dropped"]:
-            senses = _without_frame(senses)
+            senses = senses.with_frame_of(None)
         return senses
 
     def _delayed(self, senses: Senses, delay_s: float) -> Senses:
@@ -176,16 +176,9 @@ class FaultySenses:
         for then in self._exposed:
             if self._handed_on_s < _exposed_s(then) <= senses.t_s - delay_s + _TIME_SLACK_S:
                 newest = then
-        if newest is None:
-            return _without_frame(senses)
-        self._handed_on_s = _exposed_s(newest)
-        return replace(
-            senses,
-            frame=newest.frame,
-            frame_t_s=newest.frame_t_s,
-            frame_pan_rad=newest.frame_pan_rad,
-            rig_frames=newest.rig_frames,
-        )
+        if newest is not None:
+            self._handed_on_s = _exposed_s(newest)
+        return senses.with_frame_of(newest)
 
 
 def _black(frame: UInt8Array | None) -> UInt8Array | None:
@@ -194,10 +187,6 @@ def _black(frame: UInt8Array | None) -> UInt8Array | None:
     black = np.zeros_like(frame)
     black.flags.writeable = False
     return black
-
-
-def _without_frame(senses: Senses) -> Senses:
-    return replace(senses, frame=None, frame_t_s=None, frame_pan_rad=None, rig_frames=None)
 
 
 def _exposed_s(senses: Senses) -> float:

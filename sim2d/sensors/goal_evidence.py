@@ -143,7 +143,7 @@ def _outcome(
     estimator: GoalPoseEstimator, scene: Scene, camera: PinholeCamera, pose: Pose2, side: int, rng: np.random.Generator
 ) -> int:
     frame = MATCH_SENSOR.expose(render_pinhole(camera, scene, pose, supersample=COARSE), rng)
-    sight = estimator.locate_camera(frame)
-    if isinstance(sight, NotLocated) or len(sight.sides) > 1:
+    seen = estimator.locate_camera(frame)
+    if isinstance(seen, NotLocated) or len(seen.sides) > 1:
         return NOTHING
-    return RIGHT if sight.sides[0] == side else WRONG
+    return RIGHT if seen.sides[0] == side else WRONG

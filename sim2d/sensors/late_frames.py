@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -52,12 +52,4 @@ class LateFrames:
         newest: Senses | None = None
         while self._waiting and self._waiting[0][0] <= senses.t_s + _TIME_SLACK_S:
             newest = self._waiting.popleft()[1]
-        if newest is None:
-            return replace(senses, frame=None, frame_t_s=None, frame_pan_rad=None, rig_frames=None)
-        return replace(
-            senses,
-            frame=newest.frame,
-            frame_t_s=newest.frame_t_s,
-            frame_pan_rad=newest.frame_pan_rad,
-            rig_frames=newest.rig_frames,
-        )
+        return senses.with_frame_of(newest)

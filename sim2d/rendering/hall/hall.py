@@ -94,6 +94,52 @@ class Hall:
         return Hall(tuple(panels), tuple(textures))
 
 
+class HallBuilder:
+    """A hall that is being built: its panels and textures so far.
+
+    Attributes
+    ----------
+    walls : list of (corner, direction, width)
+        Each wall's left corner as seen from inside, its direction to the right, its width.
+    """
+
+    def __init__(self, size_m: Vector) -> None:
+        self._length, self._depth, self._height = length, depth, _ = size_m
+        self.panels: list[Panel] = []
+        self._textures: list[UInt8Array] = []
+        self.walls: list[tuple[Vector, Vector, float]] = [
+            ((length / 2, depth / 2, 0.0), (0.0, -1.0, 0.0), depth),
+            ((length / 2, -depth / 2, 0.0), (-1.0, 0.0, 0.0), length),
+            ((-length / 2, -depth / 2, 0.0), (0.0, 1.0, 0.0), depth),
+            ((-length / 2, depth / 2, 0.0), (1.0, 0.0, 0.0), length),
+        ]
+
+    def wear(self, texture: UInt8Array) -> int:
+        """Keep a texture; return its number."""
+        self._textures.append(texture)
+        return len(self._textures) - 1
+
+    def add_wall(self, number: int, texture: int) -> None:
+        """Put up one of the walls."""
+        corner, along, width = self.walls[number]
+        self.panels.append(Panel(corner, along, (0.0, 0.0, 1.0), (width, self._height), texture))
+
+    def add_floor(self, texture: int) -> None:
+        """Lay the floor."""
+        corner = -self._length / 2, -self._depth / 2, 0.0
+        self.panels.append(Panel(corner, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (self._length, self._depth), texture))
+
+    def add_ceiling(self, texture: int) -> None:
+        """Put up the ceiling."""
+        corner = -self._length / 2, self._depth / 2, self._height
+        self.panels.append(Panel(corner, (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (self._length, self._depth), texture))
+
+    @property
+    def hall(self) -> Hall:
+        """What has been built."""
+        return Hall(tuple(self.panels), tuple(self._textures))
+
+
 def make_hall(
     seed: int,
     size_m: tuple[float, float, float] = (9.0, 7.0, 3.0),
@@ -113,27 +159,12 @@ def make_hall(
     """
     rng = np.random.default_rng([seed, 0x4A11])
     length, depth, height = size_m
-    panels: list[Panel] = []
-    textures: list[UInt8Array] = []
-
-    def wear(texture: UInt8Array) -> int:
-        textures.append(texture)
-        return len(textures) - 1
-
-    # each wall: its left corner as seen from inside, its direction to the right, its width
-    walls: list[tuple[Vector, Vector, float]] = [
-        ((length / 2, depth / 2, 0.0), (0.0, -1.0, 0.0), depth),
-        ((length / 2, -depth / 2, 0.0), (-1.0, 0.0, 0.0), length),
-        ((-length / 2, -depth / 2, 0.0), (0.0, 1.0, 0.0), depth),
-        ((-length / 2, depth / 2, 0.0), (1.0, 0.0, 0.0), length),
-    ]
-    for number, (corner, along, width) in enumerate(walls):
-        texture = wear(hall_textures.wall(rng, width, height, bricks=number % 2 == 1))
-        panels.append(Panel(corner, along, (0.0, 0.0, 1.0), (width, height), texture))
-    floor = wear(hall_textures.floor(rng, length, depth, (0.6 * length, 0.515 * depth)))
-    panels.append(Panel((-length / 2, -depth / 2, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (length, depth), floor))
-    above = wear(hall_textures.ceiling(rng, length, depth))
-    panels.append(Panel((-length / 2, depth / 2, height), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (length, depth), above))
+    built = HallBuilder(size_m)
+    panels, walls, wear = built.panels, built.walls, built.wear
+    for number, (_, _, width) in enumerate(walls):
+        built.add_wall(number, wear(hall_textures.wall(rng, width, height, bricks=number % 2 == 1)))
+    built.add_floor(wear(hall_textures.floor(rng, length, depth, (0.6 * length, 0.515 * depth))))
+    built.add_ceiling(wear(hall_textures.ceiling(rng, length, depth)))
 
     pictures = hall_textures.bundled_pictures()
     order = rng.permutation(len(pictures))
@@ -149,9 +180,8 @@ def make_hall(
         low = float(rng.uniform(0.15, max(height - high - 0.1, 0.16)))
         # posters overlap: each hangs a little before the one below it
         before = inward(along, 0.004 + 0.0005 * number)
-        origin = tuple(float(c + a * start + n) for c, a, n in zip(corner, along, before, strict=True))
-        place = (origin[0], origin[1], low)
-        panels.append(Panel(place, along, (0.0, 0.0, 1.0), (wide, high), wear(drawn), is_poster=True))
+        x, y, _ = (float(c + a * start + n) for c, a, n in zip(corner, along, before, strict=True))
+        panels.append(Panel((x, y, low), along, (0.0, 0.0, 1.0), (wide, high), wear(drawn), is_poster=True))
     for _ in range(furniture):
         corner, along, width = walls[int(rng.choice(4, p=widths / widths.sum()))]
         wide, deep, high = float(rng.uniform(0.35, 1.0)), float(rng.uniform(0.25, 0.6)), float(rng.uniform(0.4, 1.7))
@@ -168,7 +198,7 @@ def make_hall(
         skins = [wear(hall_textures.crate(rng)) for _ in range(2)]
         lies = Pose2(float(x), float(y), float(rng.uniform(0, math.pi)))
         panels += box(lies, (size[0], size[1], size[2]), skins)
-    return Hall(tuple(panels), tuple(textures))
+    return built.hall
 
 
 class HallCamera:

@@ -10,12 +10,11 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import UInt8Array
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.hall import lecture_textures as draw
 from sim2d.rendering.hall import textures
 from sim2d.rendering.hall.bustle import Bustle, populated
-from sim2d.rendering.hall.hall import Hall, HallLight
+from sim2d.rendering.hall.hall import Hall, HallBuilder, HallLight
 from sim2d.rendering.hall.solids import Panel, Vector, box, inward
 from sim2d.rendering.sensor import Sensor
 
@@ -43,37 +42,23 @@ def make_lecture_hall(seed: int) -> Hall:
     """Furnish a lecture hall; the same seed makes the same one."""
     rng = np.random.default_rng([seed, 0x1EC7])
     length, depth, height = SIZE_M
-    panels: list[Panel] = []
-    worn: list[UInt8Array] = []
-
-    def wear(texture: UInt8Array) -> int:
-        worn.append(texture)
-        return len(worn) - 1
-
-    walls: list[tuple[Vector, Vector, float]] = [
-        ((length / 2, depth / 2, 0.0), (0.0, -1.0, 0.0), depth),
-        ((length / 2, -depth / 2, 0.0), (-1.0, 0.0, 0.0), length),
-        ((-length / 2, -depth / 2, 0.0), (0.0, 1.0, 0.0), depth),
-        ((-length / 2, depth / 2, 0.0), (1.0, 0.0, 0.0), length),
-    ]
+    built = HallBuilder(SIZE_M)
+    panels, wear = built.panels, built.wear
     designs = [textures.notice(rng) for _ in range(3)]
     posters = [(wear(design), design.shape[1] / design.shape[0]) for design in designs]
     brick = draw.bricks(rng)
-    for corner, along, width in walls:
-        panels.append(Panel(corner, along, (0.0, 0.0, 1.0), (width, height), wear(draw.tiled(brick, width, height))))
+    for wall, (corner, along, width) in enumerate(built.walls):
+        built.add_wall(wall, wear(draw.tiled(brick, width, height)))
         # every wall has the same row of the same posters
         for number in range(int((width - 0.5) / 1.05)):
             texture, shape = posters[number % len(posters)]
             high = 0.78
             before = inward(along, 0.01)
             start = 0.4 + 1.05 * number
-            place = tuple(float(c + a * start + n) for c, a, n in zip(corner, along, before, strict=True))
-            hung = (place[0], place[1], 1.05)
-            panels.append(Panel(hung, along, (0.0, 0.0, 1.0), (high * shape, high), texture, is_poster=True))
-    floor = wear(draw.tiled(draw.carpet_tile(rng), length, depth))
-    panels.append(Panel((-length / 2, -depth / 2, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (length, depth), floor))
-    above = wear(draw.tiled(draw.ceiling_tile(rng), length, depth))
-    panels.append(Panel((-length / 2, depth / 2, height), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (length, depth), above))
+            x, y, _ = (float(c + a * start + n) for c, a, n in zip(corner, along, before, strict=True))
+            panels.append(Panel((x, y, 1.05), along, (0.0, 0.0, 1.0), (high * shape, high), texture, is_poster=True))
+    built.add_floor(wear(draw.tiled(draw.carpet_tile(rng), length, depth)))
+    built.add_ceiling(wear(draw.tiled(draw.ceiling_tile(rng), length, depth)))
 
     skins = (wear(draw.fabric(rng)), wear(draw.steel(rng)))
     for row in range(8):
@@ -86,7 +71,7 @@ def make_lecture_hall(seed: int) -> Hall:
     pattern = wear(draw.partition(rng))
     for x, y, yaw in ((-0.6, 3.05, 0.0), (1.0, 3.05, 0.0), (4.6, 2.3, 0.5), (4.9, -2.3, 1.2), (5.3, -0.9, 1.5)):
         panels += box(Pose2(x, y, yaw), (1.4, 0.06, 1.75), (pattern, pattern))
-    return Hall(tuple(panels), tuple(worn))
+    return built.hall
 
 
 def visit(hall: Hall, seed: int, *, level: float = 0.9) -> tuple[Hall, Bustle]:
