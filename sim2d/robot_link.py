@@ -25,6 +25,8 @@ Point: TypeAlias = tuple[float, float]
 
 # between two commands of a player, and between two frames
 CONTROL_PERIOD_S = 1 / 30
+# two times are the same within this: control periods are sums of binary fractions
+TIME_SLACK_S = 1e-6
 
 # what the rules say of the moment; all but the first two come from a referee of the small-size league alone
 Phase = Literal[

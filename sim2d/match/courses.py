@@ -25,7 +25,7 @@ from robocup_vision.memory import Memory
 from robocup_vision.perception.free_space import FREE_RATIO
 from robocup_vision.vision import Vision
 from sim2d.players.driving.wheels import WheelVelocity
-from sim2d.rendering.scene import BOX_COLORS, Box, Scene
+from sim2d.rendering.scene import Box, Scene, any_box_color
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Point, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
 from sim2d.world.world import World
@@ -100,7 +100,7 @@ def cube_course(field: Field, radius_m: float, rng: np.random.Generator) -> Cour
         if len(boxes) == count:
             return Course(field, tuple(boxes), start, goal)
         x, y = rng.uniform((-half_x, -half_y), (half_x, half_y)).tolist()
-        box = Box(x, y, float(rng.uniform(0, math.pi / 2)), color_bgr=_color(rng))
+        box = Box(x, y, float(rng.uniform(0, math.pi / 2)), color_bgr=any_box_color(rng))
         keeps_off = all(box.distance_m(*place) > radius_m + _ROOM_M for place in ((start.x_m, start.y_m), goal))
         apart = all(math.hypot(box.x_m - b.x_m, box.y_m - b.y_m) > math.sqrt(2) * box.width_m for b in boxes)
         if keeps_off and apart and field.contains(box.corners).all():
@@ -115,7 +115,7 @@ def pocket_course(field: Field, radius_m: float, rng: np.random.Generator) -> Co
     mouth_m = float(rng.uniform(1.5 * room_m, 2.4 * room_m))
     depth_m = float(rng.uniform(0.7 * room_m, 1.6 * room_m))
     middle = Pose2(float(rng.uniform(-0.1, 0.3)), float(rng.uniform(-0.1, 0.1)), float(rng.uniform(-0.3, 0.3)))
-    color = _color(rng)
+    color = any_box_color(rng)
     walls = [
         # back, and the two arms towards the start
         (depth_m / 2, 0.0, thick_m, mouth_m + 2 * thick_m),
@@ -133,10 +133,6 @@ def _ends(field: Field, radius_m: float, rng: np.random.Generator, spread: float
     limit_y = spread * (field.width_m / 2 - radius_m - _ROOM_M)
     start_y, goal_y = rng.uniform(-limit_y, limit_y, 2).tolist()
     return Pose2(-x, start_y, float(rng.uniform(-math.pi, math.pi))), (x, goal_y)
-
-
-def _color(rng: np.random.Generator) -> tuple[float, float, float]:
-    return list(BOX_COLORS.values())[int(rng.integers(len(BOX_COLORS)))]
 
 
 class Decision(Protocol):

@@ -79,20 +79,14 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
     ----------
     field : Field or str
         The pitch, or its name or file.
-    players : int, optional
-        Per side; default: as the field's league (`sim2d.match.setups`).
+    players, camera, robot, faults
+        As in `Arena`, in every match.
+    limits : RobotLimits, optional
+        What every robot can do, in place of the kind's; bounds the actions.
     seconds : float
         Length of a match.
     observation : {"image", "percepts"}
         See above.
-    camera : OmniCamera or PinholeCamera, optional
-        On every robot; default: that of the field's league.
-    robot : RobotKind, optional
-        Every robot; default: those of the field's league.
-    limits : RobotLimits, optional
-        What every robot can do, in place of the kind's; bounds the actions.
-    faults : sequence of Fault
-        Faults of senses and bodies in every match.
     render_mode : {"rgb_array"}, optional
         Whether `render` returns the match from above.
 

@@ -30,16 +30,12 @@ class Match:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    players : int, optional
-        Per side; default: as the field's league (`sim2d.match.setups`).
     seed : int
         The same seed gives the same match, bit for bit.
     ours, theirs : PlayerFactory
         Make the players of the side that attacks the goal at +x, and of the other.
-    camera, robot, limits, faults, physics, sensor, referee, disturbances
-        See `Arena`.
+    field, players, camera, robot, limits, faults, physics, sensor, referee, disturbances
+        As in `Arena`.
     keeps_figures : bool
         Count what `figures` tells: each control period takes some memory.
 

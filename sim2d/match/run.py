@@ -38,26 +38,20 @@ class MatchPlan:
     ----------
     field : str
         Built-in field's name, or a field file.
-    players : int, optional
-        Per side; default: as the field's league (`sim2d.match.setups`).
     seconds : float
         How long.
     seed : int
         The same plan gives the same match.json, byte for byte.
     ours, theirs : PlayerFactory
-        Make the players of the side that attacks the goal at +x, and of the other. `sim2d.players.catalog.BuiltInTeam`
-        makes built-in players with options and settings.
+        As in `Match`; `sim2d.players.catalog.BuiltInTeam` makes built-in players with options and settings.
     camera : OmniCamera, PinholeCamera, Rig or str, optional
         On every robot, or its name (`sim2d.match.setups.CAMERAS`) or file; default: that of the field's league.
     robot : RobotKind or str, optional
         Every robot, or its name (`sim2d.match.setups.ROBOTS`); default: those of the field's league.
-    faults : tuple of Fault
-        Faults of senses and bodies.
+    players, faults, disturbances
+        As in `Arena`.
     referee : RefereeFactory, optional
-        Makes who judges; default: simple rules without stops. One that listens to a game controller cannot be sent to
-        another process.
-    disturbances : Disturbances, optional
-        Of bodies, frames, odometry and light; default: those of robots and camera.
+        As in `Arena`; one that listens to a game controller cannot be sent to another process.
     """
 
     field: str = "ssl_2001"

@@ -13,10 +13,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.team.ball_fusion import BallFusionSettings, FusedBall, TeamBall
 from robocup_vision.team.message import BallSighting, Role, TeamMessage, unpack_message
 from robocup_vision.team.roles import ChosenRole, RoleSettings, time_to_ball_s
-from sim2d.robot_link import PlayerSetup, Point
-
-# control periods are sums of binary fractions
-_TIME_SLACK_S = 1e-6
+from sim2d.robot_link import TIME_SLACK_S, PlayerSetup, Point
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +116,7 @@ class TeamTalk:
         ball : (float, float) or None
             Where it takes the ball to be, from all it knows.
         """
-        if t_s < self._sent_s + self._settings.period_s - _TIME_SLACK_S:
+        if t_s < self._sent_s + self._settings.period_s - TIME_SLACK_S:
             return None
         self._sent_s = t_s
         if not belief or len(belief.candidates) > 1:

@@ -17,7 +17,7 @@ from robocup_vision.camera import Camera, OmniCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.pinhole import render_pinhole, smear
-from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Highlight, Light, Robot, Room, Scene, Shadow
+from sim2d.rendering.scene import Ball, Box, Highlight, Light, Robot, Room, Scene, Shadow, any_box_color
 from sim2d.rendering.sensor import Sensor
 
 BALL_RANGE_M = 1.5  # a ball lies at most this far from the robot
@@ -268,17 +268,13 @@ def _fits(scene: Scene, pose: Pose2, box: Box, boxes: list[Box]) -> bool:
     )
 
 
-def _color(rng: np.random.Generator) -> tuple[float, float, float]:
-    return list(BOX_COLORS.values())[int(rng.integers(len(BOX_COLORS)))]
-
-
 def _add_anywhere(scene: Scene, pose: Pose2, count: int, boxes: list[Box], rng: np.random.Generator) -> None:
     low, high = scene.field.floor_polygon.min(axis=0), scene.field.floor_polygon.max(axis=0)
     for _ in range(TRIES):
         if len(boxes) >= count:
             return
         x, y = rng.uniform(low, high)
-        box = Box(float(x), float(y), float(rng.uniform(0, math.pi / 2)), color_bgr=_color(rng))
+        box = Box(float(x), float(y), float(rng.uniform(0, math.pi / 2)), color_bgr=any_box_color(rng))
         if _fits(scene, pose, box, boxes):
             boxes.append(box)
 
@@ -288,7 +284,7 @@ def _add_ring(scene: Scene, pose: Pose2, count: int, boxes: list[Box], rng: np.r
         if len(boxes) >= count:
             return
         wanted_m, bearing = rng.uniform(*RING_RANGE_M), rng.uniform(-math.pi, math.pi)
-        box = Box(0.0, 0.0, float(rng.uniform(0, math.pi / 2)), color_bgr=_color(rng))
+        box = Box(0.0, 0.0, float(rng.uniform(0, math.pi / 2)), color_bgr=any_box_color(rng))
         # move it out along the bearing until its nearest point is as far away as wanted
         near, far = wanted_m, wanted_m + box.width_m
         for _ in range(20):

@@ -33,6 +33,11 @@ BOX_COLORS: dict[str, Bgr] = {
 }
 
 
+def any_box_color(rng: np.random.Generator) -> Bgr:
+    """Draw one of `BOX_COLORS`."""
+    return list(BOX_COLORS.values())[int(rng.integers(len(BOX_COLORS)))]
+
+
 @dataclass(frozen=True, slots=True)
 class Box:
     """An upright box: its centre, the direction of its width, its size and colour."""

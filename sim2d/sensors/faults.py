@@ -16,13 +16,11 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.geometry import Pose2
-from sim2d.robot_link import Senses
+from sim2d.robot_link import TIME_SLACK_S, Senses
 
 SenseFaultKind = Literal["dropped", "delayed", "frozen", "black", "odometry"]
 
 _KINDS = ("dropped", "delayed", "frozen", "black", "odometry")
-# frames come at whole control periods, whose times are sums of binary fractions
-_TIME_SLACK_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +65,7 @@ class SenseFault:
 
     def is_on(self, t_s: float) -> bool:
         """Return whether it holds at a time."""
-        return self.from_s - _TIME_SLACK_S <= t_s < self.until_s - _TIME_SLACK_S
+        return self.from_s - TIME_SLACK_S <= t_s < self.until_s - TIME_SLACK_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,10 +169,10 @@ class FaultySenses:
         if senses.frame is not None:
             self._exposed.append(senses)
         newest: Senses | None = None
-        while self._exposed and _exposed_s(self._exposed[0]) < senses.t_s - self._longest_delay_s - _TIME_SLACK_S:
+        while self._exposed and _exposed_s(self._exposed[0]) < senses.t_s - self._longest_delay_s - TIME_SLACK_S:
             self._exposed.popleft()
         for then in self._exposed:
-            if self._handed_on_s < _exposed_s(then) <= senses.t_s - delay_s + _TIME_SLACK_S:
+            if self._handed_on_s < _exposed_s(then) <= senses.t_s - delay_s + TIME_SLACK_S:
                 newest = then
         if newest is not None:
             self._handed_on_s = _exposed_s(newest)

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from field_models.errors import ArgumentError
-from sim2d.robot_link import Senses
-
-# frames come at whole control periods, whose times are sums of binary fractions
-_TIME_SLACK_S = 1e-6
+from sim2d.robot_link import TIME_SLACK_S, Senses
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +47,6 @@ class LateFrames:
             due_s = senses.t_s + max(settings.min_s, min(settings.max_s, late_s))
             self._waiting.append((due_s, senses))
         newest: Senses | None = None
-        while self._waiting and self._waiting[0][0] <= senses.t_s + _TIME_SLACK_S:
+        while self._waiting and self._waiting[0][0] <= senses.t_s + TIME_SLACK_S:
             newest = self._waiting.popleft()[1]
         return senses.with_frame_of(newest)

@@ -21,9 +21,9 @@ from robocup_vision.mapping.range_profile import RangeProfile, floor_profile
 from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
 from sim2d.rendering.mirror import MirrorRenderer
-from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Highlight, Light, Robot, Room, Scene, Shadow
-from sim2d.rendering.sensor import Sensor
+from sim2d.rendering.scene import Ball, Box, Highlight, Light, Robot, Room, Scene, Shadow, any_box_color
 from sim2d.robot_link import Command, Point, RobotLimits
+from sim2d.sensors.match_camera import MATCH_SENSOR
 from sim2d.sensors.range_sensor import RangeSensor
 from sim2d.world.world import World
 
@@ -33,7 +33,6 @@ PERIODS_A_FRAME = 3
 DIRECTIONS, RINGS = 120, 40
 FALLEN_HEIGHT_M = 0.06
 
-_CAMERA_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
 _SPEED_MPS, _ARRIVED_M = 0.4, 0.04
 _MOVER_SPEED_MPS = (0.3, 0.6)
 _ROOM_M = 0.04
@@ -144,7 +143,7 @@ def sensor_run(
             lit = _with_reflections(scene, lamps, camera, pose)
             others = tuple(Robot(m.pose.x_m, m.pose.y_m, limits.radius_m, limits.height_m) for m in movers)
             seen = dataclasses.replace(lit, robots=(*lit.robots, *others))
-            frame = _CAMERA_SENSOR.expose(renderer.render(seen, pose), rng)
+            frame = MATCH_SENSOR.expose(renderer.render(seen, pose), rng)
             # at the start the pose is known
             view = vision.look(frame, state.t_s, prior=None if period else pose)
             assert view.belief is not None
@@ -180,12 +179,11 @@ class _Layout:
 
     def scene(self, kind: RunKind) -> Scene:
         rng, field = self._rng, self.field
-        colors = list(BOX_COLORS.values())
         for k in range(kind.boxes + kind.fallen + kind.robots):
             if k < kind.boxes + kind.fallen:
                 size = rng.uniform(0.10, 0.18, 2) if k < kind.boxes else np.array([0.18, 0.12])
                 x, y = self._spot(float(np.hypot(*size)) / 2)
-                color = colors[int(rng.integers(len(colors)))] if k < kind.boxes else (45, 42, 40)
+                color = any_box_color(rng) if k < kind.boxes else (45, 42, 40)
                 height_m = 0.13 if k < kind.boxes else FALLEN_HEIGHT_M
                 yaw, width_m, depth_m = float(rng.uniform(0, math.pi)), float(size[0]), float(size[1])
                 box = Box(x, y, yaw, width_m, depth_m, height_m, color)

@@ -9,10 +9,9 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.team.message import MAX_MESSAGE_BYTES
+from sim2d.robot_link import TIME_SLACK_S
 
 MESSAGE_PERIOD_S = 0.5
-# messages are sent at whole control periods, whose times are sums of binary fractions
-_TIME_SLACK_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +64,7 @@ class TeamChannel:
             If it is longer than the channel carries.
         """
         check_message(message)
-        if t_s < self._next_s[robot] - _TIME_SLACK_S:
+        if t_s < self._next_s[robot] - TIME_SLACK_S:
             return
         self._next_s[robot] = t_s + MESSAGE_PERIOD_S
         settings, rng = self._settings, self._rngs[robot]
@@ -81,8 +80,8 @@ class TeamChannel:
     def received(self, robot: int, t_s: float) -> tuple[bytes, ...]:
         """Return the messages that have come to a robot since the last call, in the order in which they came."""
         coming = self._coming[robot]
-        here = sorted(one for one in coming if one[0] <= t_s + _TIME_SLACK_S)
-        self._coming[robot] = [one for one in coming if one[0] > t_s + _TIME_SLACK_S]
+        here = sorted(one for one in coming if one[0] <= t_s + TIME_SLACK_S)
+        self._coming[robot] = [one for one in coming if one[0] > t_s + TIME_SLACK_S]
         return tuple(message for _, _, message in here)
 
 

@@ -34,11 +34,6 @@ class BodySettings:
     #: Of the dribbler's mouth, in ball radii.
     mouth_half_width: float = 1.5
     mouth_depth: float = 0.5
-    #: The dribbler pulls the ball to its seat like a damped spring.
-    dribbler_stiffness_ps2: float = 900.0
-    dribbler_damping_ps: float = 50.0
-    #: It pulls no harder than this.
-    dribbler_grip_mps2: float = 6.0
     #: Time to charge the kicker.
     kick_again_s: float = 0.5
     #: Of a kick's speed, as a part of it.
@@ -242,14 +237,8 @@ class RobotBody:
 
     def _mouth(self, ball: BallBody) -> Mouth:
         settings, radius_m = self._settings, ball.radius_m
-        return Mouth(
-            self.limits.radius_m + radius_m,
-            settings.mouth_half_width * radius_m,
-            settings.mouth_depth * radius_m,
-            settings.dribbler_stiffness_ps2,
-            settings.dribbler_damping_ps,
-            settings.dribbler_grip_mps2,
-        )
+        half_width_m, depth_m = settings.mouth_half_width * radius_m, settings.mouth_depth * radius_m
+        return Mouth(self.limits.radius_m + radius_m, half_width_m, depth_m)
 
 
 def check_command(command: Command) -> None:

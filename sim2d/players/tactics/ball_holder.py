@@ -10,6 +10,7 @@ import numpy as np
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.planning.shots.shot_planner import ShotPlan
 from sim2d.players.plan import Plan, Situation
+from sim2d.players.tactics.keeper import KeeperSettings
 from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
 from sim2d.robot_link import Point, Reason, RobotLimits
 
@@ -22,8 +23,6 @@ class BallHolderSettings:
     places: int = 21
     #: A robot in the shot's way starts so long after the kick.
     reaction_s: float = 0.3
-    #: A keeper that is not seen is taken to stand in the middle of its goal, so many robot radii before the line.
-    keeper_radii: float = 1.3
     #: A shot must be open to either side by at least the smaller angle, about what kicks scatter by. It may miss its
     #: aim by half of what is open, but by no less than the smaller angle; one that is not open, by the larger.
     max_aim_rad: float = 0.35
@@ -55,11 +54,20 @@ class BallHolder:
     ----------
     is_keeper : bool
         A keeper clears the ball under pressure and shoots from any distance.
+    keeper : KeeperSettings
+        Where a keeper that is not seen is taken to stand.
     """
 
-    def __init__(self, team: TeamField, limits: RobotLimits, is_keeper: bool, settings: BallHolderSettings) -> None:
+    def __init__(
+        self,
+        team: TeamField,
+        limits: RobotLimits,
+        is_keeper: bool,
+        settings: BallHolderSettings,
+        keeper: KeeperSettings,
+    ) -> None:
         self._team, self._is_keeper, self._settings = team, is_keeper, settings
-        self._kick_speed_mps, self._limits = limits.kick_speed_mps, limits
+        self._kick_speed_mps, self._limits, self._keeper = limits.kick_speed_mps, limits, keeper
 
     def decide(self, now: Situation) -> Plan:
         """Turn the ball to the opponent's goal; kick it there, or where nobody stands."""
@@ -111,7 +119,7 @@ class BallHolder:
         team, settings = self._team, self._settings
         # posts and nets are no robots
         others = [one for one in obstacles if one[0] < team.half_length_m - team.robot_radius_m]
-        keeper = team.half_length_m - settings.keeper_radii * team.robot_radius_m, 0.0
+        keeper = team.half_length_m - self._keeper.line_radii * team.robot_radius_m, 0.0
         is_seen = any(math.dist(one, keeper) < team.goal_half_m + team.robot_radius_m for one in others)
         if not (is_seen or self._is_keeper):
             others.append(keeper)

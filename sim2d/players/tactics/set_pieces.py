@@ -26,7 +26,7 @@ class RestartSettings:
     ball_room_m: float = 0.57
     #: Largest speed during a stop: 1.5 m/s by the rules, less what a velocity overshoots.
     stop_mps: float = 1.3
-    #: Who takes a penalty waits so many reaches behind the ball.
+    #: Who takes a kick-off or a penalty waits so many reaches behind the ball, so as not to touch it before.
     behind_reaches: float = 2.0
     #: Behind the ball at a penalty: 1 m by the rules, and a robot.
     penalty_room_m: float = 1.3
@@ -44,13 +44,7 @@ class RestartSettings:
 
 
 class KickOff:
-    """Sends one player to its place.
-
-    Parameters
-    ----------
-    behind_reaches : float
-        The player that kicks off waits so many reaches behind the ball.
-    """
+    """Sends one player to its place."""
 
     def __init__(self, field: Field, team: TeamField, number: int, players: int, behind_reaches: float) -> None:
         self._team, self._behind_reaches = team, behind_reaches

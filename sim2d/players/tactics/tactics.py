@@ -29,8 +29,6 @@ class TacticsSettings:
     restart: RestartSettings = RestartSettings()
     #: Targets leave so much room between robot and wall: less than steering keeps would stop it on the way.
     wall_clearance_m: float = 0.015
-    #: The player that kicks off waits so many reaches behind the ball: it does not touch it before.
-    kick_off_reaches: float = 2.0
     #: Players from number 2 on fetch a ball in their own strip, as those must that cannot agree who does. Else number 1
     #: alone fetches.
     fetches_in_strip: bool = True
@@ -65,8 +63,8 @@ class Tactics:
         self.is_keeper = number == 0 and players > 1
         self._number, self._players = number, players
         team = TeamField(field, limits, settings.wall_clearance_m)
-        self._kick_off = KickOff(field, team, number, players, settings.kick_off_reaches)
-        self._ball_holder = BallHolder(team, limits, self.is_keeper, settings.ball_holder)
+        self._kick_off = KickOff(field, team, number, players, settings.restart.behind_reaches)
+        self._ball_holder = BallHolder(team, limits, self.is_keeper, settings.ball_holder, settings.keeper)
         self._fetch = Fetch(team, settings.fetch)
         self._keeper = Keeper(team, self._fetch, settings.keeper, ball)
         self._field_player = FieldPlayer(team, number, players, settings.field_player)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from field_models.errors import ArgumentError
-from sim2d.match.table.ratings import RatingSettings, rate_players
+from sim2d.match.table import RatingSettings, rate_players
 
 
 def points_of(strengths, matches, rng, draw_ratio=0.0):

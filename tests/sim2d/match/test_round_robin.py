@@ -12,7 +12,7 @@ from field_models.errors import ArgumentError
 from robocup_vision import cli, workers
 from robocup_vision.workers import find_workers
 from sim2d.match.run import MatchPlan
-from sim2d.match.table.round_robin import RoundRobin
+from sim2d.match.table import RoundRobin
 from sim2d.match.tournament import play_matches
 
 PLAN = MatchPlan(players=1, seconds=0.2, seed=5, camera=SMALL_CAMERA)

@@ -1,1 +1,0 @@
-"""The table of a tournament in which all players meet each other."""
