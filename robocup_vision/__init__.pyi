@@ -1,9 +1,8 @@
-from .avoidance.steering import Steering, SteeringCommand
-from .avoidance.steering_settings import SteeringSettings
+from .avoidance.steering import Steering, SteeringCommand, SteeringSettings
 from .avoidance.wayfinder import Wayfinder
 from .belief import Belief
 from .camera.files import load_camera
-from .camera.mounting import Mounting
+from .camera.pinhole import Mounting
 from .camera.rig import Rig, load_rig
 from .errors import ArgumentError, FileError, FrameError, PacketError, RobocupVisionError
 from .estimates import NotLocated, PoseEstimate, SwappedChannels

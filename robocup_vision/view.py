@@ -21,7 +21,7 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.joined import join_obstacles, move_obstacle
-from robocup_vision.perception.kinds.source import KindSource
+from robocup_vision.perception.kinds.network import KindSource
 from robocup_vision.perception.markings.finder import MarkingSource
 from robocup_vision.perception.markings.marking import Markings
 from robocup_vision.perception.obstacles import Obstacle, ObstacleFinder

@@ -23,9 +23,8 @@ from robocup_vision.arguments import (
     require_kind,
 )
 from robocup_vision.arrays import Frame, UInt8Array
-from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.camera.rig import Rig, as_rig
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2

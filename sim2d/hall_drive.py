@@ -16,7 +16,7 @@ from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.motion.path_following import nearest_on_path
 from robocup_vision.landmarks.vision import LandmarkVision
 from robocup_vision.motion_limits import MotionLimits
-from robocup_vision.planning.speed.path_follower import PathFollower
+from robocup_vision.planning.speed.speed_planner import PathFollower
 from sim2d.rendering.hall.bustle import Bustle
 from sim2d.rendering.hall.hall import Hall, HallCamera
 from sim2d.rendering.sensor import Sensor

@@ -3,7 +3,7 @@
 import numpy as np
 
 from field_models import load_field
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.geometry import (

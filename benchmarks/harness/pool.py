@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from benchmarks.harness.programs import ROOT
-from robocup_vision.commands.worker_options import add_worker_options, chosen_workers
+from robocup_vision.commands.options import add_worker_options, chosen_workers
 from robocup_vision.workers import Pool as Opened
 from robocup_vision.workers import Workers, in_order, local_workers, run_pieces
 

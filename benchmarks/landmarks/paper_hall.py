@@ -36,7 +36,7 @@ from robocup_vision.landmarks.features import Features, SiftExtractor
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator
 from robocup_vision.landmarks.mapping.stereo import correspond
-from robocup_vision.landmarks.projection import project, to_camera
+from robocup_vision.landmarks.pose_fit import project, to_camera
 from robocup_vision.landmarks.selection import Selection
 from robocup_vision.landmarks.vision import LandmarkVision
 from sim2d.hall_drive import DriveStep, drive

@@ -20,8 +20,7 @@ from field_models import load_field
 from robocup_vision import Vision
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.evaluation.boxes import Box
-from robocup_vision.perception.kinds.network import KINDS, KindNetwork
-from robocup_vision.perception.kinds.source import MIN_NATS
+from robocup_vision.perception.kinds.network import KINDS, MIN_NATS, KindNetwork
 
 STEPS, MIN_RIGHT = 500, 0.95
 # what the team calls its boxes of robots

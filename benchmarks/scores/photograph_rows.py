@@ -16,7 +16,7 @@ import numpy as np
 
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.files.pose_table import read_poses
+from robocup_vision.files.csv_table import read_poses
 from robocup_vision.geometry import Pose2
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "real"

@@ -12,13 +12,13 @@ import numpy.typing as npt
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, compose_covariance, wrap_angle
 from robocup_vision.localization.filter.pose_filter import OdometryNoise
 from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 from robocup_vision.planning.gaze.pose_gaze import DETECTORS, Neck
-from robocup_vision.planning.gaze.sight_lines import clear_probability
+from robocup_vision.planning.gaze.uncertainty import clear_probability
 from sim2d.match.setups import camera_for
 
 FIELD = load_field("four_legged_2007")

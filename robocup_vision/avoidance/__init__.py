@@ -1,8 +1,7 @@
 """From free floor, velocity and target direction to a safe motion command."""
 
-from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
-from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
-from robocup_vision.avoidance.steering_settings import SteeringSettings
+from robocup_vision.avoidance.recent_free_space import SteadyFreeSpace, carry_free_space
+from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand, SteeringSettings
 from robocup_vision.avoidance.wayfinder import Heading, Wayfinder, WayfinderSettings
 
 __all__ = [

@@ -1,8 +1,9 @@
 """From free ranges around the robot, its velocity and the target's bearing to a motion command that does not collide.
 
-The way of Sekimori et al. (2001), section 3.2: obstacles grown by the robot's radius, a trajectory predicted for each
-direction under the limit of acceleration and the dead time, the time to contact of each, and the safe direction nearest
-to the target. The loops are compiled (`robocup_vision.kernels.motion.steering`); here they get their meaning.
+The method of Sekimori et al. (2001), section 3.2: obstacles grown by the robot's radius, a trajectory predicted for
+each direction under the limit of acceleration and the dead time, the time to contact of each, and the safe direction
+nearest to the target. Moving obstacles fill the free ranges that they hide. The loops are compiled
+(`robocup_vision.kernels.motion.steering`).
 """
 
 from __future__ import annotations
@@ -18,14 +19,152 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arguments import as_angle, as_number, require_kind
 from robocup_vision.arrays import FloatArray
-from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
-from robocup_vision.avoidance.steering_settings import SteeringSettings
 from robocup_vision.compiling.loops import plain
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.disc import Disc
 from robocup_vision.kernels.mapping import grown_profile
 from robocup_vision.kernels.motion import steering as kernel
+from robocup_vision.kernels.motion.moving_contact import COLUMNS
 from robocup_vision.motion_limits import MotionLimits
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringSettings:
+    """How `Steering` chooses commands.
+
+    Parameters
+    ----------
+    time_threshold_s : float, optional
+        The paper's T_th, one for all directions. None derives it per direction: a command is safe when it can be
+        carried out to its end and the robot can then still stop. The end is reached after ``|dv_j|`` / alpha, the
+        stopping distance v^2 / (2 alpha) takes v / (2 alpha) at speed v, and the next decision comes a period and again
+        a dead time later: T_j >= 2 dead_time + period + ``|dv_j|`` / alpha + v / (2 alpha). Then the command given now
+        stays safe until it is reached, and braking is safe after that, so that a standing world is never touched. (The
+        paper's 2.75 s is the time 2 v / alpha of a full reversal plus the dead time.)
+    directions : int
+        Number J of directions that are tried. 48: 7.5 degrees, as in the paper.
+    period_s : float
+        Time between two commands.
+    step_m : float
+        Largest distance by which the robot moves between two samples of a trajectory close to an obstacle.
+    use_velocity : bool
+        False: the paper's comparison, which takes the present velocity to be the commanded one (v_a = v_b).
+    keep_side : bool
+        Remember the detour: by how much, and to which side, obstacles have turned the robot from the target's bearing.
+        Two equally good ways round then do not make it waver between them, and pockets do not hold it. `forget` drops
+        the memory. False where a `Wayfinder`, which remembers more than one view, gives the direction.
+    stop_ratio : float
+        The slowest of the speeds tried is one from which the robot stops within this ratio of its radius: any gap that
+        it fits through can then be entered.
+    away_rad : float
+        A larger detour leads away from the target: the robot then goes no faster than it can turn in its own length.
+    other_side_rad : float
+        The side of a detour changes only where the other side is nearer by more than this, so that it does not waver.
+    max_detour_rad : float
+        A larger detour to one side counts as one to the other side: else the walls of a field lead round and round.
+    obstacle_sigmas, max_margin_m : float
+        Standard deviations that are kept clear of a moving obstacle, and how far at most: beyond that there would be no
+        way round it.
+    return_margin_m : float
+        A range that ends so near to a moving obstacle's rim is one of its returns.
+
+    Raises
+    ------
+    ArgumentError
+        A value is out of its range.
+    """
+
+    time_threshold_s: float | None = None
+    directions: int = 48
+    period_s: float = 1 / 30
+    step_m: float = 0.004
+    use_velocity: bool = True
+    keep_side: bool = True
+    stop_ratio: float = 0.25
+    away_rad: float = math.pi / 3.0
+    other_side_rad: float = 0.25 * math.pi
+    max_detour_rad: float = 1.25 * math.pi
+    obstacle_sigmas: float = 1.0
+    max_margin_m: float = 0.05
+    return_margin_m: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name, least in (
+            ("period_s", 0.0),
+            ("step_m", 1e-4),
+            ("stop_ratio", 1e-3),
+            ("away_rad", 0.0),
+            ("other_side_rad", 0.0),
+            ("max_detour_rad", math.pi),
+            ("obstacle_sigmas", 0.0),
+            ("max_margin_m", 0.0),
+            ("return_margin_m", 0.0),
+        ):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= least):
+                raise ArgumentError(f"{name} must be at least {least:g}, got {value!r}")
+        threshold = self.time_threshold_s
+        if threshold is not None and not (math.isfinite(threshold) and threshold >= 0.0):
+            raise ArgumentError(f"time_threshold_s must be at least 0, got {threshold!r}")
+        if self.directions < 4:
+            raise ArgumentError(f"directions must be at least 4, got {self.directions!r}")
+
+
+def moving_table(
+    moving: Sequence[Disc], robot_radius_m: float, settings: SteeringSettings = SteeringSettings()
+) -> FloatArray:
+    """Return what `moving_contact_time` takes, (M, 8) float64.
+
+    Parameters
+    ----------
+    moving : sequence of Disc
+        Moving obstacles.
+    robot_radius_m : float
+        Added to their own.
+    settings : SteeringSettings, optional
+        How many standard deviations are kept clear of, and how much of them at most.
+    """
+    sigmas = settings.obstacle_sigmas
+    rows = [
+        (
+            o.x_m, o.y_m, o.vx_mps, o.vy_mps, o.radius_m + robot_radius_m,
+            sigmas * o.std_m, sigmas * o.velocity_std_mps, settings.max_margin_m,
+        )
+        for o in moving
+    ]  # fmt: skip
+    return np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
+
+
+def ranges_past(
+    bearing_rad: FloatArray, range_m: FloatArray, moving: Sequence[Disc], margin_m: float = 0.05
+) -> FloatArray:
+    """Return free ranges (J,) without the returns of moving obstacles: there the smaller range beside each counts.
+
+    Parameters
+    ----------
+    bearing_rad, range_m : (J,) float64
+        Directions, ascending, and free ranges; robot frame.
+    moving : sequence of Disc
+        Moving obstacles.
+    margin_m : float
+        A range that ends so near to a disc's rim is one of its returns.
+    """
+    own = np.zeros(len(bearing_rad), dtype=bool)
+    half = 0.5 * float(np.median(np.diff(bearing_rad)))
+    for o in moving:
+        distance, reach = math.hypot(o.x_m, o.y_m), o.radius_m + margin_m
+        width = math.asin(min(reach / distance, 1.0)) if distance > 0 else math.pi
+        off = np.abs(np.remainder(bearing_rad - math.atan2(o.y_m, o.x_m) + math.pi, math.tau) - math.pi)
+        own |= (off <= width + half) & (np.abs(range_m - distance) <= reach)
+    if not own.any() or own.all():
+        return range_m
+    past = range_m.copy()
+    others = np.flatnonzero(~own)
+    hidden = np.flatnonzero(own)
+    after = np.searchsorted(others, hidden)
+    past[hidden] = np.fmin(range_m[others[after - 1]], range_m[others[after % len(others)]])
+    return past
+
 
 # no robot drives so fast: a wrong unit. The way until it would stand again is looked at step by step
 _MAX_SPEED_MPS = 100.0

@@ -18,7 +18,6 @@ import numpy as np
 
 from field_models.errors import FrameError
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.calibration.carpet import shows_carpet
 from robocup_vision.calibration.doctor import Doctor, Picture, make_vision
 from robocup_vision.calibration.forward.by_edges import calibrate_by_edges
 from robocup_vision.calibration.near_set_ups import NearSetUp
@@ -35,6 +34,32 @@ from robocup_vision.localization.swapped_channels import SWAPPED_BY_GOALS
 from robocup_vision.progress import progress
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
+
+# darker ground has the colour of the sensor's noise
+_MIN_COUNTS = 16
+
+
+def shows_carpet(view: View, frame: UInt8Array) -> bool | None:
+    """Whether most of the ground nearest to the robot is green rather than red or blue; None if it is too dark to tell.
+
+    Parameters
+    ----------
+    view : View
+        Of the frame; where it has no floor samples (a camera of unknown tilt), the lower third of the frame is taken.
+    frame : (H, W, 3) uint8
+        BGR.
+    """
+    polar = view.polar
+    if polar is None:
+        near = frame[-(frame.shape[0] // 3) :].reshape(-1, 3)
+    else:
+        columns = slice(0, polar.valid.shape[1] // 3)
+        places = polar.pixels[:, columns][polar.valid[:, columns] > 0]
+        u, v = np.rint(places).astype(int).T
+        near = frame[v, u]
+    blue, green, red = np.median(near, axis=0).tolist() if len(near) else (0.0, 0.0, 0.0)
+    return None if max(blue, green, red) < _MIN_COUNTS else bool(green > max(blue, red))
+
 
 State = Literal["ok", "wrong", "unknown"]
 # what a set-up near this one has wrong that all edges in view tell better

@@ -3,10 +3,8 @@
 from robocup_vision.camera.files import Camera, load_camera, save_camera
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent
-from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import Mounting, PinholeCamera, camera_rotation
 from robocup_vision.camera.rig import Rig, load_camera_or_rig, load_rig, save_rig
 from robocup_vision.camera.rolling_shutter import RollingShutter
 

@@ -17,7 +17,7 @@ from robocup_vision.camera.omni import BOUNDED_KEYS as OMNI_KEYS
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import BOUNDED_KEYS as PINHOLE_KEYS
 from robocup_vision.camera.pinhole import DISTORTION_LENGTHS, PinholeCamera
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 
 Camera: TypeAlias = Union[OmniCamera, PinholeCamera]  # noqa: UP007  (evaluated, on 3.10 too)
 Positive = Annotated[float, msgspec.Meta(gt=0)]

@@ -1,11 +1,15 @@
 """The pinhole camera: pixels <-> rays <-> floor, by focal length, OpenCV's lens distortion and a mounting.
 
-What the neck does between frames may be unknown: `pan_rad`, `tilt_rad` and `roll_rad` may be None, and everything in
-the camera's own frame still works. Only the mappings to and from the robot frame need the tilt.
+Camera frame: x ahead along the optical axis, y left, z up. Ideal pixels are those of a lens without distortion.
+`pan_rad`, `tilt_rad` and `roll_rad` may be None, where a neck moves between frames (`Mounting`): everything in the
+camera's own frame still works, and only the mappings to and from the robot frame need the tilt.
+`kernels.algebra.pinhole` holds the same equations for compiled code.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,10 +19,110 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.camera.bounds import require_bounds
-from robocup_vision.camera.mounting import MOUNTING_NAMES, Mounting
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.bounds import problem_of, require_bounds
 from robocup_vision.geometry import Pose2
+
+# nearer to the camera's plane than this a point has no pixel
+_MIN_DEPTH_M = 1e-6
+
+
+def camera_rotation(pan_rad: npt.ArrayLike, tilt_rad: npt.ArrayLike, roll_rad: npt.ArrayLike) -> FloatArray:
+    """Rotation (..., 3, 3) from the camera frame into that of the angles (...), Rz(pan) Ry(-tilt) Rx(roll).
+
+    Both frames are x forward, y left, z up; a positive tilt looks up. All three angles have one shape.
+    """
+    cp, sp = np.cos(pan_rad), np.sin(pan_rad)
+    ct, st = np.cos(tilt_rad), np.sin(tilt_rad)
+    cr, sr = np.cos(roll_rad), np.sin(roll_rad)
+    rotation = np.empty((*np.shape(cp), 3, 3))
+    rotation[..., 0, 0], rotation[..., 0, 1], rotation[..., 0, 2] = (
+        cp * ct,
+        -sp * cr - cp * st * sr,
+        sp * sr - cp * st * cr,
+    )
+    rotation[..., 1, 0], rotation[..., 1, 1], rotation[..., 1, 2] = (
+        sp * ct,
+        cp * cr - sp * st * sr,
+        -cp * sr - sp * st * cr,
+    )
+    rotation[..., 2, 0], rotation[..., 2, 1], rotation[..., 2, 2] = st, ct * sr, ct * cr
+    return rotation
+
+
+def project_ideal(
+    focal_px: tuple[float | FloatArray, float | FloatArray], center_px: tuple[float, float], points_m: npt.ArrayLike
+) -> FloatArray:
+    """Ideal pixels (..., 2) of points (..., 3) of the camera frame, metres; NaN behind the camera.
+
+    Parameters
+    ----------
+    focal_px : (float or (...), float or (...))
+        Focal length along u and v.
+    center_px : (float, float)
+        Image of the optical axis.
+    points_m : (..., 3) float64
+        Ahead, left and up.
+    """
+    points = np.asarray(points_m, dtype=np.float64)
+    depth = np.where(points[..., 0] > _MIN_DEPTH_M, points[..., 0], np.nan)
+    (fu, fv), (cu, cv) = focal_px, center_px
+    return np.stack([cu - fu * points[..., 1] / depth, cv - fv * points[..., 2] / depth], axis=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """Orientation and height of a pinhole camera in one frame; what is None is as the camera file says.
+
+    The angles are those of the camera file: R = Rz(pan) Ry(-tilt) Rx(roll), robot frame, so that a camera that looks
+    down has a negative tilt. The body's sway belongs to tilt and roll where a sensor tells it, else to their standard
+    deviations.
+
+    Parameters
+    ----------
+    pan_rad, tilt_rad, roll_rad : float or None
+        Orientation.
+    height_m : float or None
+        Of the centre of projection over the floor.
+    pan_std_rad, tilt_std_rad, roll_std_rad, height_std_m : float or None
+        Standard deviations of these in this frame.
+
+    Raises
+    ------
+    ArgumentError
+        If a value is not finite or out of its range.
+    """
+
+    pan_rad: float | None = None
+    tilt_rad: float | None = None
+    roll_rad: float | None = None
+    height_m: float | None = None
+    pan_std_rad: float | None = None
+    tilt_std_rad: float | None = None
+    roll_std_rad: float | None = None
+    height_std_m: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in self.known.items():
+            if isinstance(value, bool) or not isinstance(value, float | int) or not math.isfinite(value):
+                raise ArgumentError(f"a mounting's {name} must be a finite number, got {value!r}")
+            problem = problem_of(name, value)
+            if problem is not None:
+                raise ArgumentError(f"a mounting's {name} {problem.what}, got {value!r}{problem.hint}")
+
+    @property
+    def known(self) -> dict[str, float]:
+        """What is not None, by name."""
+        return {name: value for name in MOUNTING_NAMES if (value := getattr(self, name)) is not None}
+
+    @property
+    def pans_only(self) -> bool:
+        """Whether it tells nothing but the pan, and how well that is known."""
+        return not self.known.keys() - {"pan_rad", "pan_std_rad"}
+
+
+# also columns of frames.csv
+MOUNTING_NAMES = tuple(field.name for field in dataclasses.fields(Mounting))
+
 
 DISTORTION_LENGTHS = (0, 4, 5, 8)
 # lengths and angles, see `camera.bounds`

@@ -14,7 +14,7 @@ from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, read_toml
 from robocup_vision.camera.files import Camera, load_camera, save_camera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 
 # as long as the pose filter remembers how the robot moved; what is larger counts milliseconds
 _MAX_LATENCY_S = 1.0

@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 
 from robocup_vision.arrays import Float32Array, UInt8Array
-from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 
 _TURN_RAD = 1e-4
 # a smaller shift is less than what edges are measured to

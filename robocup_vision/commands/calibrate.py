@@ -63,7 +63,7 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
     from robocup_vision.camera import OmniCamera, load_camera, save_camera
     from robocup_vision.files.image_folder import ImageFiles
     from robocup_vision.files.images import read_mask
-    from robocup_vision.files.out_file import require_folder
+    from robocup_vision.files.output_folder import require_folder
 
     field = load_field(args.field)
     start = None if args.start is None else load_camera(args.start)
@@ -92,7 +92,7 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
 def _write_overlays(result: OmniCalibration, field: Field, images: ImageFiles, out: Path) -> Path:
     import cv2
 
-    from robocup_vision.files.out_file import telling_write_errors
+    from robocup_vision.files.output_folder import telling_write_errors
     from robocup_vision.overlay import draw
     from robocup_vision.progress import progress
     from robocup_vision.vision import Vision

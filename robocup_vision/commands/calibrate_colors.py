@@ -52,10 +52,10 @@ def run_calibrate_colors(args: argparse.Namespace) -> int:
     from robocup_vision.calibration.colors import calibrate_colors
     from robocup_vision.calibration.not_calibrated import NotCalibrated
     from robocup_vision.camera import load_camera
+    from robocup_vision.files.csv_table import read_poses
     from robocup_vision.files.image_folder import ImageFiles
     from robocup_vision.files.images import read_mask
-    from robocup_vision.files.out_file import require_folder
-    from robocup_vision.files.pose_table import read_poses
+    from robocup_vision.files.output_folder import require_folder
     from robocup_vision.perception.color_table import save_colors
     from robocup_vision.progress import progress
 
@@ -104,7 +104,7 @@ def _write_preview(colors: Colors, images: ImageFiles, path: Path) -> None:
     import numpy as np
 
     from field_models.errors import FrameError
-    from robocup_vision.files.out_file import telling_write_errors
+    from robocup_vision.files.output_folder import telling_write_errors
     from robocup_vision.perception.color_table import build_color_table
 
     table = build_color_table(colors)

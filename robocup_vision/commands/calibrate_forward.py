@@ -48,9 +48,9 @@ def run_calibrate_forward(args: argparse.Namespace) -> int:
     from robocup_vision.calibration.forward.calibrate import calibrate_forward
     from robocup_vision.calibration.not_calibrated import NotCalibrated
     from robocup_vision.camera import PinholeCamera, save_camera
+    from robocup_vision.files.csv_table import read_poses
     from robocup_vision.files.image_folder import ImageFiles
-    from robocup_vision.files.out_file import require_folder
-    from robocup_vision.files.pose_table import read_poses
+    from robocup_vision.files.output_folder import require_folder
 
     field = load_field(args.field)
     start = _start(args)

@@ -8,8 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robocup_vision.commands.options import count
-from robocup_vision.commands.worker_options import add_worker_options, chosen_workers
+from robocup_vision.commands.options import add_worker_options, chosen_workers, count
 
 if TYPE_CHECKING:
     from robocup_vision.calibration.starts import StartTrials

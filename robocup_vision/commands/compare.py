@@ -39,8 +39,7 @@ def run_compare(options: argparse.Namespace) -> int:
     from robocup_vision.evaluation.comparison import compare, figure_rows, load_evaluation, render_comparison
     from robocup_vision.evaluation.report import missing_packages
     from robocup_vision.files.image_folder import picture_folder
-    from robocup_vision.files.out_file import telling_write_errors
-    from robocup_vision.files.output_folder import refuse_foreign_files
+    from robocup_vision.files.output_folder import refuse_foreign_files, telling_write_errors
 
     missing = missing_packages()
     if missing:

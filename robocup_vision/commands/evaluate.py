@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robocup_vision.commands.worker_options import add_worker_options, chosen_workers
+from robocup_vision.commands.options import add_worker_options, chosen_workers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -61,7 +61,7 @@ def run_live(args: argparse.Namespace) -> int:
     import time
 
     from field_models.errors import ArgumentError
-    from robocup_vision.files.out_file import refuse_existing
+    from robocup_vision.files.output_folder import refuse_existing
     from robocup_vision.foxglove.server import FoxgloveServer
     from robocup_vision.live.handover.controls import Controls
     from robocup_vision.live.handover.moment import Moment

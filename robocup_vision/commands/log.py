@@ -174,8 +174,8 @@ def _to_mcap(log: Any, path: Path) -> int:
 
 
 def _score(log: Any) -> int:
+    from robocup_vision.ssl.log import Unreadable
     from robocup_vision.ssl.log_score import score_log
-    from robocup_vision.ssl.readable import Unreadable
 
     unreadable = Unreadable()
     score = score_log(log, unreadable=unreadable)

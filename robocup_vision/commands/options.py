@@ -1,6 +1,7 @@
-"""Numbers that commands take: one rule and one wording wherever a count, a seed or an angle is asked for.
+"""Option types of the commands (a count, a seed, an angle), and the options that say which workers do a run.
 
-They are refused while the command line is parsed, before a file is read. Loads nothing, so that --help answers at once.
+Values are refused while the command line is parsed, before a file is read. Loads nothing, so that --help answers at
+once.
 """
 
 from __future__ import annotations
@@ -8,6 +9,10 @@ from __future__ import annotations
 import argparse
 import math
 import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from robocup_vision.workers import Workers
 
 # argparse takes -15deg for an option otherwise
 NEGATIVE_ANGLE = re.compile(r"^-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?(deg|rad)?$")
@@ -80,3 +85,25 @@ def _whole(text: str) -> int:
         return int(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"must be a whole number, got {text!r}") from None
+
+
+def add_worker_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--jobs`` and ``--dask`` to a command's parser."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--jobs", type=count, default=1, metavar="N", help="processes on this machine (default: 1)")
+    where.add_argument(
+        "--dask", metavar="ADDRESS", help="scheduler of a dask.distributed cluster, e.g. tcp://host:8786"
+    )
+
+
+def chosen_workers(options: argparse.Namespace) -> Workers:
+    """Return the workers that the options name.
+
+    Raises
+    ------
+    ArgumentError
+        If the number of processes is not positive, or dask.distributed is not installed.
+    """
+    from robocup_vision.workers import find_workers
+
+    return find_workers(options.jobs, options.dask)

@@ -44,7 +44,7 @@ def run_record(options: argparse.Namespace) -> int:
     from contextlib import ExitStack, closing
 
     from field_models.errors import ArgumentError
-    from robocup_vision.files.out_file import refuse_existing
+    from robocup_vision.files.output_folder import refuse_existing
     from robocup_vision.foxglove.server import FoxgloveServer
     from robocup_vision.live.sources.opening import open_source
     from robocup_vision.live.sources.source import SourceFrame, SourceOptions

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from field_models.errors import FileError
 from robocup_vision.files.csv_table import read_csv
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 
 NAME = "boxes.csv"
 COLUMNS = ("image", "kind", "xmin", "ymin", "xmax", "ymax")

@@ -25,7 +25,7 @@ from field_models.near_names import did_you_mean
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import Mounting, OmniCamera, PinholeCamera
-from robocup_vision.camera.mounting import MOUNTING_NAMES
+from robocup_vision.camera.pinhole import MOUNTING_NAMES
 from robocup_vision.camera.rig import Rig, load_camera_or_rig
 from robocup_vision.evaluation import boxes as box_file
 from robocup_vision.evaluation.boxes import Box

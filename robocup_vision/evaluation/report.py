@@ -20,9 +20,8 @@ import numpy as np
 
 from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.evaluation.detections import KindFigures
-from robocup_vision.evaluation.goal_plots import draw_goal_plots
 from robocup_vision.evaluation.overlays import WORST_COUNT, Crop
-from robocup_vision.evaluation.plots import data_uri, draw_plots
+from robocup_vision.evaluation.plots import data_uri, draw_goal_plots, draw_plots
 from robocup_vision.evaluation.scoring import FAIR_M, Figures, Row
 
 # a longer table opens in no browser

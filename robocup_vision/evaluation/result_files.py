@@ -15,7 +15,7 @@ from robocup_vision.closing import Closing
 from robocup_vision.evaluation.dataset import FrameTime
 from robocup_vision.evaluation.detections import KindFigures, figures_json
 from robocup_vision.evaluation.scoring import Figures, Row
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 
 RESULT_COLUMNS = (
     "image",

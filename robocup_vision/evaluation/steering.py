@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from robocup_vision.avoidance.steering import Steering
-from robocup_vision.avoidance.steering_settings import SteeringSettings
+from robocup_vision.avoidance.steering import Steering, SteeringSettings
 from robocup_vision.evaluation.scoring import SteerResult
 from robocup_vision.geometry import Pose2
 from robocup_vision.motion_limits import MotionLimits

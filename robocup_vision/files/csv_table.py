@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from field_models.errors import FileError
+from robocup_vision.geometry import Pose2
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,3 +137,21 @@ def _check_header(
             raise FileError(path, f"line 1: column '{column}' is named twice", value=got)
         if column not in known and not ignore_others:
             raise FileError(path, f"line 1: column '{column}' is unknown", value=got)
+
+
+def read_poses(path: str | Path, names: Sequence[str]) -> dict[str, Pose2]:
+    """Read a table image,x_m,y_m,theta_rad; rows without a heading, and further columns, are ignored.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read, or names none of the images.
+    """
+    poses = {}
+    for row in read_csv(Path(path), ("image", "x_m", "y_m", "theta_rad"), ignore_others=True):
+        theta = row.number_or_none("theta_rad")
+        if theta is not None:
+            poses[row.entries["image"]] = Pose2(row.number("x_m"), row.number("y_m"), theta)
+    if not poses.keys() & set(names):
+        raise FileError(path, "names none of the images with a heading")
+    return poses

@@ -1,4 +1,4 @@
-"""The folder that a run's files go to: files of others are not mixed with them, and a failed run leaves nothing."""
+"""Where output files go: a path is checked before the work, a folder holds no files of others, a failed run none."""
 
 from __future__ import annotations
 
@@ -11,7 +11,46 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from field_models.errors import ArgumentError, FileError
-from robocup_vision.files.out_file import telling_write_errors
+
+
+def require_folder(out: str | Path) -> None:
+    """Refuse a file to write whose folder does not exist.
+
+    Raises
+    ------
+    FileError
+        If it does not.
+    """
+    if not Path(out).resolve().parent.is_dir():
+        raise FileError(out, "cannot be written: its folder does not exist")
+
+
+def refuse_existing(out: str | Path, *, force: bool) -> None:
+    """Refuse to replace a file that is there, unless that is asked for.
+
+    Raises
+    ------
+    FileError
+        If it is there, and may not be replaced.
+    """
+    if not force and Path(out).exists():
+        raise FileError(out, "is there already, nothing was written: choose another name, or replace it with --force")
+
+
+@contextmanager
+def telling_write_errors(path: str | Path) -> Iterator[None]:
+    """Turn the system's errors of a block into one that names what cannot be written.
+
+    Raises
+    ------
+    FileError
+        In place of an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise FileError(path, f"cannot be written ({error.strerror or error})") from None
+
 
 _UNFINISHED = ".unfinished"
 

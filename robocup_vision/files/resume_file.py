@@ -9,7 +9,7 @@ from typing import Any
 
 from field_models.errors import FileError
 from robocup_vision.closing import Closing
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 
 
 class ResumeFile(Closing):

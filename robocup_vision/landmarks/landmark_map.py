@@ -19,9 +19,9 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FileError
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 from robocup_vision.landmarks.features import from_bytes
-from robocup_vision.landmarks.projection import project, to_camera
+from robocup_vision.landmarks.pose_fit import project, to_camera
 
 FORMAT = 1
 DIRECTIONS = 36

@@ -20,8 +20,7 @@ from field_models.catalog import field_names
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera, save_camera
-from robocup_vision.live.handover.display import Display
-from robocup_vision.live.handover.moment import RobotSetup
+from robocup_vision.live.handover.moment import Display, RobotSetup
 from robocup_vision.live.page.saving import new_folder, write_png
 
 # a calibration takes two dozen frames of those there are; the robot should move between two of them

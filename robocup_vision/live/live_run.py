@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.live.calibrating import Calibrator
 from robocup_vision.live.handover.controls import Controls
-from robocup_vision.live.handover.display import Display
-from robocup_vision.live.handover.moment import Moment, RobotSetup
+from robocup_vision.live.handover.moment import Display, Moment, RobotSetup
 from robocup_vision.live.sources.opening import open_source, recordings_in
 from robocup_vision.live.sources.source import PlacingSource, Source, SourceFrame, SourceOptions
 from robocup_vision.live.sources.source_loop import SourceLoop

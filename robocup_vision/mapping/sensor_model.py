@@ -16,7 +16,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, load_toml
 from robocup_vision.arrays import BoolArray, Int8Array
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 from robocup_vision.kernels.mapping import occupancy as kernel
 
 DEFAULT_FILE = Path(__file__).parent / "sensors.toml"

@@ -23,7 +23,7 @@ from field_models.field import COLOR_NAMES, Field
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array, UInt16Array, read_only
 from robocup_vision.compiling.loops import plain
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 from robocup_vision.kernels.floor import colors as kernel
 from robocup_vision.kernels.goal.colors import GoalPalette
 from robocup_vision.perception.floor_color import (

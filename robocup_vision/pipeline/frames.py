@@ -15,7 +15,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array, plain_frame
-from robocup_vision.avoidance.steady_free_space import carry_free_space
+from robocup_vision.avoidance.recent_free_space import carry_free_space
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import free_ranges, polar

@@ -14,9 +14,8 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int8Array, Int64Array, UInt8Array
-from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2

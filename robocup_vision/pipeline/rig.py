@@ -19,7 +19,7 @@ from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.arguments import as_time
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.avoidance.steady_free_space import carry_free_space
+from robocup_vision.avoidance.recent_free_space import carry_free_space
 from robocup_vision.camera.rig import Rig
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2

@@ -10,8 +10,13 @@ from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, P
 from robocup_vision.planning.gaze.selective_look import SelectedLook, SelectiveLook, SelectiveLookSettings
 from robocup_vision.planning.shots.goal_cover import Cover, cover_goal
 from robocup_vision.planning.shots.shot_planner import ShotPlan, ShotPlanner, ShotPlannerSettings
-from robocup_vision.planning.speed.path_follower import PathFollower
-from robocup_vision.planning.speed.speed_planner import PoseNoise, SpeedPlan, SpeedPlanner, SpeedPlannerSettings
+from robocup_vision.planning.speed.speed_planner import (
+    PathFollower,
+    PoseNoise,
+    SpeedPlan,
+    SpeedPlanner,
+    SpeedPlannerSettings,
+)
 from robocup_vision.planning.speed.undecided_floor import (
     UndecidedFloor,
     UndecidedSpeed,

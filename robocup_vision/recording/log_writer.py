@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from field_models.errors import FileError, RobocupVisionError
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 from robocup_vision.messages.topics import Outgoing
 from robocup_vision.messages.types import definition, encode, require_ros_extra, to_nanoseconds, type_hash
 

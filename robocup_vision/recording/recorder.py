@@ -22,7 +22,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Frame, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
 from robocup_vision.camera.files import save_camera
-from robocup_vision.camera.mounting import Mounting
+from robocup_vision.camera.pinhole import Mounting
 from robocup_vision.closing import Closing
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate

@@ -12,9 +12,8 @@ from typing import Any
 from field_models.errors import FileError, PacketError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.images import frame_of

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.avoidance.steering import Steering
-from robocup_vision.avoidance.steering_settings import SteeringSettings
+from robocup_vision.avoidance.steering import Steering, SteeringSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
@@ -28,8 +27,8 @@ from robocup_vision.memory import Memory, MemorySettings
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.free_space import FREE_RATIO
+from robocup_vision.tracking.branches import MovingObjectsSettings
 from robocup_vision.tracking.moving_objects import MovingObjects
-from robocup_vision.tracking.settings import MovingObjectsSettings
 from robocup_vision.vision import Vision
 
 

@@ -1,12 +1,13 @@
 """What the ROS 2 node does with each message, without ROS: messages in, messages out.
 
 REP-103 (units and axes), REP-105 (map -> odom), REP-120 (base_footprint). A message that cannot be used changes
-nothing: the diagnostics say what was wrong with it.
+nothing: the diagnostics say what was wrong with it, and the log says it once.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,7 @@ from field_models.catalog import load_field
 from field_models.errors import ArgumentError, FrameError, PacketError, RobocupVisionError
 from robocup_vision.avoidance.steering import Steering
 from robocup_vision.camera.files import load_camera
-from robocup_vision.camera.mounting import Mounting
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.settings import Half
@@ -28,11 +28,60 @@ from robocup_vision.messages.topics import TOPIC_TYPES, FrameNames, Outgoing, To
 from robocup_vision.messages.types import header, make, to_seconds
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import load_colors
-from robocup_vision.ros.notices import Notices
 from robocup_vision.ros.settings import NodeSettings
 from robocup_vision.ros.transforms import HeadJoints, Transforms, mounting_of
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
+
+_NUMBERS = re.compile(r"\d[\d.e+-]*")
+
+
+class Notices:
+    """What is wrong now, and what has happened. Texts that differ in numbers alone are one in the log."""
+
+    def __init__(self) -> None:
+        self._lasting: dict[str, str] = {}
+        self._happened: dict[str, str] = {}
+        self._told: set[str] = set()
+        self._news: list[str] = []
+
+    def __contains__(self, about: str) -> bool:
+        return about in self._lasting
+
+    def hold(self, about: str, text: str) -> None:
+        """Say what is wrong with something, until it is cleared."""
+        self._lasting[about] = text
+        self._tell(text)
+
+    def clear(self, about: str) -> None:
+        """Say that something is right, or right again."""
+        self._lasting.pop(about, None)
+
+    def note(self, text: str) -> None:
+        """Say what has happened; the next diagnostics tell it."""
+        self._happened[_kind(text)] = text
+        self._tell(text)
+
+    def take(self) -> list[str]:
+        """Return what is wrong, and what has happened since the last call."""
+        texts = [*self._lasting.values(), *self._happened.values()]
+        self._happened.clear()
+        return texts
+
+    def take_news(self) -> list[str]:
+        """Return what is to be logged: what has not been told before."""
+        news, self._news = self._news, []
+        return news
+
+    def _tell(self, text: str) -> None:
+        if _kind(text) not in self._told:
+            self._told.add(_kind(text))
+            self._news.append(text)
+
+
+def _kind(text: str) -> str:
+    return _NUMBERS.sub("#", text)
+
 
 # without an image for so long the diagnostics warn
 _SILENT_S = 1.0

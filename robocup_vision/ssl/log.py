@@ -2,7 +2,7 @@
 
 A file begins with a mark and a version; then each entry has its time (ns), its kind and its size, all big-endian.
 Names that end in ``gz`` are compressed. An index, if there is one, is the last entry: the place of each entry before
-it, the index's own size, and a mark.
+it, the index's own size, and a mark. Entries that cannot be read are counted, with the place of the first.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import gzip
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -288,3 +288,40 @@ def _guess(data: bytes) -> LogValue:
 
 def _words(error: Exception) -> str:
     return str(getattr(error, "strerror", None) or error)
+
+
+@dataclass(slots=True)
+class Unreadable:
+    """What of a log could not be read.
+
+    Parameters
+    ----------
+    count : int
+        Entries that are not of their kind.
+    first : str
+        Which is the first of them, and what is wrong with it; empty if none is.
+    damage : str
+        Why the file could not be read to its end; empty if it could.
+    """
+
+    count: int = 0
+    first: str = ""
+    damage: str = ""
+
+
+def readable(log: Iterable[LogEntry], unreadable: Unreadable) -> Iterator[tuple[int, LogEntry, LogValue | None]]:
+    """Yield the number of each entry in the log, the entry, and its message; note the others.
+
+    Of an entry that is not of its kind the message is None, as of a blank one.
+    """
+    try:
+        for number, entry in enumerate(log):
+            value = None
+            try:
+                value = entry.value
+            except PacketError as error:
+                unreadable.count += 1
+                unreadable.first = unreadable.first or f"entry {number}: {error}"
+            yield number, entry, value
+    except FileError as error:
+        unreadable.damage = str(error)

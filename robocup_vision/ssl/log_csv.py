@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from robocup_vision.files.out_file import telling_write_errors
-from robocup_vision.ssl.log import SslLog
-from robocup_vision.ssl.readable import Unreadable, readable
+from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.ssl.log import SslLog, Unreadable, readable
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackedFrame, TrackerPacket

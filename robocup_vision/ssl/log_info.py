@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from robocup_vision.ssl.log import LogKind, SslLog
-from robocup_vision.ssl.readable import Unreadable, readable
+from robocup_vision.ssl.log import LogKind, SslLog, Unreadable, readable
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket

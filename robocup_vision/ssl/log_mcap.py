@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from field_models.errors import RobocupVisionError
-from robocup_vision.files.out_file import telling_write_errors
-from robocup_vision.ssl.log import LogKind, SslLog
+from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.ssl.log import LogKind, SslLog, Unreadable, readable
 from robocup_vision.ssl.protocol.messages import descriptor_set, message_name
-from robocup_vision.ssl.readable import Unreadable, readable
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import wrap_angle
-from robocup_vision.ssl.log import LogEntry
-from robocup_vision.ssl.readable import Unreadable, readable
+from robocup_vision.ssl.log import LogEntry, Unreadable, readable
 from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot, TrackerPacket

@@ -1,8 +1,8 @@
 """Tracks other robots: detections inside known free space, and moving objects over time."""
 
 from robocup_vision.belief import Track
+from robocup_vision.tracking.branches import MovingObjectsSettings
 from robocup_vision.tracking.detections import Detection, KnownFreeSpace, ReturnDetector
 from robocup_vision.tracking.moving_objects import MovingObjects
-from robocup_vision.tracking.settings import MovingObjectsSettings
 
 __all__ = ["Detection", "KnownFreeSpace", "MovingObjects", "MovingObjectsSettings", "ReturnDetector", "Track"]

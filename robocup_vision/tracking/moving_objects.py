@@ -18,9 +18,8 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.belief import Track
 from robocup_vision.geometry import Pose2
-from robocup_vision.tracking.branches import Branches
+from robocup_vision.tracking.branches import Branches, MovingObjectsSettings
 from robocup_vision.tracking.detections import Detection, in_field
-from robocup_vision.tracking.settings import MovingObjectsSettings
 
 
 @dataclass(slots=True)

@@ -20,8 +20,8 @@ from distributed import Client, WorkerPlugin, get_worker, rpc
 from distributed.scheduler import KilledWorker
 
 from field_models.errors import ArgumentError, RobocupVisionError
-from robocup_vision.workers.doing import Doer, only_one_opencv_thread
 from robocup_vision.workers.pieces import Pool, Start, Workers
+from robocup_vision.workers.processes import Doer, only_one_opencv_thread
 
 _CONNECT_S = 10.0
 # a cluster that restarts its workers, or is about to get some, has them by then

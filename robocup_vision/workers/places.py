@@ -10,9 +10,8 @@ from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from field_models.errors import ArgumentError
-from robocup_vision.workers.doing import Doer, only_one_opencv_thread
 from robocup_vision.workers.pieces import Pool, Start, Workers
-from robocup_vision.workers.processes import worker_processes
+from robocup_vision.workers.processes import Doer, only_one_opencv_thread, worker_processes
 
 T = TypeVar("T")
 

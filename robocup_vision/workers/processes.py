@@ -1,4 +1,7 @@
-"""Processes of this machine that share one piece of work, and end at once when it is interrupted or killed."""
+"""Processes of this machine that share one piece of work, and end at once when it is interrupted or killed.
+
+A worker starts once in each of its threads, then turns piece after piece into results (`Doer`).
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,37 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext
 from typing import Any, TypeVar
+
+from robocup_vision.workers.pieces import Start
+
+
+class Doer:
+    """Does batches of one run.
+
+    Parameters
+    ----------
+    start : callable
+        See `run_pieces`. Called when a thread gets its first batch, so that what it raises is told as that batch's
+        error.
+    """
+
+    def __init__(self, start: Start[Any, Any]) -> None:
+        self._start = start
+        self._local = threading.local()
+
+    def __call__(self, batch: list[Any]) -> list[Any]:
+        """Return the result of each piece."""
+        if not hasattr(self._local, "do"):
+            self._local.do = self._start()
+        return [self._local.do(piece) for piece in batch]
+
+
+def only_one_opencv_thread() -> None:
+    """Keep OpenCV to the thread that calls it: the workers share the processors among them."""
+    import cv2
+
+    cv2.setNumThreads(0)
+
 
 T = TypeVar("T")
 

@@ -38,7 +38,7 @@ def run_fit_evidence(args: argparse.Namespace) -> int:
     from field_models.errors import ArgumentError
     from robocup_vision import load_camera
     from robocup_vision.camera import OmniCamera
-    from robocup_vision.files.out_file import require_folder, telling_write_errors
+    from robocup_vision.files.output_folder import require_folder, telling_write_errors
     from robocup_vision.localization.evidence import LINE_STATES, OUTLINE_STATES
     from robocup_vision.progress import progress
     from sim2d.rendering.cameras import sekimori_camera

@@ -33,7 +33,7 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
     from field_models import load_field
     from field_models.errors import ArgumentError
     from robocup_vision.camera import PinholeCamera
-    from robocup_vision.files.out_file import require_folder, telling_write_errors
+    from robocup_vision.files.output_folder import require_folder, telling_write_errors
     from robocup_vision.progress import progress
     from sim2d.match.setups import camera_for
     from sim2d.sensors.goal_evidence import WIDTHS_PX, count_evidence

@@ -7,8 +7,7 @@ import dataclasses
 import math
 from typing import Any, Literal
 
-from robocup_vision.commands.options import count, seed
-from robocup_vision.commands.worker_options import add_worker_options
+from robocup_vision.commands.options import add_worker_options, count, seed
 from sim2d.commands.spelled import spelled
 
 # names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
@@ -77,7 +76,7 @@ def run_render(args: argparse.Namespace) -> int:
     from field_models import load_field
     from field_models.errors import FileError
     from robocup_vision.camera import PinholeCamera
-    from robocup_vision.commands.worker_options import chosen_workers
+    from robocup_vision.commands.options import chosen_workers
     from robocup_vision.progress import progress
     from robocup_vision.workers import in_order, run_pieces
     from sim2d.match.setups import setup_for

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from robocup_vision.commands.options import count, seed
-from robocup_vision.commands.worker_options import add_worker_options
+from robocup_vision.commands.options import add_worker_options, count, seed
 from sim2d.commands.spelled import spelled
 
 # names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
@@ -53,7 +52,7 @@ def run_render_goal(args: argparse.Namespace) -> int:
 
     from field_models import load_field
     from field_models.errors import ArgumentError
-    from robocup_vision.commands.worker_options import chosen_workers
+    from robocup_vision.commands.options import chosen_workers
     from robocup_vision.progress import progress
     from robocup_vision.workers import in_order, run_pieces
     from sim2d.rendering.dataset import DrawPictures, write_dataset

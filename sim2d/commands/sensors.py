@@ -41,7 +41,7 @@ def run_sensors(args: argparse.Namespace) -> int:
     from field_models import load_field
     from field_models.errors import ArgumentError
     from robocup_vision.camera import OmniCamera
-    from robocup_vision.files.out_file import require_folder
+    from robocup_vision.files.output_folder import require_folder
     from robocup_vision.mapping.sensor_model import write_sensors
     from robocup_vision.progress import progress
     from sim2d.rendering.cameras import camera_by_name

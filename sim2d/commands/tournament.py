@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from robocup_vision.commands.worker_options import add_worker_options
+from robocup_vision.commands.options import add_worker_options
 from sim2d.commands.match_options import add_match_options, match_plan
 
 if TYPE_CHECKING:

@@ -38,7 +38,7 @@ def run_train_kinds(args: argparse.Namespace) -> int:
     import numpy as np
 
     from field_models.errors import ArgumentError
-    from robocup_vision.files.out_file import telling_write_errors
+    from robocup_vision.files.output_folder import telling_write_errors
     from sim2d.commands.training_photographs import check_torch, photographs_to_learn_from
 
     datasets = photographs_to_learn_from(args.photographs)

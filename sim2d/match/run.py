@@ -9,8 +9,7 @@ from pathlib import Path
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import Rig
-from robocup_vision.files.out_file import telling_write_errors
-from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
+from robocup_vision.files.output_folder import refuse_foreign_files, telling_write_errors, written_at_once
 from robocup_vision.progress import progress
 from sim2d.match.disturbances import Disturbances
 from sim2d.match.match import Match, periods

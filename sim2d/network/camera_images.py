@@ -11,7 +11,7 @@ import numpy as np
 from field_models.errors import ArgumentError, FileError
 from robocup_vision.closing import Closing
 from robocup_vision.evaluation.result_files import prepare_folder
-from robocup_vision.files.out_file import telling_write_errors
+from robocup_vision.files.output_folder import telling_write_errors
 from sim2d.network.vision import OverheadVision
 from sim2d.network.world import LeagueState
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.avoidance.recent_free_space import RecentFreeSpace
-from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
+from robocup_vision.avoidance.recent_free_space import RecentFreeSpace, SteadyFreeSpace, carry_free_space
 from robocup_vision.belief import Track
 from robocup_vision.calibration.online import OnlineCalibration
 from robocup_vision.camera import PinholeCamera

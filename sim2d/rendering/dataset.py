@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.camera import Camera, save_camera
-from robocup_vision.files.out_file import telling_write_errors
-from robocup_vision.files.output_folder import require_empty_folder, written_at_once
+from robocup_vision.files.output_folder import require_empty_folder, telling_write_errors, written_at_once
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.scene import Scene
 

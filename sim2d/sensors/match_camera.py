@@ -13,7 +13,7 @@ from field_models import COLOR_NAMES, Field
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.match_pixels import add_noise
 from sim2d.rendering.backdrop import Backdrop

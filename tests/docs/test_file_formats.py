@@ -16,7 +16,7 @@ from robocup_vision import load_camera, load_colors
 from robocup_vision.camera import files as camera_files
 from robocup_vision.camera import rig as rig_file
 from robocup_vision.camera import save_camera
-from robocup_vision.camera.mounting import MOUNTING_NAMES
+from robocup_vision.camera.pinhole import MOUNTING_NAMES
 from robocup_vision.evaluation import boxes, dataset, result_files
 from robocup_vision.evaluation.detections import KindFigures
 from robocup_vision.files.csv_table import read_csv

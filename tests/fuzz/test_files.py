@@ -11,7 +11,7 @@ from field_models import load_field
 from field_models.errors import RobocupVisionError
 from robocup_vision import load_camera, load_colors
 from robocup_vision.evaluation.dataset import load_dataset
-from robocup_vision.files.pose_table import read_poses
+from robocup_vision.files.csv_table import read_poses
 from robocup_vision.mapping.sensor_model import load_sensors
 from robocup_vision.planning.gaze.goal_evidence import load_goal_evidence
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from strategies import numbers
 
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance.steady_free_space import carry_free_space
+from robocup_vision.avoidance.recent_free_space import carry_free_space
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2

@@ -1,21 +1,20 @@
 """Fits one camera and its pose in each of many pictures together, by the field's edges that the pictures show.
 
-What is common to all pictures is one vector (`parameters`). Each picture has its own place, heading, and how far tilt,
-roll and height were off their rest in it. These are eliminated picture by picture, so a step costs as much as its
-pictures. Edges are predicted and searched for anew in every step.
+What all pictures have in common is one vector (`ForwardParameters`). Each picture has its own place, heading, and
+deviations of tilt, roll and height from their means. These are eliminated picture by picture, so a step costs as much
+as its pictures. Edges are predicted and searched for anew in every step.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
-from robocup_vision.calibration.forward.parameters import HEIGHT, LINE_WIDTH, ForwardParameters
 from robocup_vision.calibration.online.evidence import (
     POSE_PRECISION,
     NoiseSettings,
@@ -26,6 +25,7 @@ from robocup_vision.calibration.online.evidence import (
     spread_px,
     tukey_weights,
 )
+from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
@@ -36,6 +36,109 @@ from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import search
 from robocup_vision.localization.model_edges.field_edges import field_edges
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
+
+# places: tilt, roll (rad), height (m), logarithm of the focal length's scale, centre (px), logarithm of the painted
+# lines' width by that of the field file; then the first coefficients of the distortion
+TILT, ROLL, HEIGHT, LOG_FOCAL, LINE_WIDTH = 0, 1, 2, 3, 6
+CENTER = slice(4, 6)
+LENS = 7
+_COEFFICIENTS = 2
+_STEP = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class StartStd:
+    """How well a start is known: standard deviations before any picture.
+
+    Parameters
+    ----------
+    angle_rad, height_m, log_focal : float
+        Of tilt and roll, of the height, and of the logarithm of the focal length.
+    center_ratio, fisheye_center_ratio : float
+        Of each coordinate of the centre, by the picture's width: of a fisheye as lenses sit on sensors; of a pinhole
+        camera less, as its centre is hardly told from its tilt.
+    log_line_width : float
+        Of the logarithm of the painted lines' width: a tape measure's or a painter's tenth.
+    coefficients, fisheye_coefficients : (float, float)
+        Of the first two coefficients of the distortion, and of a fisheye: those of common lenses.
+    """
+
+    angle_rad: float = 0.1
+    height_m: float = 0.1
+    log_focal: float = 0.15
+    center_ratio: float = 0.005
+    fisheye_center_ratio: float = 0.02
+    log_line_width: float = 0.05
+    coefficients: tuple[float, float] = (0.2, 0.2)
+    fisheye_coefficients: tuple[float, float] = (0.05, 0.02)
+
+
+class ForwardParameters:
+    """Turns cameras into vectors and back.
+
+    Parameters
+    ----------
+    start : PinholeCamera
+        What no number of the vector says is as of this camera. Its tilt is known.
+    std : StartStd, optional
+        How well it is known.
+    bends : bool
+        Whether the distortion is unknown; else it is the start's.
+    """
+
+    def __init__(self, start: PinholeCamera, std: StartStd = StartStd(), *, bends: bool = True) -> None:
+        self.start, self.std = start, std
+        is_free = bends and (not isinstance(start, FisheyeCamera) or start.projection == "kannala_brandt")
+        self.coefficients = _COEFFICIENTS if is_free else 0
+        if is_free and not start.distortion:
+            self.start = replace(start, distortion=(0.0,) * 4)
+        self.size = LENS + self.coefficients
+
+    @property
+    def start_std(self) -> FloatArray:
+        """(G,) float64: of a start."""
+        s, is_fisheye = self.std, isinstance(self.start, FisheyeCamera)
+        center = (s.fisheye_center_ratio if is_fisheye else s.center_ratio) * self.start.size_px[0]
+        of_lens = s.fisheye_coefficients if is_fisheye else s.coefficients
+        lens = of_lens[: self.coefficients]
+        return np.array([s.angle_rad, s.angle_rad, s.height_m, s.log_focal, center, center, s.log_line_width, *lens])
+
+    def vector(self, camera: PinholeCamera, log_line_width: float = 0.0) -> FloatArray:
+        """Return the numbers (G,) of a camera."""
+        log_focal = math.log(camera.focal_px[0] / self.start.focal_px[0])
+        lens = (*camera.distortion, 0.0, 0.0)[: self.coefficients]
+        held = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
+        return np.array([*held, log_focal, *camera.center_px, log_line_width, *lens])
+
+    def camera(self, vector: FloatArray) -> PinholeCamera:
+        """Return the camera of numbers (G,)."""
+        tilt, roll, height, log_focal, u, v, _, *lens = vector.tolist()
+        scale, start = math.exp(log_focal), self.start
+        return replace(
+            start,
+            focal_px=(start.focal_px[0] * scale, start.focal_px[1] * scale),
+            center_px=(u, v),
+            distortion=(*lens, *start.distortion[len(lens) :]),
+            height_m=height,
+            tilt_rad=tilt,
+            roll_rad=roll,
+        )
+
+    def by_coefficients(self, camera: PinholeCamera, pixels: FloatArray, normal: FloatArray) -> FloatArray:
+        """Return derivatives (N, C) of pixels (N, 2) along normals (N, 2) by the coefficients of the distortion.
+
+        Pixels that the camera shows of no ray move with none.
+        """
+        rays = camera.pixel_to_camera_ray(pixels)
+        at = camera.camera_ray_to_pixel(rays)
+        columns = []
+        for place in range(self.coefficients):
+            lens = np.array(camera.distortion)
+            lens[place] += _STEP
+            moved = replace(camera, distortion=tuple(lens.tolist())).camera_ray_to_pixel(rays)
+            columns.append(((moved - at) * normal).sum(axis=1) / _STEP)
+        return np.asarray(np.nan_to_num(np.array(columns).reshape(self.coefficients, len(pixels)).T))
+
 
 _MAX_SAMPLES = 600
 _OWN = 6

@@ -16,9 +16,8 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
-from robocup_vision.calibration.omni.paint import OnPaint, no_paint
 from robocup_vision.calibration.omni.settings import JointFitSettings
-from robocup_vision.calibration.omni.shape import FieldShape, homogeneous
+from robocup_vision.calibration.omni.shape import FieldShape, OnPaint, homogeneous, no_paint
 from robocup_vision.camera.omni import OmniCamera
 
 # steps of the numerical derivatives, in the vector's own units

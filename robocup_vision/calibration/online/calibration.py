@@ -24,9 +24,8 @@ from robocup_vision.calibration.online.pinhole import PinholeEvidence
 from robocup_vision.calibration.online.rig import RigEvidence
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.files import save_camera
-from robocup_vision.camera.mounting import Mounting
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.camera.rig import Rig, save_rig
 from robocup_vision.view import View
 

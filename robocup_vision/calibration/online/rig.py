@@ -20,8 +20,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.online.evidence import POSE_PRECISION, Evidence, marginal
 from robocup_vision.calibration.online.pinhole import PinholeEvidence
 from robocup_vision.calibration.online.settings import OnlineSettings
-from robocup_vision.camera.mounting import Mounting
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.camera.rig import Rig
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.view import RigView, View

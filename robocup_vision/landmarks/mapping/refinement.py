@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
-from robocup_vision.landmarks.mapping.rig import TrinocularRig
-from robocup_vision.landmarks.projection import world_to_camera
+from robocup_vision.landmarks.mapping.run_files import TrinocularRig
+from robocup_vision.landmarks.pose_fit import world_to_camera
 
 # landmarks are eliminated this many at a time, which bounds the memory
 _CHUNK = 1500

@@ -1,4 +1,4 @@
-"""A mapping run on the disk: run.toml with the rig and the start, and a folder of images for each of three cameras.
+"""A mapping run on the disk: run.toml with the trinocular rig and the start, and a folder of images for each camera.
 
     format = 1
     camera = "camera.toml"        # the right camera, with its mounting
@@ -12,21 +12,59 @@ Images of one moment have the same name in right/, left/ and top/; the moments a
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 
-from field_models.errors import FileError
+from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, load_toml
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.files import load_camera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.files.csv_table import read_csv
 from robocup_vision.files.images import IMAGE_SUFFIXES, read_image
 from robocup_vision.geometry import Pose2
-from robocup_vision.landmarks.mapping.rig import TrinocularRig
+
+
+@dataclass(frozen=True, eq=False)
+class TrinocularRig:
+    """Three equal cameras in an L: the right one is the reference, one is to its left and one above it.
+
+    Parameters
+    ----------
+    right : PinholeCamera
+        The reference, as mounted on the robot; its tilt must be known.
+    baseline_m : float
+        From it to each of the others, along its own image axes.
+    """
+
+    right: PinholeCamera
+    baseline_m: float = 0.0996
+
+    def __post_init__(self) -> None:
+        if not self.baseline_m > 0:
+            raise ArgumentError(f"baseline_m must be positive, got {self.baseline_m}")
+        if not self.right.known_orientation:
+            raise ArgumentError("the rig's camera needs a known tilt_rad")
+
+    @cached_property
+    def left(self) -> PinholeCamera:
+        """The left camera."""
+        return self._moved(np.array([0.0, self.baseline_m, 0.0]))
+
+    @cached_property
+    def top(self) -> PinholeCamera:
+        """The upper camera."""
+        return self._moved(np.array([0.0, 0.0, self.baseline_m]))
+
+    def _moved(self, by_m: FloatArray) -> PinholeCamera:
+        x, y, z = self.right.viewpoint_m + self.right.camera_to_robot @ by_m
+        return replace(self.right, offset_m=(float(x), float(y)), height_m=float(z))
+
 
 CAMERAS = ("right", "left", "top")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.landmarks.features import PIXEL_STD_PER_SPACING, Features, match
-from robocup_vision.landmarks.mapping.rig import TrinocularRig
+from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,10 +20,9 @@ from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor
 from robocup_vision.landmarks.landmark_map import LandmarkMap, direction_of, expect
 from robocup_vision.landmarks.mapping.draft import DraftMap
 from robocup_vision.landmarks.mapping.refinement import Observations, refine
-from robocup_vision.landmarks.mapping.rig import TrinocularRig
+from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 from robocup_vision.landmarks.mapping.stereo import StereoPoints, StereoSettings, correspond
-from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo
-from robocup_vision.landmarks.projection import to_world, world_to_camera
+from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo, to_world, world_to_camera
 
 
 @dataclass(frozen=True, slots=True)

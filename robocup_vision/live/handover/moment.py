@@ -1,16 +1,25 @@
-"""One moment of one robot as the page shows it: the frame, what was seen in it, and what the robot is about to do."""
+"""One moment of one robot as the page shows it: the frame, the view, the command; and as bytes between two processes.
+
+What seldom changes (the samples' places, the camera, colours, the map) is sent once, and again when it is another
+object: the places alone are half a megabyte.
+"""
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import MOUNTING_NAMES, Mounting, PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import Colors
+from robocup_vision.perception.markings.finder import MarkingSource
 from robocup_vision.view import View
 
 Point = tuple[float, float]
@@ -113,3 +122,104 @@ class Moment:
     rate_hz: float | None = None
     settings: Mapping[str, str] | None = None
     world: TrueWorld | None = None
+
+
+class Display(Protocol):
+    """Takes what loops have seen; safe to use from several threads."""
+
+    def set_robots(self, setups: tuple[RobotSetup, ...]) -> None:
+        """Show these robots, and forget all others."""
+        ...
+
+    def put(self, moment: Moment) -> None:
+        """Hand a moment over, and go on."""
+        ...
+
+    def wait_until_made(self, timeout_s: float) -> bool:
+        """Wait until all that was handed over can be seen; return whether that is so."""
+        ...
+
+    def forget(self) -> None:
+        """Forget all moments: the source has gone to another time."""
+        ...
+
+    def say(self, line: str) -> None:
+        """Show a line."""
+        ...
+
+    def set_status(self, **changes: Any) -> None:
+        """Change what is shown of the run: plain values by name."""
+        ...
+
+    def close(self) -> None:
+        """End."""
+        ...
+
+
+# parts of a view, and then of a moment, that are sent when they are another object than the time before
+_SELDOM = ("polar", "grid", "camera", "colors", "settings", "map_state", "marking_finder")
+_VIEW_FIELDS = tuple(field.name for field in fields(View))
+_NO_FRAME = np.empty((0, 0, 3), dtype=np.uint8)
+
+
+class MomentWriter:
+    """Turns the moments of one robot into bytes."""
+
+    def __init__(self) -> None:
+        # kept, so that a new object never has the identity of an old one
+        self._sent: dict[str, object] = dict.fromkeys(_SELDOM)
+
+    def write(self, moment: Moment) -> tuple[bytes, dict[str, object]]:
+        """Return a moment without its frame, and what counts as sent once these bytes are on their way."""
+        view = moment.view
+        now: dict[str, object] = {"colors": moment.colors, "settings": moment.settings}
+        told = None
+        if view is not None:
+            told = {name: getattr(view, name) for name in _VIEW_FIELDS}
+            now |= {name: told.pop(name) for name in ("polar", "grid", "camera")}
+            told["timings_s"] = dict(view.timings_s)
+            # its frame comes apart from it, and its camera is the view's, held as the frame says
+            source = told.pop("marking_source")
+            now["marking_finder"] = None if source is None else source.finder
+            told["held"] = None if source is None else (_mounting(source.camera), source.held_covariance)
+            belief = view.belief
+            if belief is not None and belief.free_map is not None:
+                now["map_state"] = belief.free_map.state
+                told["belief"] = replace(belief, free_map=replace(belief.free_map, state=_NO_FRAME))
+        changed = {name: value for name, value in now.items() if value is not self._sent[name]}
+        rest = (moment.robot, moment.t_s, moment.problem, moment.plan, moment.truth, moment.rate_hz, moment.world)
+        return pickle.dumps((changed, told, rest), pickle.HIGHEST_PROTOCOL), changed
+
+    def sent(self, changed: dict[str, object]) -> None:
+        """Remember what the other side has now."""
+        self._sent.update(changed)
+
+
+class MomentReader:
+    """Turns bytes of a `MomentWriter` into moments."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, Any] = dict.fromkeys(_SELDOM)
+
+    def read(self, data: bytes, frame: UInt8Array) -> Moment:
+        """Return the moment; its frame comes apart from it."""
+        changed, told, (robot, t_s, problem, plan, truth, rate_hz, world) = pickle.loads(data)
+        self._known.update(changed)
+        known, view = self._known, None
+        if told is not None:
+            belief = told["belief"]
+            if belief is not None and belief.free_map is not None:
+                told["belief"] = replace(belief, free_map=replace(belief.free_map, state=known["map_state"]))
+            finder, camera, held, source = known["marking_finder"], known["camera"], told.pop("held"), None
+            if held is not None:
+                mounting, covariance = held
+                as_held = camera if mounting is None else camera.held(mounting)
+                source = MarkingSource.of(finder, frame, as_held, covariance)
+            view = View(**told, polar=known["polar"], grid=known["grid"], camera=camera, marking_source=source)
+        return Moment(robot, frame, t_s, view, problem, known["colors"], plan, truth, rate_hz, known["settings"], world)
+
+
+def _mounting(camera: OmniCamera | PinholeCamera) -> Mounting | None:
+    if isinstance(camera, OmniCamera):
+        return None
+    return Mounting(**{name: getattr(camera, name) for name in MOUNTING_NAMES})

@@ -15,12 +15,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from field_models.errors import RobocupVisionError
-from robocup_vision.live.handover.controls import Controls
+from robocup_vision.live.handover.controls import Controls, read_message, write_message
 from robocup_vision.live.handover.feed_settings import FeedSettings
 from robocup_vision.live.handover.frame_slots import FrameSlots
-from robocup_vision.live.handover.moment import RobotSetup
-from robocup_vision.live.handover.moment_codec import MomentReader
-from robocup_vision.live.handover.pipe_messages import read_message, write_message
+from robocup_vision.live.handover.moment import MomentReader, RobotSetup
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.saving import save_from
 from robocup_vision.live.page.server import PageServer

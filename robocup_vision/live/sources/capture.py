@@ -19,9 +19,7 @@ from field_models.errors import ArgumentError, FileError, FrameError, RobocupVis
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.files.video import open_video
 from robocup_vision.live.handover.moment import RobotSetup
-from robocup_vision.live.sources.newest import Newest
-from robocup_vision.live.sources.setup import setup_by_options, vision_by_options
-from robocup_vision.live.sources.source import SourceFrame, SourceOptions
+from robocup_vision.live.sources.source import Newest, SourceFrame, SourceOptions, setup_by_options, vision_by_options
 from robocup_vision.vision import Vision
 
 # a camera that is gone is looked for as often as this

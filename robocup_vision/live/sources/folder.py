@@ -10,8 +10,13 @@ from robocup_vision.files.image_folder import ImageFiles
 from robocup_vision.files.images import read_image
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotSetup
-from robocup_vision.live.sources.setup import memory_for, setup_by_options, vision_by_options
-from robocup_vision.live.sources.source import SourceFrame, SourceOptions
+from robocup_vision.live.sources.source import (
+    SourceFrame,
+    SourceOptions,
+    memory_for,
+    setup_by_options,
+    vision_by_options,
+)
 from robocup_vision.vision import Vision
 
 # images without times are shown at this rate: slow enough to see each

@@ -12,8 +12,7 @@ from field_models import load_field
 from field_models.errors import FileError
 from robocup_vision.camera import load_camera
 from robocup_vision.live.handover.moment import RobotPlan, RobotSetup
-from robocup_vision.live.sources.setup import memory_for
-from robocup_vision.live.sources.source import SourceFrame, SourceOptions
+from robocup_vision.live.sources.source import SourceFrame, SourceOptions, memory_for
 from robocup_vision.memory import Memory
 from robocup_vision.perception.color_table import load_colors
 from robocup_vision.recording.recording import RecordedFrame, Recording

@@ -16,9 +16,7 @@ from field_models.errors import ArgumentError, FrameError, PacketError, RobocupV
 from robocup_vision.closing import Closing
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotSetup
-from robocup_vision.live.sources.newest import Newest
-from robocup_vision.live.sources.setup import setup_by_options, vision_by_options
-from robocup_vision.live.sources.source import SourceFrame, SourceOptions
+from robocup_vision.live.sources.source import Newest, SourceFrame, SourceOptions, setup_by_options, vision_by_options
 from robocup_vision.messages.images import frame_of
 from robocup_vision.messages.poses import pose_of
 from robocup_vision.messages.types import decode, prepare, to_seconds

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
+from field_models import load_field
+from field_models.errors import ArgumentError
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.camera.mounting import Mounting
+from robocup_vision.camera import OmniCamera, PinholeCamera, load_camera
+from robocup_vision.camera.pinhole import Mounting
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotPlan, RobotSetup, TrueWorld
-from robocup_vision.perception.color_table import Colors
+from robocup_vision.mapping.view_motion import ViewMotion
+from robocup_vision.memory import Memory
+from robocup_vision.perception.color_table import Colors, load_colors
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
@@ -173,3 +179,94 @@ class PlacingSource(Source, Protocol):
             If there is no such thing, or the place is off the floor.
         """
         ...
+
+
+def setup_by_options(name: str, options: SourceOptions) -> RobotSetup:
+    """Return a robot's setup.
+
+    Raises
+    ------
+    ArgumentError
+        If no field is named.
+    FileError
+        If a file is wrong.
+    """
+    if options.field is None:
+        raise ArgumentError(f"{name}: does not say on which field it is, so --field must be given")
+    field = load_field(options.field)
+    camera = None if options.camera is None else load_camera(options.camera)
+    return RobotSetup(name, field, camera, field.robot_radius_m)
+
+
+def vision_by_options(setup: RobotSetup, options: SourceOptions, *, has_odometry: bool) -> Vision | None:
+    """Return what looks at a robot's frames; None without a camera file.
+
+    Raises
+    ------
+    ArgumentError
+        If a memory is wanted and nothing tells how the robot moves.
+    """
+    if setup.camera is None:
+        return None
+    memory = memory_for(setup, setup.camera, has_odometry=has_odometry) if options.memory else None
+    colors = None if options.colors is None else load_colors(options.colors)
+    return Vision(setup.field, setup.camera, colors, method=options.method, memory=memory)
+
+
+def memory_for(setup: RobotSetup, camera: OmniCamera | PinholeCamera, *, has_odometry: bool) -> Memory:
+    """Return a memory of everything that goes by odometry, or where there is none by the motion between views.
+
+    Raises
+    ------
+    ArgumentError
+        If neither tells how the robot moves.
+    """
+    memory = Memory.of_everything(setup.field)
+    if not has_odometry:
+        if isinstance(camera, PinholeCamera):
+            raise ArgumentError(
+                f"{setup.name}: --memory needs odometry (a recording, or a dataset with frames.csv) or a mirror camera"
+            )
+        memory.ego_motion = ViewMotion()
+    return memory
+
+
+T = TypeVar("T")
+
+
+class Newest(Generic[T]):
+    """Holds one value: a newer one takes its place, and it is taken once. Safe to use from several threads."""
+
+    def __init__(self) -> None:
+        self._news = threading.Condition()
+        self._value: T | None = None
+        self._is_closed = False
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether nothing is to come any more."""
+        return self._is_closed
+
+    def put(self, value: T) -> None:
+        """Put a value in the place of the one that waits, if one does."""
+        with self._news:
+            self._value = value
+            self._news.notify_all()
+
+    def take(self, timeout_s: float) -> T | None:
+        """Return the value that waits, or the first that comes in time; None if none does, or it is closed."""
+        with self._news:
+            self._news.wait_for(lambda: self._value is not None or self._is_closed, timeout_s)
+            value, self._value = self._value, None
+            return None if self._is_closed else value
+
+    def wait_until_closed(self, timeout_s: float) -> None:
+        """Wait, but no longer than until it is closed."""
+        with self._news:
+            self._news.wait_for(lambda: self._is_closed, timeout_s)
+
+    def close(self) -> None:
+        """Let nobody wait any more."""
+        with self._news:
+            self._is_closed = True
+            self._news.notify_all()

@@ -11,8 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from field_models.errors import FrameError, RobocupVisionError
-from robocup_vision.live.handover.display import Display
-from robocup_vision.live.handover.moment import Moment, RobotSetup
+from robocup_vision.live.handover.moment import Display, Moment, RobotSetup
 from robocup_vision.live.sources.frame_rate import FrameRate
 from robocup_vision.live.sources.source import PlacingSource, Source, SourceFrame
 from robocup_vision.vision import Vision

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
-from robocup_vision.camera.projection import camera_rotation, project_ideal
+from robocup_vision.camera.pinhole import camera_rotation, project_ideal
 from robocup_vision.geometry import Pose2
 
 # What a fit can vary, in this order everywhere: camera position, heading of the optical axis, tilt (up), roll, height,

@@ -18,8 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 from robocup_vision.kernels.algebra.pinhole import slopes_to_floor
 from robocup_vision.kernels.goal.fit import FitLoss
 from robocup_vision.kernels.goal.lines.fit import AssociatedMarks, LinePlaces, associate_points, fit_to_points

@@ -14,8 +14,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.camera.mounting import Mounting
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.align import Alignment, align_all

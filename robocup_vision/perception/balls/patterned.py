@@ -16,8 +16,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import patterned as kernel
 from robocup_vision.kernels.balls import patterned_carpet

@@ -9,12 +9,10 @@ import numpy as np
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.perception.line_points import LinePoints
-from robocup_vision.perception.markings.floor_errors import FloorErrors
-from robocup_vision.perception.markings.line_middles import middle_shifts_m
+from robocup_vision.perception.markings.correlated_errors import FloorErrors, slow_covariance
 from robocup_vision.perception.markings.line_pieces import LinePieces
 from robocup_vision.perception.markings.settings import MarkingSettings
-from robocup_vision.perception.markings.slow_errors import slow_covariance
-from robocup_vision.perception.markings.straight import fit_line, is_bare, scale_m
+from robocup_vision.perception.markings.straight import fit_line, is_bare, middle_shifts_m, scale_m
 
 # how the camera is held is tried at so many standard deviations from what it says
 _SWAYS = (-1.3, 0.0, 1.3)

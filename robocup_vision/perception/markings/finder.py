@@ -15,17 +15,15 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.perception.line_points import LineFinder, LinePoints, LineSettings
 from robocup_vision.perception.markings.arcs import Arc, find_arcs
+from robocup_vision.perception.markings.correlated_errors import FloorErrors, slow_error_px, with_slow_errors
 from robocup_vision.perception.markings.crossings import LinePicture, find_crossings
 from robocup_vision.perception.markings.field_features import FieldFeatures
-from robocup_vision.perception.markings.floor_errors import FloorErrors
 from robocup_vision.perception.markings.goal_posts import PostFinder
-from robocup_vision.perception.markings.line_middles import fit_middles
 from robocup_vision.perception.markings.line_pieces import gather_pieces
 from robocup_vision.perception.markings.marking import Circle, LineSegment, Markings
 from robocup_vision.perception.markings.painted_spots import SpotFinder
 from robocup_vision.perception.markings.settings import MarkingSettings
-from robocup_vision.perception.markings.slow_errors import slow_error_px, with_slow_errors
-from robocup_vision.perception.markings.straight import Straight, find_straight
+from robocup_vision.perception.markings.straight import Straight, find_straight, fit_middles
 
 # within these the width of a line in the picture is as good as the same
 _SAME_TILT_RAD, _SAME_LOG = math.radians(2.0), 0.02

@@ -11,7 +11,7 @@ from field_models.field import Field, Mark
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.lines.ridges import least_of_red_and_blue
 from robocup_vision.perception.line_points import LinePoints
-from robocup_vision.perception.markings.floor_errors import FloorErrors
+from robocup_vision.perception.markings.correlated_errors import FloorErrors
 from robocup_vision.perception.markings.marking import PenaltyMark
 from robocup_vision.perception.markings.settings import MarkingSettings
 

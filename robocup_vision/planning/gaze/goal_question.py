@@ -32,8 +32,7 @@ from robocup_vision.planning.gaze.goal_evidence import (
     load_goal_evidence,
 )
 from robocup_vision.planning.gaze.pose_gaze import Neck
-from robocup_vision.planning.gaze.sight_lines import clear_probability
-from robocup_vision.planning.gaze.sigma_points import sigma_points
+from robocup_vision.planning.gaze.uncertainty import clear_probability, sigma_points
 
 Answer = Literal["look", "decided", "undecidable"]
 

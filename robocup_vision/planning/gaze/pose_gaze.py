@@ -20,8 +20,7 @@ from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning.gaze.field_landmarks import Kind, field_landmarks
-from robocup_vision.planning.gaze.sight_lines import clear_probability
-from robocup_vision.planning.gaze.sigma_points import sigma_points
+from robocup_vision.planning.gaze.uncertainty import clear_probability, sigma_points
 
 Criterion = Literal["position", "volume"]
 

@@ -16,8 +16,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int16Array
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap import Point
-from robocup_vision.planning.speed.path_follower import checked_path
-from robocup_vision.planning.speed.speed_planner import SpeedPlan
+from robocup_vision.planning.speed.speed_planner import SpeedPlan, checked_path
 
 # in `UndecidedFloor.looks`
 FREE, BLOCKED = -1, 0

@@ -16,9 +16,8 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.messages.camera_infos import camera_info_problem
 from robocup_vision.messages.images import frame_of, is_rgb_inside
 from robocup_vision.recording.bags.bag import Bag
-from robocup_vision.recording.bags.pose_topic import PoseTopic
 from robocup_vision.recording.bags.stream import MAX_GAP_S, Frames, StreamDataset, order_note, pose_at, with_frames
-from robocup_vision.recording.bags.topic_times import TopicTimes, rising, stamp_s
+from robocup_vision.recording.bags.topic_times import PoseTopic, TopicTimes, rising, stamp_s
 
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _ODOMETRY = ("nav_msgs/msg/Odometry",)

@@ -2,20 +2,45 @@
 
 A class names its message with `message_value`; each of its fields is the message's field of the same name unless a
 `Wire` states another. A field that may be absent is None then, so that a value written again is the message that was
-read, byte for byte. What this project's tables do not know of stays in `unknown`, as bytes.
+read, byte for byte. What this project's tables do not know of stays in `unknown`, as bytes; an enum's unknown number is
+a member too (`OpenEnum`).
 """
 
 from __future__ import annotations
 
+import re
 import types
 import typing
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from enum import IntEnum
 from typing import Any, NamedTuple, TypeVar
 
 from field_models.errors import PacketError
 from robocup_vision.ssl.protocol.messages import EncodeError, UnknownFieldSet, message_class, parse
-from robocup_vision.ssl.protocol.open_enum import OpenEnum
+
+
+class OpenEnum(IntEnum):
+    """An enum that has a member for every number; those that it does not know are called e.g. ``unknown stage 14``."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> OpenEnum | None:
+        if not isinstance(value, int):
+            return None
+        # not among the members: a sender must not make them more
+        member = int.__new__(cls, value)
+        kind = re.sub(r"(?<!^)(?=[A-Z])", " ", cls.__name__).lower().rpartition(" ")[2]
+        member._name_, member._value_ = f"unknown {kind} {value}", value
+        return member
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def is_known(self) -> bool:
+        """Whether this version has a name for it."""
+        return self.name in type(self).__members__
+
 
 T = TypeVar("T")
 

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-from robocup_vision.ssl.protocol.mapping import Wire, message_value
-from robocup_vision.ssl.protocol.open_enum import OpenEnum
+from robocup_vision.ssl.protocol.mapping import OpenEnum, Wire, message_value
 from robocup_vision.ssl.values.geometry import MM_PER_M, Geometry
 
 

@@ -9,8 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from robocup_vision.ssl.protocol.mapping import Wire, message_value
-from robocup_vision.ssl.protocol.open_enum import OpenEnum
+from robocup_vision.ssl.protocol.mapping import OpenEnum, Wire, message_value
 from robocup_vision.ssl.values.detection import DetectionFrame
 from robocup_vision.ssl.values.geometry import Geometry
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from robocup_vision.ssl.protocol.mapping import Wire, message_value
-from robocup_vision.ssl.protocol.open_enum import OpenEnum
+from robocup_vision.ssl.protocol.mapping import OpenEnum, Wire, message_value
 
 
 class TeamColor(OpenEnum):

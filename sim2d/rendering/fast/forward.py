@@ -17,7 +17,7 @@ import numpy as np
 from field_models import COLOR_NAMES
 from robocup_vision.arrays import Float32Array, UInt8Array
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from sim2d.kernels.forward.outlines import ARC_PIECES
 from sim2d.kernels.forward.room import pack_cells
 from sim2d.kernels.forward.things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, SHEET

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera import OmniCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from sim2d.rendering.rays import RIM_MARGIN
 
 # derivatives are differences over so much; less leans are not drawn: they move nothing by a tenth of a pixel

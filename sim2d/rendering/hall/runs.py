@@ -13,8 +13,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array, UInt8Array
 from robocup_vision.camera import PinholeCamera, save_camera
 from robocup_vision.geometry import Pose2
-from robocup_vision.landmarks.mapping.rig import TrinocularRig
-from robocup_vision.landmarks.mapping.run_files import CAMERAS
+from robocup_vision.landmarks.mapping.run_files import CAMERAS, TrinocularRig
 from sim2d.rendering.hall.bustle import Bustle
 from sim2d.rendering.hall.hall import Hall, HallCamera, HallLight
 from sim2d.rendering.hall.solids import Panel

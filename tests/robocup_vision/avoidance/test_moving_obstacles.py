@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robocup_vision.avoidance import Steering, SteeringSettings
-from robocup_vision.avoidance.moving_obstacles import moving_table, ranges_past
+from robocup_vision.avoidance.steering import moving_table, ranges_past
 from robocup_vision.disc import Disc
 from robocup_vision.motion_limits import MotionLimits
 

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.avoidance.steady_free_space import SteadyFreeSpace, carry_free_space
+from robocup_vision.avoidance.recent_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from robocup_vision.calibration.carpet import shows_carpet
+from robocup_vision.calibration.check import shows_carpet
 from robocup_vision.vision import Vision
 
 GREEN, BROWN, GREY, DARK = (50, 130, 45), (60, 90, 120), (90, 90, 90), (3, 9, 4)

@@ -8,7 +8,7 @@ import pytest
 
 from field_models.errors import ArgumentError
 from robocup_vision.camera import Mounting, PinholeCamera
-from robocup_vision.camera.mounting import MOUNTING_NAMES
+from robocup_vision.camera.pinhole import MOUNTING_NAMES
 
 CAMERA = PinholeCamera(
     (320, 240), (228.0, 228.0), (159.5, 119.5), 0.45, offset_m=(0.05, 0.0), pan_rad=0.1, tilt_rad=-0.26, roll_rad=0.02,

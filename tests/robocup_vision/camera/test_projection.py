@@ -8,7 +8,7 @@ from hypothesis import given
 from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation, project_ideal
+from robocup_vision.camera.pinhole import camera_rotation, project_ideal
 
 CAMERA = PinholeCamera((320, 240), (277.0, 270.0), (159.5, 119.5), 0.6)
 

@@ -12,7 +12,7 @@ from field_models.errors import ArgumentError, FileError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.dataset import Truth, load_dataset
-from robocup_vision.evaluation.goal_plots import draw_goal_plots, error_ratio
+from robocup_vision.evaluation.plots import draw_goal_plots, error_ratio
 from robocup_vision.evaluation.run import evaluate
 from robocup_vision.evaluation.scoring import Row, pose_error
 from robocup_vision.geometry import Pose2

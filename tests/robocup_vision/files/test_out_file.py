@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from field_models.errors import FileError
-from robocup_vision.files.out_file import require_folder, telling_write_errors
+from robocup_vision.files.output_folder import require_folder, telling_write_errors
 
 
 def test_an_error_of_the_system_names_the_file_and_the_reason(tmp_path: Path) -> None:

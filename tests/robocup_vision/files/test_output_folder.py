@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from field_models.errors import FileError
-from robocup_vision.files.out_file import telling_write_errors
-from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
+from robocup_vision.files.output_folder import refuse_foreign_files, telling_write_errors, written_at_once
 
 OWN = ("figures.json", "robot_*.mcap")
 

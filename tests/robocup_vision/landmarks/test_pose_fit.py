@@ -11,10 +11,10 @@ from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.landmarks.mapping.refinement import Observations, refine
-from robocup_vision.landmarks.mapping.rig import TrinocularRig
+from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 from robocup_vision.landmarks.mapping.stereo import place
-from robocup_vision.landmarks.pose_fit import fit_stereo
-from robocup_vision.landmarks.projection import (
+from robocup_vision.landmarks.pose_fit import (
+    fit_stereo,
     point_by_pose,
     project,
     to_camera,

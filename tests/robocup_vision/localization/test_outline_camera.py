@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from strategies import numbers
 
 from field_models import load_field
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.floor import OutlineFitter, OutlineSettings
 from robocup_vision.localization.outline_camera import OutlineCamera

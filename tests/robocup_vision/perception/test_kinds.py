@@ -12,8 +12,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.perception.joined import join_obstacles
-from robocup_vision.perception.kinds.network import FOOT_PX, PIXEL_M, SEEN_PX, log_odds, upright_pictures
-from robocup_vision.perception.kinds.source import KindSource
+from robocup_vision.perception.kinds.network import FOOT_PX, PIXEL_M, SEEN_PX, KindSource, log_odds, upright_pictures
 from robocup_vision.perception.networks import Shrunk, read_network
 from robocup_vision.perception.obstacles import Obstacle
 from robocup_vision.vision import Vision

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.workers import Pool, Workers, find_workers, in_order, local_workers, run_pieces, this_process
-from robocup_vision.workers.doing import Doer
+from robocup_vision.workers.processes import Doer
 
 
 def thrice():

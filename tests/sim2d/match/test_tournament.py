@@ -13,7 +13,7 @@ from sim2d_players import SMALL_CAMERA, FailsAt, KillsItsProcess, Reckoner, Slee
 from field_models.errors import RobocupVisionError
 from robocup_vision import cli, workers
 from robocup_vision.workers import Pool, Workers, local_workers
-from robocup_vision.workers.doing import Doer
+from robocup_vision.workers.processes import Doer
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches, play_matches, play_plan, tournament_json
 

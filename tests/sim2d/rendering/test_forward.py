@@ -10,7 +10,7 @@ import pytest
 from field_models import COLOR_NAMES, load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.forward import EyeInField, ForwardFrames

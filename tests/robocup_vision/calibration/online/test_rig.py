@@ -12,7 +12,7 @@ from field_models.errors import ArgumentError
 from robocup_vision import PoseEstimate, Rig, Vision
 from robocup_vision.calibration.online import OnlineCalibration
 from robocup_vision.camera import load_rig
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.geometry import Pose2
 
 # cameras whose files own to it that they may be turned: their measurements then agree before they are refined

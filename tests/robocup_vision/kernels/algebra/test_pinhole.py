@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.camera.projection import camera_rotation, project_ideal
+from robocup_vision.camera.pinhole import camera_rotation, project_ideal
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera, point_in_camera, slopes_to_floor
 from robocup_vision.landmarks.index import pinhole_view
-from robocup_vision.landmarks.projection import to_camera
+from robocup_vision.landmarks.pose_fit import to_camera
 
 CAMERA = PinholeCamera(
     (320, 240), (277.0, 270.0), (159.5, 119.5), 0.6, offset_m=(0.05, -0.03), pan_rad=0.2, tilt_rad=0.1, roll_rad=0.02

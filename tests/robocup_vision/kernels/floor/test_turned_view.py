@@ -8,7 +8,7 @@ import pytest
 
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.lens_table import lens_table
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
 
 

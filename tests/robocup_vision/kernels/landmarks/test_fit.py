@@ -12,8 +12,8 @@ from strategies import numbers
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.kernels.landmarks.fit import LandmarkPixels, fit_pose, most_informative
 from robocup_vision.landmarks.index import pinhole_view
-from robocup_vision.landmarks.pose_fit import CHI2_2DOF
-from robocup_vision.landmarks.projection import (
+from robocup_vision.landmarks.pose_fit import (
+    CHI2_2DOF,
     point_by_pose,
     project,
     to_camera,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.kernels.landmarks.index import FloorPlan, InView, views_in_frustum
 from robocup_vision.landmarks.index import pinhole_view
-from robocup_vision.landmarks.projection import project, to_camera
+from robocup_vision.landmarks.pose_fit import project, to_camera
 
 REACH_M, VIEW_REACH_RAD, CELL_M = 4.0, 0.4, 0.5
 COLUMNS = (16, 12)

@@ -8,8 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.tracking.branches import MISS, Branches
-from robocup_vision.tracking.settings import MovingObjectsSettings
+from robocup_vision.tracking.branches import MISS, Branches, MovingObjectsSettings
 
 MAX_STEPS = MovingObjectsSettings().max_steps
 

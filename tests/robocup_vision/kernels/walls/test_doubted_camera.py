@@ -11,7 +11,7 @@ from strategies import PAPER_MIRROR, numbers
 
 from field_models import load_field
 from robocup_vision.camera import OmniCamera
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.doubted_camera import (
     CameraDoubt,

@@ -6,8 +6,7 @@ import numpy as np
 
 from robocup_vision.geometry import Pose2
 from robocup_vision.image_layers import ImageLayerMaker
-from robocup_vision.live.handover.moment import TrueRobot, TrueWorld
-from robocup_vision.live.handover.moment_codec import MomentReader, MomentWriter
+from robocup_vision.live.handover.moment import MomentReader, MomentWriter, TrueRobot, TrueWorld
 from robocup_vision.live.page.picture import describe
 
 

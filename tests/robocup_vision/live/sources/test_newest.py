@@ -2,7 +2,7 @@
 
 import threading
 
-from robocup_vision.live.sources.newest import Newest
+from robocup_vision.live.sources.source import Newest
 
 
 def test_a_newer_value_takes_the_place_of_an_older_one_and_is_taken_once() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from field_models import COLOR_NAMES, load_field
-from robocup_vision.camera.projection import camera_rotation
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.localization.goal.edges import EdgeAppearance, EdgeSamples
 from robocup_vision.localization.goal.fit import GoalFit, GoalFitSettings, goal_model, residuals
 from robocup_vision.localization.goal.geometry import EDGES, UNKNOWNS, goal_shape, silhouette_normals

@@ -12,13 +12,11 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.line_points import LinePoints
+from robocup_vision.perception.markings.correlated_errors import FloorErrors, slow_covariance, slow_error_px
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.finder import MarkingFinder
-from robocup_vision.perception.markings.floor_errors import FloorErrors
-from robocup_vision.perception.markings.line_middles import middle_shifts_m
 from robocup_vision.perception.markings.settings import MarkingSettings
-from robocup_vision.perception.markings.slow_errors import slow_covariance, slow_error_px
-from robocup_vision.perception.markings.straight import stretch_of
+from robocup_vision.perception.markings.straight import middle_shifts_m, stretch_of
 
 CAMERA = PinholeCamera(
     (640, 480), (460.0, 460.0), (319.5, 239.5), 0.5, pan_rad=0.0, tilt_rad=-0.45, roll_rad=0.0, height_std_m=0.004

@@ -6,7 +6,7 @@ from hypothesis import given
 from strategies import numbers
 
 from robocup_vision.disc import Disc
-from robocup_vision.planning.gaze.sight_lines import clear_probability
+from robocup_vision.planning.gaze.uncertainty import clear_probability
 
 EYE = (0.0, 0.0, 0.2)
 SURE = 1e-10 * np.eye(2)

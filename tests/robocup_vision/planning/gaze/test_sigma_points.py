@@ -9,7 +9,7 @@ from strategies import covariances, poses
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
-from robocup_vision.planning.gaze.sigma_points import sigma_points
+from robocup_vision.planning.gaze.uncertainty import sigma_points
 
 
 @given(poses(), covariances())
