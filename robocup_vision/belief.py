@@ -37,33 +37,18 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """A tracked object.
+    """A tracked object."""
 
-    Parameters
-    ----------
-    number : int
-        Its number, the same for as long as it is tracked.
-    x_m, y_m, vx_mps, vy_mps : float
-        Place and velocity in the field frame.
-    covariance : (4, 4) float64
-        Of these, m and m/s.
-    probability : float
-        That it is there, to within two thirds of its width.
-    frames : int
-        Number of frames for which it has been tracked.
-    missed : int
-        Frames in a row, up to this one, without a detection.
-    """
-
-    number: int
+    number: int  #: its number, the same for as long as it is tracked
+    #: place and velocity in the field frame
     x_m: float
     y_m: float
     vx_mps: float
     vy_mps: float
-    covariance: FloatArray
-    probability: float
-    frames: int
-    missed: int
+    covariance: FloatArray  #: (4, 4) float64: of these, m and m/s
+    probability: float  #: that it is there, to within two thirds of its width
+    frames: int  #: number of frames for which it has been tracked
+    missed: int  #: frames in a row, up to this one, without a detection
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", read_only(self.covariance))
@@ -96,21 +81,12 @@ class Track:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapPicture:
-    """The map at one moment.
+    """The map at one moment."""
 
-    Parameters
-    ----------
-    state : (N, N) uint8
-        `mapping.occupancy.FREE`, NO_GO or UNDECIDED; first index along x of the field frame.
-    corner_m : (float, float)
-        Lowest corner of cell (0, 0), field frame.
-    cell_m : float
-        Side of a cell.
-    """
-
+    #: (N, N) uint8: `mapping.occupancy.FREE`, NO_GO or UNDECIDED; first index along x of the field frame
     state: UInt8Array
-    corner_m: tuple[float, float]
-    cell_m: float
+    corner_m: tuple[float, float]  #: lowest corner of cell (0, 0), field frame
+    cell_m: float  #: side of a cell
 
 
 @dataclass(frozen=True, slots=True)

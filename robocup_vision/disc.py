@@ -19,35 +19,24 @@ def _exact() -> FloatArray:
 class Disc:
     """An upright cylinder on the floor: a robot, a box, a post.
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its centre now, in the frame that is planned in.
-    radius_m : float
-        Its radius.
-    covariance : (2, 2) float64, optional
-        Of the centre, square metres; without it the centre is exact.
-    vx_mps, vy_mps : float
-        Its velocity over ground, along the axes of the same frame.
-    velocity_covariance : (2, 2) float64, optional
-        Of the velocity, (m/s)^2; without it the velocity is exact.
-    height_m : float
-        How high it is; infinite where that is not known.
-
     Raises
     ------
     ArgumentError
         A centre, velocity or covariance is not finite, a covariance is not (2, 2), or a size is negative.
     """
 
+    #: its centre now, in the frame that is planned in
     x_m: float
     y_m: float
     radius_m: float
+    #: (2, 2) float64: of the centre, square metres; without it the centre is exact
     covariance: FloatArray = field(default_factory=_exact)
+    #: its velocity over ground, along the axes of the same frame
     vx_mps: float = field(default=0.0, kw_only=True)
     vy_mps: float = field(default=0.0, kw_only=True)
+    #: (2, 2) float64: of the velocity, (m/s)^2; without it the velocity is exact
     velocity_covariance: FloatArray = field(default_factory=_exact, kw_only=True)
-    height_m: float = field(default=math.inf, kw_only=True)
+    height_m: float = field(default=math.inf, kw_only=True)  #: how high it is; infinite where that is not known
 
     def __post_init__(self) -> None:
         for name in ("x_m", "y_m", "vx_mps", "vy_mps"):

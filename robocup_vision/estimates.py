@@ -122,18 +122,10 @@ class EdgeState(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgePoints:
-    """Places on edges of the field that a pose predicts in a frame.
+    """Places on edges of the field that a pose predicts in a frame."""
 
-    Parameters
-    ----------
-    pixels : (N, 2) float64
-        Where they are predicted, u and v.
-    state : (N,) uint8
-        What the frame shows there, values of `EdgeState`.
-    """
-
-    pixels: FloatArray
-    state: npt.NDArray[np.uint8]
+    pixels: FloatArray  #: (N, 2) float64: where they are predicted, u and v
+    state: npt.NDArray[np.uint8]  #: (N,) uint8: what the frame shows there, values of `EdgeState`
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pixels", read_only(self.pixels))

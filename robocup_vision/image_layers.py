@@ -29,33 +29,16 @@ _ARM_M = 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageLayers:
-    """What a view shows, in pixels of its frame. Points are finite; paths have two points or more.
+    """What a view shows, in pixels of its frame. Points are finite; paths have two points or more."""
 
-    Parameters
-    ----------
-    edge_px : (K, 2) float64
-        The floor's detected edge.
-    lines_px : (N, 2) float64
-        Points on painted lines.
-    free_px : (P, 2) float64
-        Outline of the free floor; empty where none is known.
-    field_px : tuple of (N, 2) float64
-        Lines and walls of the field at the view's pose.
-    goals_px : tuple of (N, 2) float64
-        Goals at the view's pose: posts and bars in a pinhole camera's frame, the walls' feet in a mirror camera's.
-    obstacles_px : tuple of (N, 2) float64
-        Near sides of obstacles, on the floor.
-    ball_px : tuple of (N, 2) float64
-        The ball's rim.
-    """
-
-    edge_px: FloatArray
-    lines_px: FloatArray
-    free_px: FloatArray
-    field_px: Paths
+    edge_px: FloatArray  #: (K, 2) float64: the floor's detected edge
+    lines_px: FloatArray  #: (N, 2) float64: points on painted lines
+    free_px: FloatArray  #: (P, 2) float64: outline of the free floor; empty where none is known
+    field_px: Paths  #: lines and walls of the field at the view's pose
+    #: goals at the view's pose: posts and bars in a pinhole camera's frame, the walls' feet in a mirror camera's
     goals_px: Paths
-    obstacles_px: Paths
-    ball_px: Paths
+    obstacles_px: Paths  #: near sides of obstacles, on the floor
+    ball_px: Paths  #: the ball's rim
 
 
 class ImageLayerMaker:

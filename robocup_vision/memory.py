@@ -41,39 +41,21 @@ _NO_TIME = "memory needs the time of a frame: hand t_s to look"
 class MemorySettings:
     """Settings of `Memory` and its parts.
 
-    Parameters
-    ----------
-    poses : PoseFilterSettings
-        Of the pose filter.
-    odometry : OdometryNoise
-        Errors of the odometry.
-    frames : FrameErrors or None
-        Errors of single frames; None: those of the kind of camera that `Vision` has.
-    objects : MovingObjectsSettings
-        Of the tracking of other robots.
-    free_map : FreeSpaceMapSettings
-        Of the map of the free floor.
-    longest_m : float
-        Obstacles farther away are not tracked: that camera measures them too badly.
-    mask_margin_m : float
-        Tracks are masked from the map with this margin: the error of a robot's position.
-    jump_m, jump_rad : float
-        A pose that differs from odometry by more is of another place: corrections are smaller. Tracks and map begin
-        anew.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
-    poses: PoseFilterSettings = PoseFilterSettings()
-    odometry: OdometryNoise = OdometryNoise()
-    frames: FrameErrors | None = None
-    objects: MovingObjectsSettings = MovingObjectsSettings()
-    free_map: FreeSpaceMapSettings = FreeSpaceMapSettings()
-    longest_m: float = 1.3
-    mask_margin_m: float = 0.05
+    poses: PoseFilterSettings = PoseFilterSettings()  #: of the pose filter
+    odometry: OdometryNoise = OdometryNoise()  #: errors of the odometry
+    frames: FrameErrors | None = None  #: errors of single frames; None: those of the kind of camera that `Vision` has
+    objects: MovingObjectsSettings = MovingObjectsSettings()  #: of the tracking of other robots
+    free_map: FreeSpaceMapSettings = FreeSpaceMapSettings()  #: of the map of the free floor
+    longest_m: float = 1.3  #: obstacles farther away are not tracked: that camera measures them too badly
+    mask_margin_m: float = 0.05  #: tracks are masked from the map with this margin: the error of a robot's position
+    #: a pose that differs from odometry by more is of another place: corrections are smaller. Tracks and map begin
+    #: anew.
     jump_m: float = 0.25
     jump_rad: float = 0.35
 

@@ -205,21 +205,13 @@ class RigView(View):
     `pose`, `free_space`, `balls`, `obstacles` and `measurement` are the body's, at the time `t_s`. What belongs to one
     picture stands in `views`: here `marks`, the boundary and the edge points are empty, `polar` and `grid` are None,
     and `camera` is the first one's. The free space goes all around; its range is NaN where no camera sees the floor.
-
-    Parameters
-    ----------
-    views : tuple of View
-        Of each camera, in the rig's order and at its frame's time. Its pose is the body's, its `measurement` what this
-        camera measured. Without a frame it is `NotLocated`.
-    motions : tuple of Pose2
-        How the body has moved from each frame to `t_s`, in its frame of then.
-    robot_radius_m : float
-        Of a robot on this field.
     """
 
+    #: of each camera, in the rig's order and at its frame's time. Its pose is the body's, its `measurement` what this
+    #: camera measured. Without a frame it is `NotLocated`.
     views: tuple[View, ...] = ()
-    motions: tuple[Pose2, ...] = ()
-    robot_radius_m: float = 0.0
+    motions: tuple[Pose2, ...] = ()  #: how the body has moved from each frame to `t_s`, in its frame of then
+    robot_radius_m: float = 0.0  #: of a robot on this field
 
     def of_camera(self, number: int) -> View:
         """Return the view of one camera, by its place in the rig, with the body's belief: to show on its picture."""

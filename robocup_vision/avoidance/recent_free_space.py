@@ -115,28 +115,19 @@ _FAR_M = 1e3
 class RecentFreeSpaceSettings:
     """Settings of `RecentFreeSpace`.
 
-    Parameters
-    ----------
-    directions : int
-        Of the free space around the robot: at 1 m a sector is 5 cm wide, less than a robot.
-    unseen_radii : float
-        Floor that none of the last views shows is taken for free up to so many robot radii from the robot's centre: it
-        may step there, and looks before it goes on. With none, a robot that turns stops with each step.
-    max_age_s : float
-        Older views do not count: others have moved on by some robot widths, and odometry has slipped.
-    every_s : float
-        Views nearer together than this show the same floor: only the newest of them is used.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
-    directions: int = 120
+    directions: int = 120  #: of the free space around the robot: at 1 m a sector is 5 cm wide, less than a robot
+    #: floor that none of the last views shows is taken for free up to so many robot radii from the robot's centre: it
+    #: may step there, and looks before it goes on. With none, a robot that turns stops with each step.
     unseen_radii: float = 3.0
+    #: older views do not count: others have moved on by some robot widths, and odometry has slipped
     max_age_s: float = 2.0
-    every_s: float = 0.15
+    every_s: float = 0.15  #: views nearer together than this show the same floor: only the newest of them is used
 
     def __post_init__(self) -> None:
         if self.directions < 3:

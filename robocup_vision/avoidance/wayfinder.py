@@ -27,66 +27,41 @@ from robocup_vision.kernels.motion import way_grid
 class WayfinderSettings:
     """How `Wayfinder` remembers the floor and prices it. Ratios are of the robot's radius.
 
-    Parameters
-    ----------
-    window_m : float
-        Width of the square that is remembered, with the robot near its middle. A target outside counts as on its rim.
-    every : int
-        The way is found anew with every so many views.
-    cell_ratio : float
-        A cell: five to a radius show whether the robot fits.
-    spare_ratio : float
-        What a gap seen from near must have to spare on each side.
-    soft_ratio : float
-        Width of the seam along what blocks that is dearer than open floor.
-    try_ratio : float
-        A place ahead within this much of another one counts as the same that was tried.
-    sure_ratio : float
-        A view measures the floor where its sectors are narrower than the robot's radius, and surely where they are
-        narrower than this.
-    strip_cells : float
-        The strip that is marked as blocked behind a free range, cells.
-    fading : float
-        Factor of the distance from which a free cell was measured, with each view that shows it free from farther away:
-        others may enter it.
-    overrule_ratio : float
-        A blocked cell measured from this many times as far does not overrule a free one: far sectors are wide.
-    tight_price : float
-        Extra price of a cell at the very edge of open floor, so that ways keep clear where there is room.
-    shut_price : float
-        Price of a cell where the robot just does not fit: more than any way round over open floor nearby.
-    maybe_barred_price, barred_price : float
-        Extra price of the middle of a blocked strip: measured from afar it may be an error of a wide sector, from near
-        it is not.
-    tries, tried_price : float
-        A place headed for more often than this without getting through is dearer by the second with each further try.
-        Passing by slowly takes fewer.
-    remembered_ratio : float
-        Fraction of the tries that is remembered with each new way.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
+    #: width of the square that is remembered, with the robot near its middle. A target outside counts as on its rim.
     window_m: float = 4.0
-    every: int = 3
-    cell_ratio: float = 0.2
-    spare_ratio: float = 0.05
-    soft_ratio: float = 0.5
-    try_ratio: float = 0.5
+    every: int = 3  #: the way is found anew with every so many views
+    cell_ratio: float = 0.2  #: a cell: five to a radius show whether the robot fits
+    spare_ratio: float = 0.05  #: what a gap seen from near must have to spare on each side
+    soft_ratio: float = 0.5  #: width of the seam along what blocks that is dearer than open floor
+    try_ratio: float = 0.5  #: a place ahead within this much of another one counts as the same that was tried
+    #: a view measures the floor where its sectors are narrower than the robot's radius, and surely where they are
+    #: narrower than this
     sure_ratio: float = 0.4
-    strip_cells: float = 2.5
+    strip_cells: float = 2.5  #: the strip that is marked as blocked behind a free range, cells
+    #: factor of the distance from which a free cell was measured, with each view that shows it free from farther away:
+    #: others may enter it
     fading: float = 1.03
+    #: a blocked cell measured from this many times as far does not overrule a free one: far sectors are wide
     overrule_ratio: float = 1.5
+    #: extra price of a cell at the very edge of open floor, so that ways keep clear where there is room
     tight_price: float = 2.0
+    #: price of a cell where the robot just does not fit: more than any way round over open floor nearby
     shut_price: float = 5.0
+    #: extra price of the middle of a blocked strip: measured from afar it may be an error of a wide sector, from near
+    #: it is not
     maybe_barred_price: float = 50.0
     barred_price: float = 1000.0
+    #: a place headed for more often than this without getting through is dearer by the second with each further try.
+    #: Passing by slowly takes fewer.
     tries: float = 15.0
     tried_price: float = 1.0
-    remembered_ratio: float = 0.995
+    remembered_ratio: float = 0.995  #: fraction of the tries that is remembered with each new way
 
     def __post_init__(self) -> None:
         for name in (field.name for field in fields(self) if field.name != "every"):

@@ -68,98 +68,61 @@ _BY_EDGES = ("focal length", "height")
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was checked.
+    """One thing that was checked."""
 
-    Parameters
-    ----------
-    subject : str
-        "size", "pictures", "camera", "channels", "field", "mirrored", "heading", "centre", "curve", "lens", "colours",
-        "truth", "odometry", or what is wrong by a set-up near this one that fits.
-    state : {"ok", "wrong", "unknown"}
-        The result.
-    evidence : str
-        A sentence with the figures.
-    """
-
+    #: "size", "pictures", "camera", "channels", "field", "mirrored", "heading", "centre", "curve", "lens", "colours",
+    #: "truth", "odometry", or what is wrong by a set-up near this one that fits
     subject: str
-    state: State
-    evidence: str
+    state: State  #: the result
+    evidence: str  #: a sentence with the figures
 
 
 @dataclass(frozen=True, slots=True)
 class CheckSettings:
-    """Settings of the check of a dataset.
+    """Settings of the check of a dataset."""
 
-    Parameters
-    ----------
-    max_images, max_tried, max_calibrated : int
-        Images that are used, evenly spread; those that are tried with newly learnt colours, and that calibrate a
-        pinhole camera.
-    min_located_ratio, min_some_ratio : float
-        Of the images, those that must be located on the field; with fewer than the second something is wrong, between
-        them they may just show too little.
-    min_some_agreeing : float
-        Of the located images, those that must agree with truth or odometry.
-    max_dark : float
-        Counts that a hundredth of a picture's pixels must exceed: below is the sensor's noise.
-    min_contrast : float
-        Counts between a picture's darkest and brightest hundredth, below which it shows nothing.
-    max_height_m, min_height_m : float
-        Robots' cameras are between these heights.
-    min_focal_ratio, max_focal_ratio : float
-        Lenses have focal lengths of so many picture widths.
-    max_way_m, max_way_rad, max_way_frames : float, float, int
-        Odometry is followed until the robot has gone or turned so far, or over so many frames: less tells little.
-    max_stray_ratio, min_other_ratio : float
-        Pictures of something else: no more of them are located, and at least so many show ground before the robot that
-        is not green. Of 60 photographs of other things two thirds do, of those of fields none.
-    min_agreement : float
-        Mean inlier ratio of a right set-up.
-    max_truth_error_m : float
-        A pose so near to the truth is right.
-    max_center_ratio, max_range_error : float
-        Errors that matter: of the centre, of the image's smaller side; of the floor range, relative.
-    significance : float
-        Standard deviations by which a centre must be off.
-    max_heading_error_rad : float
-        Common error of all headings that is a wrong heading of the camera.
-    min_color_agreement : float
-        Of the floor by fixed colours or by colours learnt from the image, the part on which both agree.
-    min_turns : int
-        Turns, or headings, that are needed for a decision.
-    min_channel_nats, told_channel_nats : float
-        Evidence of an image, and of all images, that counts for the order of the channels.
-    min_turn_rad, max_turn_rad : float
-        Odometry turns that can be compared: larger than its noise, smaller than the ambiguity of a half turn.
-    """
-
+    #: images that are used, evenly spread; those that are tried with newly learnt colours, and that calibrate a pinhole
+    #: camera
     max_images: int = 24
     max_tried: int = 8
     max_calibrated: int = 12
+    #: of the images, those that must be located on the field; with fewer than the second something is wrong, between
+    #: them they may just show too little
     min_located_ratio: float = 0.8
     min_some_ratio: float = 0.3
-    min_some_agreeing: float = 0.5
-    max_dark: float = 16.0
+    min_some_agreeing: float = 0.5  #: of the located images, those that must agree with truth or odometry
+    max_dark: float = 16.0  #: counts that a hundredth of a picture's pixels must exceed: below is the sensor's noise
+    #: counts between a picture's darkest and brightest hundredth, below which it shows nothing
     min_contrast: float = 8.0
+    #: robots' cameras are between these heights
     max_height_m: float = 3.0
     min_height_m: float = 0.02
+    #: lenses have focal lengths of so many picture widths
     min_focal_ratio: float = 0.2
     max_focal_ratio: float = 20.0
+    #: odometry is followed until the robot has gone or turned so far, or over so many frames: less tells little
     max_way_m: float = 0.5
     max_way_rad: float = math.radians(15.0)
     max_way_frames: int = 15
+    #: pictures of something else: no more of them are located, and at least so many show ground before the robot that
+    #: is not green. Of 60 photographs of other things two thirds do, of those of fields none.
     max_stray_ratio: float = 0.1
     min_other_ratio: float = 0.5
-    min_agreement: float = 0.6
-    max_truth_error_m: float = 0.1
+    min_agreement: float = 0.6  #: mean inlier ratio of a right set-up
+    max_truth_error_m: float = 0.1  #: a pose so near to the truth is right
+    #: errors that matter: of the centre, of the image's smaller side; of the floor range, relative
     max_center_ratio: float = 0.0015
     max_range_error: float = 0.01
-    significance: float = 3.0
+    significance: float = 3.0  #: standard deviations by which a centre must be off
+    #: common error of all headings that is a wrong heading of the camera
     max_heading_error_rad: float = math.radians(3.0)
+    #: of the floor by fixed colours or by colours learnt from the image, the part on which both agree
     min_color_agreement: float = 0.8
-    min_turns: int = 3
+    min_turns: int = 3  #: turns, or headings, that are needed for a decision
+    #: evidence of an image, and of all images, that counts for the order of the channels
     min_channel_nats: float = 1.0
     told_channel_nats: float = math.log(100.0)
+    #: odometry turns that can be compared: larger than its noise, smaller than the ambiguity of a half turn
     min_turn_rad: float = math.radians(2.0)
     max_turn_rad: float = math.radians(60.0)
 

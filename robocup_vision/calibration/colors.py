@@ -34,66 +34,35 @@ COLORED = ("ball", "goal_positive_x", "goal_negative_x")
 
 @dataclass(frozen=True, slots=True)
 class ColorCalibrationSettings:
-    """Settings of the calibration of colours.
+    """Settings of the calibration of colours."""
 
-    Parameters
-    ----------
-    rows, columns : int
-        Samples of a picture without a camera file: as many as a view of the floor has.
-    max_floor_difference : float
-        A frame whose floor differs more than this from the frames' median, in log ratios, shows something else.
-    max_color_distance : float
-        Distance, in log ratios, of a thing's colour from the one its name has under this light.
-    min_level : float
-        Its brightness, of the floor's: below it hue is noise.
-    min_pixels : int
-        Pixels of a thing that determine its colour.
-    min_inner_ratio : float
-        Of a thing found by its colour alone, the pixels that others of it surround: clutter is not compact.
-    spacing_m : float
-        Of the places on goals and lines that are projected into the picture.
-    max_spread : float
-        Upper bound of the floor's spread: a wider one takes in other things.
-    min_line_level : float
-        Painted lines are brighter than the floor by this factor.
-    min_line_width_px : float
-        So wide in the picture, a line's middle has no floor mixed in.
-    """
-
+    #: samples of a picture without a camera file: as many as a view of the floor has
     rows: int = 120
     columns: int = 150
+    #: a frame whose floor differs more than this from the frames' median, in log ratios, shows something else
     max_floor_difference: float = 0.35
+    #: distance, in log ratios, of a thing's colour from the one its name has under this light
     max_color_distance: float = 0.6
-    min_level: float = 0.35
-    min_pixels: int = 30
+    min_level: float = 0.35  #: its brightness, of the floor's: below it hue is noise
+    min_pixels: int = 30  #: pixels of a thing that determine its colour
+    #: of a thing found by its colour alone, the pixels that others of it surround: clutter is not compact
     min_inner_ratio: float = 0.3
-    spacing_m: float = 0.02
-    max_spread: float = 0.15
-    min_line_level: float = 1.2
-    min_line_width_px: float = 4.0
+    spacing_m: float = 0.02  #: of the places on goals and lines that are projected into the picture
+    max_spread: float = 0.15  #: upper bound of the floor's spread: a wider one takes in other things
+    min_line_level: float = 1.2  #: painted lines are brighter than the floor by this factor
+    min_line_width_px: float = 4.0  #: so wide in the picture, a line's middle has no floor mixed in
 
 
 @dataclass(frozen=True)
 class ColorCalibration:
-    """Colours learnt from images.
+    """Colours learnt from images."""
 
-    Parameters
-    ----------
-    colors : Colors
-        Content of a colour file.
-    frames : int
-        Number of frames used.
-    pixels : mapping of str to int
-        Of each coloured class, the number of pixels that its colour was learnt from; 0: not in view, the colour is the
-        one that the field file names.
-    notes : tuple of str
-        Messages for the user.
-    """
-
-    colors: Colors
-    frames: int
+    colors: Colors  #: content of a colour file
+    frames: int  #: number of frames used
+    #: of each coloured class, the number of pixels that its colour was learnt from; 0: not in view, the colour is the
+    #: one that the field file names
     pixels: Mapping[str, int]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: messages for the user
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,53 +24,26 @@ from robocup_vision.vision import Vision
 
 @dataclass(frozen=True, slots=True)
 class DoctorSettings:
-    """Settings of the search for a set-up that fits.
+    """Settings of the search for a set-up that fits."""
 
-    Parameters
-    ----------
-    max_pictures : int
-        So many, evenly spread, are looked at with each set-up.
-    min_fitting : float
-        Of them, those that another set-up must fit.
-    min_more : float
-        Of them, those that it must fit beyond those that fit as it is.
-    enough : float
-        Of them: where so many fit, the kinds of slips that follow are not tried.
-    max_error_m, max_error_rad : float
-        Poses this near to truth or odometry agree with it, with three of the pose's own standard deviations on top.
-    odometry_error : float
-        Of the way between two pictures, what odometry may be off.
-    """
-
-    max_pictures: int = 8
-    min_fitting: float = 0.6
-    min_more: float = 0.3
-    enough: float = 0.8
+    max_pictures: int = 8  #: so many, evenly spread, are looked at with each set-up
+    min_fitting: float = 0.6  #: of them, those that another set-up must fit
+    min_more: float = 0.3  #: of them, those that it must fit beyond those that fit as it is
+    enough: float = 0.8  #: of them: where so many fit, the kinds of slips that follow are not tried
+    #: poses this near to truth or odometry agree with it, with three of the pose's own standard deviations on top
     max_error_m: float = 0.1
     max_error_rad: float = math.radians(3.0)
-    odometry_error: float = 0.1
+    odometry_error: float = 0.1  #: of the way between two pictures, what odometry may be off
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture as it is, and, where odometry tells of the way to it, a later one.
+    """A picture as it is, and, where odometry tells of the way to it, a later one."""
 
-    Parameters
-    ----------
-    name : str
-        Of the picture.
-    frame : (H, W, 3) uint8
-        BGR.
-    later : (H, W, 3) uint8 or None
-        A later picture.
-    moved : Pose2 or None
-        How the robot moved until then, by odometry.
-    """
-
-    name: str
-    frame: UInt8Array
-    later: UInt8Array | None = None
-    moved: Pose2 | None = None
+    name: str  #: of the picture
+    frame: UInt8Array  #: (H, W, 3) uint8: BGR
+    later: UInt8Array | None = None  #: (H, W, 3) uint8: a later picture
+    moved: Pose2 | None = None  #: how the robot moved until then, by odometry
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,49 +33,23 @@ def _as_it_is(picture: UInt8Array) -> UInt8Array:
 
 @dataclass(frozen=True, eq=False)
 class SetUp:
-    """What pictures are looked at with.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    camera : OmniCamera or PinholeCamera
-        The camera.
-    size_px : (int, int)
-        Width and height of the pictures as they are.
-    truth : mapping of str to Truth
-        Known poses, by picture.
-    seen : callable
-        Turns a picture as it is into one of the camera's.
-    """
+    """What pictures are looked at with."""
 
     field: Field
     camera: OmniCamera | PinholeCamera
-    size_px: tuple[int, int]
-    truth: Mapping[str, Truth]
-    seen: Callable[[UInt8Array], UInt8Array] = _as_it_is
+    size_px: tuple[int, int]  #: width and height of the pictures as they are
+    truth: Mapping[str, Truth]  #: known poses, by picture
+    seen: Callable[[UInt8Array], UInt8Array] = _as_it_is  #: turns a picture as it is into one of the camera's
 
 
 @dataclass(frozen=True, eq=False)
 class NearSetUp:
-    """A set-up that differs by one slip.
+    """A set-up that differs by one slip."""
 
-    Parameters
-    ----------
-    subject : str
-        What is wrong if it fits.
-    words : str
-        What it has instead of what, to follow "with".
-    set_up : SetUp
-        It.
-    mend : str
-        What to write where.
-    """
-
-    subject: str
-    words: str
-    set_up: SetUp
-    mend: str = ""
+    subject: str  #: what is wrong if it fits
+    words: str  #: what it has instead of what, to follow "with"
+    set_up: SetUp  #: it
+    mend: str = ""  #: what to write where
 
 
 def _truth_units(own: SetUp) -> Iterator[NearSetUp]:

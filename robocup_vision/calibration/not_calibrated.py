@@ -8,18 +8,10 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class NotCalibrated:
-    """The images do not determine the calibration. Falsy.
+    """The images do not determine the calibration. Falsy."""
 
-    Parameters
-    ----------
-    reason : str
-        Why, in words a user understands.
-    notes : tuple of str
-        Frames that were of no use, and why.
-    """
-
-    reason: str
-    notes: tuple[str, ...] = ()
+    reason: str  #: why, in words a user understands
+    notes: tuple[str, ...] = ()  #: frames that were of no use, and why
 
     def __bool__(self) -> Literal[False]:
         return False

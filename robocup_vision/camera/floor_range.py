@@ -43,13 +43,9 @@ class Hyperboloid:
 
     A - B sqrt(C) nearly cancels, so the three numbers are to be taken as exact. In an image s times larger they are
     A s, B, C s^2.
-
-    Parameters
-    ----------
-    A_px_per_m, B_per_m, C_px2 : float
-        The three constants, all positive.
     """
 
+    #: the three constants, all positive
     A_px_per_m: float
     B_per_m: float
     C_px2: float
@@ -81,14 +77,9 @@ class Hyperboloid:
 
 @dataclass(frozen=True, slots=True)
 class Tangent:
-    """r = a tan(b R): a mirror with constant angular gain.
+    """r = a tan(b R): a mirror with constant angular gain."""
 
-    Parameters
-    ----------
-    a_m, b_per_px : float
-        Both positive.
-    """
-
+    #: both positive
     a_m: float
     b_per_px: float
 

@@ -29,18 +29,11 @@ _TORSO_NUMBER = re.compile(r"^\s*(?:- )+\s*(-?\d+(?:\.\d*)?)\s*(?:#.*)?$")
 
 @dataclass(frozen=True, slots=True)
 class ImportedBoxes:
-    """What another program's labels say.
+    """What another program's labels say."""
 
-    Parameters
-    ----------
-    boxes : dict of str to list of Box
-        By the image's file name without folder; an image without any may be among them.
-    left_out : int
-        How many labels are no boxes, such as points.
-    """
-
+    #: by the image's file name without folder; an image without any may be among them
     boxes: dict[str, list[Box]] = field(default_factory=dict)
-    left_out: int = 0
+    left_out: int = 0  #: how many labels are no boxes, such as points
 
 
 def read_yolo(folder: str | Path, images: str | Path, names: str | Path | None = None) -> ImportedBoxes:

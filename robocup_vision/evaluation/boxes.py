@@ -17,17 +17,10 @@ _RIM_PX = 1.0
 
 
 class Box(NamedTuple):
-    """Where something stands in an image.
+    """Where something stands in an image."""
 
-    Parameters
-    ----------
-    kind : str
-        What it is, such as "ball" or "robot".
-    xmin, ymin, xmax, ymax : float
-        Pixels.
-    """
-
-    kind: str
+    kind: str  #: what it is, such as "ball" or "robot"
+    #: pixels
     xmin: float
     ymin: float
     xmax: float

@@ -31,41 +31,22 @@ _ORANGE = "#d9730d"
 
 @dataclass(frozen=True, slots=True)
 class ImageOutcome:
-    """What one evaluation made of an image.
+    """What one evaluation made of an image."""
 
-    Parameters
-    ----------
-    outcome : str
-        One of `OUTCOMES`: "wrong" is a pose more than 10 cm or 5 degrees from a known truth.
-    error_m, ms : float or None
-        Distance from the truth, and time taken.
-    reason : str
-        Why it was not located; empty otherwise.
-    """
-
-    outcome: str
+    outcome: str  #: one of `OUTCOMES`: "wrong" is a pose more than 10 cm or 5 degrees from a known truth
+    #: distance from the truth, and time taken
     error_m: float | None
     ms: float | None
-    reason: str
+    reason: str  #: why it was not located; empty otherwise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """The files of one evaluation.
+    """The files of one evaluation."""
 
-    Parameters
-    ----------
-    name : str
-        Its folder as given.
-    summary : mapping of str to (str, float, int or None)
-        The keys of summary.json.
-    images : mapping of str to ImageOutcome
-        By the image's name.
-    """
-
-    name: str
-    summary: Mapping[str, str | float | int | None]
-    images: Mapping[str, ImageOutcome]
+    name: str  #: its folder as given
+    summary: Mapping[str, str | float | int | None]  #: the keys of summary.json
+    images: Mapping[str, ImageOutcome]  #: by the image's name
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,22 +60,13 @@ class ImageChange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Two evaluations of the same images.
+    """Two evaluations of the same images."""
 
-    Parameters
-    ----------
-    first, second : Evaluation
-        As they were read.
-    shared : tuple of str
-        Images that both have; only these are compared one by one.
-    changes : tuple of ImageChange
-        Those with another outcome: what became worse first, in the order of the images.
-    """
-
+    #: as they were read
     first: Evaluation
     second: Evaluation
-    shared: tuple[str, ...]
-    changes: tuple[ImageChange, ...]
+    shared: tuple[str, ...]  #: images that both have; only these are compared one by one
+    changes: tuple[ImageChange, ...]  #: those with another outcome: what became worse first, in the order of the images
 
     @property
     def left_alone(self) -> tuple[int, int]:

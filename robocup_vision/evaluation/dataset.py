@@ -94,64 +94,32 @@ class FrameTime:
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """What `load_dataset` found. Can be pickled, so that worker processes read their own frames.
+    """What `load_dataset` found. Can be pickled, so that worker processes read their own frames."""
 
-    Parameters
-    ----------
-    name : str
-        Of the folder or video.
-    path : Path
-        The folder that holds the images, or the video file.
-    image_names : tuple of str
-        In the order of evaluation: file names, or ``frame_000000`` and so on for a video.
-    field, camera, colors
-        What `robocup_vision.Vision` needs; `colors` is None where they are learnt from the images.
-    method : str
-        How the pose is found.
-    times : mapping of str to FrameTime, or None
-        By image, from frames.csv or the video; a dataset with times is a sequence.
-    truth : mapping of str to Truth
-        By image; may cover only a part of the images, or none.
-    mask : (H, W) uint8 or None
-        Non-zero where pixels are never to be looked at.
-    symmetry : {"none", "point"}
-        "point": errors count modulo a half turn about the field's centre.
-    pose_of : {"robot", "camera"}
-        Whose poses `truth` and the results hold: the robot's, or the camera's (its foot on the floor and the heading of
-        its optical axis). Odometry in `times` is always the robot's.
-    notes : tuple of str
-        Lines the user should see, such as that a video ends early.
-    landmarks : LandmarkMap or None
-        What method "landmarks" locates by.
-    left_out : int
-        How many frames, or files that look like images, are not among the images; the notes say why.
-    boxes : mapping of str to tuple of Box, or None
-        By image, from boxes.csv; an image without any shows nothing that is marked. None: there is no such file.
-    rig : Rig or None
-        Of several cameras, `camera` being the first: an image's name then stands for the images of that name in the
-        folders of the cameras.
-    rig_masks : tuple of ((H, W) uint8 or None)
-        Of a rig's cameras, in place of `mask`.
-    """
-
-    name: str
-    path: Path
-    image_names: tuple[str, ...]
+    name: str  #: of the folder or video
+    path: Path  #: the folder that holds the images, or the video file
+    image_names: tuple[str, ...]  #: in the order of evaluation: file names, or ``frame_000000`` and so on for a video
+    #: what `robocup_vision.Vision` needs; `colors` is None where they are learnt from the images
     field: Field
     camera: OmniCamera | PinholeCamera
     colors: Colors | None
-    method: str
-    times: Mapping[str, FrameTime] | None
-    truth: Mapping[str, Truth]
-    mask: npt.NDArray[np.uint8] | None
-    symmetry: Symmetry
+    method: str  #: how the pose is found
+    times: Mapping[str, FrameTime] | None  #: by image, from frames.csv or the video; a dataset with times is a sequence
+    truth: Mapping[str, Truth]  #: by image; may cover only a part of the images, or none
+    mask: npt.NDArray[np.uint8] | None  #: (H, W) uint8: non-zero where pixels are never to be looked at
+    symmetry: Symmetry  #: "point": errors count modulo a half turn about the field's centre
+    #: whose poses `truth` and the results hold: the robot's, or the camera's (its foot on the floor and the heading of
+    #: its optical axis). Odometry in `times` is always the robot's.
     pose_of: PoseOf = "robot"
-    notes: tuple[str, ...] = ()
-    landmarks: LandmarkMap | None = None
-    left_out: int = 0
+    notes: tuple[str, ...] = ()  #: lines the user should see, such as that a video ends early
+    landmarks: LandmarkMap | None = None  #: what method "landmarks" locates by
+    left_out: int = 0  #: how many frames, or files that look like images, are not among the images; the notes say why
+    #: by image, from boxes.csv; an image without any shows nothing that is marked. None: there is no such file.
     boxes: Mapping[str, tuple[Box, ...]] | None = None
+    #: of several cameras, `camera` being the first: an image's name then stands for the images of that name in the
+    #: folders of the cameras
     rig: Rig | None = None
-    rig_masks: tuple[npt.NDArray[np.uint8] | None, ...] = ()
+    rig_masks: tuple[npt.NDArray[np.uint8] | None, ...] = ()  #: of a rig's cameras, in place of `mask`
 
     @property
     def is_video(self) -> bool:

@@ -29,27 +29,16 @@ KIND_OF_BOX: Final[dict[str, Kind]] = {"robot": "robot", "person": "person", "hu
 
 
 class Detection(NamedTuple):
-    """A box with what was told of it, or what was told where no box is.
+    """A box with what was told of it, or what was told where no box is."""
 
-    Parameters
-    ----------
-    kind : str
-        Of the box; where there is none, of what was told: "ball" or "obstacle".
-    box : (float, float, float, float) or None
-        Its xmin, ymin, xmax, ymax, pixels; None: something was told that is not there.
-    place_px : (float, float) or None
-        Where it was told; None: the box was missed.
-    range_error_m : float or None
-        Range as told, less that of the box: where the ray through its centre meets the height of a ball's centre, or
-        the ray through its lower edge the floor. None of a miss, and where the box is cut or no floor is there.
-    told_kind : str or None
-        `Obstacle.kind` of what was told in a box of a robot or a person; None: not told, or not asked for.
-    """
-
-    kind: str
+    kind: str  #: of the box; where there is none, of what was told: "ball" or "obstacle"
+    #: its xmin, ymin, xmax, ymax, pixels; None: something was told that is not there
     box: tuple[float, float, float, float] | None
-    place_px: tuple[float, float] | None = None
+    place_px: tuple[float, float] | None = None  #: where it was told; None: the box was missed
+    #: range as told, less that of the box: where the ray through its centre meets the height of a ball's centre, or the
+    #: ray through its lower edge the floor. None of a miss, and where the box is cut or no floor is there.
     range_error_m: float | None = None
+    #: `Obstacle.kind` of what was told in a box of a robot or a person; None: not told, or not asked for
     told_kind: str | None = None
 
     @property
@@ -157,28 +146,18 @@ def _range_m(box: Box, camera: OmniCamera | PinholeCamera, height_m: float | Non
 
 @dataclass(frozen=True, slots=True)
 class KindFigures:
-    """How well things of one kind are found; None where nothing was there to compute a figure from.
+    """How well things of one kind are found; None where nothing was there to compute a figure from."""
 
-    Parameters
-    ----------
-    boxes, found : int
-        How many boxes there are, and how many of them were found.
-    told : int or None
-        How many things of this kind were told; None of a kind that is told as an obstacle, such as a robot.
-    recall, precision : float or None
-        Found of all boxes, and hits of all that was told, 0 to 1.
-    median_range_error_m : float or None
-        Median of how far the range is off, over the hits whose true range is known.
-    kind_told, kind_right : int or None
-        Of the robots or people found, of how many `Obstacle.kind` was told, and rightly; None of other kinds.
-    """
-
+    #: how many boxes there are, and how many of them were found
     boxes: int
     found: int
+    #: how many things of this kind were told; None of a kind that is told as an obstacle, such as a robot
     told: int | None
+    #: found of all boxes, and hits of all that was told, 0 to 1
     recall: float | None
     precision: float | None
-    median_range_error_m: float | None
+    median_range_error_m: float | None  #: median of how far the range is off, over the hits whose true range is known
+    #: of the robots or people found, of how many `Obstacle.kind` was told, and rightly; None of other kinds
     kind_told: int | None = None
     kind_right: int | None = None
 

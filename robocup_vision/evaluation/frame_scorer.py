@@ -118,33 +118,16 @@ def draw_default_overlay(view: Any, frame: UInt8Array, vision: Any) -> UInt8Arra
 
 @dataclass(frozen=True, slots=True)
 class ScorePlan:
-    """What is scored, and how; may be sent to another process.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        The images.
-    make_vision, draw_overlay : callable
-        See `evaluate`.
-    wants_overlays : bool
-        Whether there will be a report that shows pictures.
-    spread : frozenset of int
-        Numbers of the images that the report shows in any case; none without a report.
-    scores_belief : bool
-        Score the estimate over time, `view.belief`, in place of what each frame shows.
-    steering : SteerPlan, optional
-        Steer by each frame, too: the localiser's views then need `free_space`.
-    told_kinds : tuple of str
-        Which of "ball" and "obstacle" are held against the dataset's boxes.
-    """
+    """What is scored, and how; may be sent to another process."""
 
     dataset: Dataset
     make_vision: MakeVision
     draw_overlay: DrawOverlay
-    wants_overlays: bool
-    spread: frozenset[int]
-    scores_belief: bool = False
-    steering: SteerPlan | None = None
+    wants_overlays: bool  #: whether there will be a report that shows pictures
+    spread: frozenset[int]  #: numbers of the images that the report shows in any case; none without a report
+    scores_belief: bool = False  #: score the estimate over time, `view.belief`, in place of what each frame shows
+    steering: SteerPlan | None = None  #: steer by each frame, too: the localiser's views then need `free_space`
+    #: which of "ball" and "obstacle" are held against the dataset's boxes
     told_kinds: tuple[str, ...] = (BALL, OBSTACLE)
 
     def without_images(self) -> ScorePlan:
@@ -155,27 +138,14 @@ class ScorePlan:
 
 
 class ImageJob(NamedTuple):
-    """An image to score, as it is sent to a worker.
+    """An image to score, as it is sent to a worker."""
 
-    Parameters
-    ----------
-    number : int
-        Its place among the images.
-    image : str
-        Its name.
-    truth : Truth or None
-        None where it is unknown.
-    content : bytes, tuple of bytes, FrameError or None
-        What stands in its file, or its files; the error where it cannot be read; None where the worker reads them.
-    boxes : tuple of Box
-        What is marked in it.
-    """
-
-    number: int
+    number: int  #: its place among the images
     image: str
-    truth: Truth | None
+    truth: Truth | None  #: none where it is unknown
+    #: what stands in its file, or its files; the error where it cannot be read; None where the worker reads them
     content: bytes | RigContents | FrameError | None = None
-    boxes: tuple[Box, ...] = ()
+    boxes: tuple[Box, ...] = ()  #: what is marked in it
 
 
 class FrameScorer:

@@ -20,24 +20,12 @@ from robocup_vision.geometry import Pose2
 
 @dataclass(frozen=True, slots=True)
 class FrameResult:
-    """A row of the results, and what the report may show of it.
+    """A row of the results, and what the report may show of it."""
 
-    Parameters
-    ----------
-    row : Row
-        Of the results.
-    jpeg : bytes or None
-        The encoded picture.
-    overlay_problem : str
-        Why its overlay was not drawn.
-    crops : tuple of Crop
-        What was missed in it, and what was told where nothing is.
-    """
-
-    row: Row
-    jpeg: bytes | None = None
-    overlay_problem: str = ""
-    crops: tuple[Crop, ...] = ()
+    row: Row  #: of the results
+    jpeg: bytes | None = None  #: the encoded picture
+    overlay_problem: str = ""  #: why its overlay was not drawn
+    crops: tuple[Crop, ...] = ()  #: what was missed in it, and what was told where nothing is
 
 
 def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, Any]:

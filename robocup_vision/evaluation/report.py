@@ -31,21 +31,11 @@ _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What was found of the boxes.
+    """What was found of the boxes."""
 
-    Parameters
-    ----------
-    figures : dict of str to KindFigures, or None
-        By kind; None where nothing is marked.
-    crops : sequence of Crop
-        What was missed, and what was told where nothing is.
-    crops_left_out : int
-        How many more there are.
-    """
-
-    figures: dict[str, KindFigures] | None = None
-    crops: Sequence[Crop] = ()
-    crops_left_out: int = 0
+    figures: dict[str, KindFigures] | None = None  #: by kind; None where nothing is marked
+    crops: Sequence[Crop] = ()  #: what was missed, and what was told where nothing is
+    crops_left_out: int = 0  #: how many more there are
 
 
 @dataclass(frozen=True, slots=True)

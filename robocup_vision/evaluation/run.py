@@ -60,41 +60,19 @@ OUTPUT_NAMES = ("results.csv", "steering.csv", "summary.json", "trajectory.tum",
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What `evaluate` found and wrote.
+    """What `evaluate` found and wrote."""
 
-    Parameters
-    ----------
-    figures : Figures
-        The figures over all images.
-    rows : tuple of Row
-        One an image, in the images' order.
-    out : Path
-        The folder of the files.
-    report : Path or None
-        The HTML report; None if it could not be written.
-    notes : tuple of str
-        Lines the user should see: what was ignored or left out.
-    method : str
-        How the poses were found.
-    is_sequence : bool
-        Whether colours and poses were carried on from image to image; else each stands alone, which takes longer.
-    steering : SteerFigures or None
-        The figures over all commands; None without steering.
-    left_out : int
-        How many frames are not among the images; the notes say why.
-    detections : dict of str to KindFigures, or None
-        How well things are found, by kind; None where nothing is marked.
-    """
-
-    figures: Figures
-    rows: tuple[Row, ...]
-    out: Path
-    report: Path | None
-    notes: tuple[str, ...]
-    method: str
+    figures: Figures  #: the figures over all images
+    rows: tuple[Row, ...]  #: one an image, in the images' order
+    out: Path  #: the folder of the files
+    report: Path | None  #: the HTML report; None if it could not be written
+    notes: tuple[str, ...]  #: lines the user should see: what was ignored or left out
+    method: str  #: how the poses were found
+    #: whether colours and poses were carried on from image to image; else each stands alone, which takes longer
     is_sequence: bool = False
-    steering: SteerFigures | None = None
-    left_out: int = 0
+    steering: SteerFigures | None = None  #: the figures over all commands; None without steering
+    left_out: int = 0  #: how many frames are not among the images; the notes say why
+    #: how well things are found, by kind; None where nothing is marked
     detections: dict[str, KindFigures] | None = None
 
     @property

@@ -25,21 +25,13 @@ NEES_95 = 7.8147  # 95 % quantile of chi-squared with 3 degrees of freedom
 
 @dataclass(frozen=True, slots=True)
 class PoseError:
-    """How far an estimate is from the truth.
+    """How far an estimate is from the truth."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Estimate minus truth, field frame.
-    theta_rad : float or None
-        Estimate minus truth, wrapped into (-pi, pi]; None where the truth has no heading.
-    nees : float or None
-        e^T P^-1 e over x, y and theta; infinite where P is singular, None where the truth has no heading.
-    """
-
+    #: estimate minus truth, field frame
     x_m: float
     y_m: float
-    theta_rad: float | None
+    theta_rad: float | None  #: estimate minus truth, wrapped into (-pi, pi]; None where the truth has no heading
+    #: e^T P^-1 e over x, y and theta; infinite where P is singular, None where the truth has no heading
     nees: float | None
 
     @property
@@ -90,68 +82,31 @@ def _nees(error: np.ndarray[tuple[int], np.dtype[np.float64]], covariance: np.nd
 
 @dataclass(frozen=True, slots=True)
 class SteerResult:
-    """The command that a frame led to.
+    """The command that a frame led to."""
 
-    Parameters
-    ----------
-    target_bearing_rad : float
-        Where the robot was to go, robot frame.
-    velocity_mps, command_mps : (float, float)
-        How it went, and the command, robot frame.
-    safe : bool
-        Whether the robot touches nothing that the frame shows.
-    reason : str
-        Why this command.
-    time_s : float
-        How long steering took.
-    """
-
-    target_bearing_rad: float
+    target_bearing_rad: float  #: where the robot was to go, robot frame
+    #: how it went, and the command, robot frame
     velocity_mps: tuple[float, float]
     command_mps: tuple[float, float]
-    safe: bool
-    reason: str
-    time_s: float
+    safe: bool  #: whether the robot touches nothing that the frame shows
+    reason: str  #: why this command
+    time_s: float  #: how long steering took
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One image's line in the results.
-
-    Parameters
-    ----------
-    image : str
-        Its name.
-    estimate : PoseEstimate or None
-        None where it was not located.
-    truth : Truth or None
-        None where it is unknown.
-    error : PoseError or None
-        None where it was not located or there is no truth.
-    time_s : float or None
-        How long the localiser took; None where it did not get the image.
-    reason : str
-        Why it was not located, else empty.
-    failed : bool
-        The image could not be used, or the localiser raised an error.
-    unreadable : bool
-        The image could not be used.
-    steering : SteerResult or None
-        None where there was no steering by it.
-    detections : tuple of Detection
-        What was told of the boxes in it, and where no box is.
-    """
+    """One image's line in the results."""
 
     image: str
-    estimate: PoseEstimate | None = None
-    truth: Truth | None = None
-    error: PoseError | None = None
-    time_s: float | None = None
-    reason: str = ""
-    failed: bool = False
-    unreadable: bool = False
-    steering: SteerResult | None = None
-    detections: tuple[Detection, ...] = ()
+    estimate: PoseEstimate | None = None  #: none where it was not located
+    truth: Truth | None = None  #: none where it is unknown
+    error: PoseError | None = None  #: none where it was not located or there is no truth
+    time_s: float | None = None  #: how long the localiser took; None where it did not get the image
+    reason: str = ""  #: why it was not located, else empty
+    failed: bool = False  #: the image could not be used, or the localiser raised an error
+    unreadable: bool = False  #: the image could not be used
+    steering: SteerResult | None = None  #: none where there was no steering by it
+    detections: tuple[Detection, ...] = ()  #: what was told of the boxes in it, and where no box is
 
     @property
     def status(self) -> Literal["located", "not_located", "unreadable"]:
@@ -172,39 +127,28 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """The figures over all images; None where nothing was there to compute one from.
+    """The figures over all images; None where nothing was there to compute one from."""
 
-    Parameters
-    ----------
-    images, with_truth, located : int
-        How many there are, of how many the true place is known, and how many got a pose.
-    within_5cm_3deg, within_10cm_5deg : float or None
-        Ratio of all images, 0 to 1, whose position and heading are that near the truth; None if no image has a truth
-        with a heading.
-    median_error_m, median_error_rad, rms_x_m, rms_y_m, rms_theta_rad : float or None
-        Over the located images with truth.
-    nees_mean : float or None
-        Over the located images whose truth has a heading, 3 degrees of freedom; None also if a covariance is singular.
-    nees_median, nees_inside_95 : float or None
-        Likewise: the median, and the ratio inside the 95 % bound, which an honest covariance puts at 0.95.
-    median_ms : float or None
-        Over the images that the localiser got.
-    """
-
+    #: how many there are, of how many the true place is known, and how many got a pose
     images: int
     with_truth: int
     located: int
+    #: ratio of all images, 0 to 1, whose position and heading are that near the truth; None if no image has a truth
+    #: with a heading
     within_5cm_3deg: float | None
     within_10cm_5deg: float | None
+    #: over the located images with truth
     median_error_m: float | None
     median_error_rad: float | None
     rms_x_m: float | None
     rms_y_m: float | None
     rms_theta_rad: float | None
+    #: over the located images whose truth has a heading, 3 degrees of freedom; None also if a covariance is singular
     nees_mean: float | None
+    #: likewise: the median, and the ratio inside the 95 % bound, which an honest covariance puts at 0.95
     nees_median: float | None
     nees_inside_95: float | None
-    median_ms: float | None
+    median_ms: float | None  #: over the images that the localiser got
 
 
 def figures(rows: Sequence[Row]) -> Figures:

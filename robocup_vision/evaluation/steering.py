@@ -21,23 +21,15 @@ from robocup_vision.motion_limits import MotionLimits
 
 @dataclass(frozen=True, slots=True)
 class SteerPlan:
-    """How a dataset is steered by; may be sent to another process.
+    """How a dataset is steered by; may be sent to another process."""
 
-    Parameters
-    ----------
-    robot_radius_m, limits, settings
-        Of `Steering`.
-    target_bearing_rad : float
-        Where the robot is to go, in its own frame, where nothing is recorded.
-    recorded : mapping of float to mapping, or None
-        By the time of a frame: the arguments of `Steering.steer` after it, but for the free space. Frames without any
-        are not steered by. None: nothing is recorded.
-    """
-
+    #: of `Steering`
     robot_radius_m: float
     limits: MotionLimits
     settings: SteeringSettings = SteeringSettings()
-    target_bearing_rad: float = 0.0
+    target_bearing_rad: float = 0.0  #: where the robot is to go, in its own frame, where nothing is recorded
+    #: by the time of a frame: the arguments of `Steering.steer` after it, but for the free space. Frames without any
+    #: are not steered by. None: nothing is recorded.
     recorded: Mapping[float, Mapping[str, Any]] | None = field(default=None, repr=False)
 
 
@@ -96,19 +88,12 @@ def _velocity_mps(odometry: Pose2 | None, before_s: float | None, t_s: float | N
 
 @dataclass(frozen=True, slots=True)
 class SteerFigures:
-    """The figures over all frames that were steered by.
+    """The figures over all frames that were steered by."""
 
-    Parameters
-    ----------
-    commands, safe : int
-        How many commands there are, and how many of them are safe.
-    median_ms : float or None
-        Median time of a command; None of none.
-    """
-
+    #: how many commands there are, and how many of them are safe
     commands: int
     safe: int
-    median_ms: float | None
+    median_ms: float | None  #: median time of a command; None of none
 
 
 def steer_figures(results: Sequence[SteerResult]) -> SteerFigures:

@@ -15,17 +15,10 @@ MEND = "write metres and radians"
 
 
 class TruthReading(NamedTuple):
-    """A reading of true poses in other units.
+    """A reading of true poses in other units."""
 
-    Parameters
-    ----------
-    words : str
-        The units, to follow "read as".
-    length, angle : float
-        Metres and radians of one of them.
-    """
-
-    words: str
+    words: str  #: the units, to follow "read as"
+    #: metres and radians of one of them
     length: float
     angle: float
 

@@ -14,21 +14,11 @@ from robocup_vision.geometry import Pose2
 
 @dataclass(frozen=True, slots=True)
 class CsvRow:
-    """One line of a table.
+    """One line of a table."""
 
-    Parameters
-    ----------
-    path : Path
-        The file, for error messages.
-    line : int
-        Number of the line in the file, from 1.
-    entries : dict of str to str
-        Text under each column.
-    """
-
-    path: Path
-    line: int
-    entries: dict[str, str]
+    path: Path  #: the file, for error messages
+    line: int  #: number of the line in the file, from 1
+    entries: dict[str, str]  #: text under each column
 
     def number(self, column: str) -> float:
         """Return a finite number.

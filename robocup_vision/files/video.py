@@ -15,24 +15,13 @@ from robocup_vision.arrays import UInt8Array
 
 @dataclass(frozen=True, slots=True)
 class VideoInfo:
-    """What a video holds, found by decoding it: containers only estimate how many frames there are.
+    """What a video holds, found by decoding it: containers only estimate how many frames there are."""
 
-    Parameters
-    ----------
-    announced : int
-        Number of frames that its header announces.
-    times_s : tuple of float
-        When each frame is shown, seconds from the beginning, strictly increasing; empty where it is no video.
-    has_times : bool
-        False where it tells no times: `times_s` then counts frames.
-    turn_deg : int
-        How far its header says that the frames are to be turned for people; it is not done.
-    """
-
-    announced: int
+    announced: int  #: number of frames that its header announces
+    #: when each frame is shown, seconds from the beginning, strictly increasing; empty where it is no video
     times_s: tuple[float, ...]
-    has_times: bool = True
-    turn_deg: int = 0
+    has_times: bool = True  #: false where it tells no times: `times_s` then counts frames
+    turn_deg: int = 0  #: how far its header says that the frames are to be turned for people; it is not done
 
 
 def open_video(path: str | Path) -> cv2.VideoCapture:

@@ -156,26 +156,13 @@ class Views(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
-    """Landmarks that a pose lets expect in an image, one view of each.
+    """Landmarks that a pose lets expect in an image, one view of each."""
 
-    Parameters
-    ----------
-    view : (N,) int64
-        The view from the nearest direction.
-    landmark : (N,) int64
-        Which landmark it is of.
-    pixels : (N, 2) float64
-        Where it is expected, ideal pixels.
-    depth_m : (N,) float64
-        Along the optical axis.
-    size_px, spacing_px : (N,) float64
-        How large and how finely sampled it will appear.
-    """
-
-    view: Int64Array
-    landmark: Int64Array
-    pixels: FloatArray
-    depth_m: FloatArray
+    view: Int64Array  #: (N,) int64: the view from the nearest direction
+    landmark: Int64Array  #: (N,) int64: which landmark it is of
+    pixels: FloatArray  #: (N, 2) float64: where it is expected, ideal pixels
+    depth_m: FloatArray  #: (N,) float64: along the optical axis
+    #: (N,) float64: how large and how finely sampled it will appear
     size_px: FloatArray
     spacing_px: FloatArray
 

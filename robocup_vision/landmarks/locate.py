@@ -40,53 +40,32 @@ Matching = Literal["loop", "product"]
 
 @dataclass(frozen=True, slots=True)
 class LandmarkSettings:
-    """Settings of `LandmarkPoseEstimator`. Pixels are those of an image 320 wide; they grow with the width.
+    """Settings of `LandmarkPoseEstimator`. Pixels are those of an image 320 wide; they grow with the width."""
 
-    Parameters
-    ----------
-    gate_px : float
-        Half the window around where the prior puts a landmark (eqs. 16 and 17): a prior 0.1 m off at 1 m.
-    ratio : float
-        Eq. 3 in that window: the nearest descriptor must be nearer than this times the second nearest.
-    known_gate_px, known_ratio : float
-        The same once a first fit has placed the camera: few rivals are left in so small a window.
-    size_ratio : float
-        A feature's diameter may differ from the expected one by this factor: half an octave and some noise.
-    scouts : int
-        The most informative landmarks are matched first; if they agree, the others need no wide window.
-    min_scout_inlier_ratio : float
-        So many of the scouts' matches must agree, or all landmarks are matched in the wide window.
-    region_ratio : float
-        Area of the tiles that `regions` looks at, of the frame's: a third of a frame costs as much as the whole.
-    weight_widths : tuple of float
-        Of the weights in each iteration of the fit, standard deviations: wide for a poor prior, then down to the noise.
-    min_inliers : int
-        A pose has three unknowns and each landmark two numbers; six leave enough over to reject a wrong pose.
-    min_inlier_ratio : float
-        Of the matches; where fewer agree, the pose is as likely one of chance.
-    max_std_m : float
-        A less certain pose is refused.
-    prior_std_m, prior_std_rad : float
-        Standard deviations of the prior when landmarks are selected.
-    relocation : RelocatorSettings
-        Of the search without a prior.
-    """
-
+    #: half the window around where the prior puts a landmark (eqs. 16 and 17): a prior 0.1 m off at 1 m.
     gate_px: float = 40.0
+    #: eq. 3 in that window: the nearest descriptor must be nearer than this times the second nearest.
     ratio: float = 0.7
+    #: the same once a first fit has placed the camera: few rivals are left in so small a window
     known_gate_px: float = 4.0
     known_ratio: float = 0.85
+    #: a feature's diameter may differ from the expected one by this factor: half an octave and some noise
     size_ratio: float = 1.6
-    scouts: int = 16
+    scouts: int = 16  #: the most informative landmarks are matched first; if they agree, the others need no wide window
+    #: so many of the scouts' matches must agree, or all landmarks are matched in the wide window
     min_scout_inlier_ratio: float = 0.6
+    #: area of the tiles that `regions` looks at, of the frame's: a third of a frame costs as much as the whole
     region_ratio: float = 0.17
+    #: of the weights in each iteration of the fit, standard deviations: wide for a poor prior, then down to the noise
     weight_widths: tuple[float, ...] = (30.0, 15.0, 8.0, 5.0, 3.5, 3.0, 3.0, 3.0)
+    #: a pose has three unknowns and each landmark two numbers; six leave enough over to reject a wrong pose
     min_inliers: int = 6
-    min_inlier_ratio: float = 0.4
-    max_std_m: float = 0.2
+    min_inlier_ratio: float = 0.4  #: of the matches; where fewer agree, the pose is as likely one of chance
+    max_std_m: float = 0.2  #: a less certain pose is refused
+    #: standard deviations of the prior when landmarks are selected
     prior_std_m: float = 0.1
     prior_std_rad: float = math.radians(5.0)
-    relocation: RelocatorSettings = RelocatorSettings()
+    relocation: RelocatorSettings = RelocatorSettings()  #: of the search without a prior
 
     @property
     def prior_covariance(self) -> FloatArray:
@@ -96,29 +75,14 @@ class LandmarkSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkMatch:
-    """The landmarks found in a frame, and the pose they give.
+    """The landmarks found in a frame, and the pose they give."""
 
-    Parameters
-    ----------
-    pose : PoseEstimate or NotLocated
-        The robot.
-    expected : Expected
-        The landmarks looked for.
-    matched : (K,) int64
-        Which of these were found.
-    pixels : (K, 2) float64
-        Where, ideal pixels.
-    inliers : (K,) bool
-        Which agree with the pose.
-    timings_s : dict of str to float
-        Seconds for ``features``, ``select``, ``match``, ``fit`` and, where it was needed, ``relocate``.
-    """
-
-    pose: PoseEstimate | NotLocated
-    expected: Expected
-    matched: Int64Array
-    pixels: FloatArray
-    inliers: npt.NDArray[np.bool_]
+    pose: PoseEstimate | NotLocated  #: the robot
+    expected: Expected  #: the landmarks looked for
+    matched: Int64Array  #: (K,) int64: which of these were found
+    pixels: FloatArray  #: (K, 2) float64: where, ideal pixels
+    inliers: npt.NDArray[np.bool_]  #: (K,) bool: which agree with the pose
+    #: seconds for ``features``, ``select``, ``match``, ``fit`` and, where it was needed, ``relocate``
     timings_s: dict[str, float]
 
 

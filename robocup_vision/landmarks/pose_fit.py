@@ -66,24 +66,12 @@ WEIGHT_WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.5, 3.5, 3.5, 3.5)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseFit:
-    """A fitted state.
+    """A fitted state."""
 
-    Parameters
-    ----------
-    pose : (3,) float64
-        x, y, theta of the robot in the field frame.
-    covariance : (3, 3) float64
-        (J^T W J)^-1 over the inliers: the paper's eq. 12 is not one.
-    inliers : (N,) bool
-        Matches within the 99 % bound.
-    squared : (N,) float64
-        Squared Mahalanobis distances.
-    """
-
-    pose: FloatArray
-    covariance: FloatArray
-    inliers: npt.NDArray[np.bool_]
-    squared: FloatArray
+    pose: FloatArray  #: (3,) float64: x, y, theta of the robot in the field frame
+    covariance: FloatArray  #: (3, 3) float64: (J^T W J)^-1 over the inliers: the paper's eq. 12 is not one.
+    inliers: npt.NDArray[np.bool_]  #: (N,) bool: matches within the 99 % bound
+    squared: FloatArray  #: (N,) float64: squared Mahalanobis distances
 
 
 def fit_stereo(

@@ -20,30 +20,16 @@ _KD_TREES = 1  # cv2.FlannBasedMatcher's name for randomised k-d trees
 
 @dataclass(frozen=True, slots=True)
 class RelocatorSettings:
-    """Settings of `Relocator`.
+    """Settings of `Relocator`."""
 
-    Parameters
-    ----------
-    max_features : int
-        Features of a frame that are looked up, those of the highest contrast.
-    neighbours : int
-        Nearest views of a feature: the first one of another landmark is compared with.
-    max_ratio : float
-        Of the distances to the nearest and to the nearest other landmark (Lowe's ratio test).
-    min_matches, min_inliers : int
-        Features that must match, and agree on one place: fewer agree by chance.
-    reprojection_px : float
-        Distance of an inlier, pixels of an image 320 wide.
-    max_height_error_m, max_lean_rad : float
-        The solver may place the camera in the air: a robot's is at its height and upright.
-    """
-
-    max_features: int = 400
-    neighbours: int = 4
-    max_ratio: float = 0.8
+    max_features: int = 400  #: features of a frame that are looked up, those of the highest contrast
+    neighbours: int = 4  #: nearest views of a feature: the first one of another landmark is compared with
+    max_ratio: float = 0.8  #: of the distances to the nearest and to the nearest other landmark (Lowe's ratio test)
+    #: features that must match, and agree on one place: fewer agree by chance
     min_matches: int = 8
     min_inliers: int = 8
-    reprojection_px: float = 3.0
+    reprojection_px: float = 3.0  #: distance of an inlier, pixels of an image 320 wide
+    #: the solver may place the camera in the air: a robot's is at its height and upright
     max_height_error_m: float = 0.3
     max_lean_rad: float = math.radians(12.0)
 

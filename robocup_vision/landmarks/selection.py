@@ -25,28 +25,18 @@ CHOICES: tuple[Choice, ...] = ("informative", "cells", "frequency", "response", 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """How landmarks are chosen.
+    """How landmarks are chosen."""
 
-    Parameters
-    ----------
-    choice : {"informative", "cells", "frequency", "response", "random", "all"}
-        "informative": one of each cell, of these greedily those that add most to the pose's information, up to
-        `at_most`. "cells": one of each cell, as the paper. "frequency", "response", "random": the `at_most` of the
-        highest success rate, of the highest contrast, or any, without cells. "all": everything expected.
-    at_most : int
-        How many landmarks, but for "cells" and "all".
-    alpha, beta, gamma : float
-        Size of a cell along u, v and depth, as fractions of the landmarks' spread (eq. 23).
-    by_contrast : bool
-        Of equally successful landmarks of a cell take that of the highest contrast.
-    """
-
+    #: "informative": one of each cell, of these greedily those that add most to the pose's information, up to
+    #: `at_most`. "cells": one of each cell, as the paper. "frequency", "response", "random": the `at_most` of the
+    #: highest success rate, of the highest contrast, or any, without cells. "all": everything expected.
     choice: Choice = "informative"
-    at_most: int = 60
+    at_most: int = 60  #: how many landmarks, but for "cells" and "all"
+    #: size of a cell along u, v and depth, as fractions of the landmarks' spread (eq. 23).
     alpha: float = 0.2
     beta: float = 0.2
     gamma: float = 0.5
-    by_contrast: bool = True
+    by_contrast: bool = True  #: of equally successful landmarks of a cell take that of the highest contrast
 
     def __post_init__(self) -> None:
         if self.choice not in CHOICES:

@@ -24,47 +24,31 @@ from robocup_vision.kernels.mapping import ego_motion as kernels
 class EgoMotionSettings:
     """How `EgoMotion` compares profiles.
 
-    Parameters
-    ----------
-    profiles : int
-        Number k of earlier profiles that the present one is compared with.
-    spacing_s : float
-        The first of them is the last frame's, and the others are at least so far apart: what moves shows against
-        frames farther back, and errors add up less often.
-    gate_sigmas : float
-        Differences beyond this many standard deviations belong to something that moved, or came into view.
-    opening : float
-        The gate of the first step is so many times as wide: it closes while the pose settles.
-    steps : int
-        Gauss-Newton steps.
-    min_inlier_ratio : float
-        An earlier profile counts if at least this ratio of the directions that can be compared agrees: one that is
-        hidden, or without a range, cannot be compared.
-    search_below_ratio : float
-        Where less than this ratio agrees around what odometry reports, the pose is searched for on a grid.
-    mover_m, mover_mps : float
-        Nothing wider than this moves by itself, and what does, at about this speed along each axis.
-    reach : int
-        A direction is smoothed over this many neighbours on either side, as long as they lie on the same thing.
-    candidates, search_sigmas, search_points : int, float, int
-        Candidates a dimension of the grid, over this many standard deviations of odometry, on so many earlier points.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
-    profiles: int = 5
+    profiles: int = 5  #: number k of earlier profiles that the present one is compared with
+    #: the first of them is the last frame's, and the others are at least so far apart: what moves shows against frames
+    #: farther back, and errors add up less often
     spacing_s: float = 0.4
+    #: differences beyond this many standard deviations belong to something that moved, or came into view
     gate_sigmas: float = 4.0
-    opening: float = 2.0
-    steps: int = 5
+    opening: float = 2.0  #: the gate of the first step is so many times as wide: it closes while the pose settles
+    steps: int = 5  #: gauss-Newton steps
+    #: an earlier profile counts if at least this ratio of the directions that can be compared agrees: one that is
+    #: hidden, or without a range, cannot be compared
     min_inlier_ratio: float = 0.3
+    #: where less than this ratio agrees around what odometry reports, the pose is searched for on a grid
     search_below_ratio: float = 0.5
+    #: nothing wider than this moves by itself, and what does, at about this speed along each axis
     mover_m: float = 0.6
     mover_mps: float = 0.3
+    #: a direction is smoothed over this many neighbours on either side, as long as they lie on the same thing
     reach: int = 2
+    #: candidates a dimension of the grid, over this many standard deviations of odometry, on so many earlier points
     candidates: int = 7
     search_sigmas: float = 3.0
     search_points: int = 64
@@ -90,28 +74,17 @@ class EgoMotionSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """The robot's motion since the frame before.
+    """The robot's motion since the frame before."""
 
-    Parameters
-    ----------
-    motion : Pose2
-        The robot now, in its frame at the frame before; of the first frame, odometry. After frames that rested on
-        odometry alone it takes back their drift as well.
-    covariance : (3, 3) float64
-        Of the present pose given the earlier ones, (x_m, y_m, theta_rad) in the robot frame before; m, m, rad.
-    profiles : int
-        Number of earlier profiles that it rests on; 0: odometry alone.
-    agreement : float
-        Ratio of the bearings that agree with the earlier profiles; 0 without profiles.
-    pose : Pose2
-        The robot now, in its frame at the first frame.
-    """
-
+    #: the robot now, in its frame at the frame before; of the first frame, odometry. After frames that rested on
+    #: odometry alone it takes back their drift as well.
     motion: Pose2
+    #: (3, 3) float64: of the present pose given the earlier ones, (x_m, y_m, theta_rad) in the robot frame before; m,
+    #: m, rad
     covariance: FloatArray
-    profiles: int
-    agreement: float
-    pose: Pose2
+    profiles: int  #: number of earlier profiles that it rests on; 0: odometry alone
+    agreement: float  #: ratio of the bearings that agree with the earlier profiles; 0 without profiles
+    pose: Pose2  #: the robot now, in its frame at the first frame
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", read_only(self.covariance))

@@ -31,28 +31,21 @@ _NO_DISCS = np.empty((0, 3))
 class FreeSpaceMapSettings:
     """Size and thresholds of a `FreeSpaceMap`.
 
-    Parameters
-    ----------
-    cells : int
-        Cells N along each side of the window: 80 of 4 cm reach as far as a mirror camera measures the floor.
-    cell_m : float
-        Side of a cell, metres: under half a robot's radius, so that a gap for a robot has free cells.
-    free_below, no_go_above : float
-        A cell with a smaller probability of being occupied than the first is free, one with a larger than the second is
-        blocked (Miura's values).
-    clip : float
-        Probabilities stay between this and 1 - clip, so that a few later measurements can change the state.
-
     Raises
     ------
     ArgumentError
         A size or probability is out of its range.
     """
 
+    #: cells N along each side of the window: 80 of 4 cm reach as far as a mirror camera measures the floor
     cells: int = 80
+    #: side of a cell, metres: under half a robot's radius, so that a gap for a robot has free cells
     cell_m: float = 0.04
+    #: a cell with a smaller probability of being occupied than the first is free, one with a larger than the second is
+    #: blocked (Miura's values)
     free_below: float = 0.1
     no_go_above: float = 0.9
+    #: probabilities stay between this and 1 - clip, so that a few later measurements can change the state
     clip: float = 0.02
 
     def __post_init__(self) -> None:

@@ -20,28 +20,19 @@ _GAP = 1.5
 class RangeProfile:
     """Ranges all around, or over the sensor's field of view.
 
-    Parameters
-    ----------
-    bearing_rad : (J,) float64
-        Directions in the robot frame, ascending within one turn, radians. Each stands for a cone halfway to its
-        neighbours; a wide gap between two belongs to neither.
-    range_m : (J,) float64
-        Free distance from the robot's centre, metres; NaN where the sensor measures nothing.
-    hit : (J,) bool
-        Whether an obstacle ends it; else the floor is free so far, and unknown beyond.
-    depth_m : (J,) float64 or float
-        The obstacle stands between range and range + depth.
-
     Raises
     ------
     ArgumentError
         If the sizes differ, bearings do not ascend within one turn, or a range or depth is negative.
     """
 
+    #: (J,) float64: directions in the robot frame, ascending within one turn, radians. Each stands for a cone halfway
+    #: to its neighbours; a wide gap between two belongs to neither.
     bearing_rad: FloatArray
+    #: (J,) float64: free distance from the robot's centre, metres; NaN where the sensor measures nothing
     range_m: FloatArray
-    hit: BoolArray
-    depth_m: FloatArray | float = 0.0
+    hit: BoolArray  #: (J,) bool: whether an obstacle ends it; else the floor is free so far, and unknown beyond
+    depth_m: FloatArray | float = 0.0  #: (J,) float64 or float: the obstacle stands between range and range + depth
 
     def __post_init__(self) -> None:
         bearing, range_m = read_only(self.bearing_rad), read_only(self.range_m)

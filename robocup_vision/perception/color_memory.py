@@ -35,76 +35,39 @@ _DARKEST = float(LEVELS[0])
 
 @dataclass(frozen=True, slots=True)
 class ColorMemorySettings:
-    """Settings of `ColorMemory`.
+    """Settings of `ColorMemory`."""
 
-    Parameters
-    ----------
-    drift_ratio : float
-        Where the nearest floor's mean likelihood ratio falls below this ratio of what it was when learnt, something has
-        changed.
-    sure_nats : float
-        Log-likelihood ratio from which on a sample is surely floor.
-    row_stride : int
-        Every so many bearings the light is measured: it varies slowly from one to the next.
-    look_every : int
-        In every so many frames the light is measured: it moves slowly, and a sudden change hides the nearest floor.
-    sunny_ratio : float
-        Ratio of the floor that is darker than its sunny part.
-    max_level, max_cast : float
-        Light is followed when log brightness or log hue has moved so far since it was learnt: less than a step of the
-        model.
-    min_sure_ratio : float
-        Of the certain floor when learnt, the part that must be left: less does not determine the light.
-    kept_sure_ratio : float
-        New colours must keep this ratio of what was surely floor.
-    same_color : float
-        Largest difference of log ratios between one floor under two lights.
-    patience_frames : float
-        Frames in which nothing can be read before that difference may have doubled.
-    more_sure, better_ring : float
-        What is surely floor must grow by this factor, or the nearest floor's likelihood by this ratio of what was.
-    lift : float
-        Log brightness by which sun that is searched for outshines the known floor.
-    retry_frames : int
-        Frames between two attempts to learn while the nearest floor stays hidden.
-    floor : FloorColorSettings
-        How the floor's colour is learnt.
-    """
-
+    #: where the nearest floor's mean likelihood ratio falls below this ratio of what it was when learnt, something has
+    #: changed
     drift_ratio: float = 0.6
-    sure_nats: float = 1.0
-    row_stride: int = 4
+    sure_nats: float = 1.0  #: log-likelihood ratio from which on a sample is surely floor
+    row_stride: int = 4  #: every so many bearings the light is measured: it varies slowly from one to the next
+    #: in every so many frames the light is measured: it moves slowly, and a sudden change hides the nearest floor
     look_every: int = 3
-    sunny_ratio: float = 0.9
+    sunny_ratio: float = 0.9  #: ratio of the floor that is darker than its sunny part
+    #: light is followed when log brightness or log hue has moved so far since it was learnt: less than a step of the
+    #: model
     max_level: float = 0.3
     max_cast: float = 0.08
+    #: of the certain floor when learnt, the part that must be left: less does not determine the light
     min_sure_ratio: float = 0.15
-    kept_sure_ratio: float = 0.9
-    same_color: float = 0.35
-    patience_frames: float = 15.0
+    kept_sure_ratio: float = 0.9  #: new colours must keep this ratio of what was surely floor
+    same_color: float = 0.35  #: largest difference of log ratios between one floor under two lights
+    patience_frames: float = 15.0  #: frames in which nothing can be read before that difference may have doubled
+    #: what is surely floor must grow by this factor, or the nearest floor's likelihood by this ratio of what was
     more_sure: float = 1.1
     better_ring: float = 0.2
-    lift: float = 0.5
-    retry_frames: int = 8
-    floor: FloorColorSettings = FloorColorSettings()
+    lift: float = 0.5  #: log brightness by which sun that is searched for outshines the known floor
+    retry_frames: int = 8  #: frames between two attempts to learn while the nearest floor stays hidden
+    floor: FloorColorSettings = FloorColorSettings()  #: how the floor's colour is learnt
 
 
 class _LightOnFloor(NamedTuple):
-    """How the surest floor of a frame looks: its ratio of the samples, how bright, and its hue.
+    """How the surest floor of a frame looks: its ratio of the samples, how bright, and its hue."""
 
-    Parameters
-    ----------
-    ratio : float
-        Of all samples, those surely floor.
-    level : float
-        Log brightness of its sunny part, off the model's level.
-    cast : (float, float)
-        Log R/G and B/G, off the model's at each sample's brightness.
-    """
-
-    ratio: float
-    level: float
-    cast: tuple[float, float]
+    ratio: float  #: of all samples, those surely floor
+    level: float  #: log brightness of its sunny part, off the model's level
+    cast: tuple[float, float]  #: log R/G and B/G, off the model's at each sample's brightness
 
 
 class ColorMemory:

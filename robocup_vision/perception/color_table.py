@@ -224,19 +224,11 @@ class ColorTable:
     """A table over packed colours, 5 + 6 + 5 bits scaled to the floor's brightness, so that a dark hall uses all bits.
 
     Dark levels share a bin with fewer neighbours than bright ones: what a ratio of dark channels is hangs on a count.
-
-    Parameters
-    ----------
-    colors : Colors
-        What it tabulates.
-    packing : (3, 256) uint16
-        What each channel's value (B, G, R) adds to the index.
-    floor_llr : (65536,) int8
-        Floor against anything else, log-likelihood ratio in units of `LLR_PER_UNIT` nats.
     """
 
-    colors: Colors
-    packing: UInt16Array
+    colors: Colors  #: what it tabulates
+    packing: UInt16Array  #: (3, 256) uint16: what each channel's value (B, G, R) adds to the index
+    #: (65536,) int8: floor against anything else, log-likelihood ratio in units of `LLR_PER_UNIT` nats
     floor_llr: Int8Array
 
     @cached_property

@@ -32,73 +32,43 @@ _SUN = float(LEVELS[-2]) - 0.1
 
 @dataclass(frozen=True, slots=True)
 class FloorColorSettings:
-    """Settings of the learning of the floor's colour.
+    """Settings of the learning of the floor's colour."""
 
-    Parameters
-    ----------
-    ring_weight : float
-        Weight of a sample of the ring around the robot, beside the others: it is most probably floor.
-    max_step_drift, max_drift : float
-        Change of the log of a ratio from one brightness step to the next, and in all: a sky-lit shadow is some 20 %
-        bluer, a highlight mixes in white until green is half-way to it.
-    max_grey_drift : float
-        The same towards grey in a shadow: a larger one is something black.
-    min_spread, max_spread : float
-        Bounds of the relative standard deviation of a ratio beyond the noise.
-    min_mode_ratio : float
-        A colour is a candidate for the floor if it has this part of the commonest colour's weight.
-    min_samples : int
-        Samples that determine a colour.
-    gate : float
-        Chi-square of a sample that belongs to the floor: 2 degrees of freedom, 95 %.
-    """
-
+    #: weight of a sample of the ring around the robot, beside the others: it is most probably floor
     ring_weight: float = 2.0
+    #: change of the log of a ratio from one brightness step to the next, and in all: a sky-lit shadow is some 20 %
+    #: bluer, a highlight mixes in white until green is half-way to it
     max_step_drift: float = 0.15
     max_drift: float = 0.45
-    max_grey_drift: float = 0.2
+    max_grey_drift: float = 0.2  #: the same towards grey in a shadow: a larger one is something black
+    #: bounds of the relative standard deviation of a ratio beyond the noise
     min_spread: float = 0.05
     max_spread: float = 0.15
+    #: a colour is a candidate for the floor if it has this part of the commonest colour's weight
     min_mode_ratio: float = 0.25
-    min_samples: int = 50
-    gate: float = 6.0
+    min_samples: int = 50  #: samples that determine a colour
+    gate: float = 6.0  #: chi-square of a sample that belongs to the floor: 2 degrees of freedom, 95 %
 
 
 @dataclass(frozen=True, slots=True)
 class PaintColor:
-    """A painted thing's colour as this frame shows it: its ratios to green.
+    """A painted thing's colour as this frame shows it: its ratios to green."""
 
-    Parameters
-    ----------
-    red_ratio, blue_ratio : float
-        R/G and B/G.
-    """
-
+    #: r/G and B/G
     red_ratio: float
     blue_ratio: float
 
 
 @dataclass(frozen=True, eq=False)
 class FloorColor:
-    """The floor's colour as learnt from one frame.
+    """The floor's colour as learnt from one frame."""
 
-    Parameters
-    ----------
-    level : float
-        Brightness (R + 2G + B)/4 of the lit floor, counts.
-    noise : float
-        Standard deviation of one channel of one blurred sample, counts.
-    red_ratio, blue_ratio : (L,) float64
-        R/G and B/G of the floor over the log-brightness steps.
-    spread : (2,) float64
-        Relative standard deviation of R/G and B/G beyond the noise.
-    """
-
-    level: float
-    noise: float
+    level: float  #: brightness (R + 2G + B)/4 of the lit floor, counts
+    noise: float  #: standard deviation of one channel of one blurred sample, counts
+    #: (L,) float64: r/G and B/G of the floor over the log-brightness steps
     red_ratio: FloatArray
     blue_ratio: FloatArray
-    spread: FloatArray
+    spread: FloatArray  #: (2,) float64: relative standard deviation of R/G and B/G beyond the noise
 
     @property
     def lit(self) -> PaintColor:

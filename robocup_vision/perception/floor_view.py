@@ -59,21 +59,11 @@ def down_in_picture(camera: PinholeCamera) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class FloorView:
-    """Where a frame's floor samples lie; one per camera and orientation.
+    """Where a frame's floor samples lie; one per camera and orientation."""
 
-    Parameters
-    ----------
-    camera : PinholeCamera
-        With a known tilt.
-    seen_bearings : int
-        Number of bearings in view.
-    mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
-    """
-
-    camera: PinholeCamera
-    seen_bearings: int = BEARINGS
-    mask: UInt8Array | None = None
+    camera: PinholeCamera  #: with a known tilt
+    seen_bearings: int = BEARINGS  #: number of bearings in view
+    mask: UInt8Array | None = None  #: (H, W) uint8: non-zero pixels are never looked at
 
     @cached_property
     def _rim(self) -> tuple[FloatArray, FloatArray]:

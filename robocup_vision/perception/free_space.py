@@ -28,18 +28,11 @@ _OF_EVERY_FRAME = ("cell", "_cells")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeSpace:
-    """Free floor around the robot.
+    """Free floor around the robot."""
 
-    Parameters
-    ----------
-    bearing_rad : (J,) float64
-        Directions in the robot frame, ascending, radians.
-    range_m : (J,) float64
-        Distance from the robot's centre to the first thing that is not floor, metres; by a mirror camera on the safe
-        side by up to a cell.
-    """
-
-    bearing_rad: FloatArray
+    bearing_rad: FloatArray  #: (J,) float64: directions in the robot frame, ascending, radians
+    #: (J,) float64: distance from the robot's centre to the first thing that is not floor, metres; by a mirror camera
+    #: on the safe side by up to a cell
     range_m: FloatArray
 
 
@@ -51,28 +44,18 @@ class FreeSpaceGrid:
     view, the range is 0. Its rings grow with the range, so that a range ends at the first blocked sample of its first
     blocked cell.
 
-    Parameters
-    ----------
-    view : PolarView or FloorView
-        The samples that fill the cells.
-    directions : int
-        Number J of directions, over a whole turn or over what is in view.
-    rings : int or (I + 1,) sequence of float
-        Number I of rings between image radii of equal steps (the paper's choice; for a pinhole camera between ranges of
-        equal ratios), or the rings' own bounds, metres.
-    threshold : float
-        The paper's r_th: the fraction of a cell that must be floor.
-
     Raises
     ------
     ArgumentError
         If there are no directions or rings, the bounds do not increase, or the threshold is not within 0 to 1.
     """
 
-    view: PolarView | FloorView
-    directions: int = 80
+    view: PolarView | FloorView  #: the samples that fill the cells
+    directions: int = 80  #: number J of directions, over a whole turn or over what is in view
+    #: number I of rings between image radii of equal steps (the paper's choice; for a pinhole camera between ranges of
+    #: equal ratios), or the rings' own bounds, metres
     rings: int | tuple[float, ...] = 20
-    threshold: float = FREE_RATIO
+    threshold: float = FREE_RATIO  #: the paper's r_th: the fraction of a cell that must be floor
 
     def __post_init__(self) -> None:
         if self.directions < 3:
@@ -190,43 +173,22 @@ class FreeSpaceGrid:
 
 @dataclass(frozen=True, slots=True)
 class FloorMarkingSettings:
-    """Settings of `FloorMarking`.
+    """Settings of `FloorMarking`."""
 
-    Parameters
-    ----------
-    blur_px : float
-        How far the lens and the sampling spread an edge.
-    crossing_widths : float
-        Width of lines that meet, or are crossed obliquely, in line widths.
-    max_obstacle_ratio : float
-        A line is at most this part of an obstacle's width: a wider one may be a robot.
-    """
-
-    blur_px: float = 1.5
-    crossing_widths: float = 3.0
-    max_obstacle_ratio: float = 0.55
+    blur_px: float = 1.5  #: how far the lens and the sampling spread an edge
+    crossing_widths: float = 3.0  #: width of lines that meet, or are crossed obliquely, in line widths
+    max_obstacle_ratio: float = 0.55  #: a line is at most this part of an obstacle's width: a wider one may be a robot
 
 
 @dataclass(frozen=True, eq=False)
 class FloorMarking:
-    """Marks the samples that may be driven over: floor, and painted lines between floor.
+    """Marks the samples that may be driven over: floor, and painted lines between floor."""
 
-    Parameters
-    ----------
-    view : PolarView or FloorView
-        The samples.
-    line_width_m : float
-        Width of the field's lines.
-    obstacle_width_m : float
-        A thing more than about half as wide as this is not taken for a line seen along its length.
-    settings : FloorMarkingSettings, optional
-        Widths of lines.
-    """
-
-    view: PolarView | FloorView
-    line_width_m: float
+    view: PolarView | FloorView  #: the samples
+    line_width_m: float  #: width of the field's lines
+    #: a thing more than about half as wide as this is not taken for a line seen along its length
     obstacle_width_m: float
-    settings: FloorMarkingSettings = FloorMarkingSettings()
+    settings: FloorMarkingSettings = FloorMarkingSettings()  #: widths of lines
 
     def held(self, view: FloorView) -> FloorMarking:
         """Return the marking of a view that `FloorView.held` made of this one's."""

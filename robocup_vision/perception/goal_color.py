@@ -20,24 +20,12 @@ from robocup_vision.kernels.goal.paint.shine import fill_shine
 
 @dataclass(frozen=True, slots=True)
 class GoalColorSettings:
-    """Settings of the search for goal paint of a hue.
+    """Settings of the search for goal paint of a hue."""
 
-    Parameters
-    ----------
-    min_saturation : float
-        A third of full paint: glare that leaves less looks white.
-    min_value : int
-        Of 255: below it hue is noise.
-    min_shine : int
-        Paint that a lamp washes white is at least so bright in all channels.
-    max_cast : float
-        Strongest colour cast that is corrected by the image's bright end: a stronger one is paint.
-    """
-
-    min_saturation: float = 0.30
-    min_value: int = 25
-    min_shine: int = 170
-    max_cast: float = 1.3
+    min_saturation: float = 0.30  #: a third of full paint: glare that leaves less looks white
+    min_value: int = 25  #: of 255: below it hue is noise
+    min_shine: int = 170  #: paint that a lamp washes white is at least so bright in all channels
+    max_cast: float = 1.3  #: strongest colour cast that is corrected by the image's bright end: a stronger one is paint
 
 
 def is_chromatic(color: str) -> bool:

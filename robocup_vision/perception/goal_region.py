@@ -30,50 +30,30 @@ from robocup_vision.kernels.goal.paint.white import (
 
 @dataclass(frozen=True, slots=True)
 class StripSettings:
-    """Settings of the search for upright strips.
+    """Settings of the search for upright strips."""
 
-    Parameters
-    ----------
-    max_lean : float
-        Of a post in the image, columns a row: 15 degrees of roll and perspective.
-    min_width_px : float
-        Thinner strips are noise: posts are at least 3 px wide where they are searched for.
-    max_gap_widths, max_paint_gap_widths : float
-        Gaps within one post, in its widths: among clutter, and in paint of the right hue, which glare interrupts.
-    min_aspect, min_paint_aspect : float
-        Height of a strip, in its widths: among clutter, and in paint of the right hue.
-    """
-
-    max_lean: float = 0.27
-    min_width_px: float = 2.5
+    max_lean: float = 0.27  #: of a post in the image, columns a row: 15 degrees of roll and perspective
+    min_width_px: float = 2.5  #: thinner strips are noise: posts are at least 3 px wide where they are searched for
+    #: gaps within one post, in its widths: among clutter, and in paint of the right hue, which glare interrupts
     max_gap_widths: float = 2.0
     max_paint_gap_widths: float = 7.0
+    #: height of a strip, in its widths: among clutter, and in paint of the right hue
     min_aspect: float = 1.3
     min_paint_aspect: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """An upright strip in the image, pixels; its edges are u = at + lean * v.
+    """An upright strip in the image, pixels; its edges are u = at + lean * v."""
 
-    Parameters
-    ----------
-    left, right : (float, float)
-        `at` and `lean` of both edges.
-    top, bottom : float
-        Rows between which it was found.
-    foot : float
-        Row where carpet begins below it; NaN if it does not stand on carpet.
-    strength : float
-        Number of rows, times the mean contrast where that is known.
-    """
-
+    #: `at` and `lean` of both edges
     left: tuple[float, float]
     right: tuple[float, float]
+    #: rows between which it was found
     top: float
     bottom: float
-    foot: float
-    strength: float
+    foot: float  #: row where carpet begins below it; NaN if it does not stand on carpet
+    strength: float  #: number of rows, times the mean contrast where that is known
 
     def edges_at(self, v: float) -> tuple[float, float]:
         """Left and right edge (u, pixels) in a row."""

@@ -54,78 +54,45 @@ class FloorCamera(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """What `LineFinder` can be tuned by.
+    """What `LineFinder` can be tuned by."""
 
-    Parameters
-    ----------
-    width_px : (float, float)
-        Lines narrower than the first drown in the blur, wider ones than the second are painted areas.
-    max_point_ratio : float
-        A frame with more candidates than this per pixel looked at is noise, not a field.
-    min_contrast_ratio : float
-        Paint has one whiteness: what reaches less of the clear lines' contrast is dirt or glare.
-    noise_stds, min_threshold : float, int
-        A line must be whiter than the floor beside it by so many standard deviations of the noise, and so many counts.
-    one_sided_weight : float
-        Weight of points with floor on one side only, where the carpet ends at the line.
-    resolved_px : float
-        From this width on no line can be hidden in the floor's tone: where none is, floor is bare.
-    tone_stds : float
-        Colours within so many robust standard deviations of the floor's tone are floor.
-    min_tone_spread : float
-        Least standard deviation of a tone's logarithm: quantisation of a dark floor.
-    common_tone_ratio : float
-        Tones that cover so much of the nearest floor, by the commonest one's cover, may be the carpet's.
-    dark_ratio, bright_ratio : float
-        Darkest and brightest floor, of the nearest floor's median green: deep shadow and a spot of light.
-    slack : float
-        Grey levels a channel may leave the tone's ratios by: sensor noise, which weighs more the darker the floor is.
-    min_samples : int
-        Samples of a tone that determine it.
-    cell_bits : int
-        How wide a line looks is worked out once in each square of so many pixels to a side, as a power of two: more
-        than one for large frames whose camera is another in each.
-    """
-
+    #: lines narrower than the first drown in the blur, wider ones than the second are painted areas
     width_px: tuple[float, float] = (0.6, 60.0)
-    max_point_ratio: float = 0.1
+    max_point_ratio: float = 0.1  #: a frame with more candidates than this per pixel looked at is noise, not a field
+    #: paint has one whiteness: what reaches less of the clear lines' contrast is dirt or glare
     min_contrast_ratio: float = 0.35
+    #: a line must be whiter than the floor beside it by so many standard deviations of the noise, and so many counts
     noise_stds: float = 5.0
     min_threshold: int = 6
-    one_sided_weight: float = 0.5
+    one_sided_weight: float = 0.5  #: weight of points with floor on one side only, where the carpet ends at the line
+    #: from this width on no line can be hidden in the floor's tone: where none is, floor is bare
     resolved_px: float = 1.5
-    tone_stds: float = 4.0
-    min_tone_spread: float = 0.04
+    tone_stds: float = 4.0  #: colours within so many robust standard deviations of the floor's tone are floor
+    min_tone_spread: float = 0.04  #: least standard deviation of a tone's logarithm: quantisation of a dark floor
+    #: tones that cover so much of the nearest floor, by the commonest one's cover, may be the carpet's
     common_tone_ratio: float = 0.25
+    #: darkest and brightest floor, of the nearest floor's median green: deep shadow and a spot of light
     dark_ratio: float = 0.35
     bright_ratio: float = 1.9
+    #: grey levels a channel may leave the tone's ratios by: sensor noise, which weighs more the darker the floor is
     slack: float = 2.0
-    min_samples: int = 50
+    min_samples: int = 50  #: samples of a tone that determine it
+    #: how wide a line looks is worked out once in each square of so many pixels to a side, as a power of two: more than
+    #: one for large frames whose camera is another in each
     cell_bits: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class LinePoints:
-    """Where white lines were seen.
+    """Where white lines were seen."""
 
-    Parameters
-    ----------
-    pixels : (N, 2) float64
-        Centres of the line's cross-section, sub-pixel.
-    floor_m : (N, 2) float64
-        The same points on the floor, robot frame, metres.
-    floor_per_px : (N, 2, 2) float64
-        Derivative of `floor_m` by the pixel: column 0 by u, column 1 by v, metres per pixel.
-    weight : (N,) float64
-        1 for points with floor on both sides, less for others.
-    bare_floor : (H, W) bool or None
-        Pixels that, with their neighbours, show floor and no line: a line predicted there speaks against a pose.
-    """
-
-    pixels: FloatArray
-    floor_m: FloatArray
+    pixels: FloatArray  #: (N, 2) float64: centres of the line's cross-section, sub-pixel
+    floor_m: FloatArray  #: (N, 2) float64: the same points on the floor, robot frame, metres
+    #: (N, 2, 2) float64: derivative of `floor_m` by the pixel: column 0 by u, column 1 by v, metres per pixel
     floor_per_px: FloatArray
-    weight: FloatArray
+    weight: FloatArray  #: (N,) float64: 1 for points with floor on both sides, less for others
+    #: (H, W) bool: pixels that, with their neighbours, show floor and no line: a line predicted there speaks against a
+    #: pose
     bare_floor: npt.NDArray[np.bool_] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:

@@ -36,32 +36,21 @@ _NO_POSE = read_only(np.empty((0, 0)))
 
 @dataclass(frozen=True)
 class Obstacle:
-    """The near side of something that stands on the floor, robot frame.
+    """The near side of something that stands on the floor, robot frame."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Middle of its near side.
-    width_m : float
-        Distance between the ends of its near side.
-    bearing_rad, range_m : float
-        Of its middle.
-    range_std_m : float
-        Standard deviation of its range, by the samples' spacing there and the camera's errors; NaN: not known.
-    hue_rad : float or None
-        Hue that most of what is saturated on it has, such as its team's: 0 red, a third of a turn green, two thirds
-        blue, in the frame's colours as they are. None: next to nothing on it is saturated.
-    kind_teller : callable or None
-        Tells its `kind`; None: nothing does.
-    """
-
+    #: middle of its near side
     x_m: float
     y_m: float
-    width_m: float
+    width_m: float  #: distance between the ends of its near side
+    #: of its middle
     bearing_rad: float
     range_m: float
+    #: standard deviation of its range, by the samples' spacing there and the camera's errors; NaN: not known
     range_std_m: float = math.nan
+    #: hue that most of what is saturated on it has, such as its team's: 0 red, a third of a turn green, two thirds
+    #: blue, in the frame's colours as they are. None: next to nothing on it is saturated.
     hue_rad: float | None = None
+    #: tells its `kind`; None: nothing does
     kind_teller: Callable[[], Kind | None] | None = dataclass_field(default=None, repr=False, compare=False)
 
     @property

@@ -28,21 +28,11 @@ _FARTHEST_HEIGHTS = 40.0
 
 @dataclass(frozen=True, eq=False)
 class PolarView:
-    """Places of a frame's polar samples; one view for each camera.
-
-    Parameters
-    ----------
-    camera : OmniCamera
-        The camera.
-    bearings : int
-        Number K of bearings.
-    mask : (H, W) uint8, optional
-        Pixels where it is not zero are not used.
-    """
+    """Places of a frame's polar samples; one view for each camera."""
 
     camera: OmniCamera
-    bearings: int = BEARINGS
-    mask: UInt8Array | None = None
+    bearings: int = BEARINGS  #: number K of bearings
+    mask: UInt8Array | None = None  #: (H, W) uint8: pixels where it is not zero are not used
 
     @cached_property
     def bearing_rad(self) -> FloatArray:

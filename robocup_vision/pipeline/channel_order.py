@@ -30,44 +30,27 @@ _PLACES = np.linspace(0.0, 1.0, 9)
 
 @dataclass(frozen=True, slots=True)
 class ChannelOrderSettings:
-    """How what frames show of the order of their channels is weighed; nats speak for swapped red and blue.
+    """How what frames show of the order of their channels is weighed; nats speak for swapped red and blue."""
 
-    Parameters
-    ----------
-    clutter_nats : float
-        Log-likelihood ratio of a ball up to which other things of its colour reach: a find as likely tells nothing.
-    max_nats : float
-        Evidence of one ball in one place, and of the goals in one frame, either way: it may be a thing that only looks
-        so, and is no more proof however clear and however often it is seen.
-    told_nats : float
-        Sum from which swapped channels are told: 1000 to 1.
-    doubt_nats : float
-        Evidence of the goals of one frame, or of all frames, from which goals do not decide on the half: 3 to 1.
-    max_sum : float
-        The sum reaches no farther either way, so that no run is decided for ever by its first frames.
-    first_looks, look_every : int
-        All of the first frames are judged, then one in so many, or all while swapped channels are the likelier ones.
-    same_place_m, same_place_ratio : float
-        A ball nearer to where one was seen is the same one: errors of its place, and for each metre of its range.
-    max_places : int
-        So many places are remembered, the latest ones.
-    same_paint : float
-        Paints whose log R/G and B/G differ by less are taken for each other in bad light.
-    margin_m : float
-        A ball is doubted if the way to it passes so near a thing of the field that has about its colour.
-    """
-
+    #: log-likelihood ratio of a ball up to which other things of its colour reach: a find as likely tells nothing
     clutter_nats: float = 8.5
+    #: evidence of one ball in one place, and of the goals in one frame, either way: it may be a thing that only looks
+    #: so, and is no more proof however clear and however often it is seen
     max_nats: float = 3.0
-    told_nats: float = math.log(1000.0)
+    told_nats: float = math.log(1000.0)  #: sum from which swapped channels are told: 1000 to 1
+    #: evidence of the goals of one frame, or of all frames, from which goals do not decide on the half: 3 to 1
     doubt_nats: float = math.log(3.0)
+    #: the sum reaches no farther either way, so that no run is decided for ever by its first frames
     max_sum: float = 12.0
+    #: all of the first frames are judged, then one in so many, or all while swapped channels are the likelier ones
     first_looks: int = 8
     look_every: int = 16
+    #: a ball nearer to where one was seen is the same one: errors of its place, and for each metre of its range
     same_place_m: float = 0.4
     same_place_ratio: float = 0.2
-    max_places: int = 32
-    same_paint: float = 0.9
+    max_places: int = 32  #: so many places are remembered, the latest ones
+    same_paint: float = 0.9  #: paints whose log R/G and B/G differ by less are taken for each other in bad light
+    #: a ball is doubted if the way to it passes so near a thing of the field that has about its colour
     margin_m: float = 0.1
 
 

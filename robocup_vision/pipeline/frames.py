@@ -42,24 +42,13 @@ BGR, RGB = CHANNELS = ("bgr", "rgb")
 
 @dataclass(frozen=True, slots=True)
 class FloorEdgeSettings:
-    """Where the floor ends on a bearing.
+    """Where the floor ends on a bearing."""
 
-    Parameters
-    ----------
-    certain_nats : float
-        Mean log-likelihood ratio that makes a run of samples floor: 20 to 1.
-    strip_nats : float
-        Sum of the log-likelihood ratios that a strip of floor behind a line needs: it may be two samples long.
-    line_gap_columns : int
-        Columns that a painted line may hide.
-    min_contrast : float
-        Smallest colour difference of an edge, in standard deviations of the noise.
-    """
-
-    certain_nats: float = 3.0
+    certain_nats: float = 3.0  #: mean log-likelihood ratio that makes a run of samples floor: 20 to 1
+    #: sum of the log-likelihood ratios that a strip of floor behind a line needs: it may be two samples long
     strip_nats: float = 5.0
-    line_gap_columns: int = 3
-    min_contrast: float = 5.0
+    line_gap_columns: int = 3  #: columns that a painted line may hide
+    min_contrast: float = 5.0  #: smallest colour difference of an edge, in standard deviations of the noise
 
 
 class _CarriedFloor(NamedTuple):

@@ -38,20 +38,11 @@ _STILL = Pose2(0.0, 0.0, 0.0)
 
 
 class RigFrames(NamedTuple):
-    """Frames of one look.
+    """Frames of one look."""
 
-    Parameters
-    ----------
-    frames : tuple of ((H, W, 3) uint8 or None)
-        One for each camera; None: it gave none this time.
-    taken_s : tuple of (float or None)
-        When each was taken.
-    motion_between : callable
-        Returns the body's motion between two times, in its frame at the first; None where it is not known.
-    """
-
-    frames: tuple[UInt8Array | None, ...]
-    taken_s: tuple[float | None, ...]
+    frames: tuple[UInt8Array | None, ...]  #: one for each camera; None: it gave none this time
+    taken_s: tuple[float | None, ...]  #: when each was taken
+    #: returns the body's motion between two times, in its frame at the first; None where it is not known
     motion_between: Callable[[float, float], Pose2 | None]
 
 

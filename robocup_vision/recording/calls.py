@@ -30,28 +30,15 @@ DROPPED = "is_dropped"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Call:
-    """One call.
+    """One call."""
 
-    Parameters
-    ----------
-    number : int
-        0, 1, ... in the order of the run.
-    kind : str
-        What was called.
-    t_s : float
-        The time it was about, or else of the recording's clock.
-    inputs, outputs : mapping
-        What it took, but for the frame, and what it gave.
-    frame : (H, W, 3) uint8 or None
-        BGR.
-    """
-
-    number: int
-    kind: str
-    t_s: float
+    number: int  #: 0, 1, ... in the order of the run.
+    kind: str  #: what was called
+    t_s: float  #: the time it was about, or else of the recording's clock
+    #: what it took, but for the frame, and what it gave
     inputs: Mapping[str, Any]
     outputs: Mapping[str, Any]
-    frame: UInt8Array | None = None
+    frame: UInt8Array | None = None  #: (H, W, 3) uint8: BGR
 
 
 def look_outputs(view: View) -> dict[str, Any]:

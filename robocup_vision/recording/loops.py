@@ -28,21 +28,14 @@ GROUP = "robocup_vision.loops"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changes:
-    """What a replay does otherwise than the run; None: as it was.
+    """What a replay does otherwise than the run; None: as it was."""
 
-    Parameters
-    ----------
-    field, camera, colors, method
-        As of `Vision`.
-    memory : bool or None
-        With a memory of everything, or with none.
-    """
-
+    #: as of `Vision`
     field: Field | None = None
     camera: OmniCamera | PinholeCamera | None = None
     colors: Colors | None = None
     method: str | None = None
-    memory: bool | None = None
+    memory: bool | None = None  #: with a memory of everything, or with none
 
     @property
     def any(self) -> bool:

@@ -20,23 +20,12 @@ _CODEC = ValueCodec()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReplayedCall:
-    """One call made again.
+    """One call made again."""
 
-    Parameters
-    ----------
-    number : int
-        0, 1, ... in the order of the run.
-    kind : str
-        What was called.
-    t_s : float
-        The time it was about.
-    recorded, replayed : mapping
-        What it gave then, and now.
-    """
-
-    number: int
-    kind: str
-    t_s: float
+    number: int  #: 0, 1, ... in the order of the run.
+    kind: str  #: what was called
+    t_s: float  #: the time it was about
+    #: what it gave then, and now
     recorded: Mapping[str, Any]
     replayed: Mapping[str, Any]
 
@@ -123,28 +112,16 @@ class Spread:
 
 @dataclass(slots=True)
 class Differences:
-    """What a replay does otherwise than its recording.
+    """What a replay does otherwise than its recording."""
 
-    Parameters
-    ----------
-    calls, same : int
-        How many calls were made, and how many of them gave the same in every bit.
-    first_s : float or None
-        When the first one differed.
-    located : (int, int)
-        Frames that were located, then and now.
-    seen : (int, int)
-        Frames that showed a ball, then and now.
-    pose_m, pose_rad, belief_m, belief_rad, ball_m, command_mps
-        Distances between both, where both know.
-    """
-
+    #: how many calls were made, and how many of them gave the same in every bit
     calls: int = 0
     same: int = 0
-    first_s: float | None = None
-    located: tuple[int, int] = (0, 0)
-    seen: tuple[int, int] = (0, 0)
+    first_s: float | None = None  #: when the first one differed
+    located: tuple[int, int] = (0, 0)  #: frames that were located, then and now
+    seen: tuple[int, int] = (0, 0)  #: frames that showed a ball, then and now
     looks: int = 0
+    #: distances between both, where both know
     pose_m: Spread = field(default_factory=Spread)
     pose_rad: Spread = field(default_factory=Spread)
     belief_m: Spread = field(default_factory=Spread)

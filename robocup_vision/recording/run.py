@@ -188,33 +188,19 @@ class SteeringRun:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What ran.
+    """What ran."""
 
-    Parameters
-    ----------
-    loop : str
-        Who made the calls: "vision" for those of `Vision` and `Steering` themselves, else the name of an entry point of
-        the group ``robocup_vision.loops``.
-    field, camera, colors
-        What the frames are of; colours are None where they were learnt.
-    caveat : str
-        Why a replay cannot be the same bit for bit; empty where it can.
-    vision : VisionRun or None
-        Of loop "vision".
-    steering : SteeringRun or None
-        Of loop "vision", where it steers.
-    setup : mapping
-        Of other loops: what they are made of.
-    """
-
+    #: who made the calls: "vision" for those of `Vision` and `Steering` themselves, else the name of an entry point of
+    #: the group ``robocup_vision.loops``
     loop: str
+    #: what the frames are of; colours are None where they were learnt
     field: Field
     camera: OmniCamera | PinholeCamera
     colors: Colors | None = None
-    caveat: str = ""
-    vision: VisionRun | None = None
-    steering: SteeringRun | None = None
-    setup: Mapping[str, object] = dataclasses.field(default_factory=dict)
+    caveat: str = ""  #: why a replay cannot be the same bit for bit; empty where it can
+    vision: VisionRun | None = None  #: of loop "vision"
+    steering: SteeringRun | None = None  #: of loop "vision", where it steers
+    setup: Mapping[str, object] = dataclasses.field(default_factory=dict)  #: of other loops: what they are made of
 
     @classmethod
     def of(cls, vision: Vision, steering: Steering | None = None) -> Run:

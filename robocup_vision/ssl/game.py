@@ -56,18 +56,11 @@ _COMMANDS: dict[RefereeCommand, tuple[Phase, Team]] = {
 
 @dataclass(frozen=True, slots=True)
 class GameSettings:
-    """The rules' numbers.
+    """The rules' numbers."""
 
-    Parameters
-    ----------
-    in_play_m : float
-        A ball that has moved so far from where it was kicked off is in play.
-    kick_s : float
-        A kick that is not taken in this time is everybody's: ten seconds on division B, five on division A. A game
-        controller that tells how much time is left is believed instead.
-    """
-
-    in_play_m: float = 0.05
+    in_play_m: float = 0.05  #: a ball that has moved so far from where it was kicked off is in play
+    #: a kick that is not taken in this time is everybody's: ten seconds on division B, five on division A. A game
+    #: controller that tells how much time is left is believed instead.
     kick_s: float = 10.0
 
 

@@ -55,21 +55,11 @@ _KINDS = {value: LogKind(kind) for kind, value in _VALUES.items()}
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
-    """One datagram of a log.
+    """One datagram of a log."""
 
-    Parameters
-    ----------
-    received_ns : int
-        When it was received, nanoseconds since 1970.
-    kind : int
-        A `LogKind`, or a number that later versions of the format may have.
-    data : bytes
-        As it was received.
-    """
-
-    received_ns: int
-    kind: int
-    data: bytes
+    received_ns: int  #: when it was received, nanoseconds since 1970
+    kind: int  #: a `LogKind`, or a number that later versions of the format may have
+    data: bytes  #: as it was received
 
     @property
     def value(self) -> LogValue | None:
@@ -292,21 +282,11 @@ def _words(error: Exception) -> str:
 
 @dataclass(slots=True)
 class Unreadable:
-    """What of a log could not be read.
+    """What of a log could not be read."""
 
-    Parameters
-    ----------
-    count : int
-        Entries that are not of their kind.
-    first : str
-        Which is the first of them, and what is wrong with it; empty if none is.
-    damage : str
-        Why the file could not be read to its end; empty if it could.
-    """
-
-    count: int = 0
-    first: str = ""
-    damage: str = ""
+    count: int = 0  #: entries that are not of their kind
+    first: str = ""  #: which is the first of them, and what is wrong with it; empty if none is
+    damage: str = ""  #: why the file could not be read to its end; empty if it could
 
 
 def readable(log: Iterable[LogEntry], unreadable: Unreadable) -> Iterator[tuple[int, LogEntry, LogValue | None]]:

@@ -14,43 +14,21 @@ NS_PER_S = 1e9
 
 @dataclass(slots=True)
 class LogInfo:
-    """What a log holds.
+    """What a log holds."""
 
-    Parameters
-    ----------
-    entries : dict of str to int
-        How many of each kind, by name.
-    first_ns, last_ns : int or None
-        When the first and the last entry with a time were received.
-    cameras : dict of int to int
-        Detection frames of each camera.
-    geometry_packets : int
-        Packets with a geometry.
-    field_m : (float, float) or None
-        Length and width of the field in the last geometry.
-    trackers : dict of str to int
-        Packets of each tracker, by its name or else its uuid.
-    commands : list of str
-        The referee's commands in their order, each when its counter changed.
-    teams : (str, str) or None
-        Names of yellow and blue.
-    score : (int, int) or None
-        Goals of yellow and blue in the last referee packet.
-    unreadable : Unreadable
-        What could not be read.
-    """
-
-    entries: dict[str, int] = field(default_factory=dict)
+    entries: dict[str, int] = field(default_factory=dict)  #: how many of each kind, by name
+    #: when the first and the last entry with a time were received
     first_ns: int | None = None
     last_ns: int | None = None
-    cameras: dict[int, int] = field(default_factory=dict)
-    geometry_packets: int = 0
-    field_m: tuple[float, float] | None = None
-    trackers: dict[str, int] = field(default_factory=dict)
+    cameras: dict[int, int] = field(default_factory=dict)  #: detection frames of each camera
+    geometry_packets: int = 0  #: packets with a geometry
+    field_m: tuple[float, float] | None = None  #: length and width of the field in the last geometry
+    trackers: dict[str, int] = field(default_factory=dict)  #: packets of each tracker, by its name or else its uuid
+    #: the referee's commands in their order, each when its counter changed
     commands: list[str] = field(default_factory=list)
-    teams: tuple[str, str] | None = None
-    score: tuple[int, int] | None = None
-    unreadable: Unreadable = field(default_factory=Unreadable)
+    teams: tuple[str, str] | None = None  #: names of yellow and blue
+    score: tuple[int, int] | None = None  #: goals of yellow and blue in the last referee packet
+    unreadable: Unreadable = field(default_factory=Unreadable)  #: what could not be read
 
     @property
     def duration_s(self) -> float:

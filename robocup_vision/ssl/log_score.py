@@ -49,45 +49,27 @@ class _Squares:
 
 @dataclass(frozen=True, slots=True)
 class TrackerScore:
-    """What a tracker was worth on a log; None where there was nothing to compare.
+    """What a tracker was worth on a log; None where there was nothing to compare."""
 
-    Parameters
-    ----------
-    source : str
-        Whose tracker packets it was compared with.
-    frames : int
-        How many of them.
-    robot_rms_m, robot_last_rms_m : float or None
-        Error of a robot's place: by the tracker, and if the last detection is taken as it is.
-    robot_rms_rad, robot_last_rms_rad : float or None
-        The same of its direction.
-    robot_velocity_rms_mps : float or None
-        Error of a robot's velocity.
-    exposed_rms_m, exposed_last_rms_m, exposed_velocity_rms_mps : float or None
-        The same of robots at the moments of the exposures: by the tracker, by the frame itself, and of velocities.
-    ball_rms_m, ball_last_rms_m, ball_velocity_rms_mps : float or None
-        The same of the ball.
-    ball_hidden : int
-        How often no camera saw the ball for more than a tenth of a second.
-    ball_refound_s : float or None
-        The longest time from when it was seen again until the tracker had it.
-    """
-
-    source: str
-    frames: int
+    source: str  #: whose tracker packets it was compared with
+    frames: int  #: how many of them
+    #: error of a robot's place: by the tracker, and if the last detection is taken as it is
     robot_rms_m: float | None
     robot_last_rms_m: float | None
+    #: the same of its direction
     robot_rms_rad: float | None
     robot_last_rms_rad: float | None
-    robot_velocity_rms_mps: float | None
+    robot_velocity_rms_mps: float | None  #: error of a robot's velocity
+    #: the same of robots at the moments of the exposures: by the tracker, by the frame itself, and of velocities
     exposed_rms_m: float | None
     exposed_last_rms_m: float | None
     exposed_velocity_rms_mps: float | None
+    #: the same of the ball
     ball_rms_m: float | None
     ball_last_rms_m: float | None
     ball_velocity_rms_mps: float | None
-    ball_hidden: int
-    ball_refound_s: float | None
+    ball_hidden: int  #: how often no camera saw the ball for more than a tenth of a second
+    ball_refound_s: float | None  #: the longest time from when it was seen again until the tracker had it
 
 
 @dataclass(slots=True)

@@ -21,47 +21,27 @@ IntArray = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class MotionModel:
-    """One model of how a robot moves, the same along both axes.
+    """One model of how a robot moves, the same along both axes."""
 
-    Parameters
-    ----------
-    decay_s : float
-        Its acceleration fades in about this time (Singer 1970); 0: it has none, infinite: it stays.
-    power : float
-        Of the noise that disturbs it: of the jerk, m^2/s^5, or, without an acceleration, of that, m^2/s^3.
-    """
-
-    decay_s: float
-    power: float
+    decay_s: float  #: its acceleration fades in about this time (Singer 1970); 0: it has none, infinite: it stays
+    power: float  #: of the noise that disturbs it: of the jerk, m^2/s^5, or, without an acceleration, of that, m^2/s^3
 
 
 @dataclass(frozen=True, slots=True)
 class MotionFilterSettings:
-    """Values of `MotionFilter`.
+    """Values of `MotionFilter`."""
 
-    Parameters
-    ----------
-    models : tuple of MotionModel
-        Straight on; speeding up gently; hard; and a command that has just changed.
-    stay_s : float
-        A robot moves by one model for about so long.
-    std_m : float
-        Noise of a detection, each axis.
-    start_speed_mps : float
-        How fast something new may be, as a standard deviation.
-    foresight_s : float
-        Beyond the last frame an acceleration is believed for about so long: what it does then nobody has seen.
-    """
-
+    #: straight on; speeding up gently; hard; and a command that has just changed
     models: tuple[MotionModel, ...] = (
         MotionModel(0.0, 0.001),
         MotionModel(1.0, 3.0),
         MotionModel(0.5, 100.0),
         MotionModel(0.2, 5000.0),
     )
-    stay_s: float = 1.0
-    std_m: float = 0.0013
-    start_speed_mps: float = 2.0
+    stay_s: float = 1.0  #: a robot moves by one model for about so long
+    std_m: float = 0.0013  #: noise of a detection, each axis
+    start_speed_mps: float = 2.0  #: how fast something new may be, as a standard deviation
+    #: beyond the last frame an acceleration is believed for about so long: what it does then nobody has seen
     foresight_s: float = 0.03
 
 

@@ -30,47 +30,27 @@ MAX_CAMERAS = 64
 
 @dataclass(frozen=True, slots=True)
 class MergeSettings:
-    """How frames of several cameras are merged.
+    """How frames of several cameras are merged."""
 
-    Parameters
-    ----------
-    max_age_s : float
-        A camera that has sent nothing for so long while another did is left out: three frames at 60 Hz.
-    max_ball_gap_m : float
-        Balls of two cameras nearer than this are one: a ball at 6.5 m/s goes 0.1 m between two exposures at 60 Hz.
-    max_robot_gap_m : float
-        A robot's number seen at two places farther apart than this is misread at one of them: its diameter.
-    """
-
+    #: a camera that has sent nothing for so long while another did is left out: three frames at 60 Hz
     max_age_s: float = 0.05
+    #: balls of two cameras nearer than this are one: a ball at 6.5 m/s goes 0.1 m between two exposures at 60 Hz
     max_ball_gap_m: float = 0.1
+    #: a robot's number seen at two places farther apart than this is misread at one of them: its diameter
     max_robot_gap_m: float = 0.18
 
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """What all cameras saw.
+    """What all cameras saw."""
 
-    Parameters
-    ----------
-    t_capture_s : float
-        When the newest of the frames was exposed, by its camera's clock.
-    balls : tuple of DetectionBall
-        Each once.
-    yellow, blue : tuple of DetectionRobot
-        Each once, in order of their numbers; those without a number last.
-    cameras : tuple of int
-        Whose frames these are.
-    problems : tuple of str
-        What was left out: a number seen at two places, and what is no number.
-    """
-
-    t_capture_s: float
-    balls: tuple[DetectionBall, ...]
+    t_capture_s: float  #: when the newest of the frames was exposed, by its camera's clock
+    balls: tuple[DetectionBall, ...]  #: each once
+    #: each once, in order of their numbers; those without a number last
     yellow: tuple[DetectionRobot, ...]
     blue: tuple[DetectionRobot, ...]
-    cameras: tuple[int, ...]
-    problems: tuple[str, ...] = ()
+    cameras: tuple[int, ...]  #: whose frames these are
+    problems: tuple[str, ...] = ()  #: what was left out: a number seen at two places, and what is no number
 
 
 @dataclass(slots=True)

@@ -34,49 +34,28 @@ from robocup_vision.ssl.values.tracked import (
 
 @dataclass(frozen=True, slots=True)
 class TrackerSettings:
-    """What is known of robots, ball and cameras of the small-size league.
+    """What is known of robots, ball and cameras of the small-size league."""
 
-    Parameters
-    ----------
-    robot : MotionFilterSettings
-        How robots move.
-    robot_std_rad, ball_std_m : float
-        Noise of a detection: what the cameras of the league's fields show.
-    robot_turn_acceleration_rps2 : float
-        How hard robots speed up and brake their turning, as a standard deviation.
-    ball_acceleration_mps2 : float
-        The same of a ball that is dribbled or touched without being kicked.
-    ball_slowing_mps2 : float
-        Of a ball that rolls on carpet.
-    start_speed_mps, start_turn_rps : float
-        How fast something new may be, as a standard deviation.
-    max_robot_jump_m, max_ball_jump_m : float
-        A detection farther from its prediction is not used at once: at 60 Hz no robot goes so far between two
-        frames, and no ball does unless it was kicked.
-    believed_after : int
-        So many detections in a row that agree with each other, and not with the track, are used.
-    max_lost_s : float
-        What has not been seen for so long is gone.
-    min_apart_m : float
-        Robots of two numbers nearer to each other than this cannot be two: a robot's radius.
-    reach_m : (float, float)
-        How far from the field's centre a ball is played with, along x and y: of two balls the one within, or nearer
-        to it, is the game's. Default: of the league's largest field.
-    """
-
-    robot: MotionFilterSettings = MotionFilterSettings()
+    robot: MotionFilterSettings = MotionFilterSettings()  #: how robots move
+    #: noise of a detection: what the cameras of the league's fields show
     robot_std_rad: float = 0.012
     ball_std_m: float = 0.0015
+    #: how hard robots speed up and brake their turning, as a standard deviation
     robot_turn_acceleration_rps2: float = 20.0
-    ball_acceleration_mps2: float = 3.0
-    ball_slowing_mps2: float = 0.35
+    ball_acceleration_mps2: float = 3.0  #: the same of a ball that is dribbled or touched without being kicked
+    ball_slowing_mps2: float = 0.35  #: of a ball that rolls on carpet
+    #: how fast something new may be, as a standard deviation
     start_speed_mps: float = 2.0
     start_turn_rps: float = 5.0
+    #: a detection farther from its prediction is not used at once: at 60 Hz no robot goes so far between two frames,
+    #: and no ball does unless it was kicked
     max_robot_jump_m: float = 0.15
     max_ball_jump_m: float = 0.06
-    believed_after: int = 2
-    max_lost_s: float = 1.0
-    min_apart_m: float = 0.09
+    believed_after: int = 2  #: so many detections in a row that agree with each other, and not with the track, are used
+    max_lost_s: float = 1.0  #: what has not been seen for so long is gone
+    min_apart_m: float = 0.09  #: robots of two numbers nearer to each other than this cannot be two: a robot's radius
+    #: how far from the field's centre a ball is played with, along x and y: of two balls the one within, or nearer to
+    #: it, is the game's. Default: of the league's largest field.
     reach_m: tuple[float, float] = (6.3, 4.8)
 
 

@@ -69,24 +69,15 @@ class BallFusionSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedBall:
-    """The ball now, field frame.
+    """The ball now, field frame."""
 
-    Parameters
-    ----------
-    x_m, y_m, vx_mps, vy_mps : float
-        Its place and velocity.
-    covariance : (2, 2) float64
-        Of the place, square metres.
-    sources : tuple of int
-        Numbers of the robots that saw it, the newest sighting first; -1: this robot.
-    """
-
+    #: its place and velocity
     x_m: float
     y_m: float
     vx_mps: float
     vy_mps: float
-    covariance: FloatArray
-    sources: tuple[int, ...]
+    covariance: FloatArray  #: (2, 2) float64: of the place, square metres
+    sources: tuple[int, ...]  #: numbers of the robots that saw it, the newest sighting first; -1: this robot
 
 
 OWN = -1

@@ -38,30 +38,20 @@ _MIN_EIGENVALUE_RATIO = -1e-5
 class BallSighting:
     """The ball as one robot saw it, field frame.
 
-    Parameters
-    ----------
-    t_s : float
-        When, seconds.
-    x_m, y_m, vx_mps, vy_mps : float
-        Its place and velocity then.
-    covariance : (2, 2) float64
-        Of the place, with what the robot's own pose adds, square metres.
-    velocity_std_mps : float
-        Standard deviation of each component of the velocity.
-
     Raises
     ------
     ArgumentError
         If a number is not finite, or the covariance is none.
     """
 
-    t_s: float
+    t_s: float  #: when, seconds
+    #: its place and velocity then
     x_m: float
     y_m: float
     vx_mps: float
     vy_mps: float
-    covariance: FloatArray
-    velocity_std_mps: float = 0.0
+    covariance: FloatArray  #: (2, 2) float64: of the place, with what the robot's own pose adds, square metres
+    velocity_std_mps: float = 0.0  #: standard deviation of each component of the velocity
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, (self.t_s, self.x_m, self.y_m, self.vx_mps, self.vy_mps))):
@@ -75,36 +65,20 @@ class BallSighting:
 class TeamMessage:
     """What one robot tells the others of its team.
 
-    Parameters
-    ----------
-    sender : int
-        Its number in the team, 0 to 255.
-    t_s : float
-        When it wrote this, seconds.
-    role : {"search", "fetch", "support", "keep"}
-        What it does now.
-    time_to_ball_s : float
-        How long it would take to the ball; infinite if it does not know where the ball is.
-    pose : Pose2 or None
-        Where it is in the field frame; None if it does not know.
-    pose_covariance : (3, 3) float64 or None
-        Of the pose.
-    ball : BallSighting or None
-        The ball as it last saw it itself.
-
     Raises
     ------
     ArgumentError
         If a value is out of its range.
     """
 
-    sender: int
-    t_s: float
-    role: Role
+    sender: int  #: its number in the team, 0 to 255
+    t_s: float  #: when it wrote this, seconds
+    role: Role  #: what it does now
+    #: how long it would take to the ball; infinite if it does not know where the ball is
     time_to_ball_s: float = math.inf
-    pose: Pose2 | None = None
-    pose_covariance: FloatArray | None = None
-    ball: BallSighting | None = None
+    pose: Pose2 | None = None  #: where it is in the field frame; None if it does not know
+    pose_covariance: FloatArray | None = None  #: (3, 3) float64: of the pose
+    ball: BallSighting | None = None  #: the ball as it last saw it itself
 
     def __post_init__(self) -> None:
         if not 0 <= self.sender <= 255:

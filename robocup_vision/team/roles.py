@@ -40,22 +40,13 @@ class RoleSettings:
 
 @dataclass(frozen=True, slots=True)
 class ChosenRole:
-    """The role of one robot now.
+    """The role of one robot now."""
 
-    Parameters
-    ----------
-    role : {"search", "fetch", "support", "keep"}
-        What it does.
-    place, places : int
-        Which of so many supporters (or searchers) it is, counted from the right side of the field (least y).
-    is_agreed : bool
-        Whether another robot was heard of that plays in the field; else it decides alone.
-    """
-
-    role: Role
+    role: Role  #: what it does
+    #: which of so many supporters (or searchers) it is, counted from the right side of the field (least y)
     place: int = 0
     places: int = 1
-    is_agreed: bool = False
+    is_agreed: bool = False  #: whether another robot was heard of that plays in the field; else it decides alone
 
 
 class RoleChooser:

@@ -19,71 +19,42 @@ from robocup_vision.kernels.tracking.choice import choose_together, keep_near
 class MovingObjectsSettings:
     """How `MovingObjects` follows what moves.
 
-    Parameters
-    ----------
-    acceleration_mps2 : float
-        How hard the objects accelerate: standard deviation of the white acceleration that the filters allow.
-    speed_mps : float
-        How fast they may be at first sight: standard deviation.
-    steady_s : float
-        Time constant with which the velocity of an object without detections decays: it stops or turns sooner or later.
-    lifetime_s : float
-        Mean time for which an object stays on the field.
-    detection_probability : float
-        Fraction of the frames in which an object is detected that nothing hides.
-    clutter_per_m2 : float
-        False detections a frame and square metre.
-    width_m : float
-        Of the objects: what they hide, and the distance within which several detections belong to one object.
-    gate : float
-        Squared Mahalanobis distance of a detection that may still belong to a branch: chi-square with 2 degrees of
-        freedom, 99.9 %.
-    first_log_odds : float
-        Log-odds that a detection which no track explains is a new object.
-    confirmed_log_odds, deleted_log_odds : float
-        From the first on an object is reported; below the second it is deleted. Two bounds, so that a track does not
-        come and go.
-    min_frames : int
-        An object is reported after this many detections at the earliest.
-    coast_s : float
-        An object without a detection for longer than this is deleted.
-    near_ratio : float
-        A reported position is right within this fraction of the object's width: half of what a robot would touch.
-    unknown_ratio : float
-        Fraction of the covariance that a missed detection leaves at least: nine points cannot show less.
-    history_frames : int
-        Frames after which a choice between branches is final, and over which equal branches are one.
-    max_log_ratio : float
-        A branch that is less likely than its tree's best by more than this log-likelihood ratio is deleted.
-    max_branches : int
-        Branches kept of each object's tree.
-    max_steps : int
-        Steps of the joint choice of branches, after which the best choice so far is taken: bounds its time.
-
     Raises
     ------
     ArgumentError
         If one of them is out of range.
     """
 
+    #: how hard the objects accelerate: standard deviation of the white acceleration that the filters allow
     acceleration_mps2: float = 1.5
-    speed_mps: float = 0.7
+    speed_mps: float = 0.7  #: how fast they may be at first sight: standard deviation
+    #: time constant with which the velocity of an object without detections decays: it stops or turns sooner or later
     steady_s: float = 1.5
-    lifetime_s: float = 100.0
-    detection_probability: float = 0.8
-    clutter_per_m2: float = 0.2
+    lifetime_s: float = 100.0  #: mean time for which an object stays on the field
+    detection_probability: float = 0.8  #: fraction of the frames in which an object is detected that nothing hides
+    clutter_per_m2: float = 0.2  #: false detections a frame and square metre
+    #: of the objects: what they hide, and the distance within which several detections belong to one object
     width_m: float = 0.18
+    #: squared Mahalanobis distance of a detection that may still belong to a branch: chi-square with 2 degrees of
+    #: freedom, 99.9 %
     gate: float = 13.8
-    first_log_odds: float = -3.0
+    first_log_odds: float = -3.0  #: log-odds that a detection which no track explains is a new object
+    #: from the first on an object is reported; below the second it is deleted. Two bounds, so that a track does not
+    #: come and go.
     confirmed_log_odds: float = 4.0
     deleted_log_odds: float = -3.0
-    min_frames: int = 3
-    coast_s: float = 3.0
+    min_frames: int = 3  #: an object is reported after this many detections at the earliest
+    coast_s: float = 3.0  #: an object without a detection for longer than this is deleted
+    #: a reported position is right within this fraction of the object's width: half of what a robot would touch
     near_ratio: float = 2 / 3
+    #: fraction of the covariance that a missed detection leaves at least: nine points cannot show less
     unknown_ratio: float = 0.05
+    #: frames after which a choice between branches is final, and over which equal branches are one
     history_frames: int = 5
+    #: a branch that is less likely than its tree's best by more than this log-likelihood ratio is deleted
     max_log_ratio: float = 7.0
-    max_branches: int = 12
+    max_branches: int = 12  #: branches kept of each object's tree
+    #: steps of the joint choice of branches, after which the best choice so far is taken: bounds its time
     max_steps: int = 1000
 
     def __post_init__(self) -> None:
@@ -109,36 +80,16 @@ class MovingObjectsSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Branches:
-    """Branches of track trees.
+    """Branches of track trees."""
 
-    Parameters
-    ----------
-    tree : (L,) int64
-        Which tree each belongs to.
-    mean : (L, 4) float64
-        x, y, vx, vy in the field frame, m and m/s.
-    covariance : (L, 4, 4) float64
-        Of these.
-    evidence : (L,) float64
-        Log-likelihood ratio of all its detections and misses against clutter.
-    odds : (L,) float64
-        Logarithm of the odds that the object is still there.
-    coasted_s : (L,) float64
-        Seconds since the last detection.
-    missed : (L,) int64
-        Frames since then.
-    history : (L, H) int64
-        The last detections, newest first, by their running number; -1 where missed.
-    """
-
-    tree: Int64Array
-    mean: FloatArray
-    covariance: FloatArray
-    evidence: FloatArray
-    odds: FloatArray
-    coasted_s: FloatArray
-    missed: Int64Array
-    history: Int64Array
+    tree: Int64Array  #: (L,) int64: which tree each belongs to
+    mean: FloatArray  #: (L, 4) float64: x, y, vx, vy in the field frame, m and m/s
+    covariance: FloatArray  #: (L, 4, 4) float64: of these
+    evidence: FloatArray  #: (L,) float64: log-likelihood ratio of all its detections and misses against clutter
+    odds: FloatArray  #: (L,) float64: logarithm of the odds that the object is still there
+    coasted_s: FloatArray  #: (L,) float64: seconds since the last detection
+    missed: Int64Array  #: (L,) int64: frames since then
+    history: Int64Array  #: (L, H) int64: the last detections, newest first, by their running number; -1 where missed
 
     def __len__(self) -> int:
         return len(self.tree)

@@ -24,19 +24,12 @@ from robocup_vision.perception.obstacles import Obstacle, join_places
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
-    """Something detected where the floor is known to be free.
+    """Something detected where the floor is known to be free."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its middle, robot frame.
-    covariance : (2, 2) float64
-        Of that as the sensor measures it, square metres.
-    """
-
+    #: its middle, robot frame
     x_m: float
     y_m: float
-    covariance: FloatArray
+    covariance: FloatArray  #: (2, 2) float64: of that as the sensor measures it, square metres
 
     def __post_init__(self) -> None:
         covariance = read_only(self.covariance)
@@ -49,24 +42,15 @@ class Detection:
 class KnownFreeSpace:
     """Where nothing stands that does not move, as cells of the field frame.
 
-    Parameters
-    ----------
-    free : (H, W) bool
-        Row by y, column by x.
-    corner_m : (float, float)
-        Middle of cell [0, 0], field frame.
-    cell_m : float
-        Their size.
-
     Raises
     ------
     ArgumentError
         If the cells are not a table or have no size.
     """
 
-    free: npt.NDArray[np.bool_]
-    corner_m: tuple[float, float]
-    cell_m: float
+    free: npt.NDArray[np.bool_]  #: (H, W) bool: row by y, column by x
+    corner_m: tuple[float, float]  #: middle of cell [0, 0], field frame
+    cell_m: float  #: their size
 
     def __post_init__(self) -> None:
         free = np.array(self.free, dtype=bool)
@@ -106,30 +90,19 @@ class KnownFreeSpace:
 class ReturnDetector:
     """Finds returns inside known free space, each as the centre of an object.
 
-    Parameters
-    ----------
-    known_free : KnownFreeSpace
-        Only a return inside is a candidate.
-    radius_m : float
-        Of the objects, taken for upright cylinders: 0.09 m for a robot of the small-size league.
-    range_std : (float, float)
-        Standard deviation of a measured range: metres, and fraction of the range. An obstacle that tells its own has
-        that.
-    longest_m : float
-        Returns farther away are left out.
-    inside_sigmas : float
-        A return counts as inside when it is farther from the border than this many standard deviations of its position.
-
     Raises
     ------
     ArgumentError
         If radius or deviation is not positive.
     """
 
-    known_free: KnownFreeSpace
-    radius_m: float = 0.09
+    known_free: KnownFreeSpace  #: only a return inside is a candidate
+    radius_m: float = 0.09  #: of the objects, taken for upright cylinders: 0.09 m for a robot of the small-size league
+    #: standard deviation of a measured range: metres, and fraction of the range. An obstacle that tells its own has
+    #: that.
     range_std: tuple[float, float] = (0.01, 0.02)
-    longest_m: float = math.inf
+    longest_m: float = math.inf  #: returns farther away are left out
+    #: a return counts as inside when it is farther from the border than this many standard deviations of its position
     inside_sigmas: float = 3.0
 
     def __post_init__(self) -> None:

@@ -30,46 +30,26 @@ _LOOK_AFTER_S = 5.0
 
 @dataclass(frozen=True)
 class Pool:
-    """Workers that are ready.
+    """Workers that are ready."""
 
-    Parameters
-    ----------
-    executor : Executor
-        Hands out calls.
-    do : callable
-        What it calls: ``do(batch)`` returns a list with the result of each piece.
-    slots : callable
-        Returns how many batches are worked on at a time, now; 0 where a batch is done as it is handed out.
-    look_after : callable
-        Called now and then while nothing is finished; raises `RobocupVisionError` where nothing will be.
-    """
-
-    executor: Executor
-    do: Callable[[list[Any]], list[Any]]
+    executor: Executor  #: hands out calls
+    do: Callable[[list[Any]], list[Any]]  #: what it calls: ``do(batch)`` returns a list with the result of each piece
+    #: returns how many batches are worked on at a time, now; 0 where a batch is done as it is handed out
     slots: Callable[[], int]
+    #: called now and then while nothing is finished; raises `RobocupVisionError` where nothing will be
     look_after: Callable[[], None] = lambda: None
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Where pieces are worked on.
+    """Where pieces are worked on."""
 
-    Parameters
-    ----------
-    open_pool : callable
-        ``open_pool(start)`` returns a context manager of a `Pool`; called anew when workers were lost.
-    losses : tuple of exception types
-        What a batch fails with when its worker was lost.
-    is_here : bool
-        Whether this process does all the work.
-    share_files : bool
-        Whether the workers read the files that this process reads.
-    """
-
+    #: ``open_pool(start)`` returns a context manager of a `Pool`; called anew when workers were lost
     open_pool: Callable[[Start[Any, Any]], AbstractContextManager[Pool]]
+    #: what a batch fails with when its worker was lost
     losses: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
-    is_here: bool = False
-    share_files: bool = True
+    is_here: bool = False  #: whether this process does all the work
+    share_files: bool = True  #: whether the workers read the files that this process reads
 
 
 def run_pieces(

@@ -43,58 +43,37 @@ _BENDS_CHI2 = 13.8
 
 @dataclass(frozen=True, slots=True)
 class EdgeCalibrationSettings:
-    """Settings of a calibration by edges.
+    """Settings of a calibration by edges."""
 
-    Parameters
-    ----------
-    start_frames : int
-        Pictures that starts are compared by; one that has located none of the first half of them is given up.
-    starts_followed, rounds : int
-        Starts that all pictures are located by; how often they are located with the best, each time with the result
-        before: the second time more of them are located, the third time nothing changes.
-    angle_std_rad, height_ratio, focal_std : float
-        Standard deviations while starts are compared: of the tilt, of the height and of the focal length, the latter
-        two by themselves. The poses found serve to begin a fit.
-    start_range_m, range_m : float
-        How far lines may be away that a start, and that a result, proposes poses by.
-    min_log_odds, candidates, max_std_m : float, CandidateSettings, float
-        What a picture alone must show of its pose. That is less than one that is to be located: the pictures together
-        decide, as one camera must fit them all.
-    fit : JointFitSettings
-        Of the joint fit.
-    """
-
+    #: pictures that starts are compared by; one that has located none of the first half of them is given up
     start_frames: int = 6
+    #: starts that all pictures are located by; how often they are located with the best, each time with the result
+    #: before: the second time more of them are located, the third time nothing changes
     starts_followed: int = 4
     rounds: int = 3
+    #: standard deviations while starts are compared: of the tilt, of the height and of the focal length, the latter two
+    #: by themselves. The poses found serve to begin a fit.
     angle_std_rad: float = 0.05
     height_ratio: float = 0.1
     focal_std: float = 0.06
+    #: how far lines may be away that a start, and that a result, proposes poses by
     start_range_m: float = 6.0
     range_m: float = 10.0
+    #: what a picture alone must show of its pose. That is less than one that is to be located: the pictures together
+    #: decide, as one camera must fit them all.
     min_log_odds: float = -4.0
     candidates: CandidateSettings = CandidateSettings(min_probability=0.1, max_candidates=1)
     max_std_m: float = 0.3
-    fit: JointFitSettings = JointFitSettings()
+    fit: JointFitSettings = JointFitSettings()  #: of the joint fit
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeCalibration:
-    """A camera by edges.
+    """A camera by edges."""
 
-    Parameters
-    ----------
-    camera : PinholeCamera
-        The result.
-    parameters : ForwardParameters
-        What the vector of the fit means.
-    fit : JointFit
-        The last fit.
-    """
-
-    camera: PinholeCamera
-    parameters: ForwardParameters
-    fit: JointFit
+    camera: PinholeCamera  #: the result
+    parameters: ForwardParameters  #: what the vector of the fit means
+    fit: JointFit  #: the last fit
 
     @property
     def covariance(self) -> FloatArray:

@@ -48,47 +48,33 @@ _MEDIAN_CHI2 = 1.386
 
 @dataclass(frozen=True, slots=True)
 class GoalCalibrationSettings:
-    """Settings of a calibration by goals.
+    """Settings of a calibration by goals."""
 
-    Parameters
-    ----------
-    focal_std, height_std_m : float
-        Standard deviations of a start, of the logarithm of the focal length and of the height: farther off, goals are
-        not found.
-    log_focals : tuple of float
-        Logarithms of the focal length that are tried about a start.
-    views_rad, heights_m : tuple of float
-        Horizontal fields of view and heights that are tried without a start: common lenses, small and larger robots.
-    start_frames, starts_tried, rounds : int
-        Pictures that starts are compared by; starts that are followed to the end; fits of all pictures, each about the
-        result before: later ones change nothing.
-    bloom_std_px : float
-        Standard deviation of how far bright paint bleeds over its edge.
-    widening : float
-        The prior of a round is the result of the one before, with its standard deviations times this.
-    min_focal_std, min_height_std_m : float
-        Lower bounds of those: a round that is too sure of itself would fix the next one.
-    max_deviation : float
-        Pictures farther from the rest than so many standard deviations, in two numbers, are left out.
-    max_tilt_spread_rad : float
-        A camera whose tilt differs less than this between pictures is fixed on its robot.
-    """
-
+    #: standard deviations of a start, of the logarithm of the focal length and of the height: farther off, goals are
+    #: not found
     focal_std: float = 0.05
     height_std_m: float = 0.03
+    #: logarithms of the focal length that are tried about a start
     log_focals: tuple[float, ...] = tuple(0.04 * i for i in range(-4, 5))
+    #: horizontal fields of view and heights that are tried without a start: common lenses, small and larger robots
     views_rad: tuple[float, ...] = tuple(
         math.radians(degrees) for degrees in (44, 46, 48.5, 51, 53.5, 56, 59, 62, 65, 68, 71, 75, 79, 83)
     )
     heights_m: tuple[float, ...] = (0.19, 0.45)
+    #: pictures that starts are compared by; starts that are followed to the end; fits of all pictures, each about the
+    #: result before: later ones change nothing
     start_frames: int = 5
     starts_tried: int = 3
     rounds: int = 3
-    bloom_std_px: float = 1.0
+    bloom_std_px: float = 1.0  #: standard deviation of how far bright paint bleeds over its edge
+    #: the prior of a round is the result of the one before, with its standard deviations times this
     widening: float = 3.0
+    #: lower bounds of those: a round that is too sure of itself would fix the next one
     min_focal_std: float = 0.01
     min_height_std_m: float = 0.01
+    #: pictures farther from the rest than so many standard deviations, in two numbers, are left out
     max_deviation: float = 3.5
+    #: a camera whose tilt differs less than this between pictures is fixed on its robot
     max_tilt_spread_rad: float = math.radians(1.0)
 
 

@@ -48,27 +48,18 @@ _STEP = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class StartStd:
-    """How well a start is known: standard deviations before any picture.
+    """How well a start is known: standard deviations before any picture."""
 
-    Parameters
-    ----------
-    angle_rad, height_m, log_focal : float
-        Of tilt and roll, of the height, and of the logarithm of the focal length.
-    center_ratio, fisheye_center_ratio : float
-        Of each coordinate of the centre, by the picture's width: of a fisheye as lenses sit on sensors; of a pinhole
-        camera less, as its centre is hardly told from its tilt.
-    log_line_width : float
-        Of the logarithm of the painted lines' width: a tape measure's or a painter's tenth.
-    coefficients, fisheye_coefficients : (float, float)
-        Of the first two coefficients of the distortion, and of a fisheye: those of common lenses.
-    """
-
+    #: of tilt and roll, of the height, and of the logarithm of the focal length
     angle_rad: float = 0.1
     height_m: float = 0.1
     log_focal: float = 0.15
+    #: of each coordinate of the centre, by the picture's width: of a fisheye as lenses sit on sensors; of a pinhole
+    #: camera less, as its centre is hardly told from its tilt
     center_ratio: float = 0.005
     fisheye_center_ratio: float = 0.02
-    log_line_width: float = 0.05
+    log_line_width: float = 0.05  #: of the logarithm of the painted lines' width: a tape measure's or a painter's tenth
+    #: of the first two coefficients of the distortion, and of a fisheye: those of common lenses
     coefficients: tuple[float, float] = (0.2, 0.2)
     fisheye_coefficients: tuple[float, float] = (0.05, 0.02)
 
@@ -146,73 +137,45 @@ _OWN = 6
 
 @dataclass(frozen=True, slots=True)
 class JointFitSettings:
-    """Settings of the joint fit. Pixels are of any picture, but for those of a picture 208 wide where it says so.
+    """Settings of the joint fit. Pixels are of any picture, but for those of a picture 208 wide where it says so."""
 
-    Parameters
-    ----------
-    sway_std_rad, sway_std_m : float
-        How far a body nods, rolls and rises about its rest.
-    gates_px : tuple of float
-        Of the first steps, pixels of a picture 208 wide: from what a start is off down to noise.
-    last_gate, last_steps : float, int
-        Of the steps that follow: in robust standard deviations of the residuals, and their number.
-    alone_px, shared_px : float
-        Noise of a sample alone, and of what all samples of an edge have in common.
-    min_points, min_agreeing_ratio : int, float
-        Samples that a picture must show, and of these those that the fit must explain, or it is left out.
-    max_spread_ratio : float
-        A picture whose residuals are so many times wider than the median picture's was placed wrongly: it is left out.
-    """
-
+    #: how far a body nods, rolls and rises about its rest
     sway_std_rad: float = 0.01
     sway_std_m: float = 0.003
+    #: of the first steps, pixels of a picture 208 wide: from what a start is off down to noise
     gates_px: tuple[float, ...] = (4.0, 4.0, 3.0, 2.0, 1.5)
+    #: of the steps that follow: in robust standard deviations of the residuals, and their number
     last_gate: float = 3.5
     last_steps: int = 5
+    #: noise of a sample alone, and of what all samples of an edge have in common
     alone_px: float = 0.15
     shared_px: float = 0.2
+    #: samples that a picture must show, and of these those that the fit must explain, or it is left out
     min_points: int = 12
     min_agreeing_ratio: float = 0.5
+    #: a picture whose residuals are so many times wider than the median picture's was placed wrongly: it is left out
     max_spread_ratio: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """A picture of which is known where it was taken.
+    """A picture of which is known where it was taken."""
 
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    held : (7,) float64
-        Unknowns of `kernels.model_edges`: the camera's place, heading, tilt, roll and height; then 0.
-    edges : FieldEdges
-        The field's edges, paint as bright as the picture shows it.
-    """
-
-    frame: UInt8Array
+    frame: UInt8Array  #: (H, W, 3) uint8: BGR
+    #: (7,) float64: unknowns of `kernels.model_edges`: the camera's place, heading, tilt, roll and height; then 0
     held: FloatArray
-    edges: tables.FieldEdges
+    edges: tables.FieldEdges  #: the field's edges, paint as bright as the picture shows it
 
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """A camera by many pictures.
+    """A camera by many pictures."""
 
-    Parameters
-    ----------
-    vector, covariance : (G,), (G, G) float64
-        Of what is common.
-    held : mapping of int to (7,) float64
-        Of each picture that agrees: the unknowns of `kernels.model_edges`.
-    residual_px : mapping of int to (N,) float64
-        Of the samples that count in each of them.
-    """
-
+    #: (G,), (G, G) float64: of what is common
     vector: FloatArray
     covariance: FloatArray
-    held: Mapping[int, FloatArray]
-    residual_px: Mapping[int, FloatArray]
+    held: Mapping[int, FloatArray]  #: of each picture that agrees: the unknowns of `kernels.model_edges`
+    residual_px: Mapping[int, FloatArray]  #: of the samples that count in each of them
 
     def pose(self, index: int) -> Pose2:
         """Pose of the camera in a picture."""

@@ -133,30 +133,17 @@ class KnownOfCamera:
 
 @dataclass(frozen=True, slots=True)
 class StartSettings:
-    """What is tried where it is not known: steps are as far apart as a fit bridges.
+    """What is tried where it is not known: steps are as far apart as a fit bridges."""
 
-    Parameters
-    ----------
-    pinhole_views_rad, fisheye_views_rad : (float, float)
-        Least and greatest horizontal field of view.
-    focal_step : float
-        From one focal length to the next, as a logarithm.
-    heights_m : tuple of float
-        Of small robots to those of the middle size, and large humanoids.
-    tilts_rad : (float, float)
-        Least and greatest.
-    tilt_step_rad : float
-        From one to the next.
-    log_focals : tuple of float
-        Logarithms of the focal length that are tried about that of a camera file.
-    """
-
+    #: least and greatest horizontal field of view
     pinhole_views_rad: tuple[float, float] = (math.radians(42.0), math.radians(96.0))
     fisheye_views_rad: tuple[float, float] = (math.radians(75.0), math.radians(190.0))
-    focal_step: float = 0.13
+    focal_step: float = 0.13  #: from one focal length to the next, as a logarithm
+    #: of small robots to those of the middle size, and large humanoids
     heights_m: tuple[float, ...] = (0.16, 0.21, 0.28, 0.37, 0.5, 0.66, 0.88)
-    tilts_rad: tuple[float, float] = (-0.7, 0.1)
-    tilt_step_rad: float = 0.1
+    tilts_rad: tuple[float, float] = (-0.7, 0.1)  #: least and greatest
+    tilt_step_rad: float = 0.1  #: from one to the next
+    #: logarithms of the focal length that are tried about that of a camera file
     log_focals: tuple[float, ...] = (-0.16, -0.08, 0.0, 0.08, 0.16)
 
 

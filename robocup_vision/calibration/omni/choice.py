@@ -17,24 +17,12 @@ from robocup_vision.calibration.omni.shape import FieldShape
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One family of cameras that was tried.
+    """One family of cameras that was tried."""
 
-    Parameters
-    ----------
-    curve : {"hyperboloid", "tangent", "table", "own"}
-        Its curve.
-    tilted : bool
-        Whether its tilt was free.
-    held_out_cost : float
-        Mean robust loss, 0 to 1, of the points held out of the fit.
-    held_out_px : float
-        Median distance of those that agree, pixels.
-    """
-
-    curve: Curve
-    tilted: bool
-    held_out_cost: float
-    held_out_px: float
+    curve: Curve  #: its curve
+    tilted: bool  #: whether its tilt was free
+    held_out_cost: float  #: mean robust loss, 0 to 1, of the points held out of the fit
+    held_out_px: float  #: median distance of those that agree, pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -27,24 +27,12 @@ _MIN_SLOPE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Measured points of several frames, frame by frame.
+    """Measured points of several frames, frame by frame."""
 
-    Parameters
-    ----------
-    pixels : (N, 2) float64
-        Places in the image.
-    frame : (N,) int64
-        Index of the frame, ascending; every frame has points.
-    is_line : (N,) bool
-        On a painted line; else at the foot of a wall.
-    weight : (N,) float64
-        Weight of each.
-    """
-
-    pixels: FloatArray
-    frame: Int64Array
-    is_line: npt.NDArray[np.bool_]
-    weight: FloatArray
+    pixels: FloatArray  #: (N, 2) float64: places in the image
+    frame: Int64Array  #: (N,) int64: index of the frame, ascending; every frame has points
+    is_line: npt.NDArray[np.bool_]  #: (N,) bool: on a painted line; else at the foot of a wall
+    weight: FloatArray  #: (N,) float64: weight of each
 
     def take(self, chosen: npt.NDArray[np.bool_]) -> Points:
         """Return the points where this mask is true."""
@@ -58,30 +46,16 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A camera and poses that explain the points.
+    """A camera and poses that explain the points."""
 
-    Parameters
-    ----------
-    model : CameraModel
-        The family.
-    vector : (G,) float64
-        Its member.
-    poses : (F, 3) float64
-        x, y, theta of the robot in every frame.
-    cost : float
-        Weighted mean of r^2 / (r^2 + s^2), 0 to 1.
-    residual_px : (N,) float64
-        Signed distances; infinite where a line point shows no floor near the field.
-    paint_m : (L, 3) float64 or None
-        Where each line and arc is painted, from where the field has it: sideways at the start and at the end of a line;
-        radius and centre of an arc. None: just there.
-    """
-
-    model: CameraModel
-    vector: FloatArray
-    poses: FloatArray
-    cost: float
+    model: CameraModel  #: the family
+    vector: FloatArray  #: (G,) float64: its member
+    poses: FloatArray  #: (F, 3) float64: x, y, theta of the robot in every frame
+    cost: float  #: weighted mean of r^2 / (r^2 + s^2), 0 to 1
+    #: (N,) float64: signed distances; infinite where a line point shows no floor near the field
     residual_px: FloatArray
+    #: (L, 3) float64: where each line and arc is painted, from where the field has it: sideways at the start and at the
+    #: end of a line; radius and centre of an arc. None: just there.
     paint_m: FloatArray | None = None
 
     @property

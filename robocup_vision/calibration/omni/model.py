@@ -33,20 +33,11 @@ CENTER, TILT, SCALE, HORIZON, SHAPE = slice(0, 2), slice(2, 4), 4, 5, slice(6, N
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BentCurve:
-    """A curve whose image radius is stretched a little, smoothly along the radius; written as a table.
+    """A curve whose image radius is stretched a little, smoothly along the radius; written as a table."""
 
-    Parameters
-    ----------
-    base : Hyperboloid or Table
-        What is bent.
-    nodes_px : (B,) float64
-        Image radii, increasing.
-    stretch : (B,) float64
-        By how much the radius is stretched at the nodes, of itself; linear between them, constant beyond.
-    """
-
-    base: Hyperboloid | Table
-    nodes_px: FloatArray
+    base: Hyperboloid | Table  #: what is bent
+    nodes_px: FloatArray  #: (B,) float64: image radii, increasing
+    #: (B,) float64: by how much the radius is stretched at the nodes, of itself; linear between them, constant beyond
     stretch: FloatArray
 
     def inverse_range_per_m(self, radius_px: npt.ArrayLike) -> FloatArray:
@@ -120,20 +111,12 @@ class CameraModel:
     The vector: centre u, v (px); tilt about x, y (rad); log K, log H; a hyperboloid's and a table's log of sqrt(C)/H;
     the stretches of a table, and of the family "own", which stretches the table of `frame`. Of the family "magnified"
     the first four, and the logarithm of the curve's magnification.
-
-    Parameters
-    ----------
-    frame : OmniCamera
-        Gives everything that is not in the vector: size, usable radii, heading, offset, whether it is mirrored.
-    curve : {"hyperboloid", "tangent", "table", "own", "magnified"}
-        The family.
-    settings : CameraModelSettings, optional
-        Prior and bounds of the vector.
     """
 
+    #: gives everything that is not in the vector: size, usable radii, heading, offset, whether it is mirrored
     frame: OmniCamera
-    curve: Family
-    settings: CameraModelSettings = CameraModelSettings()
+    curve: Family  #: the family
+    settings: CameraModelSettings = CameraModelSettings()  #: prior and bounds of the vector
 
     @property
     def size(self) -> int:

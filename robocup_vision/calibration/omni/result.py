@@ -18,56 +18,31 @@ from robocup_vision.geometry import Pose2
 
 @dataclass(frozen=True, eq=False)
 class CalibratedFrame:
-    """One frame of a calibration.
+    """One frame of a calibration."""
 
-    Parameters
-    ----------
-    index : int
-        Index among the frames given.
-    name : str
-        Its name.
-    pose : Pose2
-        Of the robot; on a point-symmetric field perhaps half a turn off.
-    boundary_px, line_px : (B, 2) float64, (L, 2) float64
-        Points of the floor's edge and of painted lines.
-    boundary_residual_px, line_residual_px : (B,) float64, (L,) float64
-        Their signed distances from the walls and lines of the pose.
-    """
-
-    index: int
+    index: int  #: index among the frames given
     name: str
-    pose: Pose2
+    pose: Pose2  #: of the robot; on a point-symmetric field perhaps half a turn off
+    #: (B, 2) float64, (L, 2) float64: points of the floor's edge and of painted lines
     boundary_px: FloatArray
     line_px: FloatArray
+    #: (B,) float64, (L,) float64: their signed distances from the walls and lines of the pose
     boundary_residual_px: FloatArray
     line_residual_px: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class OmniCalibration:
-    """A calibrated mirror camera with its uncertainty.
+    """A calibrated mirror camera with its uncertainty."""
 
-    Parameters
-    ----------
-    camera : OmniCamera
-        Ready for a camera file.
-    frames : tuple of CalibratedFrame
-        The frames used.
-    std : mapping of str to float
-        Standard deviations: ``center_u_px``, ``center_v_px``, ``tilt_x_rad``, ``tilt_y_rad``, and, relative, those of
-        the curve's two main numbers, ``scale`` (near the centre) and ``horizon``. They are marginal: a number that
-        correlates with another has a large one.
-    choices : tuple of Choice
-        Families of curves that were tried, the chosen one first.
-    notes : tuple of str
-        What the images do not determine, or do not separate, and which frames were left out.
-    """
-
-    camera: OmniCamera
-    frames: tuple[CalibratedFrame, ...]
+    camera: OmniCamera  #: ready for a camera file
+    frames: tuple[CalibratedFrame, ...]  #: the frames used
+    #: standard deviations: ``center_u_px``, ``center_v_px``, ``tilt_x_rad``, ``tilt_y_rad``, and, relative, those of
+    #: the curve's two main numbers, ``scale`` (near the centre) and ``horizon``. They are marginal: a number that
+    #: correlates with another has a large one.
     std: dict[str, float]
-    choices: tuple[Choice, ...]
-    notes: tuple[str, ...]
+    choices: tuple[Choice, ...]  #: families of curves that were tried, the chosen one first
+    notes: tuple[str, ...]  #: what the images do not determine, or do not separate, and which frames were left out
 
 
 def standard_deviations(fit: Fit, covariance: FloatArray) -> dict[str, float]:

@@ -21,21 +21,11 @@ from robocup_vision.kernels.walls.calibration import MirrorView, floor_points
 
 
 class LineForms(NamedTuple):
-    """On which line or arc floor points lie, and their covectors.
+    """On which line or arc floor points lie, and their covectors."""
 
-    Parameters
-    ----------
-    which : (N,) int64
-        The line; arcs follow the lines.
-    form : (N, 3) float64
-        n_x, n_y, -d of the line; an arc's is that of its tangent there.
-    part : (N,) float64
-        How far along the line, 0 at its start to 1 at its end; NaN on an arc.
-    """
-
-    which: Int64Array
-    form: FloatArray
-    part: FloatArray
+    which: Int64Array  #: (N,) int64: the line; arcs follow the lines
+    form: FloatArray  #: (N, 3) float64: n_x, n_y, -d of the line; an arc's is that of its tangent there
+    part: FloatArray  #: (N,) float64: how far along the line, 0 at its start to 1 at its end; NaN on an arc
 
 
 class FieldShape:
@@ -110,20 +100,11 @@ _NUMBERS = 3
 
 @dataclass(frozen=True, eq=False)
 class OnPaint:
-    """Which points lie on a line or arc near the field, and how its paint moves what they are compared with.
+    """Which points lie on a line or arc near the field, and how its paint moves what they are compared with."""
 
-    Parameters
-    ----------
-    is_line : (N,) bool
-        Of all points.
-    which : (K,) int64
-        Line or arc of each of those points.
-    by_paint : (K, 3) float64
-        By how much the line lies farther out at that point, for each of its paint's numbers.
-    """
-
-    is_line: npt.NDArray[np.bool_]
-    which: Int64Array
+    is_line: npt.NDArray[np.bool_]  #: (N,) bool: of all points
+    which: Int64Array  #: (K,) int64: line or arc of each of those points
+    #: (K, 3) float64: by how much the line lies farther out at that point, for each of its paint's numbers
     by_paint: FloatArray
 
     @staticmethod

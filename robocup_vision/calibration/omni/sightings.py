@@ -24,30 +24,15 @@ from robocup_vision.vision import Vision
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """The points of one frame.
+    """The points of one frame."""
 
-    Parameters
-    ----------
-    index : int
-        Number of the frame.
-    radius_px : (K,) float64
-        Image radius of the floor's edge at each bearing about the observer's centre; NaN where none.
-    boundary_px : (B, 2) float64
-        The same as pixels, without gaps.
-    line_px : (L, 2) float64
-        Points on painted lines.
-    line_weight : (L,) float64
-        1 with floor on both sides, less otherwise.
-    pose : Pose2 or None
-        The robot's pose by this frame and the observer's camera.
-    """
-
-    index: int
+    index: int  #: number of the frame
+    #: (K,) float64: image radius of the floor's edge at each bearing about the observer's centre; NaN where none
     radius_px: FloatArray
-    boundary_px: FloatArray
-    line_px: FloatArray
-    line_weight: FloatArray
-    pose: Pose2 | None
+    boundary_px: FloatArray  #: (B, 2) float64: the same as pixels, without gaps
+    line_px: FloatArray  #: (L, 2) float64: points on painted lines
+    line_weight: FloatArray  #: (L,) float64: 1 with floor on both sides, less otherwise
+    pose: Pose2 | None  #: the robot's pose by this frame and the observer's camera
 
 
 class Observer:

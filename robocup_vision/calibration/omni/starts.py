@@ -36,36 +36,16 @@ _UNITS = 86.0
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Finds starts of a fit: curves, with a pose for each frame.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    shape : FieldShape
-        Its walls and lines.
-    line_map : LineMap
-        Its lines.
-    model : CameraModel
-        The family of curves.
-    start : (G,) float64
-        Mean of the prior: a camera file's vector, or a guess.
-    bounds : ((G,), (G,)) float64
-        Lower and upper bound of the vector.
-    is_guess : bool
-        Whether the start's curve is a guess; its horizon is then not used.
-    settings : OmniCalibrationSettings, optional
-        Its `starts` and `fit` are used.
-    """
+    """Finds starts of a fit: curves, with a pose for each frame."""
 
     field: Field
     shape: FieldShape
     line_map: LineMap
-    model: CameraModel
-    start: FloatArray
-    bounds: tuple[FloatArray, FloatArray]
-    is_guess: bool
-    settings: OmniCalibrationSettings = OmniCalibrationSettings()
+    model: CameraModel  #: the family of curves
+    start: FloatArray  #: (G,) float64: mean of the prior: a camera file's vector, or a guess
+    bounds: tuple[FloatArray, FloatArray]  #: ((G,), (G,)) float64: lower and upper bound of the vector
+    is_guess: bool  #: whether the start's curve is a guess; its horizon is then not used
+    settings: OmniCalibrationSettings = OmniCalibrationSettings()  #: its `starts` and `fit` are used
 
     @property
     def unit_px(self) -> float:

@@ -78,27 +78,13 @@ MORE = "give more frames, from other places and headings"
 
 @dataclass(frozen=True, eq=False)
 class Trust:
-    """Says why a fit cannot be trusted.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    line_map : LineMap
-        Its lines.
-    started : bool
-        Whether there was a start.
-    unit_px : float
-        Pixels of one unit of the weights' widths.
-    settings : OmniCalibrationSettings, optional
-        Its limits are used.
-    """
+    """Says why a fit cannot be trusted."""
 
     field: Field
     line_map: LineMap
-    started: bool
-    unit_px: float
-    settings: OmniCalibrationSettings = OmniCalibrationSettings()
+    started: bool  #: whether there was a start
+    unit_px: float  #: pixels of one unit of the weights' widths
+    settings: OmniCalibrationSettings = OmniCalibrationSettings()  #: its limits are used
 
     def problem(self, fit: Fit, covariance: FloatArray, points: Points, model: CameraModel) -> str:
         """Return why a fit cannot be trusted; empty if it can.

@@ -110,39 +110,22 @@ def _make_evidence(
 
 @dataclass(frozen=True, slots=True)
 class OnlineState:
-    """State of an online calibration.
+    """State of an online calibration."""
 
-    Parameters
-    ----------
-    center_px, tilt_rad : (float, float)
-        Now in use. Of a pinhole camera tilt and roll.
-    center_std_px, tilt_std_rad : (float, float)
-        Their standard deviations.
-    scale, scale_std : float
-        Factor of the image about its centre, against the camera file's; its standard deviation.
-    moved_px : float
-        Distance of the centre from the camera file's.
-    tilted_rad : float
-        Difference of the tilt from the camera file's.
-    at_bound : bool
-        Whether the estimate lies at the bound: then calibrate again, or look for a loose mount.
-    steps : int
-        Number of changes of the camera so far.
-    knocks : int
-        Number of knocks noticed so far.
-    """
-
+    #: now in use. Of a pinhole camera tilt and roll.
     center_px: tuple[float, float]
     tilt_rad: tuple[float, float]
+    #: their standard deviations
     center_std_px: tuple[float, float]
     tilt_std_rad: tuple[float, float]
+    #: factor of the image about its centre, against the camera file's; its standard deviation
     scale: float
     scale_std: float
-    moved_px: float
-    tilted_rad: float
-    at_bound: bool
-    steps: int
-    knocks: int
+    moved_px: float  #: distance of the centre from the camera file's
+    tilted_rad: float  #: difference of the tilt from the camera file's
+    at_bound: bool  #: whether the estimate lies at the bound: then calibrate again, or look for a loose mount
+    steps: int  #: number of changes of the camera so far
+    knocks: int  #: number of knocks noticed so far
 
     def __str__(self) -> str:
         moved = f"centre moved by {self.moved_px:.2f} px, tilt by {math.degrees(self.tilted_rad):.2f} deg"

@@ -21,59 +21,30 @@ _MEDIAN_TO_STD = 1.483
 
 
 class NoiseSettings(NamedTuple):
-    """Noise of measured points.
+    """Noise of measured points."""
 
-    Parameters
-    ----------
-    alone_px : float
-        Standard deviation of a point alone, at least.
-    shared_px : float
-        That of the offset which all points of a group share: an edge's paint and tape, a sector's lens or mirror.
-    """
-
-    alone_px: float
+    alone_px: float  #: standard deviation of a point alone, at least
+    #: that of the offset which all points of a group share: an edge's paint and tape, a sector's lens or mirror
     shared_px: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Residuals:
-    """Points of one frame against what a camera and the frame's own unknowns let expect.
+    """Points of one frame against what a camera and the frame's own unknowns let expect."""
 
-    Parameters
-    ----------
-    residual_px : (N,) float64
-        Expected less measured, along the normal of the edge.
-    by_camera : (N, G) float64
-        Derivatives by the camera's parameters.
-    by_frame : (N, F) float64
-        Derivatives by the frame's own unknowns.
-    group : (N,) int64
-        Points of one number err together.
-    """
-
-    residual_px: FloatArray
-    by_camera: FloatArray
-    by_frame: FloatArray
-    group: Int64Array
+    residual_px: FloatArray  #: (N,) float64: expected less measured, along the normal of the edge
+    by_camera: FloatArray  #: (N, G) float64: derivatives by the camera's parameters
+    by_frame: FloatArray  #: (N, F) float64: derivatives by the frame's own unknowns
+    group: Int64Array  #: (N,) int64: points of one number err together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Log-likelihood of the camera's parameters, as a Gaussian in information form, by one frame.
+    """Log-likelihood of the camera's parameters, as a Gaussian in information form, by one frame."""
 
-    Parameters
-    ----------
-    about : (G,) float64
-        Where it was worked out.
-    information : (G, G) float64
-        May be singular.
-    gradient : (G,) float64
-        Of the log-likelihood there.
-    """
-
-    about: FloatArray
-    information: FloatArray
-    gradient: FloatArray
+    about: FloatArray  #: (G,) float64: where it was worked out
+    information: FloatArray  #: (G, G) float64: may be singular
+    gradient: FloatArray  #: (G,) float64: of the log-likelihood there
 
 
 def spread_px(residual_px: FloatArray, min_px: float) -> float:

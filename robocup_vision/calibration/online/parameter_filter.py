@@ -57,25 +57,14 @@ class ParameterFilterSettings:
 
 @dataclass
 class CameraBelief:
-    """A Gaussian over a camera's parameters, and the places whose frames it is made of.
+    """A Gaussian over a camera's parameters, and the places whose frames it is made of."""
 
-    Parameters
-    ----------
-    mean, covariance : (G,), (G, G) float64
-        Of the parameters.
-    since_s : float
-        From when on the camera is believed to be as it is.
-    nats : float
-        How much likelier the frames since then are under it than under the estimate, logarithm.
-    places : list of Pose2
-        The camera's, newest last.
-    """
-
+    #: (G,), (G, G) float64: of the parameters
     mean: FloatArray
     covariance: FloatArray
-    since_s: float = 0.0
-    nats: float = 0.0
-    places: list[Pose2] = field(default_factory=list)
+    since_s: float = 0.0  #: from when on the camera is believed to be as it is
+    nats: float = 0.0  #: how much likelier the frames since then are under it than under the estimate, logarithm
+    places: list[Pose2] = field(default_factory=list)  #: the camera's, newest last
 
     def forget(self, keep: float, start: FloatArray, prior: FloatArray) -> None:
         """Return a little towards the prior: `keep` is what is left."""

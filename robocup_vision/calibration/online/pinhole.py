@@ -48,18 +48,14 @@ _HEIGHT = 2
 
 
 class FrameTerms(NamedTuple):
-    """What a frame tells of the camera's parameters and of its own unknowns, before these are left out.
+    """What a frame tells of the camera's parameters and of its own unknowns, before these are left out."""
 
-    Parameters
-    ----------
-    information, gradient : (12, 12), (12,) float64
-        Of the six parameters, then the camera's pose on the field, and the body's sway in tilt, roll and height.
-    own, slope : (6,), (6,) float64
-        Precision of the frame's own unknowns under their prior, and its gradient where the points were worked out.
-    """
-
+    #: (12, 12), (12,) float64: of the six parameters, then the camera's pose on the field, and the body's sway in tilt,
+    #: roll and height
     information: FloatArray
     gradient: FloatArray
+    #: (6,), (6,) float64: precision of the frame's own unknowns under their prior, and its gradient where the points
+    #: were worked out
     own: FloatArray
     slope: FloatArray
 

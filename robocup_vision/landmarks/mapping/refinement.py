@@ -24,22 +24,13 @@ _WIDTH2 = 9.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observations:
-    """What a run measured: K times a landmark from a frame.
+    """What a run measured: K times a landmark from a frame."""
 
-    Parameters
-    ----------
-    frame, landmark : (K,) int64
-        Which saw which; no pair twice.
-    measured_px : (K, 4) float64
-        u and v in the right image, u in the left, v in the upper.
-    std_px : (K,) float64
-        Of each number.
-    """
-
+    #: (K,) int64: which saw which; no pair twice
     frame: Int64Array
     landmark: Int64Array
-    measured_px: FloatArray
-    std_px: FloatArray
+    measured_px: FloatArray  #: (K, 4) float64: u and v in the right image, u in the left, v in the upper
+    std_px: FloatArray  #: (K,) float64: of each number
 
     def take(self, index: npt.NDArray[np.intp] | Int64Array | BoolArray) -> Observations:
         """Return some of them."""
@@ -48,27 +39,15 @@ class Observations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refined:
-    """An adjusted run.
+    """An adjusted run."""
 
-    Parameters
-    ----------
-    poses : (F, 3) float64
-        x, y, theta.
-    landmarks_m : (L, 3) float64
-        Field frame.
-    pose_covariances : (F, 3, 3) float64
-        Of the poses: how far the map may have drifted there. 0 for fixed ones.
-    covariances : (L, 3, 3) float64
-        Of the landmarks as seen from these poses, whose own uncertainty is common to neighbours.
-    noise : (L,) float64
-        How large each landmark's residuals are in units of `std_px`.
-    """
-
-    poses: FloatArray
-    landmarks_m: FloatArray
+    poses: FloatArray  #: (F, 3) float64: x, y, theta
+    landmarks_m: FloatArray  #: (L, 3) float64: field frame
+    #: (F, 3, 3) float64: of the poses: how far the map may have drifted there. 0 for fixed ones.
     pose_covariances: FloatArray
+    #: (L, 3, 3) float64: of the landmarks as seen from these poses, whose own uncertainty is common to neighbours
     covariances: FloatArray
-    noise: FloatArray
+    noise: FloatArray  #: (L,) float64: how large each landmark's residuals are in units of `std_px`
 
 
 def refine(

@@ -32,18 +32,10 @@ from robocup_vision.geometry import Pose2
 
 @dataclass(frozen=True, eq=False)
 class TrinocularRig:
-    """Three equal cameras in an L: the right one is the reference, one is to its left and one above it.
+    """Three equal cameras in an L: the right one is the reference, one is to its left and one above it."""
 
-    Parameters
-    ----------
-    right : PinholeCamera
-        The reference, as mounted on the robot; its tilt must be known.
-    baseline_m : float
-        From it to each of the others, along its own image axes.
-    """
-
-    right: PinholeCamera
-    baseline_m: float = 0.0996
+    right: PinholeCamera  #: the reference, as mounted on the robot; its tilt must be known
+    baseline_m: float = 0.0996  #: from it to each of the others, along its own image axes
 
     def __post_init__(self) -> None:
         if not self.baseline_m > 0:
@@ -79,27 +71,13 @@ class _RunFile(StrictStruct):
 
 @dataclass(frozen=True, eq=False)
 class MappingRun:
-    """A run, its images still on the disk.
+    """A run, its images still on the disk."""
 
-    Parameters
-    ----------
-    folder : Path
-        Holds right/, left/ and top/.
-    names : tuple of str
-        Of the images, one a moment, in order.
-    rig : TrinocularRig
-        The cameras.
-    start : Pose2
-        The robot at the first moment.
-    odometry : dict of str to Pose2
-        Motion since the moment before, by image, where known.
-    """
-
-    folder: Path
-    names: tuple[str, ...]
-    rig: TrinocularRig
-    start: Pose2
-    odometry: dict[str, Pose2]
+    folder: Path  #: holds right/, left/ and top/
+    names: tuple[str, ...]  #: of the images, one a moment, in order
+    rig: TrinocularRig  #: the cameras
+    start: Pose2  #: the robot at the first moment
+    odometry: dict[str, Pose2]  #: motion since the moment before, by image, where known
 
     def read(self) -> Iterator[tuple[str, list[UInt8Array]]]:
         """Yield each moment's name and images, right, left and top.

@@ -13,49 +13,26 @@ from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 
 @dataclass(frozen=True, slots=True)
 class StereoSettings:
-    """Settings of the correspondence between three images.
+    """Settings of the correspondence between three images."""
 
-    Parameters
-    ----------
-    max_deviation : float
-        Distance from the epipolar line, and difference of both disparities, in standard deviations of the difference.
-    max_scale_ratio : float
-        Of two features' sizes: the paper's "within one level of scale"; levels of an octave differ by 2^(1/3).
-    min_depth_m : float
-        Nearest point: it bounds the search.
-    """
-
+    #: distance from the epipolar line, and difference of both disparities, in standard deviations of the difference
     max_deviation: float = 3.0
+    #: of two features' sizes: the paper's "within one level of scale"; levels of an octave differ by 2^(1/3)
     max_scale_ratio: float = 2.0 ** (1.0 / 3.0) * 1.05
-    min_depth_m: float = 0.25
+    min_depth_m: float = 0.25  #: nearest point: it bounds the search
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StereoPoints:
-    """Features of the right image that are in the other two as well.
+    """Features of the right image that are in the other two as well."""
 
-    Parameters
-    ----------
-    index : (N,) int64
-        Which of the right image's features these are.
-    features : Features
-        Those, N of them.
-    measured_px : (N, 4) float64
-        u and v in the right image, u in the left, v in the upper: the measurements of the position.
-    std_px : (N,) float64
-        Of each of these numbers.
-    points_m : (N, 3) float64
-        In the right camera's frame (eq. 4).
-    covariances : (N, 3, 3) float64
-        Of the points (eq. 6).
-    """
-
-    index: Int64Array
-    features: Features
+    index: Int64Array  #: (N,) int64: which of the right image's features these are
+    features: Features  #: those, N of them
+    #: (N, 4) float64: u and v in the right image, u in the left, v in the upper: the measurements of the position
     measured_px: FloatArray
-    std_px: FloatArray
-    points_m: FloatArray
-    covariances: FloatArray
+    std_px: FloatArray  #: (N,) float64: of each of these numbers
+    points_m: FloatArray  #: (N, 3) float64: in the right camera's frame (eq. 4).
+    covariances: FloatArray  #: (N, 3, 3) float64: of the points (eq. 6).
 
     def __len__(self) -> int:
         return len(self.points_m)

@@ -27,73 +27,40 @@ from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo, to
 
 @dataclass(frozen=True, slots=True)
 class MapperSettings:
-    """Settings of `StereoMapper`. Pixels are those of an image 320 wide; they grow with the width.
+    """Settings of `StereoMapper`. Pixels are those of an image 320 wide; they grow with the width."""
 
-    Parameters
-    ----------
-    gate_px : (float, float)
-        Half the window, along u and v, around where the predicted pose puts a landmark; the paper's.
-    wider : float
-        The window of a second attempt, in windows of the first, where too little agrees.
-    depth_ratio : float
-        A stereo point's depth may differ from the expected one by this factor: stereo error at 5 m.
-    size_ratio : float
-        A feature's diameter may differ from the expected one by this factor: half an octave and some noise.
-    known_gate_px : float
-        Half the window once the pose is found.
-    known_ratio : float
-        Ratio test in that window: few rivals are left in it.
-    min_inliers : int
-        A pose has three unknowns and each landmark three numbers; eight leave enough over to reject a wrong pose.
-    min_inlier_ratio : float
-        Of the matches.
-    window, refine_every : int
-        Moments whose poses and landmarks are adjusted together, and after how many moments.
-    away_frames, min_returned : int
-        A loop closes where so many landmarks are in view again after so many moments out of view.
-    same_place_m, same_look : float
-        Landmarks no farther apart, with descriptors (unit vectors) no more different, may be one.
-    stereo : StereoSettings
-        Of the correspondence between the three images.
-    """
-
+    #: half the window, along u and v, around where the predicted pose puts a landmark; the paper's
     gate_px: tuple[float, float] = (40.0, 20.0)
-    wider: float = 2.0
+    wider: float = 2.0  #: the window of a second attempt, in windows of the first, where too little agrees
+    #: a stereo point's depth may differ from the expected one by this factor: stereo error at 5 m
     depth_ratio: float = 1.25
+    #: a feature's diameter may differ from the expected one by this factor: half an octave and some noise
     size_ratio: float = 1.6
-    known_gate_px: float = 6.0
-    known_ratio: float = 0.85
+    known_gate_px: float = 6.0  #: half the window once the pose is found
+    known_ratio: float = 0.85  #: ratio test in that window: few rivals are left in it
+    #: a pose has three unknowns and each landmark three numbers; eight leave enough over to reject a wrong pose
     min_inliers: int = 8
-    min_inlier_ratio: float = 0.4
+    min_inlier_ratio: float = 0.4  #: of the matches
+    #: moments whose poses and landmarks are adjusted together, and after how many moments
     window: int = 12
     refine_every: int = 4
+    #: a loop closes where so many landmarks are in view again after so many moments out of view
     away_frames: int = 30
     min_returned: int = 12
+    #: landmarks no farther apart, with descriptors (unit vectors) no more different, may be one
     same_place_m: float = 0.15
     same_look: float = 0.45
-    stereo: StereoSettings = StereoSettings()
+    stereo: StereoSettings = StereoSettings()  #: of the correspondence between the three images
 
 
 @dataclass(frozen=True, slots=True)
 class MapStep:
-    """What one moment added to the map.
+    """What one moment added to the map."""
 
-    Parameters
-    ----------
-    pose : PoseEstimate or NotLocated
-        The robot; where it is not located, the moment is left out of the map.
-    stereo_points : int
-        Features seen by all three cameras.
-    matched : int
-        Of these, known landmarks.
-    closes_loop : bool
-        Whether the run came back to what it had not seen for long.
-    """
-
-    pose: PoseEstimate | NotLocated
-    stereo_points: int
-    matched: int
-    closes_loop: bool = False
+    pose: PoseEstimate | NotLocated  #: the robot; where it is not located, the moment is left out of the map
+    stereo_points: int  #: features seen by all three cameras
+    matched: int  #: of these, known landmarks
+    closes_loop: bool = False  #: whether the run came back to what it had not seen for long
 
 
 class StereoMapper:

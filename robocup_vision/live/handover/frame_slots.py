@@ -29,30 +29,14 @@ _SLOT = struct.Struct("<QIIIIII")
 
 
 class Handed(NamedTuple):
-    """One moment as it lay in a slot.
+    """One moment as it lay in a slot."""
 
-    Parameters
-    ----------
-    number : int
-        Counts all moments.
-    epoch : int
-        Counts how often all that is known has been forgotten.
-    robot : int
-        Index of the robot.
-    dropped : int
-        Moments of this robot that were left out so far.
-    frame : (H, W, 3) uint8
-        Its own copy.
-    rest : bytes
-        All but the frame.
-    """
-
-    number: int
-    epoch: int
-    robot: int
-    dropped: int
-    frame: UInt8Array
-    rest: bytes
+    number: int  #: counts all moments
+    epoch: int  #: counts how often all that is known has been forgotten
+    robot: int  #: index of the robot
+    dropped: int  #: moments of this robot that were left out so far
+    frame: UInt8Array  #: (H, W, 3) uint8: its own copy
+    rest: bytes  #: all but the frame
 
 
 class FrameSlots:

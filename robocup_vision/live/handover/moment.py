@@ -27,43 +27,22 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class RobotSetup:
-    """What stays the same of a robot.
+    """What stays the same of a robot."""
 
-    Parameters
-    ----------
-    name : str
-        What the page calls it; no two robots of a page share one.
-    field : Field
-        The pitch it is on.
-    camera : OmniCamera or PinholeCamera or None
-        Its camera; None: not calibrated yet.
-    radius_m : float
-        Its size from above.
-    """
-
-    name: str
-    field: Field
-    camera: OmniCamera | PinholeCamera | None
-    radius_m: float
+    name: str  #: what the page calls it; no two robots of a page share one
+    field: Field  #: the pitch it is on
+    camera: OmniCamera | PinholeCamera | None  #: its camera; None: not calibrated yet
+    radius_m: float  #: its size from above
 
 
 @dataclass(frozen=True, slots=True)
 class RobotPlan:
-    """What a robot is about to do.
+    """What a robot is about to do."""
 
-    Parameters
-    ----------
-    command : (float, float, float) or None
-        Commanded velocity in the robot frame: forward and left in m/s, turn in rad/s.
-    way : tuple of (float, float)
-        Points it drives to, in order, field frame, metres.
-    reasons : tuple of str
-        Why, in words.
-    """
-
+    #: commanded velocity in the robot frame: forward and left in m/s, turn in rad/s
     command: tuple[float, float, float] | None = None
-    way: tuple[Point, ...] = ()
-    reasons: tuple[str, ...] = ()
+    way: tuple[Point, ...] = ()  #: points it drives to, in order, field frame, metres
+    reasons: tuple[str, ...] = ()  #: why, in words
 
 
 class TrueRobot(NamedTuple):
@@ -83,45 +62,19 @@ class TrueWorld(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """One moment of one robot.
-
-    Parameters
-    ----------
-    robot : str
-        Its name.
-    frame : (H, W, 3) uint8
-        BGR. Nobody writes to it any more.
-    t_s : float
-        When it was taken.
-    view : View or None
-        What was seen in it; None: nobody has looked at it.
-    problem : str
-        Why nobody has looked at it; empty otherwise.
-    colors : Colors or None
-        In use when it was looked at.
-    plan : RobotPlan
-        What the robot is about to do.
-    truth : Pose2 or None
-        Where it really was, if that is known, as in a simulation.
-    rate_hz : float or None
-        How often the source gives frames, by their times.
-    settings : mapping of str to str
-        Words to show beside: the method, and what else does not change often.
-    world : TrueWorld or None
-        Where everything was in a simulation.
-    """
+    """One moment of one robot."""
 
     robot: str
-    frame: UInt8Array
-    t_s: float
-    view: View | None = None
-    problem: str = ""
-    colors: Colors | None = None
-    plan: RobotPlan = RobotPlan()
-    truth: Pose2 | None = None
-    rate_hz: float | None = None
-    settings: Mapping[str, str] | None = None
-    world: TrueWorld | None = None
+    frame: UInt8Array  #: (H, W, 3) uint8: BGR. Nobody writes to it any more.
+    t_s: float  #: when it was taken
+    view: View | None = None  #: what was seen in it; None: nobody has looked at it
+    problem: str = ""  #: why nobody has looked at it; empty otherwise
+    colors: Colors | None = None  #: in use when it was looked at
+    plan: RobotPlan = RobotPlan()  #: what the robot is about to do
+    truth: Pose2 | None = None  #: where it really was, if that is known, as in a simulation
+    rate_hz: float | None = None  #: how often the source gives frames, by their times
+    settings: Mapping[str, str] | None = None  #: words to show beside: the method, and what else does not change often
+    world: TrueWorld | None = None  #: where everything was in a simulation
 
 
 class Display(Protocol):

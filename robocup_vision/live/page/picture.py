@@ -39,24 +39,12 @@ _LENGTHS = struct.Struct("<III")
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One moment as a page gets it.
+    """One moment as a page gets it."""
 
-    Parameters
-    ----------
-    robot : str
-        Whose.
-    number : int
-        Counts the pictures of a robot, from 1.
-    t_s : float
-        When the frame was taken.
-    data : bytes
-        Lengths of the three parts as little-endian uint32, then JSON, JPEG and PNG (empty without a map).
-    """
-
-    robot: str
-    number: int
-    t_s: float
-    data: bytes
+    robot: str  #: whose
+    number: int  #: counts the pictures of a robot, from 1
+    t_s: float  #: when the frame was taken
+    data: bytes  #: lengths of the three parts as little-endian uint32, then JSON, JPEG and PNG (empty without a map)
 
 
 class PictureMaker:

@@ -81,98 +81,61 @@ def ball_on_floor(
 
 @dataclass(frozen=True, slots=True)
 class BallSettings:
-    """What the search for balls can be tuned by.
+    """What the search for balls can be tuned by."""
 
-    Parameters
-    ----------
-    evidence : BallEvidence
-        What a ball looks like, and everything else.
-    min_log_likelihood_ratio : float
-        A find with less is no ball: of some hundred things of its colour in a frame none may pass by chance.
-    again_nats, again_half_sizes : float
-        It may be so much less where the last frame showed a ball within so many half sizes: balls stay, and of the
-        hundred things few are so near.
-    max_balls : int
-        More are not reported.
-    max_blobs : int
-        More are not looked at: a picture full of the ball's colour.
-    mirror_white_ratios, pinhole_white_ratios : tuple of float
-        So far on the way from white to the ball's colour begins the ball's colour; all are tried. Half-way parts a ball
-        from pale things beside it; of a far ball under a lamp, blur and compression leave a third of its colour.
-    white_noise_stds : float
-        And so many standard deviations of the noise beyond: dark grey has any hue in noise.
-    clipped_ratio : float
-        As `white_ratio` where a channel is at its end, by the others: a ball burnt out by a lamp is nearly white.
-    floor_stds : float
-        Standard deviations by which floor seldom differs from itself: the ball's colour begins beyond.
-    min_level : float
-        Brightness of the ball's shaded side, sum of its channels, as a ratio of the lit floor's.
-    min_signal : float
-        Standard deviations by which a blob must differ from the floor.
-    min_half : float
-        Mirror: balls with a smaller half size, in units of 1/86 of the usable radius (the paper's pixels), are too far.
-    min_half_px : float
-        Pinhole camera: half the size of the smallest ball.
-    max_height_radii : float
-        Mirror: its viewpoint is no higher than so many radii of the ball, the rules see to that (0.225 m in the
-        small-size league of 2001, 10.5 radii; 0.8 m in the middle-size league, 7.3).
-    usual_height_radii, usual_height_std : float
-        Its height, and the relative standard deviation of it, where neither file nor curve gives a possible one: four
-        mirrors of known height have 5.5 to 7, an old one 9.5.
-    seed_pitch : float
-        Mirror: distance between seeds, in half sizes of the ball: at 1 a ball covers at least two.
-    pinhole_seed_pitch : float
-        Of a pinhole camera: of a far ball under a lamp a quarter has its colour.
-    sway_std_rad : float
-        Of a pinhole camera's tilt where the camera file gives no `roll_std_rad`: robots nod when they start and stop.
-    mirror_shape_std : float
-        Of the logarithms of size and slenderness in a mirror: a calibration by the floor says little of what stands
-        on it.
-    pinhole_shape_std : float
-        The same for a pinhole camera: shade and glare cut a ball's outline.
-    floor_nats, floor_std, max_floor : float
-        Mean log-likelihood ratio from which on the floor near the robot is all carpet; how far, as a standard
-        deviation, robots and walls let it fall; nats of a frame with such a floor. Photographs of anything have 1.3
-        (median), of fields 3 to 4; of rendered frames in a crowd one in ten has less than 1.5.
-    green_scale, green_nats : float
-        Carpet is greener than grey and than the frame's white by some times the first, a logarithm; each time that it
-        is less green costs the second. The greyest carpet of the photographs has 1.5 times the first.
-    center_std_px : float
-        Of the blob's centre.
-    min_upright_step, upright_spreads, upright_nats : float
-        Of a pinhole camera: something upright goes on above a blob, or below it, where what is as wide as it differs
-        from what lies to both sides by so many levels, and by so many times what differs in it; what that costs.
-    """
-
-    evidence: BallEvidence = field(default_factory=BallEvidence)
+    evidence: BallEvidence = field(default_factory=BallEvidence)  #: what a ball looks like, and everything else
+    #: a find with less is no ball: of some hundred things of its colour in a frame none may pass by chance
     min_log_likelihood_ratio: float = 6.5
+    #: it may be so much less where the last frame showed a ball within so many half sizes: balls stay, and of the
+    #: hundred things few are so near
     again_nats: float = 3.0
     again_half_sizes: float = 8.0
-    max_balls: int = 8
-    max_blobs: int = 128
+    max_balls: int = 8  #: more are not reported
+    max_blobs: int = 128  #: more are not looked at: a picture full of the ball's colour
+    #: so far on the way from white to the ball's colour begins the ball's colour; all are tried. Half-way parts a ball
+    #: from pale things beside it; of a far ball under a lamp, blur and compression leave a third of its colour.
     mirror_white_ratios: tuple[float, ...] = (0.5,)
     pinhole_white_ratios: tuple[float, ...] = (0.5, 0.2)
+    #: and so many standard deviations of the noise beyond: dark grey has any hue in noise
     white_noise_stds: float = 0.5
+    #: as `white_ratio` where a channel is at its end, by the others: a ball burnt out by a lamp is nearly white
     clipped_ratio: float = 0.15
+    #: standard deviations by which floor seldom differs from itself: the ball's colour begins beyond
     floor_stds: float = 3.5
-    min_level: float = 0.6
-    min_signal: float = 4.0
+    min_level: float = 0.6  #: brightness of the ball's shaded side, sum of its channels, as a ratio of the lit floor's
+    min_signal: float = 4.0  #: standard deviations by which a blob must differ from the floor
+    #: mirror: balls with a smaller half size, in units of 1/86 of the usable radius (the paper's pixels), are too far
     min_half: float = 1.0
-    min_half_px: float = 2.0
+    min_half_px: float = 2.0  #: pinhole camera: half the size of the smallest ball
+    #: mirror: its viewpoint is no higher than so many radii of the ball, the rules see to that (0.225 m in the
+    #: small-size league of 2001, 10.5 radii; 0.8 m in the middle-size league, 7.3)
     max_height_radii: float = 11.0
+    #: its height, and the relative standard deviation of it, where neither file nor curve gives a possible one: four
+    #: mirrors of known height have 5.5 to 7, an old one 9.5
     usual_height_radii: float = 6.3
     usual_height_std: float = 0.15
+    #: mirror: distance between seeds, in half sizes of the ball: at 1 a ball covers at least two
     seed_pitch: float = 1.0
-    pinhole_seed_pitch: float = 0.5
+    pinhole_seed_pitch: float = 0.5  #: of a pinhole camera: of a far ball under a lamp a quarter has its colour
+    #: of a pinhole camera's tilt where the camera file gives no `roll_std_rad`: robots nod when they start and stop
     sway_std_rad: float = math.radians(1.0)
+    #: of the logarithms of size and slenderness in a mirror: a calibration by the floor says little of what stands on
+    #: it
     mirror_shape_std: float = 0.22
-    pinhole_shape_std: float = 0.15
+    pinhole_shape_std: float = 0.15  #: the same for a pinhole camera: shade and glare cut a ball's outline
+    #: mean log-likelihood ratio from which on the floor near the robot is all carpet; how far, as a standard deviation,
+    #: robots and walls let it fall; nats of a frame with such a floor. Photographs of anything have 1.3 (median), of
+    #: fields 3 to 4; of rendered frames in a crowd one in ten has less than 1.5.
     floor_nats: float = 3.0
     floor_std: float = 0.7
     max_floor: float = 1.0
+    #: carpet is greener than grey and than the frame's white by some times the first, a logarithm; each time that it is
+    #: less green costs the second. The greyest carpet of the photographs has 1.5 times the first.
     green_scale: float = 0.025
     green_nats: float = 2.0
-    center_std_px: float = 0.3
+    center_std_px: float = 0.3  #: of the blob's centre
+    #: of a pinhole camera: something upright goes on above a blob, or below it, where what is as wide as it differs
+    #: from what lies to both sides by so many levels, and by so many times what differs in it; what that costs
     min_upright_step: float = 15.0
     upright_spreads: float = 2.0
     upright_nats: float = -2.5

@@ -31,33 +31,19 @@ def is_learned(camera: PinholeCamera) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class LearnedBallSettings:
-    """What the search by the network can be tuned by.
+    """What the search by the network can be tuned by."""
 
-    Parameters
-    ----------
-    min_nats : float
-        A sighting with less is no ball: of thirty balls told in photographs of an event that was not learnt from one at
-        most is none.
-    again_nats : float
-        It may be so much less near a ball that has been seen: balls stay.
-    max_balls : int
-        Told at most.
-    sweep_s : float
-        The whole frame is searched once in so long, a part each look, and for so long near what was last seen then:
-        less than half a second, in which a robot is to know of a ball that comes into view. Frames without a time, or
-        farther apart, are searched whole.
-    place_std : float
-        Of a ball's centre, in radii.
-    tilt_std_rad : float
-        Of the camera's tilt, which sways.
-    """
-
+    #: a sighting with less is no ball: of thirty balls told in photographs of an event that was not learnt from one at
+    #: most is none
     min_nats: float = 2.0
-    again_nats: float = 1.0
-    max_balls: int = 8
+    again_nats: float = 1.0  #: it may be so much less near a ball that has been seen: balls stay
+    max_balls: int = 8  #: told at most
+    #: the whole frame is searched once in so long, a part each look, and for so long near what was last seen then: less
+    #: than half a second, in which a robot is to know of a ball that comes into view. Frames without a time, or farther
+    #: apart, are searched whole.
     sweep_s: float = 0.4
-    place_std: float = 0.15
-    tilt_std_rad: float = 0.013
+    place_std: float = 0.15  #: of a ball's centre, in radii
+    tilt_std_rad: float = 0.013  #: of the camera's tilt, which sways
 
 
 class _Expected(NamedTuple):

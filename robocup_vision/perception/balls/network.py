@@ -44,22 +44,13 @@ FIRST_NATS, MAX_PLACES, _APART_RADII = 1.0, 10, 0.8
 
 
 class Sighting(NamedTuple):
-    """Where a network sees a ball.
+    """Where a network sees a ball."""
 
-    Parameters
-    ----------
-    u_px, v_px : float
-        Its centre in the frame.
-    radius_px : float
-        Of a ball of that size; on the floor where the camera says how it is held.
-    nats : float
-        What speaks for it.
-    """
-
+    #: its centre in the frame
     u_px: float
     v_px: float
-    radius_px: float
-    nats: float
+    radius_px: float  #: of a ball of that size; on the floor where the camera says how it is held
+    nats: float  #: what speaks for it
 
 
 class _Part(NamedTuple):
@@ -73,24 +64,12 @@ class _Part(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BallStrips:
-    """What of a camera's frames is looked at, at which size, as the camera is held in one way.
+    """What of a camera's frames is looked at, at which size, as the camera is held in one way."""
 
-    Parameters
-    ----------
-    parts : tuple
-        Tiles of the frame, those of far balls first.
-    answers : (N, 3) int64
-        Part, row and column of the network's answers that are of the floor.
-    places_px : (N, 3) float64
-        Pixel u, v of the frame of each, and a ball's radius there.
-    scales : (N,) float64
-        Pixels of the frame for a pixel of its part.
-    """
-
-    parts: tuple[_Part, ...]
-    answers: Int64Array
-    places_px: FloatArray
-    scales: FloatArray
+    parts: tuple[_Part, ...]  #: tiles of the frame, those of far balls first
+    answers: Int64Array  #: (N, 3) int64: part, row and column of the network's answers that are of the floor
+    places_px: FloatArray  #: (N, 3) float64: pixel u, v of the frame of each, and a ball's radius there
+    scales: FloatArray  #: (N,) float64: pixels of the frame for a pixel of its part
 
     @cached_property
     def _ends(self) -> FloatArray:

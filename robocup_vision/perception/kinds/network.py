@@ -115,21 +115,11 @@ _OF_THREAD = _OfThread()
 
 @dataclass(frozen=True, eq=False)
 class KindSource:
-    """What the kinds of the things in one frame are told by.
+    """What the kinds of the things in one frame are told by."""
 
-    Parameters
-    ----------
-    frame : callable
-        Returns the frame, (H, W, 3) uint8, BGR.
-    camera : PinholeCamera
-        As held in the frame.
-    places_m : (N, 2) float64
-        Where the things stand, robot frame.
-    """
-
-    frame: Callable[[], UInt8Array]
-    camera: PinholeCamera
-    places_m: FloatArray
+    frame: Callable[[], UInt8Array]  #: returns the frame, (H, W, 3) uint8, BGR
+    camera: PinholeCamera  #: as held in the frame
+    places_m: FloatArray  #: (N, 2) float64: where the things stand, robot frame
 
     def kind(self, number: int) -> Kind | None:
         """Return the kind of one thing, by its number; None where nothing tells."""

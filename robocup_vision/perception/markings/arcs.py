@@ -31,33 +31,15 @@ _WIDE = 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arc:
-    """An arc of a circle.
+    """An arc of a circle."""
 
-    Parameters
-    ----------
-    center_m : (2,) float64
-        Robot frame.
-    covariance : (2, 2) float64
-        Of its centre, with the errors of how the camera is held.
-    held : (K,) float64
-        These errors as they fit, standard deviations.
-    cost_nats : float
-        Half the sum of the points' squared errors, in standard deviations of samples.
-    noise_px : float
-        Of the points.
-    radius_m : float
-        Of the field's circle.
-    points : (P,) int64
-        Which of the line points lie on it.
-    """
-
-    center_m: FloatArray
-    covariance: FloatArray
-    held: FloatArray
-    cost_nats: float
-    noise_px: float
-    radius_m: float
-    points: Int64Array
+    center_m: FloatArray  #: (2,) float64: robot frame
+    covariance: FloatArray  #: (2, 2) float64: of its centre, with the errors of how the camera is held
+    held: FloatArray  #: (K,) float64: these errors as they fit, standard deviations
+    cost_nats: float  #: half the sum of the points' squared errors, in standard deviations of samples
+    noise_px: float  #: of the points
+    radius_m: float  #: of the field's circle
+    points: Int64Array  #: (P,) int64: which of the line points lie on it
 
 
 def find_arcs(

@@ -26,18 +26,12 @@ Held = TypeVar("Held", OmniCamera, PinholeCamera)
 
 @dataclass(frozen=True, eq=False)
 class FloorErrors:
-    """A camera, and the same camera held a little otherwise.
+    """A camera, and the same camera held a little otherwise."""
 
-    Parameters
-    ----------
-    camera : OmniCamera or PinholeCamera
-        As the frame shows it to be held.
-    root : (5, K) float64 or (2, K) float64
-        Columns are independent errors, each by one standard deviation: of a forward camera's tilt, roll, height,
-        logarithm of the focal length and pan, of a mirror camera's tilt about either axis. Rad and m.
-    """
-
-    camera: OmniCamera | PinholeCamera
+    camera: OmniCamera | PinholeCamera  #: as the frame shows it to be held
+    #: (5, K) float64 or (2, K) float64: columns are independent errors, each by one standard deviation: of a forward
+    #: camera's tilt, roll, height, logarithm of the focal length and pan, of a mirror camera's tilt about either axis.
+    #: Rad and m.
     root: FloatArray
 
     @classmethod

@@ -32,27 +32,14 @@ _FINGERPRINT_BYTES = 199
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkingSource:
-    """What the markings of one frame are found by, when somebody asks for them.
+    """What the markings of one frame are found by, when somebody asks for them."""
 
-    Parameters
-    ----------
-    finder : MarkingFinder
-        Of the camera.
-    frame : (H, W, 3) uint8
-        BGR.
-    camera : OmniCamera or PinholeCamera
-        As the frame, or else its file, says that it is held.
-    held_covariance : (4, 4) float64 or None
-        Of the camera's tilt, roll, height and logarithm of the focal length, where the frame told them.
-    fingerprint : bytes
-        Of the frame as it was looked at.
-    """
-
-    finder: MarkingFinder
-    frame: UInt8Array
-    camera: OmniCamera | PinholeCamera
+    finder: MarkingFinder  #: of the camera
+    frame: UInt8Array  #: (H, W, 3) uint8: BGR
+    camera: OmniCamera | PinholeCamera  #: as the frame, or else its file, says that it is held
+    #: (4, 4) float64: of the camera's tilt, roll, height and logarithm of the focal length, where the frame told them
     held_covariance: FloatArray | None
-    fingerprint: bytes
+    fingerprint: bytes  #: of the frame as it was looked at
 
     @classmethod
     def of(

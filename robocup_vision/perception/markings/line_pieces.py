@@ -19,25 +19,14 @@ _MIN_SLENDERNESS = 6.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinePieces:
-    """Pieces of lines.
+    """Pieces of lines."""
 
-    Parameters
-    ----------
-    pixels, floor_m : (E, 2) float64
-        Their middles in the picture and on the floor, robot frame, metres.
-    floor_per_px : (E, 2, 2) float64
-        See `LinePoints`.
-    along_px : (E, 2) float64
-        Unit directions in the picture.
-    weight : (E,) float64
-        Sum of their points' weights.
-    """
-
+    #: (E, 2) float64: their middles in the picture and on the floor, robot frame, metres
     pixels: FloatArray
     floor_m: FloatArray
-    floor_per_px: FloatArray
-    along_px: FloatArray
-    weight: FloatArray
+    floor_per_px: FloatArray  #: (E, 2, 2) float64: see `LinePoints`
+    along_px: FloatArray  #: (E, 2) float64: unit directions in the picture
+    weight: FloatArray  #: (E,) float64: sum of their points' weights
 
     def __len__(self) -> int:
         return len(self.weight)

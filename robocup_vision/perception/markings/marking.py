@@ -23,26 +23,15 @@ class LineSegment:
 
     The line is x cos(angle_rad) + y sin(angle_rad) = distance_m. Its ends need not be those of the field's line: a
     stretch may leave the view, or something stands on the line.
-
-    Parameters
-    ----------
-    start_m, end_m : (float, float)
-        Its ends, robot frame, metres; the line's normal is to the right of the way from its start to its end.
-    angle_rad : float
-        Direction of the line's normal, away from the robot, robot frame.
-    distance_m : float
-        Of the line from the robot's centre, never negative.
-    covariance : (2, 2) float64
-        Of (angle_rad, distance_m), in rad and m.
-    feature_m : (float, float, float, float) or None
-        The field's line that it is part of, x0, y0, x1, y1, field frame; None: not known.
     """
 
+    #: its ends, robot frame, metres; the line's normal is to the right of the way from its start to its end
     start_m: tuple[float, float]
     end_m: tuple[float, float]
-    angle_rad: float
-    distance_m: float
-    covariance: FloatArray
+    angle_rad: float  #: direction of the line's normal, away from the robot, robot frame
+    distance_m: float  #: of the line from the robot's centre, never negative
+    covariance: FloatArray  #: (2, 2) float64: of (angle_rad, distance_m), in rad and m
+    #: the field's line that it is part of, x0, y0, x1, y1, field frame; None: not known
     feature_m: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -56,29 +45,17 @@ class LineSegment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossing:
-    """A place where two lines meet at right angles.
+    """A place where two lines meet at right angles."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its place, robot frame.
-    covariance : (2, 2) float64
-        Of its place, square metres.
-    kind : {"L", "T", "X"} or None
-        A corner, a line's end on another line, or two lines that both go on; None: an arm is hidden, or leaves the
-        view, and no pose says which it is.
-    arms_rad : tuple of float
-        Directions of the arms that are seen, robot frame.
-    feature_m : (float, float) or None
-        The field's crossing that it is, field frame; None: not known.
-    """
-
+    #: its place, robot frame
     x_m: float
     y_m: float
-    covariance: FloatArray
+    covariance: FloatArray  #: (2, 2) float64: of its place, square metres
+    #: a corner, a line's end on another line, or two lines that both go on; None: an arm is hidden, or leaves the view,
+    #: and no pose says which it is
     kind: CrossingKind | None
-    arms_rad: tuple[float, ...]
-    feature_m: tuple[float, float] | None = None
+    arms_rad: tuple[float, ...]  #: directions of the arms that are seen, robot frame
+    feature_m: tuple[float, float] | None = None  #: the field's crossing that it is, field frame; None: not known
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", read_only(self.covariance))
@@ -86,24 +63,14 @@ class Crossing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Circle:
-    """The centre circle, or another arc of the field.
+    """The centre circle, or another arc of the field."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its centre, robot frame.
-    covariance : (2, 2) float64
-        Of its centre, square metres.
-    radius_m : float
-        Of the field's circle that fits.
-    feature_m : (float, float) or None
-        The centre of the field's circle that it is, field frame; None: not known.
-    """
-
+    #: its centre, robot frame
     x_m: float
     y_m: float
-    covariance: FloatArray
-    radius_m: float
+    covariance: FloatArray  #: (2, 2) float64: of its centre, square metres
+    radius_m: float  #: of the field's circle that fits
+    #: the centre of the field's circle that it is, field frame; None: not known
     feature_m: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -112,22 +79,13 @@ class Circle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Post:
-    """A goal post.
+    """A goal post."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its axis on the floor, robot frame.
-    covariance : (2, 2) float64
-        Of its place, square metres.
-    feature_m : (float, float) or None
-        The field's post that it is, field frame; None: not known.
-    """
-
+    #: its axis on the floor, robot frame
     x_m: float
     y_m: float
-    covariance: FloatArray
-    feature_m: tuple[float, float] | None = None
+    covariance: FloatArray  #: (2, 2) float64: of its place, square metres
+    feature_m: tuple[float, float] | None = None  #: the field's post that it is, field frame; None: not known
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", read_only(self.covariance))
@@ -135,22 +93,13 @@ class Post:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PenaltyMark:
-    """A penalty mark: a dot or a small cross on the carpet.
+    """A penalty mark: a dot or a small cross on the carpet."""
 
-    Parameters
-    ----------
-    x_m, y_m : float
-        Its middle, robot frame.
-    covariance : (2, 2) float64
-        Of its place, square metres.
-    feature_m : (float, float) or None
-        The field's mark that it is, field frame; None: not known.
-    """
-
+    #: its middle, robot frame
     x_m: float
     y_m: float
-    covariance: FloatArray
-    feature_m: tuple[float, float] | None = None
+    covariance: FloatArray  #: (2, 2) float64: of its place, square metres
+    feature_m: tuple[float, float] | None = None  #: the field's mark that it is, field frame; None: not known
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", read_only(self.covariance))
@@ -161,14 +110,9 @@ Spot = TypeVar("Spot", Crossing, Circle, Post, PenaltyMark)
 
 @dataclass(frozen=True, slots=True)
 class Markings:
-    """All markings of one frame, each kind from the one that is known best.
+    """All markings of one frame, each kind from the one that is known best."""
 
-    Parameters
-    ----------
-    segments, crossings, circles, posts, penalty_marks : tuple
-        Those of each kind; empty where none is seen, or the camera's tilt is not known.
-    """
-
+    #: those of each kind; empty where none is seen, or the camera's tilt is not known
     segments: tuple[LineSegment, ...] = ()
     crossings: tuple[Crossing, ...] = ()
     circles: tuple[Circle, ...] = ()

@@ -36,28 +36,16 @@ def _axes(angle_rad: float) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Straight:
-    """A straight stretch of line.
+    """A straight stretch of line."""
 
-    Parameters
-    ----------
-    angle_rad, distance_m : float
-        x cos(angle) + y sin(angle) = distance, robot frame.
-    middle_m : float
-        Mean place of its points along the line, from the foot of the robot's perpendicular, to the left of the normal.
-    ends_m : (float, float)
-        Its ends, likewise.
-    covariance : (2, 2) float64
-        Of angle and distance, but for how the camera is held.
-    points : (P,) int64
-        Which of the line points lie on it.
-    """
-
+    #: x cos(angle) + y sin(angle) = distance, robot frame
     angle_rad: float
     distance_m: float
+    #: mean place of its points along the line, from the foot of the robot's perpendicular, to the left of the normal
     middle_m: float
-    ends_m: tuple[float, float]
-    covariance: FloatArray
-    points: Int64Array
+    ends_m: tuple[float, float]  #: its ends, likewise
+    covariance: FloatArray  #: (2, 2) float64: of angle and distance, but for how the camera is held
+    points: Int64Array  #: (P,) int64: which of the line points lie on it
 
     @property
     def normal(self) -> FloatArray:

@@ -16,20 +16,11 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """An opening of uncertain width.
+    """An opening of uncertain width."""
 
-    Parameters
-    ----------
-    center_m : (float, float)
-        Its middle.
-    across_rad : float
-        Direction in which it is passed, or its opposite; the opening lies at right angles to it.
-    width_m, sigma_m : float
-        Mean and standard deviation of the estimated width: a normal distribution.
-    """
-
-    center_m: Point
-    across_rad: float
+    center_m: Point  #: its middle
+    across_rad: float  #: direction in which it is passed, or its opposite; the opening lies at right angles to it
+    #: mean and standard deviation of the estimated width: a normal distribution
     width_m: float
     sigma_m: float
 
@@ -84,23 +75,12 @@ class WidthSensor:
     h / tan of the depression). With an angle phi between the line of sight and the gap's normal, the errors of both
     edges add up to sigma^2 = 2 angle^2 ((d cos phi)^2 + ((d^2 + h^2) / h sin phi)^2) + edge^2. Until the robot gets
     there the opponents may have moved: + (drift * t)^2.
-
-    Parameters
-    ----------
-    angle_rad : float
-        Standard deviation of an edge's direction: about a pixel's angle, radians.
-    height_m : float
-        Of the camera over the floor.
-    edge_m : float
-        Standard deviation that remains from nearby (shape of the opponents' feet).
-    drift_mps : float
-        Standard deviation of the unknown speed at which the gap widens or closes.
     """
 
-    angle_rad: float = 0.01
-    height_m: float = 0.2
-    edge_m: float = 0.01
-    drift_mps: float = 0.0
+    angle_rad: float = 0.01  #: standard deviation of an edge's direction: about a pixel's angle, radians
+    height_m: float = 0.2  #: of the camera over the floor
+    edge_m: float = 0.01  #: standard deviation that remains from nearby (shape of the opponents' feet)
+    drift_mps: float = 0.0  #: standard deviation of the unknown speed at which the gap widens or closes
 
     def __post_init__(self) -> None:
         for name in ("angle_rad", "height_m", "edge_m"):

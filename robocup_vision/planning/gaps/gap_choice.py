@@ -26,37 +26,26 @@ from robocup_vision.planning.speed.speed_planner import SpeedPlanner
 class PassageSettings:
     """How `PassageTimes` makes its table, and `choose_gap` uses it.
 
-    Parameters
-    ----------
-    min_width, max_width, widths : float, float, int
-        Narrowest and widest gap in the table, in robot widths, and number of entries. In the widest, a robot drives at
-        full speed.
-    way_m : float
-        The way before and after a gap that counts as its passage: a robot is at full speed at its ends.
-    max_s : float
-        A drive that takes longer is given up, and counts as blocked.
-    plan_every : int
-        Commands between two plans of the speed.
-    cells, spread_sigmas : int, float
-        The width's distribution is divided into so many cells over so many standard deviations to either side.
-    max_alternatives : int
-        Gaps that are considered after one has turned out blocked. Each is reached only if all before are blocked, so
-        more do not change the choice.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
+    #: narrowest and widest gap in the table, in robot widths, and number of entries. In the widest, a robot drives at
+    #: full speed.
     min_width: float = 1.0
     max_width: float = 6.0
     widths: int = 41
+    #: the way before and after a gap that counts as its passage: a robot is at full speed at its ends
     way_m: float = 1.5
-    max_s: float = 30.0
-    plan_every: int = 3
+    max_s: float = 30.0  #: a drive that takes longer is given up, and counts as blocked
+    plan_every: int = 3  #: commands between two plans of the speed
+    #: the width's distribution is divided into so many cells over so many standard deviations to either side
     cells: int = 61
     spread_sigmas: float = 3.5
+    #: gaps that are considered after one has turned out blocked. Each is reached only if all before are blocked, so
+    #: more do not change the choice.
     max_alternatives: int = 3
 
     def __post_init__(self) -> None:
@@ -187,21 +176,11 @@ def grown(covariance: FloatArray, planner: SpeedPlanner, moved_m: Point) -> Floa
 
 @dataclass(frozen=True, slots=True)
 class GapChoice:
-    """The gap to take.
+    """The gap to take."""
 
-    Parameters
-    ----------
-    index : int
-        Of the gap, in the order given.
-    expected_s : tuple of float
-        Expected time to the target by each.
-    reason : str
-        In words.
-    """
-
-    index: int
-    expected_s: tuple[float, ...]
-    reason: str
+    index: int  #: of the gap, in the order given
+    expected_s: tuple[float, ...]  #: expected time to the target by each
+    reason: str  #: in words
 
 
 def choose_gap(times: PassageTimes, robot_m: Point, target_m: Point, gaps: Sequence[Gap]) -> GapChoice:

@@ -26,37 +26,24 @@ from robocup_vision.planning.gaps.gap import Gap, Point, WidthSensor
 class GatePlannerSettings:
     """How `GatePlanner` prices looks and gaps, and how finely it computes.
 
-    Parameters
-    ----------
-    confirmed : float
-        Probability of being wide enough from which a gap may be entered.
-    look_s : float
-        Time that a look takes, standing: a few frames.
-    failure_s : float
-        Cost of entering a gap that is too narrow, besides the way to it and back: touching, stopping, turning.
-    looks : int
-        Horizon: number of looks in a plan. It is planned again after each.
-    widths, spread_sigmas : int, float
-        Cells of the width's distribution, over so many standard deviations to either side: finer, plans do not change.
-    measured_at_sigmas : tuple of float
-        Bounds between the classes of a measured width, in its standard deviations from the width needed: finer, plans
-        do not change.
-    grid_steps : int
-        Viewpoints form a grid over the triangle of robot, gap and detour, with this many steps a side.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
-    confirmed: float = 0.95
-    look_s: float = 0.2
+    confirmed: float = 0.95  #: probability of being wide enough from which a gap may be entered
+    look_s: float = 0.2  #: time that a look takes, standing: a few frames
+    #: cost of entering a gap that is too narrow, besides the way to it and back: touching, stopping, turning
     failure_s: float = 2.0
-    looks: int = 3
+    looks: int = 3  #: horizon: number of looks in a plan. It is planned again after each.
+    #: cells of the width's distribution, over so many standard deviations to either side: finer, plans do not change
     widths: int = 32
     spread_sigmas: float = 4.0
+    #: bounds between the classes of a measured width, in its standard deviations from the width needed: finer, plans do
+    #: not change
     measured_at_sigmas: tuple[float, ...] = (-2.0, -1.0, 0.0, 1.0, 2.0)
+    #: viewpoints form a grid over the triangle of robot, gap and detour, with this many steps a side
     grid_steps: int = 5
 
     def __post_init__(self) -> None:
@@ -78,63 +65,31 @@ class GatePlannerSettings:
 
 @dataclass(frozen=True, slots=True)
 class GatePlan:
-    """A decision about a gap.
+    """A decision about a gap."""
 
-    Parameters
-    ----------
-    action : str
-        "detour", "pass", or "look".
-    viewpoint_m : (float, float) or None
-        Where to look from; None unless that is the action.
-    expected_s : float
-        Expected time to the target.
-    detour_s, look_now_s, go_and_look_s : float
-        The same for simpler plans: the detour at once; one look from here, or one from before the gap, then the better
-        of the gap, if confirmed, and the detour.
-    probability : float
-        That the gap is wide enough, by the estimate so far.
-    beliefs : int
-        Number of beliefs that the search has evaluated.
-    reason : str
-        In words.
-    """
-
-    action: Literal["detour", "pass", "look"]
-    viewpoint_m: Point | None
-    expected_s: float
+    action: Literal["detour", "pass", "look"]  #: "detour", "pass", or "look"
+    viewpoint_m: Point | None  #: where to look from; None unless that is the action
+    expected_s: float  #: expected time to the target
+    #: the same for simpler plans: the detour at once; one look from here, or one from before the gap, then the better
+    #: of the gap, if confirmed, and the detour
     detour_s: float
     look_now_s: float
     go_and_look_s: float
-    probability: float
-    beliefs: int
-    reason: str
+    probability: float  #: that the gap is wide enough, by the estimate so far
+    beliefs: int  #: number of beliefs that the search has evaluated
+    reason: str  #: in words
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GateTables:
-    """The gate problem in numbers, as `robocup_vision.kernels.motion.gate_problem` takes them.
+    """The gate problem in numbers, as `robocup_vision.kernels.motion.gate_problem` takes them."""
 
-    Parameters
-    ----------
-    viewpoints_m : (N, 2) float64
-        Places to look from: first where the robot is, second before the gap.
-    prior : (W,) float64
-        Probability of each cell of width.
-    first_wide : int
-        The first of them that is wide enough.
-    likelihood : (N, K, W) float64
-        Probability of each class of measured width.
-    move_s : (N, N) float64
-        Seconds between viewpoints.
-    pass_s, fail_s, detour_s : (N,) float64
-        Seconds to the target through a wide gap, by a narrow one and back, and by the detour.
-    """
-
-    viewpoints_m: FloatArray
-    prior: FloatArray
-    first_wide: int
-    likelihood: FloatArray
-    move_s: FloatArray
+    viewpoints_m: FloatArray  #: (N, 2) float64: places to look from: first where the robot is, second before the gap
+    prior: FloatArray  #: (W,) float64: probability of each cell of width
+    first_wide: int  #: the first of them that is wide enough
+    likelihood: FloatArray  #: (N, K, W) float64: probability of each class of measured width
+    move_s: FloatArray  #: (N, N) float64: seconds between viewpoints
+    #: (N,) float64: seconds to the target through a wide gap, by a narrow one and back, and by the detour
     pass_s: FloatArray
     fail_s: FloatArray
     detour_s: FloatArray

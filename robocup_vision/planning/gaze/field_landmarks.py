@@ -21,17 +21,10 @@ _MIN_SINE = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Landmark:
-    """A point of the field that a camera can measure.
+    """A point of the field that a camera can measure."""
 
-    Parameters
-    ----------
-    kind : {"post", "goal corner", "beacon", "crossing"}
-        What it is.
-    x_m, y_m, height_m : float
-        Where, in the field frame, and how high over the floor.
-    """
-
-    kind: Kind
+    kind: Kind  #: what it is
+    #: where, in the field frame, and how high over the floor
     x_m: float
     y_m: float
     height_m: float = 0.0

@@ -42,22 +42,14 @@ class _EvidenceFile(StrictStruct):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoalEvidence:
-    """Probabilities of the outcomes of looks at goals.
+    """Probabilities of the outcomes of looks at goals."""
 
-    Parameters
-    ----------
-    width_px : tuple of float
-        Ascending bounds between the classes of a goal's apparent width, pixels between its posts.
-    found : (CORNERS + 1, K, 3) float64
-        By the number of its corners in view (feet and tops of the posts) and by width: probability that it is
-        identified as itself, as the other goal, or not found. Each row adds up to 1.
-    again : float
-        Probability that a goal is found after a miss, divided by that of the first look.
-    """
-
+    #: ascending bounds between the classes of a goal's apparent width, pixels between its posts
     width_px: tuple[float, ...]
+    #: (CORNERS + 1, K, 3) float64: by the number of its corners in view (feet and tops of the posts) and by width:
+    #: probability that it is identified as itself, as the other goal, or not found. Each row adds up to 1.
     found: FloatArray
-    again: float
+    again: float  #: probability that a goal is found after a miss, divided by that of the first look
 
     def chances(self, corners: npt.ArrayLike, width_px: npt.ArrayLike) -> FloatArray:
         """Return (..., 3): right goal, wrong goal, nothing, for numbers of corners (...) and widths (...), pixels."""

@@ -41,29 +41,19 @@ Answer = Literal["look", "decided", "undecidable"]
 class GoalQuestionSettings:
     """How `GoalQuestion` compares pans, and when it ends.
 
-    Parameters
-    ----------
-    pans : int
-        Number of pans compared: with 37 over half a turn they are 5 degrees apart, a tenth of a usual field of view.
-    enough_nat : float
-        Entropy at which the question is decided: 0.1 nat leave the other of two poses a probability of 2 %.
-    min_gain_nat : float
-        A look with a smaller expected gain is not worth its time.
-    as_good_nat : float
-        Pans whose expected entropy differs by less count as equal. Then the head moves least.
-    border_ratio : float
-        A corner nearer to the picture's border than this fraction of its width is cut as often as not.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
+    #: number of pans compared: with 37 over half a turn they are 5 degrees apart, a tenth of a usual field of view
     pans: int = 37
+    #: entropy at which the question is decided: 0.1 nat leave the other of two poses a probability of 2 %
     enough_nat: float = 0.1
-    min_gain_nat: float = 0.02
-    as_good_nat: float = 0.01
+    min_gain_nat: float = 0.02  #: a look with a smaller expected gain is not worth its time
+    as_good_nat: float = 0.01  #: pans whose expected entropy differs by less count as equal. Then the head moves least.
+    #: a corner nearer to the picture's border than this fraction of its width is cut as often as not
     border_ratio: float = 0.01
 
     def __post_init__(self) -> None:
@@ -76,27 +66,14 @@ class GoalQuestionSettings:
 
 @dataclass(frozen=True, slots=True)
 class Fixation:
-    """The answer to a question, or the next look.
+    """The answer to a question, or the next look."""
 
-    Parameters
-    ----------
-    answer : {"look", "decided", "undecidable"}
-        Look there; the most probable hypothesis is certain enough; or no look would decide.
-    pan_rad : float or None
-        Pan of the look, from straight ahead, positive to the left; None unless the answer is "look".
-    entropy_nat : float
-        Of the hypotheses now.
-    expected_nat : float
-        After that look, on average; as now unless the answer is "look".
-    reason : str
-        Why, in words.
-    """
-
-    answer: Answer
+    answer: Answer  #: look there; the most probable hypothesis is certain enough; or no look would decide
+    #: pan of the look, from straight ahead, positive to the left; None unless the answer is "look"
     pan_rad: float | None
-    entropy_nat: float
-    expected_nat: float
-    reason: str
+    entropy_nat: float  #: of the hypotheses now
+    expected_nat: float  #: after that look, on average; as now unless the answer is "look"
+    reason: str  #: why, in words
 
 
 def entropy_nat(probabilities: FloatArray) -> float:

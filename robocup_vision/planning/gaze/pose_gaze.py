@@ -30,23 +30,12 @@ _MIN_VARIANCE = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Detector:
-    """How well landmarks of one kind are detected.
+    """How well landmarks of one kind are detected."""
 
-    Parameters
-    ----------
-    std_px : float
-        Standard deviation along u and v, pixels of the camera's own picture.
-    detection_probability : float
-        Probability that it is found where it is in view.
-    max_range_m : float
-        Beyond, it is not found.
-    alone_probability : float, optional
-        Probability that a goal's post is found where the other one is not in view; default: as with it.
-    """
-
-    std_px: float
-    detection_probability: float
-    max_range_m: float
+    std_px: float  #: standard deviation along u and v, pixels of the camera's own picture
+    detection_probability: float  #: probability that it is found where it is in view
+    max_range_m: float  #: beyond, it is not found
+    #: probability that a goal's post is found where the other one is not in view; default: as with it
     alone_probability: float | None = None
 
 
@@ -64,21 +53,12 @@ GOAL_DETECTORS: Mapping[Kind, Detector] = {"post": DETECTORS["post"]}
 
 @dataclass(frozen=True, slots=True)
 class Neck:
-    """How a head pans.
+    """How a head pans."""
 
-    Parameters
-    ----------
-    limit_rad : float
-        Farthest pan to either side.
-    speed_rps : float
-        How fast it turns.
-    std_rad : float
-        Standard deviation of the camera's direction on a walking robot, about the upright and the level axis. It is the
-        same error for all landmarks of a frame.
-    """
-
-    limit_rad: float = math.pi / 2
-    speed_rps: float = 8.0
+    limit_rad: float = math.pi / 2  #: farthest pan to either side
+    speed_rps: float = 8.0  #: how fast it turns
+    #: standard deviation of the camera's direction on a walking robot, about the upright and the level axis. It is the
+    #: same error for all landmarks of a frame.
     std_rad: float = 0.01
 
     def __post_init__(self) -> None:
@@ -101,53 +81,19 @@ class Neck:
 
 @dataclass(frozen=True, slots=True)
 class Gaze:
-    """A chosen pan.
+    """A chosen pan."""
 
-    Parameters
-    ----------
-    pan_rad : float
-        From straight ahead, positive to the left.
-    planned : bool
-        False: a sweep, since nothing can be planned.
-    position_std_m : float
-        Expected uncertainty of the position: square root of the covariance's trace; infinite for a sweep.
-    landmarks : float
-        Number of landmarks expected in a frame.
-    reason : str
-        Why, in words.
-    """
-
-    pan_rad: float
-    planned: bool
+    pan_rad: float  #: from straight ahead, positive to the left
+    planned: bool  #: false: a sweep, since nothing can be planned
+    #: expected uncertainty of the position: square root of the covariance's trace; infinite for a sweep
     position_std_m: float
-    landmarks: float
-    reason: str
+    landmarks: float  #: number of landmarks expected in a frame
+    reason: str  #: why, in words
 
 
 @dataclass(frozen=True, slots=True)
 class PoseGazeSettings:
     """How `PoseGaze` compares pans.
-
-    Parameters
-    ----------
-    criterion : {"position", "volume"}
-        What is minimised: the trace of the position's covariance, or the determinant of the pose's.
-    horizon_s : float
-        Time ahead in which frames are counted. A pan far from the present one leaves time for fewer.
-    frame_s : float
-        Time between frames.
-    pans : int
-        Number of pans compared: with 37 they are nearer to each other than a sixth of a usual field of view.
-    border_ratio : float
-        A landmark nearer to the picture's border than this fraction of its width is not counted: a detector cuts it.
-    as_good_ratio : float
-        Pans whose criterion differs by less than this fraction count as equal. Then the head moves least.
-    min_landmarks : float
-        Expected landmarks in view from which a pan is worth planning.
-    max_misses : int
-        Frames in a row without a pose, taken at the planned pan, after which the head sweeps.
-    arrived_rad : float
-        So near to the planned pan, a frame counts as taken there.
 
     Raises
     ------
@@ -155,15 +101,20 @@ class PoseGazeSettings:
         A value is out of its range.
     """
 
+    #: what is minimised: the trace of the position's covariance, or the determinant of the pose's
     criterion: Criterion = "position"
+    #: time ahead in which frames are counted. A pan far from the present one leaves time for fewer.
     horizon_s: float = 0.5
-    frame_s: float = 1 / 30
+    frame_s: float = 1 / 30  #: time between frames
+    #: number of pans compared: with 37 they are nearer to each other than a sixth of a usual field of view
     pans: int = 37
+    #: a landmark nearer to the picture's border than this fraction of its width is not counted: a detector cuts it
     border_ratio: float = 0.03
+    #: pans whose criterion differs by less than this fraction count as equal. Then the head moves least.
     as_good_ratio: float = 0.02
-    min_landmarks: float = 0.5
-    max_misses: int = 2
-    arrived_rad: float = 0.15
+    min_landmarks: float = 0.5  #: expected landmarks in view from which a pan is worth planning
+    max_misses: int = 2  #: frames in a row without a pose, taken at the planned pan, after which the head sweeps
+    arrived_rad: float = 0.15  #: so near to the planned pan, a frame counts as taken there
 
     def __post_init__(self) -> None:
         if self.criterion not in ("position", "volume"):

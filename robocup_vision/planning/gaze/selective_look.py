@@ -26,28 +26,20 @@ Answer = Literal["look", "go", "blocked"]
 class SelectiveLookSettings:
     """How `SelectiveLook` plans paths, and how often it looks.
 
-    Parameters
-    ----------
-    unsure_cost : float
-        Extra cost of a cell near undecided floor: of two paths of one length the better known one is taken.
-    switch_ratio : float
-        A new path must be shorter than the last one by this fraction to replace it, so that looks are not lost.
-    max_looks : int
-        Looks after which a place that is still undecided is left until the robot is elsewhere: the same view again adds
-        little.
-    elsewhere_m : float
-        So far from where it looked the robot has another view.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
+    #: extra cost of a cell near undecided floor: of two paths of one length the better known one is taken
     unsure_cost: float = 1e-3
+    #: a new path must be shorter than the last one by this fraction to replace it, so that looks are not lost
     switch_ratio: float = 0.05
+    #: looks after which a place that is still undecided is left until the robot is elsewhere: the same view again adds
+    #: little
     max_looks: int = 2
-    elsewhere_m: float = 0.3
+    elsewhere_m: float = 0.3  #: so far from where it looked the robot has another view
 
     def __post_init__(self) -> None:
         for name in ("unsure_cost", "switch_ratio", "elsewhere_m"):
@@ -59,30 +51,16 @@ class SelectiveLookSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SelectedLook:
-    """A place to look at again, and the path that it lies on.
+    """A place to look at again, and the path that it lies on."""
 
-    Parameters
-    ----------
-    answer : {"look", "go", "blocked"}
-        Look at `at_m`; go, since no look from here can decide more of the path; or there is no path.
-    at_m : (float, float) or None
-        Nearest place of the first undecided region on the path; None unless the answer is "look".
-    path_m : (K, 2) float64
-        The optimistic shortest path, cell by cell from the robot on; empty where there is none.
-    length_m : float
-        Of the path; infinite where there is none.
-    sure_m : float
-        Length of the path before the robot touches undecided floor.
-    reason : str
-        Why, in words.
-    """
-
-    answer: Answer
+    answer: Answer  #: look at `at_m`; go, since no look from here can decide more of the path; or there is no path
+    #: nearest place of the first undecided region on the path; None unless the answer is "look"
     at_m: tuple[float, float] | None
+    #: (K, 2) float64: the optimistic shortest path, cell by cell from the robot on; empty where there is none
     path_m: FloatArray
-    length_m: float
-    sure_m: float
-    reason: str
+    length_m: float  #: of the path; infinite where there is none
+    sure_m: float  #: length of the path before the robot touches undecided floor
+    reason: str  #: why, in words
 
 
 class SelectiveLook:

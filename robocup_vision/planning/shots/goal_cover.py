@@ -12,18 +12,10 @@ from robocup_vision.planning.gaps.gap import Point
 
 @dataclass(frozen=True, slots=True)
 class Cover:
-    """A place to block a goal from.
+    """A place to block a goal from."""
 
-    Parameters
-    ----------
-    place_m : (float, float)
-        For the centre of the robot that blocks.
-    open_rad : float
-        Angle of the goal's mouth at the ball.
-    """
-
-    place_m: Point
-    open_rad: float
+    place_m: Point  #: for the centre of the robot that blocks
+    open_rad: float  #: angle of the goal's mouth at the ball
 
 
 def cover_goal(ball: Point, posts_m: tuple[Point, Point], reach_m: float, room_m: float) -> Cover:

@@ -26,24 +26,18 @@ from robocup_vision.planning.gaps.gap import Point
 class ShotPlannerSettings:
     """Which kicks `ShotPlanner` compares.
 
-    Parameters
-    ----------
-    aims : int
-        Points of the goal's mouth that are aimed at: less than a ball apart on a goal of the small-size league.
-    ways_m : tuple of float
-        Distances of the places to which the ball may be taken first. Nearer ones are closer together: the farther the
-        place, the less certain is what happens until then.
-    directions_rad : tuple of float
-        Directions of these places, from that of the goal: farther aside, the goal gets no wider.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
+    #: points of the goal's mouth that are aimed at: less than a ball apart on a goal of the small-size league
     aims: int = 25
+    #: distances of the places to which the ball may be taken first. Nearer ones are closer together: the farther the
+    #: place, the less certain is what happens until then.
     ways_m: tuple[float, ...] = (0.1, 0.2, 0.35, 0.5, 0.7)
+    #: directions of these places, from that of the goal: farther aside, the goal gets no wider
     directions_rad: tuple[float, ...] = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
 
     def __post_init__(self) -> None:
@@ -57,30 +51,15 @@ class ShotPlannerSettings:
 
 @dataclass(frozen=True, slots=True)
 class ShotPlan:
-    """A decision about the ball.
+    """A decision about the ball."""
 
-    Parameters
-    ----------
-    action : {"kick", "turn", "go nearer"}
-        Kick it the way the robot faces, turn to the heading first, or go to the place first.
-    place_m : (float, float)
-        Where the ball is to be kicked from.
-    heading_rad : float
-        Which way.
-    chance : float
-        Of a goal, if it is kicked there and then.
-    chance_now : float
-        Of a goal, if it is kicked now.
-    reason : str
-        Why.
-    """
-
+    #: kick it the way the robot faces, turn to the heading first, or go to the place first
     action: Literal["kick", "turn", "go nearer"]
-    place_m: Point
-    heading_rad: float
-    chance: float
-    chance_now: float
-    reason: str
+    place_m: Point  #: where the ball is to be kicked from
+    heading_rad: float  #: which way
+    chance: float  #: of a goal, if it is kicked there and then
+    chance_now: float  #: of a goal, if it is kicked now
+    reason: str  #: why
 
     def half_turn(self) -> ShotPlan:
         """Return the same in the frame of the other side."""
@@ -92,43 +71,23 @@ class ShotPlan:
 class ShotPlanner:
     """Plans shots at one goal.
 
-    Parameters
-    ----------
-    posts_m : ((float, float), (float, float))
-        Inner edges of the left and the right post, from the attackers' side.
-    ball_radius_m : float
-        Of the ball.
-    ball_mps : float
-        How fast a kicked ball rolls.
-    kick_std_rad : float
-        Standard deviation of the ball's direction about the kicker's heading.
-    defenders : MotionLimits
-        How they can move towards a ball once it is kicked and they have reacted (`dead_time_s`).
-    dribble_mps, turn_rps : float
-        How fast the robot can go and turn with the ball.
-    lost_s : float
-        Mean time for which the robot holds the ball where another one can reach it.
-    slips_s : float
-        The same where none can: waiting without end for a better chance is not worth it.
-    settings : ShotPlannerSettings, optional
-        Which kicks are compared.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
-    posts_m: tuple[Point, Point]
-    ball_radius_m: float
-    ball_mps: float
-    kick_std_rad: float
-    defenders: MotionLimits
+    posts_m: tuple[Point, Point]  #: inner edges of the left and the right post, from the attackers' side
+    ball_radius_m: float  #: of the ball
+    ball_mps: float  #: how fast a kicked ball rolls
+    kick_std_rad: float  #: standard deviation of the ball's direction about the kicker's heading
+    defenders: MotionLimits  #: how they can move towards a ball once it is kicked and they have reacted (`dead_time_s`)
+    #: how fast the robot can go and turn with the ball
     dribble_mps: float
     turn_rps: float
-    lost_s: float
-    slips_s: float
-    settings: ShotPlannerSettings = ShotPlannerSettings()
+    lost_s: float  #: mean time for which the robot holds the ball where another one can reach it
+    slips_s: float  #: the same where none can: waiting without end for a better chance is not worth it
+    settings: ShotPlannerSettings = ShotPlannerSettings()  #: which kicks are compared
 
     def __post_init__(self) -> None:
         for name in ("ball_radius_m", "ball_mps", "kick_std_rad", "dribble_mps", "turn_rps", "lost_s", "slips_s"):

@@ -74,41 +74,23 @@ def checked_path(path_m: FloatArray | Sequence[Sequence[float]]) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class SpeedPlan:
-    """A safe speed.
+    """A safe speed."""
 
-    Parameters
-    ----------
-    speed_mps : float
-        Largest safe speed; 0: there is none.
-    safe : bool
-        Whether there is one. If not, the robot stops, and looks again or goes round.
-    clearance_m : float
-        Clearance at that speed in the worst possible case; negative if none is safe.
-    reason : str
-        In words.
-    """
-
-    speed_mps: float
-    safe: bool
-    clearance_m: float
-    reason: str
+    speed_mps: float  #: largest safe speed; 0: there is none
+    safe: bool  #: whether there is one. If not, the robot stops, and looks again or goes round.
+    clearance_m: float  #: clearance at that speed in the worst possible case; negative if none is safe
+    reason: str  #: in words
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseNoise:
-    """How the pose's error grows between looks, and how large it is after one.
+    """How the pose's error grows between looks, and how large it is after one."""
 
-    Parameters
-    ----------
-    along, aside : float
-        Standard deviation of odometry as a fraction of the way, along and across it.
-    look_covariance : (3, 3) float64
-        Of a pose (x_m, y_m, theta_rad) right after a look, with the errors that all looks have in common (calibration,
-        map).
-    """
-
+    #: standard deviation of odometry as a fraction of the way, along and across it
     along: float
     aside: float
+    #: (3, 3) float64: of a pose (x_m, y_m, theta_rad) right after a look, with the errors that all looks have in common
+    #: (calibration, map)
     look_covariance: FloatArray
 
     def __post_init__(self) -> None:
@@ -126,24 +108,16 @@ class PoseNoise:
 class SpeedPlannerSettings:
     """How `SpeedPlanner` searches a speed.
 
-    Parameters
-    ----------
-    sigmas : float
-        Number of standard deviations of the errors that count as possible.
-    period_s : float
-        Time between two commands.
-    slower_ratio, speeds : float, int
-        Each speed that is tried is this fraction of the one before; so many are tried. 20 of 0.85 reach 4.6 % of the
-        top speed, below which driving no longer pays.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
-    sigmas: float = 3.0
-    period_s: float = 1 / 30
+    sigmas: float = 3.0  #: number of standard deviations of the errors that count as possible
+    period_s: float = 1 / 30  #: time between two commands
+    #: each speed that is tried is this fraction of the one before; so many are tried. 20 of 0.85 reach 4.6 % of the top
+    #: speed, below which driving no longer pays.
     slower_ratio: float = 0.85
     speeds: int = 20
 

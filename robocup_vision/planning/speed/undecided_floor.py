@@ -26,20 +26,12 @@ _STEP_CELLS = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UndecidedFloor:
-    """The floor in square cells, and the number of looks that each still needs.
+    """The floor in square cells, and the number of looks that each still needs."""
 
-    Parameters
-    ----------
-    looks : (R, C) int16
-        Row along y, column along x: -1 free, 0 blocked for certain, n > 0 undecided for n more looks.
-    corner_m : (float, float)
-        Outer corner of cell [0, 0], in the frame that is planned in.
-    cell_m : float
-        A cell's width. Cells outside are undecided, and need as many looks as the most undecided one inside.
-    """
-
+    #: (R, C) int16: row along y, column along x: -1 free, 0 blocked for certain, n > 0 undecided for n more looks
     looks: Int16Array
-    corner_m: Point
+    corner_m: Point  #: outer corner of cell [0, 0], in the frame that is planned in
+    #: a cell's width. Cells outside are undecided, and need as many looks as the most undecided one inside.
     cell_m: float
 
     def __post_init__(self) -> None:

@@ -24,15 +24,9 @@ def _nothing() -> Frames:
 
 @dataclass(frozen=True, eq=False)
 class StreamDataset(Dataset):
-    """A dataset whose frames are read in order, from a recording or a bag.
+    """A dataset whose frames are read in order, from a recording or a bag."""
 
-    Parameters
-    ----------
-    open_frames : callable
-        Returns the frames from the first on.
-    """
-
-    open_frames: Callable[[], Frames] = _nothing
+    open_frames: Callable[[], Frames] = _nothing  #: returns the frames from the first on
 
     @property
     def is_video(self) -> bool:

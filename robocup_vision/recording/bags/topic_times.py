@@ -29,21 +29,11 @@ _MAX_DRIFT = 20.0
 
 @dataclass(frozen=True)
 class TopicTimes:
-    """When each message of a topic was taken, and when it was logged.
-
-    Parameters
-    ----------
-    topic : str
-        Its name.
-    stamps_s : tuple of float
-        By the headers; NaN where a message cannot be read.
-    logged_s : tuple of float
-        By the bag.
-    """
+    """When each message of a topic was taken, and when it was logged."""
 
     topic: str
-    stamps_s: tuple[float, ...]
-    logged_s: tuple[float, ...]
+    stamps_s: tuple[float, ...]  #: by the headers; NaN where a message cannot be read
+    logged_s: tuple[float, ...]  #: by the bag
 
     @property
     def has_stamps(self) -> bool:
@@ -107,18 +97,10 @@ _TOGETHER_S = 0.5
 
 @dataclass(frozen=True)
 class PoseTopic:
-    """What stands in a topic of poses.
+    """What stands in a topic of poses."""
 
-    Parameters
-    ----------
-    times : TopicTimes
-        When.
-    poses : tuple of Truth or PacketError
-        Where; or why a message tells no place.
-    """
-
-    times: TopicTimes
-    poses: tuple[Truth | PacketError, ...]
+    times: TopicTimes  #: when
+    poses: tuple[Truth | PacketError, ...]  #: where; or why a message tells no place
 
     @classmethod
     def read(cls, bag: Bag, topic: str | None) -> PoseTopic:

@@ -47,18 +47,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """How a field stands in the message.
+    """How a field stands in the message."""
 
-    Parameters
-    ----------
-    name : str
-        Its name there.
-    per_unit : float
-        How many of the message's units make one of the value's (1000: millimetres for metres).
-    """
-
-    name: str
-    per_unit: float = 1.0
+    name: str  #: its name there
+    per_unit: float = 1.0  #: how many of the message's units make one of the value's (1000: millimetres for metres)
 
 
 class _Field(NamedTuple):

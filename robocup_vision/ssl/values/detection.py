@@ -24,66 +24,36 @@ class Source(OpenEnum):
 @message_value("vision.SSL_DetectionBall")
 @dataclass(frozen=True, slots=True)
 class DetectionBall:
-    """A ball as one camera sees it.
+    """A ball as one camera sees it."""
 
-    Parameters
-    ----------
-    confidence : float
-        From 0 to 1.
-    x_m, y_m : float
-        Field frame; of a flying ball where its ray meets the floor, unless `z_m` is set.
-    pixel_x, pixel_y : float
-        Where in the camera's image.
-    area_px : int or None
-        Pixels.
-    z_m : float or None
-        Height, where the sender gives it.
-    unknown : bytes
-        Fields that the tables do not have.
-    """
-
-    confidence: float
+    confidence: float  #: from 0 to 1
+    #: field frame; of a flying ball where its ray meets the floor, unless `z_m` is set
     x_m: Annotated[float, Wire("x", MM_PER_M)]
     y_m: Annotated[float, Wire("y", MM_PER_M)]
+    #: where in the camera's image
     pixel_x: float = 0.0
     pixel_y: float = 0.0
-    area_px: Annotated[int | None, Wire("area")] = None
-    z_m: Annotated[float | None, Wire("z", MM_PER_M)] = None
-    unknown: bytes = b""
+    area_px: Annotated[int | None, Wire("area")] = None  #: pixels
+    z_m: Annotated[float | None, Wire("z", MM_PER_M)] = None  #: height, where the sender gives it
+    unknown: bytes = b""  #: fields that the tables do not have
 
 
 @message_value("vision.SSL_DetectionRobot")
 @dataclass(frozen=True, slots=True)
 class DetectionRobot:
-    """A robot as one camera sees it.
+    """A robot as one camera sees it."""
 
-    Parameters
-    ----------
-    confidence : float
-        From 0 to 1.
-    robot_id : int or None
-        The pattern's number; None where only the team's colour was seen.
-    x_m, y_m : float
-        Its centre, field frame.
-    orientation_rad : float or None
-        Where it faces, counter-clockwise from +x.
-    pixel_x, pixel_y : float
-        Where in the camera's image.
-    height_m : float or None
-        Of its pattern above the floor.
-    unknown : bytes
-        Fields that the tables do not have.
-    """
-
-    confidence: float
-    robot_id: int | None
+    confidence: float  #: from 0 to 1
+    robot_id: int | None  #: the pattern's number; None where only the team's colour was seen
+    #: its centre, field frame
     x_m: Annotated[float, Wire("x", MM_PER_M)]
     y_m: Annotated[float, Wire("y", MM_PER_M)]
-    orientation_rad: Annotated[float | None, Wire("orientation")] = None
+    orientation_rad: Annotated[float | None, Wire("orientation")] = None  #: where it faces, counter-clockwise from +x
+    #: where in the camera's image
     pixel_x: float = 0.0
     pixel_y: float = 0.0
-    height_m: Annotated[float | None, Wire("height", MM_PER_M)] = None
-    unknown: bytes = b""
+    height_m: Annotated[float | None, Wire("height", MM_PER_M)] = None  #: of its pattern above the floor
+    unknown: bytes = b""  #: fields that the tables do not have
 
 
 @message_value("vision.SSL_DetectionFrame")

@@ -99,44 +99,31 @@ class FieldSize:
 @message_value("vision.SSL_GeometryCameraCalibration")
 @dataclass(frozen=True, slots=True)
 class CameraCalibration:
-    """One overhead camera.
+    """One overhead camera."""
 
-    Parameters
-    ----------
-    camera_id : int
-        As in its detections.
-    focal_length_px, principal_x_px, principal_y_px, distortion : float
-        An undistorted radius is ``r (1 + distortion r^2)`` of the distorted one, both over the focal length.
-    q_x, q_y, q_z, q_w : float
-        Quaternion that turns the field frame into the camera's. Some simulators send four equal numbers.
-    t_x_m, t_y_m, t_z_m : float
-        The field's centre in the camera's frame.
-    camera_x_m, camera_y_m, camera_z_m : float or None
-        The camera in the field frame, as its sender worked it out.
-    width_px, height_px : int or None
-        Of its image.
-    unknown : bytes
-        Fields that the tables do not have.
-    """
-
-    camera_id: int
+    camera_id: int  #: as in its detections
+    #: an undistorted radius is ``r (1 + distortion r^2)`` of the distorted one, both over the focal length
     focal_length_px: Annotated[float, Wire("focal_length")]
     principal_x_px: Annotated[float, Wire("principal_point_x")]
     principal_y_px: Annotated[float, Wire("principal_point_y")]
     distortion: float
+    #: quaternion that turns the field frame into the camera's. Some simulators send four equal numbers.
     q_x: Annotated[float, Wire("q0")]
     q_y: Annotated[float, Wire("q1")]
     q_z: Annotated[float, Wire("q2")]
     q_w: Annotated[float, Wire("q3")]
+    #: the field's centre in the camera's frame
     t_x_m: Annotated[float, Wire("tx", MM_PER_M)]
     t_y_m: Annotated[float, Wire("ty", MM_PER_M)]
     t_z_m: Annotated[float, Wire("tz", MM_PER_M)]
+    #: the camera in the field frame, as its sender worked it out
     camera_x_m: Annotated[float | None, Wire("derived_camera_world_tx", MM_PER_M)] = None
     camera_y_m: Annotated[float | None, Wire("derived_camera_world_ty", MM_PER_M)] = None
     camera_z_m: Annotated[float | None, Wire("derived_camera_world_tz", MM_PER_M)] = None
+    #: of its image
     width_px: Annotated[int | None, Wire("pixel_image_width")] = None
     height_px: Annotated[int | None, Wire("pixel_image_height")] = None
-    unknown: bytes = b""
+    unknown: bytes = b""  #: fields that the tables do not have
 
 
 @message_value("vision.SSL_BallModelStraightTwoPhase")
