@@ -30,7 +30,7 @@ from time import process_time
 import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Table, finish, judge, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision, draw, load_camera
@@ -93,14 +93,13 @@ def accuracy(camera: OmniCamera, samples: list[Sample]) -> tuple[float, float]:
     return float(np.mean((distance <= 0.05) & (angle <= math.radians(3)))), float(np.median(distance))
 
 
-def measure_accuracy(seed: int, quick: bool) -> bool:
+def measure_accuracy(seed: int, quick: bool) -> None:
     """Located images before and after, with targets."""
     others = list(frames(seed + 1, 10 if quick else 300))
     images = [one.frame for one in frames(seed, IMAGES)]
     rng = np.random.default_rng(seed)
     columns = ("accuracy      ", col.rate("within 5 cm/3 deg"), col.error("median mm"), "target     ", "verdict")
     table = Table(columns, name="accuracy", samples=len(others))
-    all_ok = True
     for name, start, ratio_target, median_target_m in (
         ("near", GIVEN, 1.0, 0.005),
         ("5 px, 5 %", start_off(5.0, 0.05, rng), 0.99, 0.008),
@@ -110,17 +109,14 @@ def measure_accuracy(seed: int, quick: bool) -> bool:
         result = calibrate_omni(FIELD, images, start)
         if not isinstance(result, OmniCalibration):
             table.row(f"{name}, after", result.reason, None, None, verdict(False))
-            all_ok = False
             continue
         ratio, median_m = accuracy(result.camera, others)
         ok = ratio >= ratio_target and median_m <= median_target_m
         target = f"{100 * ratio_target:g} %, {1e3 * median_target_m:g} mm"
         table.row(f"{name}, after", percent(ratio), 1e3 * median_m, target, verdict(ok))
-        all_ok &= ok
-    return all_ok
 
 
-def measure_convergence(seed: int, trials: int) -> bool:
+def measure_convergence(seed: int, trials: int) -> None:
     """Calibrations that end at the true camera, of many, with their time."""
     table = Table(
         (
@@ -136,7 +132,6 @@ def measure_convergence(seed: int, trials: int) -> bool:
         name="convergence",
         samples=trials,
     )
-    all_ok = True
     for name in ("20 %, 10 px", "none"):
         errors, seconds, refused = [], [], 0
         for trial in range(trials):
@@ -162,15 +157,12 @@ def measure_convergence(seed: int, trials: int) -> bool:
             f"95 %, {MAX_SECONDS:g} s",
             verdict(ok),
         )
-        all_ok &= ok
-    return all_ok
 
 
-def measure_photographs(quick: bool) -> bool:
+def measure_photographs(quick: bool) -> None:
     """Photographs from poor starts."""
     field = load_field("msl_6x4")
     line_map = LineMap(field)
-    all_ok = True
     for folder, name in (("omni_msl_6x4", "a_center.png"), ("omni_msl_6x4_b", "b_center.png")):
         table = Table(
             (
@@ -205,7 +197,6 @@ def measure_photographs(quick: bool) -> bool:
             seconds = process_time() - begin
             if not isinstance(result, OmniCalibration):
                 table.row(label, result.reason, None, None, None, seconds, verdict(start is None))
-                all_ok &= start is None
                 continue
             curve, residual = result.camera.floor_range, np.abs(result.frames[0].line_residual_px)
             off, ok = "-", True
@@ -230,8 +221,7 @@ def measure_photographs(quick: bool) -> bool:
             held_back = f"{100 * np.mean(residual < 3):.0f} %, {result.choices[0].held_out_px:.2f}"
             # without a start nothing is promised of photographs; the time, which hangs on the machine, is judged apart
             table.row(label, off, f"{u:.1f}, {v:.1f}", held_back, picked, seconds, verdict(ok) if start else None)
-            all_ok &= (ok and seconds <= MAX_SECONDS) or start is None
-    return all_ok
+            judge(start is None or seconds <= MAX_SECONDS)
 
 
 def main() -> None:
@@ -240,10 +230,10 @@ def main() -> None:
     cv2.setNumThreads(1)
     # compiled, and caches filled, before anything is timed
     calibrate_omni(FIELD, [one.frame for one in frames(arguments.seed, 2)], GIVEN)
-    all_ok = measure_accuracy(arguments.seed, arguments.quick)
-    all_ok &= measure_convergence(arguments.seed, 1 if arguments.quick else 100 if arguments.full else 40)
-    all_ok &= measure_photographs(arguments.quick)
-    finish(arguments.check, all_ok)
+    measure_accuracy(arguments.seed, arguments.quick)
+    measure_convergence(arguments.seed, 1 if arguments.quick else 100 if arguments.full else 40)
+    measure_photographs(arguments.quick)
+    finish()
 
 
 if __name__ == "__main__":

@@ -166,7 +166,7 @@ def main() -> None:
         measure(f"mirror {size[0]} x {size[1]}", workers, mirror, rounds, table)
     width, height = FL.camera.size_px
     measure(f"forward {width} x {height}", forward_workers(arguments.seed), forward, rounds, table)
-    finish(arguments.check, all_ok=True)
+    finish()
 
 
 if __name__ == "__main__":

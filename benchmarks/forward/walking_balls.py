@@ -140,7 +140,7 @@ def main() -> None:
     for is_found, name in ((False, "no ball found"), (True, "a ball found")):
         times = np.array(followed.time_s[is_found]) / np.median(followed.unit_s)
         table.row(name, len(times), float(np.median(times)), float(np.quantile(times, 0.99)))
-    finish(arguments.check, is_met)
+    finish()
 
 
 if __name__ == "__main__":

@@ -84,7 +84,7 @@ def main() -> None:
                     errors.append(math.hypot(p[0] - x, p[1] - y))
                     angles.append(abs(math.degrees(p[2] - heading)))
         table.row(name, *(float(np.percentile(errors, q)) for q in (50, 90, 100)), float(np.median(angles)))
-    finish(arguments.check, True)
+    finish()
 
 
 if __name__ == "__main__":

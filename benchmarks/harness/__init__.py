@@ -1,6 +1,6 @@
 """What all programs have in common: arguments, tables, verdicts, files of figures, and their comparison."""
 
 from benchmarks.harness.figures import Kind
-from benchmarks.harness.report import DEFAULT_SEED, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness.report import DEFAULT_SEED, Table, finish, judge, parse_arguments, percent, verdict
 
-__all__ = ["DEFAULT_SEED", "Kind", "Table", "finish", "parse_arguments", "percent", "verdict"]
+__all__ = ["DEFAULT_SEED", "Kind", "Table", "finish", "judge", "parse_arguments", "percent", "verdict"]

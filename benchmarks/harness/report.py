@@ -39,6 +39,8 @@ class _Run:
     figures: Figures
     path: Path | None
     began_s: float
+    is_checked: bool
+    is_short: bool = False
 
 
 _run: _Run | None = None
@@ -95,7 +97,7 @@ def parse_arguments(
     is_standard = figures.size == "default" and figures.seed == DEFAULT_SEED
     is_standard &= all(getattr(arguments, name) == default for name, default in own.items())
     path = arguments.json or (FOLDER / f"{figures.program}.json" if is_standard else None)
-    _run = _Run(figures, path, time.perf_counter())
+    _run = _Run(figures, path, time.perf_counter(), arguments.check)
     print(figures.title)
     print(f"{describe(figures.machine, figures.versions)}; seed {figures.seed}")
     return arguments
@@ -177,15 +179,23 @@ def percent(ratio: float | None) -> str:
 
 
 def verdict(ok: bool) -> str:
-    """Return "ok" or "SHORT"."""
+    """Return "ok" or "SHORT", and keep it for the last line."""
+    judge(ok)
     return "ok" if ok else "SHORT"
 
 
-def finish(check: bool, all_ok: bool) -> None:
-    """Print the last line, write the figures, and leave with status 1 if something is SHORT and `check` asks for it."""
-    print("\nevery acceptance row is ok" if all_ok else "\nsome acceptance rows are SHORT")
+def judge(ok: bool) -> None:
+    """Keep for the last line what no verdict shows."""
+    if _run is not None and not ok:
+        _run.is_short = True
+
+
+def finish() -> None:
+    """Print the last line, write the figures, and leave with status 1 if something is SHORT and ``--check`` is set."""
+    is_short = _run is not None and _run.is_short
+    print("\nsome acceptance rows are SHORT" if is_short else "\nevery acceptance row is ok")
     if _run is not None and _run.path is not None:
         _run.figures.seconds = round(time.perf_counter() - _run.began_s, 1)
         write_figures(_run.figures, _run.path)
-    if check and not all_ok:
+    if is_short and _run is not None and _run.is_checked:
         raise SystemExit(1)

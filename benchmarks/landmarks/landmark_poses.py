@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
+from benchmarks.harness import Kind, Table, finish, judge, parse_arguments, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.pool import open_pool
 from benchmarks.peers.orb import OrbExtractor
@@ -69,12 +69,10 @@ class Verdicts:
     """The acceptance rows, gathered on the way and printed last."""
 
     def __init__(self) -> None:
-        self.all_ok = True
         self._rows: list[tuple[str, str, str, bool, Kind]] = []
 
     def add(self, name: str, measured: str, target: str, ok: bool, kind: Kind = Kind.VERDICT) -> None:
         """Keep a row; its figure is compared with earlier ones if it is a number of a `kind`, else its verdict."""
-        self.all_ok &= ok
         self._rows.append((name, measured, target, ok, kind))
 
     def print(self, samples: int) -> None:
@@ -226,7 +224,8 @@ def main() -> None:
     )
     if runs.lost:
         own_run.note("the map lost its way: nothing else can be measured SHORT")
-        finish(arguments.check, False)
+        judge(False)
+        finish()
         return
     for name, found in (("with", poses), ("without", runs.drifted_poses)):
         if len(found) == len(first_run):
@@ -306,7 +305,7 @@ def main() -> None:
     cost(verdicts, landmarks, seen_second[::every], truth[::every], sizes, seed)
     cheaper(verdicts, landmarks, runs.orb, second)
     verdicts.print(located)
-    finish(arguments.check, verdicts.all_ok)
+    finish()
 
 
 def _text(errors: npt.NDArray[np.float64]) -> str:

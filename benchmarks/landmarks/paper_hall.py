@@ -328,7 +328,7 @@ def main() -> None:
     )  # fmt: skip
     for name, measured, target, ok, kind in acceptance:
         table.row(name, measured, target, verdict(ok), kind=kind)
-    finish(arguments.check, all(ok for *_, ok, _ in acceptance))
+    finish()
 
 
 if __name__ == "__main__":

@@ -114,7 +114,7 @@ def main() -> None:
     is_seen = seen >= MIN_SEEN
     cells = percent(seen), f">= {100 * MIN_SEEN:g}", verdict(is_seen)
     verdicts.row("held balls that are seen, %", *cells, kind=Kind.RATE, samples=len(kicks))
-    finish(arguments.check, is_informative and is_sure and is_seen)
+    finish()
 
 
 if __name__ == "__main__":

@@ -154,8 +154,8 @@ def driven_s(case: Case, rng: np.random.Generator) -> tuple[float, float, float,
         gap = look(gap, place_m)
 
 
-def measure_gates(count: int, brute: int, drives: int, seed: int) -> bool:
-    """Print the tables of the gate problem; whether all of its rows are ok."""
+def measure_gates(count: int, brute: int, drives: int, seed: int) -> None:
+    """Print the tables of the gate problem."""
     rng = np.random.default_rng([seed, 4])
     cases = [draw_case(rng) for _ in range(count)]
     cases[0].planner.plan((0.0, 0.0), cases[0].gap, cases[0].target_m, cases[0].detour_m)
@@ -172,10 +172,8 @@ def measure_gates(count: int, brute: int, drives: int, seed: int) -> bool:
         seconds.append(taken)
     columns = ("the gate problem                                   ", col.measured(), "target", "verdict")
     table = Table(columns, name="gate", samples=count)
-    oks = []
 
     def row(name: str, figure: str | float, target: str, ok: bool, kind: Kind = Kind.TEXT) -> None:
-        oks.append(ok)
         table.row(name, figure, target, verdict(ok), kind=kind)
 
     worst, visited, all_beliefs = 0.0, 0, 0
@@ -214,7 +212,6 @@ def measure_gates(count: int, brute: int, drives: int, seed: int) -> bool:
     late = float(np.quantile(seconds, 0.99))
     row("time of a plan, 99 of 100 within, ms", 1e3 * late, "< 10", late < 0.01)
     table.row("time of a plan, slowest, ms", 1e3 * max(seconds), "-", None)
-    return all(oks)
 
 
 def drive_all(cases: list[Case], drives: int, seed: int) -> FloatArray:
@@ -259,8 +256,8 @@ def widen_prior() -> list[Step]:
     return steps
 
 
-def measure_fork(out: Path | None) -> bool:
-    """Print, and draw, where the next viewpoint lies; whether its row is ok."""
+def measure_fork(out: Path | None) -> None:
+    """Print, and draw, where the next viewpoint lies."""
     steps = widen_prior()
     table = Table(
         ("believed width, mm", "plan  ", "viewpoint      ", "detour 0, gap 1"),
@@ -281,7 +278,6 @@ def measure_fork(out: Path | None) -> bool:
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         draw_fork(steps, out / "gate_viewpoints.png")
-    return ok
 
 
 def draw_fork(steps: list[Step], path: Path) -> None:
@@ -322,8 +318,8 @@ def matplotlib_circle(center: Point, radius: float) -> Any:
     return Circle(center, radius, color="tab:red", alpha=0.6)
 
 
-def measure_passage(count: int, aside_m: float, seed: int, pool: Pool) -> bool:
-    """Print the table of expected passage times; whether its judged row is ok."""
+def measure_passage(count: int, aside_m: float, seed: int, pool: Pool) -> None:
+    """Print the table of expected passage times."""
     narrowest = 1000 * gap_choices.passage_times().narrowest_m
     table = Table(
         (
@@ -342,7 +338,7 @@ def measure_passage(count: int, aside_m: float, seed: int, pool: Pool) -> bool:
         name=f"passage, {aside_m:g} m",
         samples=count // 10,
     )
-    ok, touched = True, 0.0
+    touched = 0.0
     for rule, ways, rows in (
         ("mean width", gap_choices.AGAIN, count),
         ("shortest way", (gap_choices.JUDGED,), count // 10),
@@ -354,13 +350,11 @@ def measure_passage(count: int, aside_m: float, seed: int, pool: Pool) -> bool:
             its, ours = float(found[:, 2 * k].mean()), float(found[:, 2 * k + 1].mean())
             standard_error = float(np.std(found[:, 2 * k] - found[:, 2 * k + 1])) / math.sqrt(len(found)) / its
             saved, judged = 1 - ours / its, again == gap_choices.JUDGED and rule == "mean width"
-            ok &= not judged or saved >= 0.04
             table.row(
                 rule, again, str(rows), percent(len(found) / rows), its, ours, percent(saved), percent(standard_error),
                 percent(1 - oracle_s / its), verdict(saved >= 0.04) if judged else None,
             )  # fmt: skip
     table.note(f"sets of drives in which one touches: at most {percent(touched)} %")
-    return ok
 
 
 def measure_times(drives: int, seed: int) -> None:
@@ -395,14 +389,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="draw the viewpoints there")
     arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
     count, brute, drives = (30, 2, 4) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
-    all_ok = measure_gates(count, brute, drives, arguments.seed)
-    all_ok &= measure_fork(arguments.out)
+    measure_gates(count, brute, drives, arguments.seed)
+    measure_fork(arguments.out)
     measure_times(count // 10, arguments.seed)
     # opponents across a field; and close together, where turning back costs next to nothing
     with open_pool(arguments) as pool:
-        all_ok &= measure_passage(5 * count, 2.5, arguments.seed, pool)
-        all_ok &= measure_passage(5 * count, 1.0, arguments.seed, pool)
-    finish(arguments.check, all_ok)
+        measure_passage(5 * count, 2.5, arguments.seed, pool)
+        measure_passage(5 * count, 1.0, arguments.seed, pool)
+    finish()
 
 
 if __name__ == "__main__":

@@ -115,8 +115,8 @@ def fit_laws(films: list[list[Frame]]) -> Errors:
     return Errors(pose, obstacle)
 
 
-def measure(laws: dict[str, Errors], runs: dict[str, int], seed: int, pool: Pool) -> bool:
-    """Print the table; whether the judged rows are ok."""
+def measure(laws: dict[str, Errors], runs: dict[str, int], seed: int, pool: Pool) -> None:
+    """Print the table."""
     table = Table(
         (
             "world ",
@@ -133,18 +133,15 @@ def measure(laws: dict[str, Errors], runs: dict[str, int], seed: int, pool: Pool
         name="errors",
         samples=min(runs.values()),
     )
-    all_ok = True
     for world, play, most in (("gap", gap, MAX_RATIO), ("hidden", hidden, MAX_HIDDEN_RATIO), ("row", row, 1.0)):
         for name, errors in laws.items():
             jobs = [(seed, number, errors) for number in range(runs[world])]
             found = np.array([one for one in pool.map(play, jobs) if one], dtype=np.float64)
             touched, ours_s, other_touched, other_s = found.mean(axis=0).tolist()
             ok = touched <= MAX_COLLIDED and ours_s <= most * other_s
-            all_ok &= ok or name not in JUDGED
             cells = percent(touched), ours_s, percent(other_touched), other_s, ours_s / other_s
             table.row(world, name, len(found), *cells, verdict(ok) if name in JUDGED else None)
     table.note(f"touched at most {percent(MAX_COLLIDED)} %, ratio at most {MAX_RATIO:g}, {MAX_HIDDEN_RATIO:g} and 1")
-    return all_ok
 
 
 def main() -> None:
@@ -157,8 +154,8 @@ def main() -> None:
         tails = Errors(replace(frames.pose, scale=1.0), replace(frames.obstacle, scale=1.0))
         wider = ErrorLaw(scale=OTHER_SCALE)
         laws = {"matched": MATCHED, "frames": frames, "x 1.5": Errors(wider, wider, OTHER_SCALE), "tails": tails}
-        ok = measure(laws, runs, arguments.seed, pool)
-    finish(arguments.check, ok)
+        measure(laws, runs, arguments.seed, pool)
+    finish()
 
 
 if __name__ == "__main__":

@@ -36,9 +36,8 @@ def drives(widths: tuple[float, float], gaps: int, constant: float | None, runs:
     return out
 
 
-def measure_known(runs: int, seed: int) -> bool:
-    """Print the tables of known surroundings; whether all of their rows are ok."""
-    all_ok = True
+def measure_known(runs: int, seed: int) -> None:
+    """Print the tables of known surroundings."""
     fastest = CONSTANT_MPS[0]
     for gaps, title in ((1, "known surroundings: one gap of 2 to 3.5 robot widths"), (3, "three such gaps in a row")):
         columns = (
@@ -65,7 +64,6 @@ def measure_known(runs: int, seed: int) -> bool:
         own_s = with_refusals_s(ours, quick_s)
         ok = own_s <= 0.75 * quick_s
         # the issue asks it of gaps, not of courses in which nothing is open floor
-        all_ok &= ok or gaps > 1
         table.row(
             "as planned",
             str(runs),
@@ -79,8 +77,7 @@ def measure_known(runs: int, seed: int) -> bool:
             f"ratio: to the time of the fastest constant speed with no more collisions, {fastest:g} m/s; at most 0.75"
         )
         if gaps == 1:
-            all_ok &= measure_widths(fastest, runs // 3, seed)
-    return all_ok
+            measure_widths(fastest, runs // 3, seed)
 
 
 def with_refusals_s(found: list[SlalomDrive], instead_s: float) -> float:
@@ -88,8 +85,8 @@ def with_refusals_s(found: list[SlalomDrive], instead_s: float) -> float:
     return float(np.mean([d.seconds + (instead_s if d.refused else 0.0) for d in found]))
 
 
-def measure_widths(constant: float, runs: int, seed: int) -> bool:
-    """Print the table of single gaps by their width; whether its rows are ok."""
+def measure_widths(constant: float, runs: int, seed: int) -> None:
+    """Print the table of single gaps by their width."""
     table = Table(
         (
             "robot widths",
@@ -106,7 +103,6 @@ def measure_widths(constant: float, runs: int, seed: int) -> bool:
         name="widths",
         samples=runs,
     )
-    all_ok = True
     for low, high in ((1.2, 1.6), (1.6, 1.8), (1.8, 2.0), (2.0, 2.5), (2.5, 3.0), (3.0, 3.5)):
         mine, others = (drives((low, high), 1, speed, runs, seed) for speed in (None, constant))
         struck, refused, stopped = (
@@ -116,14 +112,12 @@ def measure_widths(constant: float, runs: int, seed: int) -> bool:
         own_s = with_refusals_s(mine, other_s)
         # too narrow for a single look: it stops, and goes on only if more looks show that it may
         ok = stopped >= 0.95 * runs and struck == 0 if high <= 2.0 else None
-        all_ok &= ok is not False
         table.row(
             f"{low:g} to {high:g}", str(runs), str(struck), str(stopped), str(refused), own_s, str(other_struck),
             other_s, None if ok is None else verdict(ok),
         )  # fmt: skip
     limits = ", ".join(f"{filled_widths(looks):.2f} after {looks:g}" for looks in (1, 2, 5, math.inf))
     table.note(f"3 standard deviations fill a gap of so many widths after so many looks: {limits}")
-    return all_ok
 
 
 def filled_widths(looks: float) -> float:
@@ -146,8 +140,8 @@ def one_hidden(job: tuple[tuple[int, int], str, float | None]) -> tuple[float, b
     return found.seconds, found.collided, found.arrived
 
 
-def measure_unknown(runs: int, others: int, seed: int, pool: Pool) -> bool:
-    """Print the table of unknown surroundings; whether its row is ok."""
+def measure_unknown(runs: int, others: int, seed: int, pool: Pool) -> None:
+    """Print the table of unknown surroundings."""
     table = Table(
         (
             "rule                   ",
@@ -162,7 +156,7 @@ def measure_unknown(runs: int, others: int, seed: int, pool: Pool) -> bool:
         name="hidden",
         samples=others,
     )
-    slow_s, ok = math.nan, False
+    slow_s = math.nan
     for name, rule, constant in RULES:
         count = runs if rule == "planned" else others
         jobs = [((seed, k), rule, constant) for k in range(count)]
@@ -176,7 +170,6 @@ def measure_unknown(runs: int, others: int, seed: int, pool: Pool) -> bool:
             verdict(ok) if rule == "planned" else None,
         )  # fmt: skip
     table.note("planned: collisions at most 1 %, time at most 0.6 of constant 0.4 m/s")
-    return ok
 
 
 def main() -> None:
@@ -185,9 +178,9 @@ def main() -> None:
     runs = 30 if arguments.quick else 1500 if arguments.full else 300
     hidden, others = (20, 10) if arguments.quick else (1500, 150)
     with open_pool(arguments) as pool:
-        all_ok = measure_unknown(hidden, others, arguments.seed, pool)
-    all_ok &= measure_known(runs, arguments.seed)
-    finish(arguments.check, all_ok)
+        measure_unknown(hidden, others, arguments.seed, pool)
+    measure_known(runs, arguments.seed)
+    finish()
 
 
 if __name__ == "__main__":

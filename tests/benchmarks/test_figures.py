@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import render_pages
-from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Table, finish, judge, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.figures import FigureError, Figures, FigureTable, Row, cell_text, read_figures, write_figures
 from benchmarks.harness.markdown import page_programs, render_page
@@ -25,7 +25,7 @@ def written(tmp_path: Path) -> Path:
 
 def run(path: Path) -> Path:
     """Do what a program does."""
-    arguments = parse_arguments(DOCSTRING, ["--quick", "--json", str(path)])
+    parse_arguments(DOCSTRING, ["--quick", "--json", str(path)])
     columns = ("place    ", col.rate("located"), col.error("|mm|", floor=0.1), "target", "verdict")
     table = Table(columns, "Poses", name="poses", samples=20)
     table.row("near", "19/20", 1.23456789, "<= 2", verdict(True))
@@ -33,7 +33,7 @@ def run(path: Path) -> Path:
     mixed = Table(("what", col.measured()))
     mixed.row("losses", 3, kind=Kind.COUNT)
     mixed.note("of all")
-    finish(arguments.check, False)
+    finish()
     return path
 
 
@@ -91,12 +91,15 @@ def test_a_row_has_a_cell_a_column() -> None:
 
 def test_check_leaves_with_status_1_when_a_row_is_short(tmp_path: Path) -> None:
     path = tmp_path / "figures.json"
-    parse_arguments(DOCSTRING, ["--check", "--json", str(path)])
-    with pytest.raises(SystemExit) as left:
-        finish(True, False)
-    assert left.value.code == 1
+    for told in (verdict, judge):
+        parse_arguments(DOCSTRING, ["--check", "--json", str(path)])
+        told(True)
+        finish()
+        told(False)
+        with pytest.raises(SystemExit) as left:
+            finish()
+        assert left.value.code == 1
     assert path.is_file()
-    finish(True, True)
 
 
 def test_only_a_run_of_default_size_and_seed_replaces_the_figures(
@@ -106,10 +109,10 @@ def test_only_a_run_of_default_size_and_seed_replaces_the_figures(
     monkeypatch.setattr("sys.argv", [str(tmp_path / "goal" / "table.py")])
     for options in (["--quick"], ["--full"], ["--seed", "7"]):
         parse_arguments(DOCSTRING, options)
-        finish(False, True)
+        finish()
     assert not list(tmp_path.iterdir())
     parse_arguments(DOCSTRING, [])
-    finish(False, True)
+    finish()
     assert read_figures(tmp_path / "goal" / "table.json").program == "goal/table"
 
 
