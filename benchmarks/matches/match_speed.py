@@ -172,7 +172,7 @@ def measure_forward_matches(simulated_s: float, seed: int) -> None:
         table.row(f"{field_name}, {2 * players} robots", f"{real_time:.2f}", f">= {least:g}", verdict(ok))
 
 
-def measure_film(simulated_s: float, seed: int) -> bool:
+def measure_film(simulated_s: float, seed: int) -> None:
     """Print how fast a match with film and report is played, and the film's size."""
     plan = MatchPlan(seconds=simulated_s, seed=seed)
 

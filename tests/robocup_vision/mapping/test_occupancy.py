@@ -60,14 +60,17 @@ def test_all_of_the_depth_may_hold_what_was_hit():
     assert (evidence[(distance > 0.7) & (distance < 1.0)] == HIT).all()
 
 
-def test_cells_that_a_cone_crosses_in_part_are_not_free():
-    # one wide cone that ends early between cones that reach far
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_cells_that_a_cone_crosses_in_part_are_not_free(is_measured):
+    # one wide cone that ends early, or that nobody measured, between cones that reach far
     grid = single()
     count = 36
     range_m = np.full(count, 1.4)
     range_m[count // 2] = 0.5
     profile = circle(range_m, count=count)
-    evidence = grid.evidence("one", profile)
+    known = (np.arange(count) != count // 2) | is_measured
+    measured = RangeProfile(profile.bearing_rad[known], range_m[known], np.full(known.sum(), True), 0.0)
+    evidence = grid.evidence("one", measured)
     low = grid.robot.theta_rad + profile.bearing_rad[count // 2] - math.pi / count
     high = low + math.tau / count
     corners = cell_centers_m(grid)[:, :, None] + grid.cell_m / 2 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from steering_twins import RADIUS, around, empty_profile, sectors_of
+from steering_twins import RADIUS, around, empty_profile, grown, sectors_of
 
 from robocup_vision.kernels.motion import moving_contact
 from robocup_vision.kernels.motion import steering as kernels
@@ -55,6 +55,18 @@ def test_a_detour_is_unwound_towards_nothing_by_the_way_driven(detour, way_m, ra
     assert left * detour >= 0.0
     half = kernels.unwind(detour, way_m / 2, radius_m)
     assert kernels.unwind(half, way_m / 2, radius_m) == pytest.approx(left, abs=1e-9)
+
+
+@pytest.mark.parametrize(("side", "left_rad", "goes_left"), [(0.0, 0.6, False), (1.0, 0.6, True), (1.0, 2.0, False)])
+def test_a_side_is_kept_unless_the_other_is_nearer_by_far(side, left_rad, goes_left):
+    bearing = np.angle(np.exp(1j * around(64)))
+    profile, smallest = grown(np.where((bearing > -0.3) & (bearing < left_rad), 0.3, 5.0))
+    target = kernels.Target(0.0, math.inf, side)
+    found = kernels.choose_direction(
+        kernels.Motion(HERE, HERE), target, RULES, directions_of(72), profile, smallest, NOTHING
+    )
+    assert found[0] == 0
+    assert (found[3] > 0) == goes_left
 
 
 def test_an_obstacle_winds_the_detour_up_on_its_side_and_open_floor_unwinds_it():

@@ -8,14 +8,30 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.motion.way_grid import (
+    BLOCKED,
+    FREE,
+    MarkRules,
+    RangesInGrid,
     dearest_between,
     find_way,
+    mark_view,
     note_try,
     straight_part,
 )
 
 seeds = st.integers(0, 2**32 - 1)
 SIZE = 24
+
+
+@pytest.mark.parametrize(("views", "mark"), [(0, FREE), (30, BLOCKED)])
+def test_floor_seen_from_near_is_overruled_from_far_once_others_may_have_entered_it(views, mark):
+    state, seen_from = np.full((SIZE, SIZE), FREE, np.uint8), np.full((SIZE, SIZE), 3.0, np.float32)
+    bearing = (np.arange(36) + 0.5) * math.tau / 36 - math.pi
+    for range_cells in (*[20.0] * views, 9.5):
+        ranges = RangesInGrid(4.0, 12.0, 0.0, bearing, np.full(36, range_cells))
+        mark_view(state, seen_from, ranges, 1.0, 15.0, 2.0, MarkRules(1.03, 1.5))
+    # ten cells from the robot: 1.5 times 3 cells is less, 1.5 times 3 * 1.03^30 is more
+    assert state[12, 14] == mark
 
 
 @settings(deadline=None, max_examples=30)
