@@ -154,8 +154,6 @@ class RecentFreeSpace:
     ----------
     robot_radius_m : float
         Of the robot.
-    settings : RecentFreeSpaceSettings, optional
-        See there.
 
     Raises
     ------

@@ -117,8 +117,6 @@ def moving_table(
 
     Parameters
     ----------
-    moving : sequence of Disc
-        Moving obstacles.
     robot_radius_m : float
         Added to their own.
     settings : SteeringSettings, optional
@@ -144,8 +142,6 @@ def ranges_past(
     ----------
     bearing_rad, range_m : (J,) float64
         Directions, ascending, and free ranges; robot frame.
-    moving : sequence of Disc
-        Moving obstacles.
     margin_m : float
         A range that ends so near to a disc's rim is one of its returns.
     """

@@ -46,8 +46,6 @@ def shows_carpet(view: View, frame: UInt8Array) -> bool | None:
     ----------
     view : View
         Of the frame; where it has no floor samples (a camera of unknown tilt), the lower third of the frame is taken.
-    frame : (H, W, 3) uint8
-        BGR.
     """
     polar = view.polar
     if polar is None:
@@ -134,8 +132,6 @@ def check_dataset(dataset: Dataset, settings: CheckSettings = CheckSettings()) -
     ----------
     dataset : Dataset
         A folder of images; of a video the first images are used.
-    settings : CheckSettings, optional
-        Number of images, and thresholds.
 
     Returns
     -------

@@ -96,8 +96,6 @@ def calibrate_colors(
         Of the robot on the field, by the frame's name. Without it `Vision` locates each frame, where it can.
     mask : (H, W) uint8, optional
         Pixels where it is not zero are not used.
-    settings : ColorCalibrationSettings, optional
-        Thresholds.
     """
     observer = _FrameObserver(field, camera, mask, settings)
     seen, notes = [], []

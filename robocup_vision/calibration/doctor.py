@@ -84,8 +84,6 @@ class Doctor:
         All of one size, which need not be the camera's.
     own_views : mapping of str to View, optional
         What pictures show by the set-up at hand, where that is known.
-    settings : DoctorSettings, optional
-        Bounds of the search, and what fits.
     """
 
     def __init__(

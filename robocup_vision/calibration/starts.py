@@ -61,8 +61,6 @@ class StartTrials:
 
         Parameters
         ----------
-        start, pieces
-            See `run_pieces`.
         label : str
             Of the progress bar.
         form : JsonForm

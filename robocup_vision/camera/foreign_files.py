@@ -50,8 +50,6 @@ def read_ros(path: str | Path, size_px: tuple[int, int] | None = None) -> Calibr
 
     Parameters
     ----------
-    path : str or Path
-        The file.
     size_px : (int, int), optional
         Of the images, where the file does not say.
 

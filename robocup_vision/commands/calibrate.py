@@ -49,13 +49,7 @@ def _add_omni_parser(kinds: Any) -> None:
 
 
 def run_calibrate_omni(args: argparse.Namespace) -> int:
-    """Calibrate a mirror camera, write its file and overlays, and print its uncertainty; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Calibrate a mirror camera, write its file and overlays, and print its uncertainty; return the exit status."""
     from field_models import load_field
     from field_models.errors import FileError
     from robocup_vision.calibration.not_calibrated import NotCalibrated

@@ -38,13 +38,7 @@ def add_colors_parser(kinds: Any) -> None:
 
 
 def run_calibrate_colors(args: argparse.Namespace) -> int:
-    """Learn colours, write their file and a preview, and print what was found; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Learn colours, write their file and a preview, and print what was found; return the exit status."""
     from functools import partial
 
     from field_models import load_field

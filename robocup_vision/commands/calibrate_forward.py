@@ -37,13 +37,7 @@ def add_forward_parser(kinds: Any) -> None:
 
 
 def run_calibrate_forward(args: argparse.Namespace) -> int:
-    """Calibrate a forward camera, write its file, and print its uncertainty; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Calibrate a forward camera, write its file, and print its uncertainty; return the exit status."""
     from field_models import load_field
     from robocup_vision.calibration.forward.calibrate import calibrate_forward
     from robocup_vision.calibration.not_calibrated import NotCalibrated

@@ -30,13 +30,6 @@ def add_calibration_options(parser: argparse.ArgumentParser, out_help: str) -> N
 def start_trials(args: argparse.Namespace, paths: list[Path]) -> Iterator[StartTrials]:
     """Yield what tries the starts of a calibration; if the block is interrupted or fails, what is finished is kept.
 
-    Parameters
-    ----------
-    args : Namespace
-        The options of `add_calibration_options`.
-    paths : list of Path
-        The images' files.
-
     Raises
     ------
     FileError

@@ -34,13 +34,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_map(args: argparse.Namespace) -> int:
-    """Build, show or locate; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Build, show or locate; return the exit status."""
     status: int = {"build": _build, "show": _show, "locate": _locate}[args.action](args)
     return status
 

@@ -50,13 +50,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_live(args: argparse.Namespace) -> int:
-    """Serve the page until interrupted; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Serve the page until interrupted; return the exit status."""
     import math
     import time
 

@@ -49,13 +49,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_log(args: argparse.Namespace) -> int:
-    """Run an action on a log; return the exit status.
-
-    Raises
-    ------
-    RobocupVisionError
-        For anything the user can mend.
-    """
+    """Run an action on a log; return the exit status."""
     from robocup_vision.ssl.log import SslLog
 
     if args.action == "record":

@@ -41,11 +41,6 @@ class CompileCacheWarning(RuntimeWarning):
 def ensure_compile_cache(kernels: Path) -> None:
     """Make sure that the loops of a package can be kept somewhere; call it before the first of them is defined.
 
-    Parameters
-    ----------
-    kernels : Path
-        The package's folder.
-
     Warns
     -----
     JitStaysOnWarning

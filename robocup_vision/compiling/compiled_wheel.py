@@ -31,8 +31,6 @@ def compile_wheel(wheel: str | Path, jobs: int) -> Path:
     ----------
     wheel : str or Path
         As ``pip wheel`` writes it, for any machine.
-    jobs : int
-        Number of processes.
 
     Returns
     -------

@@ -41,8 +41,6 @@ def read_yolo(folder: str | Path, images: str | Path, names: str | Path | None =
 
     Parameters
     ----------
-    folder : str or Path
-        Of the text files.
     images : str or Path
         Folder of the images, which tell the pictures' sizes.
     names : str or Path, optional

@@ -61,8 +61,6 @@ def load_boxes(path: Path, image_names: Collection[str], size_px: tuple[int, int
         The file; further columns are ignored.
     image_names : collection of str
         The dataset's images.
-    size_px : (int, int)
-        Their width and height.
 
     Raises
     ------

@@ -127,8 +127,6 @@ def render_comparison(comparison: Comparison, pictures: Path | None = None) -> s
 
     Parameters
     ----------
-    comparison : Comparison
-        What is shown.
     pictures : Path, optional
         Folder with the images; those that changed are then shown.
     """

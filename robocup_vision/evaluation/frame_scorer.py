@@ -85,8 +85,6 @@ def make_vision_with_memory(dataset: Dataset, half: Half | None = None) -> Visio
 
     Parameters
     ----------
-    dataset : Dataset
-        The images.
     half : {"own"}, optional
         The half of the field in which the robot is known to begin (`Memory`).
     """
@@ -303,10 +301,6 @@ def score_images(
     ----------
     scorer : FrameScorer
         Of this process, which may be the worker; others make their own by its plan.
-    workers : Workers
-        Who scores.
-    first : int
-        Number of the first image.
     send_images : bool
         Send what stands in the image files to workers that are on other machines; else they read the files themselves,
         by the same paths.

@@ -75,12 +75,8 @@ def render_report(
 
     Parameters
     ----------
-    dataset : Dataset
-        What was evaluated.
     rows : sequence of Row
         One an image, in order.
-    figures : Figures
-        The figures over all of them.
     notes : sequence of str
         What was ignored or left out.
     spread : mapping of int to bytes

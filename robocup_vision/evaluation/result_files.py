@@ -90,8 +90,6 @@ class RowsFile(Closing):
 
     Parameters
     ----------
-    path : Path
-        The file.
     columns : sequence of str
         Its first line.
     cells : callable
@@ -172,10 +170,6 @@ def write_summary(
 
     Parameters
     ----------
-    path : Path
-        The file.
-    figures : Figures
-        The figures over all images.
     method : str
         How poses were found.
     left_out : int

@@ -107,8 +107,6 @@ def evaluate(
 
     Parameters
     ----------
-    dataset : Dataset
-        From `load_dataset`.
     out : str or Path
         Folder for the files; made if missing. Files of an earlier run in it are replaced.
     jobs : int

@@ -38,8 +38,6 @@ class FrameSteering:
 
     Parameters
     ----------
-    plan : SteerPlan
-        How.
     in_sequence : bool
         Whether frames follow one another; else each is the first one.
     """

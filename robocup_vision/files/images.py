@@ -73,10 +73,6 @@ def decode_image(data: bytes, name: str, size_px: tuple[int, int] | None = None)
 
     Parameters
     ----------
-    data : bytes
-        Of an image file.
-    name : str
-        For messages.
     size_px : (int, int), optional
         Width and height it must have.
 

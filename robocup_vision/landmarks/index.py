@@ -23,8 +23,6 @@ class MapIndex:
 
     Parameters
     ----------
-    landmarks : LandmarkMap
-        The map.
     cell_m : float
         Side of a cell of space.
     keep : int

@@ -91,8 +91,6 @@ class LandmarkPoseEstimator:
 
     Parameters
     ----------
-    landmarks : LandmarkMap
-        The map.
     camera : PinholeCamera
         As mounted on the robot; its tilt must be known. With offset and pan 0 the pose is the camera's own.
     selection : Selection
@@ -106,8 +104,6 @@ class LandmarkPoseEstimator:
     regions : bool
         With a prior, find SIFT features only in tiles around the most informative landmarks, a sixth of the frame.
         The prior must then be good to some 10 pixels; where it was not, the whole frame is looked at.
-    settings : LandmarkSettings
-        Windows and thresholds.
     """
 
     def __init__(

@@ -43,8 +43,6 @@ class Relocator:
         The map; it is indexed when first needed.
     camera : PinholeCamera
         Of known tilt.
-    settings : RelocatorSettings, optional
-        Of matching and solver.
     """
 
     def __init__(

@@ -68,8 +68,6 @@ def select(
         The map, and what a robot at this pose (3,) expects to see of it.
     prior_cov : (3, 3) float64
         How well the pose is known.
-    at_most : int, optional
-        Overrides `how`.
     rng : numpy.random.Generator, optional
         For "random".
 

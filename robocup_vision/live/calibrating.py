@@ -37,8 +37,6 @@ class Calibrator:
     ----------
     display : Display
         Is told how far it is.
-    setup : RobotSetup
-        The robot without a camera.
     out : Path
         Where the folder of frames goes.
     say : callable

@@ -40,10 +40,6 @@ class LivePage:
         Folder for frames that pages save.
     port : int
         0: any free one.
-    host : str
-        Address to listen on.
-    settings : FeedSettings
-        How much is kept.
 
     Raises
     ------

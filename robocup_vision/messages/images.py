@@ -39,10 +39,6 @@ def image_message(frame: UInt8Array, t_s: float, frame_id: str, image_format: Im
 
     Parameters
     ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    t_s : float
-        When it was taken.
     frame_id : str
         The camera's optical frame.
     image_format : {"raw", "png", "jpeg"}

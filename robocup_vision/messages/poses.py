@@ -15,13 +15,6 @@ _MIN_NORM = 1e-3
 def place_of(position: Any, orientation: Any) -> tuple[float, float, float | None]:
     """Return where something is, and the direction of its x axis.
 
-    Parameters
-    ----------
-    position : geometry_msgs/Point or Vector3
-        Where.
-    orientation : geometry_msgs/Quaternion
-        How it is turned.
-
     Returns
     -------
     (float, float, float or None)

@@ -75,14 +75,10 @@ class ColorMemory:
 
     Parameters
     ----------
-    field : Field
-        Whose colours.
     fixed : Colors, optional
         Never change these.
     strongest_cast : float
         Logarithm of the strongest cast of light: what seems white beyond it is some paint.
-    settings : ColorMemorySettings
-        When and how light is followed.
     """
 
     def __init__(
@@ -148,8 +144,6 @@ class ColorMemory:
 
         Parameters
         ----------
-        samples, view
-            As those of `classify`.
         llr : (K, M) int8
             The samples looked up in the table in use; filled anew where the table changes.
         ring : float

@@ -125,8 +125,6 @@ def learn_colors(
         Names the colours of ball and goals under white light.
     strongest_cast : float
         Logarithm of the strongest cast of light. A white beyond it is some paint; neutral white is then used.
-    settings : FloorColorSettings, optional
-        How the floor's colour is learnt.
 
     Returns
     -------

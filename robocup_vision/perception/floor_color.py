@@ -170,8 +170,6 @@ def learn_floor_color(
         Bearings, radii inside out, BGR.
     valid : (K, M) uint8
         1 where a sample may be used.
-    settings : FloorColorSettings, optional
-        Bounds and weights.
 
     Returns
     -------
@@ -218,12 +216,8 @@ def follow_floor_color(
         As for `learn_floor_color`.
     is_floor : (K, M) bool
         Samples that are floor by the colours before.
-    before : FloorColor
-        These colours.
     lift : float
         Shift of the brightness steps upwards, log brightness.
-    settings : FloorColorSettings, optional
-        Bounds and weights.
 
     Returns
     -------
@@ -269,8 +263,6 @@ def _purer(white: PaintColor, red_ratio: FloatArray, blue_ratio: FloatArray, inv
 
     Parameters
     ----------
-    white : PaintColor
-        Of this frame.
     red_ratio, blue_ratio : (...) float64
         Of the floor as learnt.
     inverse : (3, ...) float64

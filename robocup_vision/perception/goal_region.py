@@ -80,8 +80,6 @@ def carpet_mask(image: UInt8Array, excluded: UInt8Array | None = None) -> UInt8A
 
     Parameters
     ----------
-    image : (H, W, 3) uint8
-        BGR.
     excluded : (H, W) uint8, optional
         Pixels that are certainly something else (cyan paint is greenish too).
     """
@@ -113,8 +111,6 @@ def white_runs(
         See `whiteness`.
     row_step : int
         Rows of a band.
-    settings : StripSettings, optional
-        Bounds of a strip.
 
     Returns
     -------
@@ -162,8 +158,6 @@ def strips(
         See `carpet_mask`.
     certain : bool
         Whether the runs are paint of the right hue: strips may then be shorter and gaps of glare longer.
-    settings : StripSettings, optional
-        Bounds of a strip.
     """
     row, left, right, contrast = (np.ascontiguousarray(part) for part in runs)
     chain = np.empty(len(row), np.int64)

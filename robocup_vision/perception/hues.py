@@ -50,8 +50,6 @@ def hues_of(
     ----------
     thumbnail : (h, w, 3) uint8
         Of the frame, `thumbnail_of`, BGR.
-    camera : OmniCamera or PinholeCamera
-        Of the frame.
     places_m : (N, 2) float64
         Middles of their near sides, robot frame.
     widths_m : (N,) float64

@@ -153,8 +153,6 @@ def join_obstacles(seen: Sequence[Sequence[Obstacle]], radius_m: float) -> tuple
     ----------
     seen : sequence of sequence of Obstacle
         Of each camera, robot frame.
-    radius_m : float
-        Of a robot.
     """
     joined = _joined(
         seen,

@@ -123,8 +123,6 @@ class LinePoints:
 
         Parameters
         ----------
-        camera : FloorCamera
-            What took the frame.
         pixels : (N, 2) array-like
             Line points, px.
         weight : (N,) array-like, optional
@@ -147,14 +145,8 @@ class LineFinder:
 
     Parameters
     ----------
-    camera : FloorCamera
-        What takes the frames.
-    line_width_m : float
-        Of the painted lines.
     mask : (H, W) array, optional
         Non-zero pixels are never looked at.
-    settings : LineSettings
-        Thresholds.
     floor_m : (R, C, 2) float64, optional
         What the camera shows at `cell_middles`, where that is known.
     """
@@ -206,8 +198,6 @@ class LineFinder:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR.
         marks_bare : bool, optional
             Whether to find the bare floor, too.
 

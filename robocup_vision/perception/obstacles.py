@@ -81,11 +81,6 @@ class ObstacleFinder:
     a pose is known, feet on the field's walls, boards, goals and beacons, and beyond where its floor is sure to reach,
     are the field's own. Where none is known, a floor that ends gradually farther away ends at a wall or a carpet's end.
     Things are left out where the error of a range, a step of the samples, is larger than a robot.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
     """
 
     def __init__(self, field: Field) -> None:

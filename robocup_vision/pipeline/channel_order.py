@@ -61,8 +61,6 @@ class ChannelOrder:
     ----------
     field : Field
         Names the colours of ball, goals and beacons.
-    settings : ChannelOrderSettings, optional
-        How evidence is weighed.
     """
 
     def __init__(self, field: Field, settings: ChannelOrderSettings = ChannelOrderSettings()) -> None:

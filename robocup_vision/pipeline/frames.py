@@ -91,12 +91,8 @@ class FramePipeline:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     size_px : (int, int)
         Of the frames.
-    options : FrameOptions
-        See there.
     strongest_cast : float
         See `ColorMemory`.
     """

@@ -72,10 +72,6 @@ class HeldFloors:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    camera : PinholeCamera
-        As its file says.
     mask : (H, W) uint8 or None
         Non-zero pixels are never looked at.
     directions, rings, free_ratio

@@ -166,10 +166,6 @@ class PinholePipeline(FramePipeline):
             As `checked` returns it.
         camera : PinholeCamera
             As it is held in this frame.
-        t_s : float or None
-            When the frame was taken.
-        prior : PoseEstimate or Pose2 or None
-            As in `look`.
         may_search : bool
             See `FrameEvidence`.
         """
@@ -188,8 +184,6 @@ class PinholePipeline(FramePipeline):
 
         Parameters
         ----------
-        frame, camera, t_s
-            As in `locate`.
         answer : Localization
             What that returned.
         begin : float
@@ -370,16 +364,10 @@ class PinholePipeline(FramePipeline):
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR.
         floor : HeldFloor
             Of the camera's present orientation.
-        samples : _FloorSamples
-            Of this frame.
         robot : Pose2 or None
             The robot on the field.
-        t_s : float or None
-            When the frame was taken.
         timings : dict
             Takes what the stages took, seconds.
         """

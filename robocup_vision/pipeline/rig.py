@@ -56,10 +56,6 @@ def rig_frames(
 
     Parameters
     ----------
-    rig : Rig
-        Whose.
-    frames, t_s
-        As in `Vision.look`.
     motion_between : callable
         See `RigFrames`.
 
@@ -143,10 +139,6 @@ class RigPipeline:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    rig : Rig
-        Its cameras.
     options : tuple of FrameOptions
         One for each.
     """

@@ -60,11 +60,6 @@ class _Contents:
 class LogReader:
     """Reads the messages of an MCAP file in the order they were written.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
     Raises
     ------
     FileError

@@ -39,8 +39,6 @@ class LogWriter:
         The file; one that is there is replaced.
     attachments : iterable of (str, str, bytes)
         Name, media type and content: written first, so that a cut file has them.
-    library : str
-        Who writes, for the header.
     compression : {"lz4", "zstd", "none"}
         Of the chunks.
     max_waiting_bytes : int

@@ -97,10 +97,6 @@ class CallWriter(Closing):
     ----------
     path : str or Path
         The file, ``.mcap``; one that is there is replaced.
-    run : Run
-        What runs.
-    settings : RecorderSettings
-        How it is recorded.
     types : mapping of str to str, optional
         Further classes of values in the calls: class name to module.
 

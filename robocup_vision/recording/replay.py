@@ -42,10 +42,6 @@ def replay(
 
     Parameters
     ----------
-    recording : Recording
-        What ran.
-    changes : Changes
-        What is done otherwise.
     from_s, to_s : float, optional
         Only the calls between these times are yielded. Those before are made, too: what is remembered depends on them.
 

@@ -22,8 +22,6 @@ class CiClient(Closing):
     ----------
     host : str
         Name or IPv4 address of the machine it runs on.
-    port : int
-        Where it listens.
     timeout_s : float
         For the connection, and for what is sent.
 

@@ -106,8 +106,6 @@ class AutoRefClient(_ControllerClient[AutoRefReply]):
         Of the automatic referee.
     host : str
         Name or IPv4 address of the machine it runs on.
-    port : int
-        Where it listens.
 
     Raises
     ------
@@ -136,12 +134,8 @@ class TeamPortClient(_ControllerClient[TeamReply]):
     ----------
     team_name : str
         As the game controller has it.
-    team : Team
-        Yellow or blue.
     host : str
         Name or IPv4 address of the machine it runs on.
-    port : int
-        Where it listens.
 
     Raises
     ------

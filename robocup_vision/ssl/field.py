@@ -32,8 +32,6 @@ def field_from_geometry(geometry: Geometry, name: str = "ssl_network") -> Field:
 
     Parameters
     ----------
-    geometry : Geometry
-        As received.
     name : str
         What to call the field.
 
@@ -87,12 +85,8 @@ def geometry_from_field(
 
     Parameters
     ----------
-    field : Field
-        With goals.
     cameras : tuple of CameraCalibration
         Above it.
-    models : BallModels, optional
-        How its ball moves.
 
     Raises
     ------

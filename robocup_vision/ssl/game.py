@@ -115,13 +115,6 @@ _SILENT = GameState("halt", False, None, 0, 0, None, None, doubt="no referee")
 class Game:
     """Follows the referee for one team.
 
-    Parameters
-    ----------
-    team : Team
-        Yellow or blue.
-    settings : GameSettings
-        The rules' numbers.
-
     Raises
     ------
     ArgumentError
@@ -152,8 +145,6 @@ class Game:
 
         Parameters
         ----------
-        packet : Referee
-            As received.
         address : (str, int), optional
             Where it came from.
         received_s : float, optional

@@ -42,8 +42,6 @@ def write_tables(log: SslLog, folder: Path) -> tuple[dict[str, int], Unreadable]
 
     Parameters
     ----------
-    log : SslLog
-        What is written.
     folder : Path
         Where to; made if missing.
 

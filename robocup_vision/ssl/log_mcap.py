@@ -30,8 +30,6 @@ def write_mcap(log: SslLog, path: Path) -> tuple[dict[str, int], Unreadable]:
 
     Parameters
     ----------
-    log : SslLog
-        What is written.
     path : Path
         Where to; its folder is made if missing.
 

@@ -46,13 +46,7 @@ class MotionFilterSettings:
 
 
 class MotionFilter:
-    """Positions and velocities of any number of robots, each in a row of its own.
-
-    Parameters
-    ----------
-    settings : MotionFilterSettings
-        See there.
-    """
+    """Positions and velocities of any number of robots, each in a row of its own."""
 
     def __init__(self, settings: MotionFilterSettings = MotionFilterSettings()) -> None:
         self._settings = settings

@@ -37,8 +37,6 @@ class Operator(Closing):
     ----------
     host : str
         Name or IPv4 address of the machine the game controller runs on.
-    port : int
-        Where its page is.
     division : str, optional
         ``DIV_A`` or ``DIV_B``: set at the beginning.
 

@@ -64,13 +64,7 @@ class _Camera:
 
 
 class CameraMerge:
-    """Takes packets as they come, and has the newest of every camera as one.
-
-    Parameters
-    ----------
-    settings : MergeSettings
-        What counts as one.
-    """
+    """Takes packets as they come, and has the newest of every camera as one."""
 
     def __init__(self, settings: MergeSettings = MergeSettings()) -> None:
         self._settings = settings
@@ -84,8 +78,6 @@ class CameraMerge:
 
         Parameters
         ----------
-        packet : VisionPacket
-            As received.
         received_s : float, optional
             When it was received, by any clock that goes on; default: now.
         """
@@ -147,8 +139,6 @@ def merge_frames(frames: Iterable[DetectionFrame], settings: MergeSettings = Mer
     ----------
     frames : iterable of DetectionFrame
         At most one a camera, by one clock: those older than the newest by more than the largest age are left out.
-    settings : MergeSettings
-        What counts as one.
     """
     known = sorted((frame for frame in frames if math.isfinite(frame.t_capture_s)), key=lambda frame: frame.camera_id)
     if not known:

@@ -50,8 +50,6 @@ class _Client(Closing, Generic[T]):
         What comes back.
     host : str
         Name or IPv4 address of the machine.
-    port : int
-        Where it listens.
 
     Raises
     ------
@@ -131,8 +129,6 @@ class RobotClient(_Client[RobotControlResponse]):
 
     Parameters
     ----------
-    team : Team
-        Yellow or blue.
     host : str
         Where the simulator or the radio runs.
     port : int, optional
@@ -220,13 +216,6 @@ class SyncClient(Closing):
 
 class SimulatorClient(_Client[SimulatorResponse]):
     """Controls a simulator: puts things somewhere, changes its speed and settings, or steps it.
-
-    Parameters
-    ----------
-    host : str
-        Where it runs.
-    port : int
-        Where it listens.
 
     Raises
     ------

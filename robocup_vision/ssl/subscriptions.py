@@ -42,10 +42,6 @@ class Subscription(Closing, Generic[T]):
     ----------
     value : type
         What is sent there.
-    group : str
-        The group's address.
-    port : int
-        Its port.
     interface : str
         ``loopback``, a network interface's name or its IPv4 address.
 

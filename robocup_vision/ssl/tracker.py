@@ -135,11 +135,6 @@ _MAX_NUMBER = 63
 class OverheadTracker:
     """Follows robots and one ball.
 
-    Parameters
-    ----------
-    settings : TrackerSettings
-        What is known beforehand.
-
     Attributes
     ----------
     problems : Problems

@@ -84,13 +84,7 @@ OWN = -1
 
 
 class TeamBall:
-    """Keeps what the others of a team told of the ball, and fuses it with what the robot sees itself.
-
-    Parameters
-    ----------
-    settings : BallFusionSettings
-        See there.
-    """
+    """Keeps what the others of a team told of the ball, and fuses it with what the robot sees itself."""
 
     def __init__(self, settings: BallFusionSettings = BallFusionSettings()) -> None:
         self.settings = settings
@@ -165,8 +159,6 @@ class TeamBall:
         ----------
         own : BallSighting or None
             The ball as this robot last saw it itself.
-        t_s : float
-            Now.
         """
         settings = self.settings
         seen: Mapping[int, BallSighting] = self._told if own is None else {OWN: own, **self._told}

@@ -45,13 +45,7 @@ class BallTrackSettings:
 
 
 class BallTrack:
-    """Follows the ball that one robot sees.
-
-    Parameters
-    ----------
-    settings : BallTrackSettings
-        See there.
-    """
+    """Follows the ball that one robot sees."""
 
     def __init__(self, settings: BallTrackSettings = BallTrackSettings()) -> None:
         self.settings = settings
@@ -82,8 +76,6 @@ class BallTrack:
             The ball, field frame, metres.
         covariance : (2, 2) float64
             Of the place, square metres.
-        t_s : float
-            When it was seen.
         """
         # composed covariances are symmetric but for rounding, messages ask for all of it
         covariance = 0.5 * (covariance + covariance.T)

@@ -54,14 +54,10 @@ class RoleChooser:
 
     Parameters
     ----------
-    number : int
-        Its number in the team.
     is_keeper : bool
         It keeps the goal.
     speed_mps : float
         Nobody of the team is faster.
-    settings : RoleSettings
-        See there.
     """
 
     def __init__(self, number: int, is_keeper: bool, speed_mps: float, settings: RoleSettings = RoleSettings()) -> None:

@@ -168,8 +168,6 @@ class Branches:
             Their running numbers.
         eye_m : (2,) float64
             The robot in the field frame: an object without a detection is rather where detections hide it.
-        settings : MovingObjectsSettings
-            How objects move and are detected.
         """
         kept = math.exp(-seconds / settings.steady_s)
         noise = settings.acceleration_mps2**2

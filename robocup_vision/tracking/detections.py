@@ -207,8 +207,6 @@ def in_field(
 
     Parameters
     ----------
-    detections : sequence of Detection
-        Of one frame.
     robot : Pose2
         The robot in the field frame then.
     robot_covariance : (3, 3) float64, optional

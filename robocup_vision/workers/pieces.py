@@ -71,8 +71,6 @@ def run_pieces(
         processes it, the pieces and the results are pickled.
     pieces : iterable
         Taken only a bounded number ahead of the oldest piece that is not finished.
-    workers : Workers
-        Who works.
     batch : int
         Pieces handed out together: several where each takes only some milliseconds.
     describe : callable

@@ -72,8 +72,6 @@ def worker_processes(
 
     Parameters
     ----------
-    jobs : int
-        Largest number of processes.
     initializer, initargs
         What each calls first.
     """

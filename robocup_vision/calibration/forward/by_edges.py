@@ -98,8 +98,6 @@ def calibrate_by_edges(
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     frames : mapping of int to (H, W, 3) uint8
         BGR, by index.
     starts : sequence of PinholeCamera
@@ -107,10 +105,6 @@ def calibrate_by_edges(
         within 3 degrees.
     prior : mapping of int to Pose2 or None
         Where the camera roughly was, by index.
-    trials : StartTrials
-        Tries the starts.
-    settings : EdgeCalibrationSettings, optional
-        Of starts and fit.
     """
     some = dict(list(frames.items())[:: -(-len(frames) // settings.start_frames)])
     ranks = trials.results(_RankStart(field, some, prior, settings), starts, "starts", JsonForm(float, float))

@@ -114,8 +114,6 @@ def calibrate_by_goals(
         Of all images.
     notes : tuple of str
         That were made before.
-    trials : StartTrials
-        Tries the starts.
     settings : GoalCalibrationSettings, optional
         Of the starts, the joint fit and the decision.
 

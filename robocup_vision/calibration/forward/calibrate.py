@@ -52,8 +52,6 @@ def calibrate_forward(
     start : PinholeCamera or KnownOfCamera, optional
         A camera within some 18 % in focal length and 15 % in height, its tilt to 3 degrees or unknown; or what is known
         of one: lenses, heights and tilts are tried for what is not. Without it, of a pinhole camera nothing.
-    names : sequence of str, optional
-        Of the images.
     poses : mapping of str to Pose2, optional
         Approximate camera poses (0.4 m, 9 degrees), by image.
     max_frames : int

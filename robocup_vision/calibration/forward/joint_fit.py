@@ -71,8 +71,6 @@ class ForwardParameters:
     ----------
     start : PinholeCamera
         What no number of the vector says is as of this camera. Its tilt is known.
-    std : StartStd, optional
-        How well it is known.
     bends : bool
         Whether the distortion is unknown; else it is the start's.
     """
@@ -200,12 +198,8 @@ class JointFitter:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     parameters : ForwardParameters
         What is unknown, and the start.
-    settings : JointFitSettings, optional
-        How.
     """
 
     def __init__(

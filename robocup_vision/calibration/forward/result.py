@@ -60,8 +60,6 @@ def too_uncertain(count: int, focal_std: float, height_std_m: float) -> str | No
 
     Parameters
     ----------
-    count : int
-        Of the pictures.
     focal_std : float
         Standard deviation of the logarithm of the focal length.
     height_std_m : float

@@ -150,17 +150,7 @@ class StartSettings:
 def starts_of(
     size_px: tuple[int, int], known: KnownOfCamera, settings: StartSettings = StartSettings()
 ) -> list[PinholeCamera]:
-    """Return cameras of which one is about right, the centre of each in the picture's middle.
-
-    Parameters
-    ----------
-    size_px : (int, int)
-        Of the pictures.
-    known : KnownOfCamera
-        What is not tried.
-    settings : StartSettings, optional
-        What is.
-    """
+    """Return cameras of which one is about right, the centre of each in the picture's middle."""
     width, height = size_px
     middle = (width - 1) / 2, (height - 1) / 2
     views = settings.pinhole_views_rad if known.model == "pinhole" else settings.fisheye_views_rad

@@ -85,8 +85,6 @@ def calibrate_omni(
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     frames : sequence of (H, W, 3) uint8
         BGR, all of one size. They are read one at a time, several times each, so they may lie on a disk. One that
         raises a `FrameError` is left out.

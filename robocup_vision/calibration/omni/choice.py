@@ -37,10 +37,6 @@ class Chooser:
 
     Parameters
     ----------
-    shape : FieldShape
-        What the points lie on.
-    points : Points
-        All points.
     fit : Fit
         Start of every family.
     reach : (float, float, float)

@@ -69,12 +69,6 @@ class JointFit:
 
     Parameters
     ----------
-    shape : FieldShape
-        What the points lie on.
-    points : Points
-        The points.
-    settings : JointFitSettings, optional
-        Bounds of a step, and the points' noise.
     painted : bool
         Whether lines are painted somewhat beside where the field has them: each one's offset is fitted, too, within
         what a painter errs.
@@ -112,8 +106,6 @@ class JointFit:
 
         Parameters
         ----------
-        model : CameraModel
-            The family.
         vector : (G,) float64
             Where to start.
         poses : (F, 3) float64

@@ -84,8 +84,6 @@ def undetermined(
 
     Parameters
     ----------
-    fit : Fit
-        The final fit.
     covariance : (G, G) float64
         Of its vector.
     tilted : bool

@@ -33,8 +33,6 @@ class FieldShape:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     settings : JointFitSettings, optional
         Says how far away a line point may be.
     """

@@ -40,16 +40,12 @@ class Observer:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     camera : OmniCamera
         Its centre and usable radii are used, and its curve for the width of lines.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     locate : bool
         Whether poses are estimated, too: they need a camera that is nearly right.
-    settings : FramePointSettings, optional
-        Which points are kept.
     """
 
     def __init__(

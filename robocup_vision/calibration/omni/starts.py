@@ -58,12 +58,8 @@ class Search:
 
         Parameters
         ----------
-        sightings : sequence of Sighting
-            Not empty.
         polar : PolarView
             The view in which the floor's edges were found.
-        trials : StartTrials
-            Does the fits.
         """
         settings = self.settings.starts
         most = sorted(sightings, key=lambda s: -(len(s.boundary_px) + len(s.line_px)))[: settings.frames]

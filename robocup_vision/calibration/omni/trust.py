@@ -38,14 +38,10 @@ def confirmed(
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     frames : sequence of (H, W, 3) uint8
         All frames, of which the sightings' indices speak.
     fit : Fit
         Camera, and the pose of each sighting.
-    sightings : sequence of Sighting
-        What was fitted.
     mask : (H, W) uint8, optional
         Pixels where it is not zero are not used.
     settings : OmniCalibrationSettings, optional
@@ -91,12 +87,8 @@ class Trust:
 
         Parameters
         ----------
-        fit : Fit
-            The final fit.
         covariance : (G, G) float64
             Of its vector.
-        points : Points
-            What was fitted.
         model : CameraModel
             The family that the search began with; its `frame` is the start.
         """

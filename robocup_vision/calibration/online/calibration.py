@@ -137,12 +137,8 @@ class OnlineCalibration:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     camera : OmniCamera, PinholeCamera or Rig
         As in its file: start, and centre of the bounds. Of a rig's cameras pan, tilt, roll and height are refined.
-    mask : (H, W) uint8, optional
-        As for the `Vision`.
     settings : OnlineSettings
         Bounds, and how often the camera is changed.
     """

@@ -37,17 +37,6 @@ class MirrorEvidence:
     """Makes evidence of frames of one mirror camera.
 
     The parameters: centre u, v (px), tilt about x, y (rad), and the logarithm of the curve's magnification.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    camera : OmniCamera
-        As in its file.
-    mask : (H, W) uint8, optional
-        As for a `Vision`.
-    settings : OnlineSettings
-        See there.
     """
 
     slices = (CENTER, TILT, SCALE)

@@ -100,8 +100,6 @@ class ParameterFilter:
         The file's values, and their standard deviations.
     knock_std : (G,) float64
         By how much a knock moves them.
-    settings : ParameterFilterSettings
-        See there.
     """
 
     def __init__(
@@ -140,10 +138,6 @@ class ParameterFilter:
 
         Parameters
         ----------
-        evidence : Evidence
-            What it tells.
-        pose : Pose2
-            Of the camera.
         dt_s : float
             Since the frame before.
         """

@@ -67,14 +67,8 @@ class PinholeEvidence:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     camera : PinholeCamera
         As in its file, its tilt known.
-    mask : (H, W) uint8, optional
-        As for a `Vision`.
-    settings : OnlineSettings
-        See there.
     """
 
     slices = (_CENTER, _ANGLES, _SCALE)
@@ -176,8 +170,6 @@ class PinholeEvidence:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR.
         held : PinholeCamera
             As the camera was held in it.
         pose : Pose2

@@ -48,14 +48,10 @@ class RigEvidence:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     rig : Rig
         As in its files, the cameras' tilts known.
     masks : sequence of ((H, W) uint8 or None), optional
         As for a `Vision`.
-    settings : OnlineSettings
-        See there.
     """
 
     slices = None
@@ -148,8 +144,6 @@ class RigEvidence:
 
         Parameters
         ----------
-        eye, frame, view
-            Of the camera.
         body : Pose2
             The body's at the moment of the look, by all cameras.
         belief : (4,), (4, 4), (4,) float64
@@ -198,8 +192,6 @@ def _by_body(held: PinholeCamera, place: Pose2, body: Pose2) -> FloatArray:
 
     Parameters
     ----------
-    held : PinholeCamera
-        As it is mounted.
     place, body : Pose2
         Of camera and body on the field.
     """

@@ -64,8 +64,6 @@ def refine(
 
     Parameters
     ----------
-    rig : TrinocularRig
-        The cameras.
     poses : (F, 3) float64
         Where to start.
     landmarks_m : (L, 3) float64

@@ -44,10 +44,6 @@ class FrameSlots:
 
     Parameters
     ----------
-    path : Path
-        The file.
-    count : int
-        Number of slots.
     slot_bytes : int
         Size of each; memory is taken only where something has been written.
     """

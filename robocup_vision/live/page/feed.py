@@ -38,13 +38,7 @@ class _Robot:
 
 
 class Feed:
-    """Connects loops with pages; safe to use from several threads.
-
-    Parameters
-    ----------
-    settings : FeedSettings
-        See there.
-    """
+    """Connects loops with pages; safe to use from several threads."""
 
     def __init__(self, settings: FeedSettings = FeedSettings()) -> None:
         self.settings = settings
@@ -81,8 +75,6 @@ class Feed:
 
         Parameters
         ----------
-        moment : Moment
-            What is to be shown.
         dropped : int
             How many of this robot were left out before they came here.
 

@@ -18,15 +18,7 @@ _MAX_ON_THE_WAY = 2
 
 
 class PageLink:
-    """Chooses what a page gets; knows nothing of sockets.
-
-    Parameters
-    ----------
-    feed : Feed
-        Where pictures come from.
-    controls : Controls
-        What runs.
-    """
+    """Chooses what a page gets; knows nothing of sockets."""
 
     def __init__(self, feed: Feed, controls: Controls) -> None:
         self._feed, self._controls = feed, controls

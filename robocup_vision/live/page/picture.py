@@ -52,8 +52,6 @@ class PictureMaker:
 
     Parameters
     ----------
-    setup : RobotSetup
-        The robot.
     jpeg_quality : int
         1 to 100.
     """
@@ -70,8 +68,6 @@ class PictureMaker:
 
         Parameters
         ----------
-        moment : Moment
-            Of this robot.
         dropped : int
             Frames of this robot that were too late to be shown, so far.
         with_markings : bool

@@ -29,8 +29,6 @@ def save_moment(out: Path, setup: RobotSetup, moment: Moment) -> Path:
     ----------
     out : Path
         Where the folder goes; made if missing.
-    setup : RobotSetup
-        Whose moment it is.
     moment : Moment
         What is written: image, time, camera, colours in use, and the truth if it is known.
 

@@ -55,10 +55,6 @@ class PageServer:
 
     Parameters
     ----------
-    feed : Feed
-        What they show.
-    controls : Controls
-        What they may do.
     port : int
         0: any free one.
     host : str

@@ -54,8 +54,6 @@ class CameraSource:
         What the page calls it.
     device : int or str
         Index, device or address.
-    options : SourceOptions
-        See there.
     open_capture : callable
         Opens the device; default: `cv2.VideoCapture`.
 
@@ -127,13 +125,6 @@ class CameraSource:
 
 class VideoSource:
     """A video file, at its own rate.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    options : SourceOptions
-        See there.
 
     Raises
     ------

@@ -28,8 +28,6 @@ class FolderSource:
 
     Parameters
     ----------
-    path : str or Path
-        The folder.
     options : SourceOptions
         Goes before what the dataset says.
 

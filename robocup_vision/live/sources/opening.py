@@ -27,8 +27,6 @@ def open_source(text: str, options: SourceOptions) -> Source:
     text : str
         A camera's index or device, a stream's address, a video, a folder of images, a dataset, a recording, or
         ``KIND:...`` of a kind that a package has registered, such as ``sim:ssl_2001`` or ``ros:/camera/image_raw``.
-    options : SourceOptions
-        What else was said.
 
     Raises
     ------

@@ -29,8 +29,6 @@ class RecordingSource:
 
     Parameters
     ----------
-    path : str or Path
-        The file.
     options : SourceOptions
         Go before what is recorded.
 

@@ -55,8 +55,6 @@ class TopicSource:
         Of sensor_msgs/Image or CompressedImage.
     odometry_topic : str or None
         Of nav_msgs/Odometry; None: nothing tells how the robot moves.
-    options : SourceOptions
-        See there.
     listen : callable, optional
         Begins to listen; default: by rclpy.
 

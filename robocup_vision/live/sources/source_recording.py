@@ -42,10 +42,6 @@ def record_source(
     ----------
     source : Source
         Of one robot, with a camera file.
-    path : str or Path
-        The recording.
-    settings : RecorderSettings
-        How it is recorded.
     seconds : float, optional
         How long, by the frames' times; default: until they end.
     show : callable, optional

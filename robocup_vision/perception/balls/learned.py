@@ -65,8 +65,6 @@ class LearnedBallFinder:
         With a known tilt.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
-    settings : LearnedBallSettings, optional
-        Thresholds of the search.
     """
 
     def __init__(
@@ -95,12 +93,8 @@ class LearnedBallFinder:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR.
         camera : PinholeCamera
             As held in the frame.
-        t_s : float, optional
-            When it was taken.
         """
         seen = self._look(frame, self._places_of(camera), self._share(t_s))
         is_told = [self._is_ball(one) for one in seen]

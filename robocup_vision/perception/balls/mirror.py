@@ -24,12 +24,8 @@ class MirrorBallFinder(BallSearch):
     ----------
     field : Field
         Gives the ball's size and colour; a white ball cannot be told from lines.
-    camera : OmniCamera
-        The camera.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
-    settings : BallSettings
-        Thresholds of the search.
     """
 
     def __init__(

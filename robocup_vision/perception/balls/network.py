@@ -84,8 +84,6 @@ class BallStrips:
         ----------
         begin, end : float
             The parts that end within these shares of the work; beyond 1 it goes on with the first.
-        balls : sequence of Sighting
-            Where balls were.
         """
         chosen = ((self._ends > begin) & (self._ends <= end)) | (self._ends <= end - 1.0)
         for ball in balls:
@@ -220,8 +218,6 @@ class BallNetwork:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR.
         strips : BallStrips
             What is looked at.
         min_nats : float

@@ -128,8 +128,6 @@ class PatternedBallFinder:
         Its tilt may be unknown: then two balls in view give it, or one that is clear.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
-    settings : PatternedBallSettings, optional
-        Thresholds of the search.
     """
 
     def __init__(
@@ -164,8 +162,6 @@ class PatternedBallFinder:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR.
         camera : PinholeCamera
             As held in the frame; its tilt may be unknown.
 

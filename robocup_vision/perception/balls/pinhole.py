@@ -33,8 +33,6 @@ class PinholeBallFinder(BallSearch):
         With a known tilt.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
-    settings : BallSettings, optional
-        Thresholds of the search.
     memory : SearchMemory, optional
         Of the camera's frames, where finders for other orientations look at them, too.
     """

@@ -250,10 +250,6 @@ class BallSearch(ABC):
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR.
-        table : ColorTable
-            The frame's colours.
         near_floor_nats : float
             Mean log-likelihood ratio of the floor near the robot: how much of it is of the learnt floor's colour.
         """
@@ -298,8 +294,6 @@ class BallSearch(ABC):
 
         Parameters
         ----------
-        frame, near_floor_nats
-            As those of `find`.
         colors : tuple of BallColor
             The ball's colour, from several places on the way from white on.
         before : list of (float, float, float)

@@ -34,8 +34,6 @@ def upright_pictures(shrunk: Shrunk, camera: PinholeCamera, places_m: FloatArray
 
     Parameters
     ----------
-    shrunk : Shrunk
-        The frame, BGR.
     camera : PinholeCamera
         As held.
     places_m : (N, 2) float64

@@ -35,8 +35,6 @@ class FieldFeatures:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     gate_sigmas : float
         What is measured farther than so many standard deviations from a feature is another one.
 

@@ -89,12 +89,8 @@ class MarkingFinder:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
-    settings : MarkingSettings, optional
-        How they are found.
     """
 
     def __init__(
@@ -122,8 +118,6 @@ class MarkingFinder:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR.
         camera : OmniCamera or PinholeCamera
             That took it, of known tilt.
         pose : PoseEstimate or NotLocated

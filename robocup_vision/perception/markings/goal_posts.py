@@ -20,15 +20,7 @@ _WHITE_STEP, _HUE_STEP = 4, 2
 
 
 class PostFinder:
-    """Finds the posts of a field's goals of posts.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    settings : MarkingSettings
-        How they are found.
-    """
+    """Finds the posts of a field's goals of posts."""
 
     def __init__(self, field: Field, settings: MarkingSettings) -> None:
         self._goals = [goal for goal in field.goals if goal.kind == "posts"]

@@ -26,15 +26,7 @@ _BLUR_PX = 0.8
 
 
 class SpotFinder:
-    """Finds the penalty marks of a field.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    settings : MarkingSettings
-        How they are found.
-    """
+    """Finds the penalty marks of a field."""
 
     def __init__(self, field: Field, settings: MarkingSettings) -> None:
         self._settings = settings
@@ -43,17 +35,7 @@ class SpotFinder:
             self._area_m2, self._spread_m2 = _area_and_spread(self._mark, field.line_width_m)
 
     def find(self, frame: UInt8Array, points: LinePoints, errors: FloorErrors) -> list[PenaltyMark]:
-        """Return the marks that a frame (H, W, 3) uint8 BGR shows, the one that is known best first.
-
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8
-            BGR.
-        points : LinePoints
-            Of the frame, with its bare floor.
-        errors : FloorErrors
-            Of the camera.
-        """
+        """Return the marks that a frame (H, W, 3) uint8 BGR shows, the one that is known best first."""
         if self._mark is None or points.bare_floor is None:
             return []
         hidden = np.asarray(~points.bare_floor, dtype=np.uint8)

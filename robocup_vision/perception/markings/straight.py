@@ -74,18 +74,8 @@ def find_straight(
 
     Parameters
     ----------
-    points : LinePoints
-        Of the frame, with its bare floor.
-    pieces : LinePieces
-        Of these.
-    camera : FloorCamera
-        That took it.
-    line_width_m : float
-        Of the field's lines.
     radii_m : (R,) float64
         Of the field's arcs: a stretch that may be part of one is none.
-    settings : MarkingSettings
-        See there.
 
     Returns
     -------
@@ -326,8 +316,6 @@ def middle_shifts_m(camera: FloorCamera, places_m: FloatArray, normals: FloatArr
 
     Parameters
     ----------
-    camera : FloorCamera
-        That shows the line.
     places_m, normals : (P, 2) float64
         Of the line's middle, and the directions across it, robot frame.
     line_width_m : float

@@ -66,14 +66,10 @@ class PassageTimes:
 
     Parameters
     ----------
-    planner : SpeedPlanner
-        Plans the speeds.
     opponent_radius_m : float
         Of the robots beside the gap.
     opponent_sigma_m : float
         Standard deviation of an opponent's position when the robot gets there.
-    settings : PassageSettings, optional
-        How the table is made.
     """
 
     def __init__(
@@ -117,8 +113,6 @@ class PassageTimes:
 
         Parameters
         ----------
-        gap : Gap
-            As estimated.
         way_m : float
             Length of the way through it to the target.
         blocked_s : float

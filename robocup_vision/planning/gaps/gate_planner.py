@@ -100,14 +100,10 @@ class GatePlanner:
 
     Parameters
     ----------
-    limits : MotionLimits
-        How the robot moves.
     sensor : WidthSensor
         How well it measures widths.
     needed_m : float
         Width that a gap must have: the robot's and its clearance.
-    settings : GatePlannerSettings, optional
-        How looks and gaps are priced.
 
     Raises
     ------
@@ -142,8 +138,6 @@ class GatePlanner:
         ----------
         robot_m, target_m : (float, float)
             Where the robot is, and where it wants to be; it starts and arrives at rest.
-        gap : Gap
-            The gap as estimated.
         detour_m : sequence of (float, float)
             The way round, by these points, without robot and target.
         viewpoints_m : (N, 2) float64, optional

@@ -31,13 +31,7 @@ class Landmark:
 
 
 def field_landmarks(field: Field) -> tuple[Landmark, ...]:
-    """Return foot and top of everything upright, and then the crossings, corners and ends of lines.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    """
+    """Return foot and top of everything upright, and then the crossings, corners and ends of lines."""
     upright: list[tuple[Kind, float, float, float]] = []
     for goal in field.goals:
         half = goal.width_m / 2

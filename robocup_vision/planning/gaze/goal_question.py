@@ -87,8 +87,6 @@ def identified_goal(field: Field, measured: PoseEstimate | NotLocated) -> int:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     measured : PoseEstimate or NotLocated
         The answer of `GoalPoseEstimator.locate(frame)`: the camera's foot and optical axis. Without a prior, since the
         answer may repeat a prior's half of the field.
@@ -113,8 +111,6 @@ class GoalQuestion:
         How far the head pans, or, with a limit of pi, the robot on the spot.
     evidence : GoalEvidence, optional
         How often goals are found; default: as learnt for the goal localiser.
-    settings : GoalQuestionSettings, optional
-        How pans are compared.
     """
 
     def __init__(
@@ -158,8 +154,6 @@ class GoalQuestion:
         ----------
         hypotheses : sequence of Hypothesis
             Poses the robot may have.
-        pan_rad : float
-            Present pan of the head.
         blockers : sequence of Disc
             Robots that may hide a goal, in the field frame by the first hypothesis. By the others they stand elsewhere,
             at the same places beside the robot.

@@ -141,12 +141,8 @@ class PoseGaze:
         The pitch, with its landmarks.
     camera : PinholeCamera
         On the head; its pan is ignored, an unknown tilt or roll counts as 0.
-    neck : Neck, optional
-        How the head pans.
     detectors : mapping of kind to Detector
         Which landmarks are detected, and how well.
-    settings : PoseGazeSettings, optional
-        How pans are compared.
 
     Notes
     -----
@@ -212,8 +208,6 @@ class PoseGaze:
             Estimated pose of the robot.
         t_s : float
             Now; a sweep depends on it.
-        pan_rad : float
-            Present pan of the head.
         blockers : sequence of Disc
             Robots that may hide landmarks.
         drift : (3, 3) float64, optional

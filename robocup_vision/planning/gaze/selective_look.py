@@ -75,8 +75,6 @@ class SelectiveLook:
     half_view_rad : float
         Angle that a look shows to either side of its direction: half the view of a head that pans, or of a crop at full
         resolution.
-    settings : SelectiveLookSettings, optional
-        How paths are planned, and how often it looks.
     """
 
     def __init__(

@@ -20,8 +20,6 @@ def sigma_points(pose: Pose2, covariance: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    pose : Pose2
-        The mean.
     covariance : (3, 3) float64
         Of (x_m, y_m, theta_rad); what rounding has made negative of it counts as 0.
 

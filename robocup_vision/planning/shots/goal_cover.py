@@ -26,8 +26,6 @@ def cover_goal(ball: Point, posts_m: tuple[Point, Point], reach_m: float, room_m
 
     Parameters
     ----------
-    ball : (float, float)
-        Where it is.
     posts_m : ((float, float), (float, float))
         Inner edges of the goal's posts.
     reach_m : float

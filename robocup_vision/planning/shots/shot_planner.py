@@ -104,8 +104,6 @@ class ShotPlanner:
 
         Parameters
         ----------
-        ball : (float, float)
-            Where it is.
         heading_rad : float
             The way the robot faces.
         defenders : sequence of Disc

@@ -26,8 +26,6 @@ class PathFollower:
 
     Parameters
     ----------
-    limits : MotionLimits
-        How the robot moves.
     ahead_s, ahead_m : float
         Distance of that point: so many seconds at the given speed, at least so many metres. With a nearer point the
         robot returns to the path sooner, but overshoots where the acceleration cannot follow.
@@ -137,16 +135,8 @@ class SpeedPlanner:
 
     Parameters
     ----------
-    follower : PathFollower
-        The controller that drives the robot.
     robot_radius_m : float
         Of the robot, and the clearance that it keeps.
-    noise : PoseNoise
-        How its pose's error grows.
-    look_period_s : float
-        Time between two looks.
-    settings : SpeedPlannerSettings, optional
-        How a speed is searched.
     """
 
     def __init__(
@@ -187,8 +177,6 @@ class SpeedPlanner:
             Estimated pose of the robot, and its covariance.
         velocity_mps : (2,)
             Its velocity, field frame.
-        discs : sequence of Disc
-            Opponents, field frame.
         pending_mps : (2,), optional
             The command that the robot obeys until the next one takes effect, field frame; default: the velocity.
         until_look_s : float, optional

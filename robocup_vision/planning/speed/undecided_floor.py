@@ -89,12 +89,8 @@ class UndecidedSpeed:
 
     Parameters
     ----------
-    limits : MotionLimits
-        How the robot moves.
     robot_radius_m : float
         Of the robot, and the clearance that it keeps.
-    look_period_s : float
-        Time between two looks.
     """
 
     def __init__(self, limits: MotionLimits, robot_radius_m: float, look_period_s: float) -> None:

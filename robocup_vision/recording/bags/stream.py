@@ -81,8 +81,6 @@ def pose_at(poses: Poses, t_s: float) -> Truth | None:
     ----------
     poses : sequence of (float, Truth or None)
         By ascending time, seconds; None where nobody knew it.
-    t_s : float
-        The time.
 
     Returns
     -------

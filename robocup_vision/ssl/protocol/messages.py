@@ -53,8 +53,6 @@ def parse(name: str, data: bytes) -> Any:
     ----------
     name : str
         Table and message, e.g. ``vision.SSL_WrapperPacket``.
-    data : bytes
-        One datagram.
 
     Raises
     ------

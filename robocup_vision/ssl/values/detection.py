@@ -63,12 +63,8 @@ class DetectionFrame:
 
     Parameters
     ----------
-    frame_number, camera_id : int
-        Which one, and whose.
     t_capture_s, t_sent_s : float
         When it was exposed and when it was sent, seconds since 1970 by the sender's clock.
-    balls, yellow, blue : tuple
-        What was seen.
     t_capture_camera_s : float or None
         When it was exposed by the camera's own clock.
     unknown : bytes
