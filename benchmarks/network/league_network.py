@@ -11,8 +11,7 @@ the last detection: at the exposures, by the frames until then, and at the momen
 was received until then. Beside it what robots' velocities change from the exposure until now, which is the error of who
 knew the velocity at the exposure exactly. Robots as quick as sim2d's own players are (1 m/s, 1.2 m/s^2), and as quick
 as the league's. A long run: memory that grows and a clock that drifts, over five minutes; `--soak-hours 24` takes about
-three hours, with `--soak-robots 2` half an hour. `--flood 1000000` sends so many damaged messages, of up to 65,507
-bytes and from five senders, to all ports of a simulator and a team that play, and measures nothing else.
+three hours, with `--soak-robots 2` half an hour.
 """
 
 from __future__ import annotations
@@ -34,7 +33,6 @@ import numpy.typing as npt
 from benchmarks.harness import Table, finish, parse_arguments, verdict
 from benchmarks.harness import columns as col
 from benchmarks.worlds.damaged_messages import damaged_messages
-from benchmarks.worlds.flood import flood
 from field_models import load_field
 from field_models.errors import PacketError
 from robocup_vision.ssl.log import LogEntry, LogKind
@@ -192,15 +190,6 @@ def measure_decoders(count: int, seed: int) -> None:
     table.row(str(count), read, refused, faults, "0", verdict(faults == 0))
 
 
-def measure_flood(count: int, seed: int) -> None:
-    """Print what a flood of damaged messages did to a simulator and a team."""
-    found = flood(count, seed, PORTS, VISION_PORT)
-    ok = found.is_finite and found.plays_on
-    columns = ("messages", "refused", "plays on", "target", "verdict")
-    table = Table(columns, "A flood from five senders", name="flood")
-    table.row(str(found.sent), found.refused, "yes" if found.plays_on else "no", "yes", verdict(ok))
-
-
 def measure_soak(seconds: float, robots: int) -> None:
     """Print whether a long run grows or drifts."""
     made = LeagueSimulator(FIELD, robots, REALISMS["rc2021"])
@@ -327,12 +316,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--soak-hours", type=float, metavar="H", help="length of the long run (default: 5 minutes)")
     parser.add_argument("--soak-robots", type=int, default=11, metavar="N", help="of each team in it (default: 11)")
-    parser.add_argument("--flood", type=int, metavar="N", help="send so many damaged messages to a match, and no more")
     arguments = parse_arguments(__doc__ or "", parser=parser)
-    if arguments.flood is not None:
-        measure_flood(arguments.flood, arguments.seed)
-        finish()
-        return
     size = 0.2 if arguments.quick else 5.0 if arguments.full else 1.0
     measure_speed(20 * size)
     measure_punctuality(20 * size)

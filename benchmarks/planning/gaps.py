@@ -4,7 +4,7 @@ The gate problem (Miura 2004, section 5): robot, gap, target and detour are draw
 true width is drawn from that belief. The plan by branch and bound against all plans (plain NumPy, the whole tree), and
 against three simple ones: the detour at once; one look from the start; one look from before the gap; after the look the
 gap if it is confirmed, else the detour. Expected times are the model's; driven times come from drawn widths and
-readings, planned again after each look. `--out DIR` draws where the next viewpoint lies as the believed width grows.
+readings, planned again after each look.
 
 Expected passage times (section 6.2): of two or three gaps and a way round (gap_choices.py) the one with the least
 expected time, by the speeds that are safe at each width; against the one that would be quickest if each were as wide as
@@ -14,14 +14,11 @@ taken is known to be blocked (judged); or only once the robot is stuck. An oracl
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import itertools
 import math
 import time
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -256,8 +253,8 @@ def widen_prior() -> list[Step]:
     return steps
 
 
-def measure_fork(out: Path | None) -> None:
-    """Print, and draw, where the next viewpoint lies."""
+def measure_fork() -> None:
+    """Print where the next viewpoint lies."""
     steps = widen_prior()
     table = Table(
         ("believed width, mm", "plan  ", "viewpoint      ", "detour 0, gap 1"),
@@ -275,47 +272,6 @@ def measure_fork(out: Path | None) -> None:
     table = Table(columns, name="viewpoint")
     ends = f"{sides[0]:.2f}", f"{sides[-1]:.2f}", f"{max(back, 0.0):.2f}"
     table.row("from the detour's side (0) to the gap's (1)", *ends, verdict(ok))
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        draw_fork(steps, out / "gate_viewpoints.png")
-
-
-def draw_fork(steps: list[Step], path: Path) -> None:
-    """Draw the viewpoints on the floor, and their side against the width."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 4.5), layout="constrained")
-    floor, sides = figure.subplots(1, 2)
-    start = (0.0, 0.0)
-    for name, way, color in (
-        ("through the gap", [start, FORK_GAP_M, FORK_GOAL_M], "tab:green"),
-        ("detour", [start, *FORK_DETOUR_M, FORK_GOAL_M], "tab:gray"),
-    ):
-        floor.plot(*np.array(way).T, "-", color=color, label=name)
-    for side in (-1, 1):
-        floor.add_patch(matplotlib_circle((FORK_GAP_M[0], FORK_GAP_M[1] + side * 0.35), 0.22))
-    seen = [(step.plan.viewpoint_m, step.width_m) for step in steps if step.plan.viewpoint_m is not None]
-    dots = floor.scatter(
-        *np.array([place for place, _ in seen]).T, c=[1000 * w for _, w in seen], cmap="viridis", zorder=3
-    )
-    figure.colorbar(dots, ax=floor, label="believed width, mm")
-    floor.set(xlabel="x, m", ylabel="y, m", aspect="equal", title="next viewpoint")
-    floor.legend(loc="lower left")
-    for action, mark in (("detour", "x"), ("look", "o"), ("pass", "^")):
-        widths = [1000 * step.width_m for step in steps if step.plan.action == action]
-        heights = [{"detour": 0.0, "pass": 1.0}.get(action, step.side) for step in steps if step.plan.action == action]
-        sides.plot(widths, heights, mark, label=action)
-    sides.axvline(220, color="tab:gray", lw=0.8)
-    sides.set(xlabel="believed width, mm (220 needed)", ylabel="detour's side 0, gap's side 1")
-    sides.legend()
-    figure.savefig(path, dpi=90)
-
-
-def matplotlib_circle(center: Point, radius: float) -> Any:
-    """Return an opponent, drawn."""
-    from matplotlib.patches import Circle
-
-    return Circle(center, radius, color="tab:red", alpha=0.6)
 
 
 def measure_passage(count: int, aside_m: float, seed: int, pool: Pool) -> None:
@@ -385,12 +341,10 @@ def measure_times(drives: int, seed: int) -> None:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--out", type=Path, metavar="DIR", help="draw the viewpoints there")
-    arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
+    arguments = parse_arguments(str(__doc__), pooled=True)
     count, brute, drives = (30, 2, 4) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
     measure_gates(count, brute, drives, arguments.seed)
-    measure_fork(arguments.out)
+    measure_fork()
     measure_times(count // 10, arguments.seed)
     # opponents across a field; and close together, where turning back costs next to nothing
     with open_pool(arguments) as pool:

@@ -7,12 +7,11 @@ are learnt anew each time the light changes, which is often; memory and colours 
 
 What the process holds is read from the system each second. The growth is the median of the last fifth of the run less
 the median of the second fifth: the first fills caches, whose size is bounded. Beside it: how many objects Python's
-collector follows, after a collection. A run lasts 2 minutes (--quick: 20 s, --full: 30 minutes), or --minutes.
+collector follows, after a collection. A run lasts 2 minutes (--quick: 20 s, --full: 30 minutes).
 """
 
 from __future__ import annotations
 
-import argparse
 import gc
 import os
 import time
@@ -162,11 +161,8 @@ def soak(minutes: float, seed: int) -> Soaked:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--minutes", type=float, metavar="T", help="length of the run instead of the usual one")
-    arguments = parse_arguments(str(__doc__), parser=parser)
-    usual = 1 / 3 if arguments.quick else 30.0 if arguments.full else 2.0
-    minutes = usual if arguments.minutes is None else arguments.minutes
+    arguments = parse_arguments(str(__doc__))
+    minutes = 1 / 3 if arguments.quick else 30.0 if arguments.full else 2.0
     soaked = soak(minutes, arguments.seed)
     growth_mb, more = soaked.growth_mb(), soaked.more_objects()
     table = Table(("figure              ", "measured", "target", col.compared_verdict()), "The loop", name="soak")

@@ -13,8 +13,12 @@ from sim2d.rendering.hall.bustle import Bustle
 from sim2d.rendering.hall.hall import HallLight
 from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_SENSOR
 
+# a run through a hall is drawn and mapped
+pytestmark = pytest.mark.slow
+
 
 def test_a_robot_arrives_by_landmarks_alone(short_run):
+    """Only this finds a drive by landmarks that leaves its path, or ends elsewhere."""
     path = short_run.mapper.poses[:4]
     start = path[0].compose(Pose2(0.0, 0.03, 0.02))
     vision = LandmarkVision(short_run.landmarks, HALL_CAMERA)
@@ -31,6 +35,7 @@ def test_a_robot_arrives_by_landmarks_alone(short_run):
 
 
 def test_a_robot_that_sees_nothing_stands_still(short_run):
+    """Only this finds a drive that goes on blindly."""
     path = short_run.mapper.poses
     vision = LandmarkVision(short_run.landmarks, HALL_CAMERA)
     dark = Bustle((), HallLight(level=0.0))

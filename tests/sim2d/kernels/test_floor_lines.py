@@ -31,10 +31,11 @@ def shares(table, field, eye, until_m):
     return marks.fraction, marks.marked[:found]
 
 
-@pytest.mark.parametrize("name", field_names())
-@pytest.mark.parametrize("table", TABLES, ids=["sekimori", "high"])
-def test_shares_are_those_of_the_ray_caster(name, table):
-    field = load_field(name)
+@pytest.mark.parametrize(
+    ("name", "camera"), [*((name, 0) for name in field_names()), ("msl_6x4", 1), ("four_legged_2007", 1)]
+)
+def test_shares_are_those_of_the_ray_caster(name, camera):
+    field, table = load_field(name), TABLES[camera]
     paint = LinePaint(field)
     rng = np.random.default_rng(4)
     high = field.floor_polygon.max(axis=0)

@@ -18,6 +18,9 @@ from sim2d.match.run import MatchPlan, MatchSummary, run_match
 from sim2d.players.catalog import PLAYERS
 from sim2d.sensors.faults import SenseFault
 
+# a match is played and recorded
+pytestmark = pytest.mark.slow
+
 PLAN = MatchPlan(
     players=1,
     seconds=1.0,
@@ -32,7 +35,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> MatchSummary:
     return run_match(PLAN, tmp_path_factory.mktemp("match"), record=True)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("robot", [0, 1])
 def test_a_robot_replays_bit_for_bit(recorded: MatchSummary, robot: int) -> None:
     """Only this finds what a player hears of a match and a recording leaves out."""
@@ -45,7 +47,6 @@ def test_a_robot_replays_bit_for_bit(recorded: MatchSummary, robot: int) -> None
     assert differences.looks > 10
 
 
-@pytest.mark.slow
 def test_a_player_that_hears_others_replays_bit_for_bit(tmp_path: Path) -> None:
     """Only this finds messages between robots that a recording leaves out."""
     plan = MatchPlan(players=2, seconds=1.0, seed=4, ours=PLAYERS["planning"], theirs=Sleeper)
@@ -60,6 +61,7 @@ def test_a_player_that_hears_others_replays_bit_for_bit(tmp_path: Path) -> None:
 
 
 def test_truth_and_frames_come_back(recorded: MatchSummary) -> None:
+    """Only this finds a recording of a match that lacks its truth, its frames or its losses."""
     recording = Recording(recorded.recordings[1])
     truth = recording.truth()
     assert len(truth) == 30
@@ -71,6 +73,7 @@ def test_truth_and_frames_come_back(recorded: MatchSummary) -> None:
 
 
 def test_another_field_or_camera_may_be_tried_but_no_method(recorded: MatchSummary, tmp_path: Path) -> None:
+    """Only this finds a replay by another camera that is not by it."""
     recording = Recording(recorded.recordings[1])
     with pytest.raises(ArgumentError, match="has its own method"):
         next(replay(recording, Changes(method="floor")))
@@ -84,7 +87,6 @@ def test_another_field_or_camera_may_be_tried_but_no_method(recorded: MatchSumma
     assert 0.0 < (differences.pose_m.largest or 0.0) < 0.2
 
 
-@pytest.mark.slow
 def test_a_player_that_is_not_built_in_is_recorded_but_not_replayed(tmp_path: Path) -> None:
     """Only this finds a stranger's recording that is lost, or replayed by another player."""
     plan = MatchPlan(players=1, seconds=0.1, ours=FailsAt, theirs=PLAYERS["plain"])
@@ -99,6 +101,7 @@ def test_a_player_that_is_not_built_in_is_recorded_but_not_replayed(tmp_path: Pa
 
 
 def test_the_report_links_the_recordings(recorded: MatchSummary) -> None:
+    """Only this finds a report of a match whose links lead to no recording."""
     assert recorded.report is not None
     page = recorded.report.read_text(encoding="utf-8")
     for path in recorded.recordings:
