@@ -91,13 +91,10 @@ def league_referee(field: Field, limits: RobotLimits) -> LeagueReferee:
 class LeagueReferee:
     """Judges one match between side +1, which attacks the goal at +x, and side -1.
 
-    Parameters
+    Attributes
     ----------
     keepers : dict of int to int
         Number of each side's goalkeeper.
-
-    Attributes
-    ----------
     score : dict of int to int
         Goals of each side.
     command, command_side, command_counter, command_s : str, int, int, float
@@ -118,12 +115,11 @@ class LeagueReferee:
         self,
         field: Field,
         robot_radius_m: float,
-        keepers: dict[int, int] | None = None,
         settings: LeagueRefereeSettings = LeagueRefereeSettings(),
     ) -> None:
         self._field, self._radius_m, self._settings = field, robot_radius_m, settings
         self._kick_s = kick_time_s(field) if settings.kick_s is None else settings.kick_s
-        self.keepers = keepers or {1: 0, -1: 0}
+        self.keepers = {1: 0, -1: 0}
         self._rules = PitchRules(field, robot_radius_m)
         self.score = {1: 0, -1: 0}
         self.command: Command = "halt"

@@ -50,9 +50,7 @@ class MatchRecorders:
         If the extra is not installed.
     """
 
-    def __init__(
-        self, folder: Path, match: Match, players: tuple[str, str], settings: RecorderSettings = RecorderSettings()
-    ) -> None:
+    def __init__(self, folder: Path, match: Match, players: tuple[str, str]) -> None:
         self._writers: list[_RobotRecorder] = []
         arena = match.arena
         if arena.rig is not None:
@@ -62,7 +60,7 @@ class MatchRecorders:
             caveat = "" if name in PLAYERS else f"the player {name!r} is not one of {', '.join(PLAYERS)}"
             setup = {"player": name, "setup": arena.setup(robot.index)}
             run = Run(LOOP_NAME, arena.field, arena.camera, None, caveat, setup=setup)
-            self._writers.append(_RobotRecorder(folder / f"robot_{robot.index}.mcap", run, settings))
+            self._writers.append(_RobotRecorder(folder / f"robot_{robot.index}.mcap", run))
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -81,8 +79,8 @@ class MatchRecorders:
 
 
 class _RobotRecorder:
-    def __init__(self, path: Path, run: Run, settings: RecorderSettings) -> None:
-        self._calls = CallWriter(path, run, settings, _TYPES)
+    def __init__(self, path: Path, run: Run) -> None:
+        self._calls = CallWriter(path, run, RecorderSettings(), _TYPES)
         self.path = path
         self.close = self._calls.close
         self._view: View | None = None

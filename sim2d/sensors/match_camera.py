@@ -91,7 +91,7 @@ class MatchCamera:
     Raises
     ------
     ArgumentError
-        If the light has texture, shadow or highlights, the sensor compresses, a pinhole camera's tilt is unknown, or
+        If the sensor compresses, a pinhole camera's tilt is unknown, or
         a mirror camera shall see bystanders or a backdrop.
     """
 
@@ -104,13 +104,12 @@ class MatchCamera:
         *,
         boxes: Sequence[Box] = (),
         sensor: Sensor = MATCH_SENSOR,
-        light: Light = MATCH_LIGHT,
         room: Room = MATCH_ROOM,
         backdrop: Backdrop | None = None,
         shutter: ShutterSettings | None = None,
     ) -> None:
         self.field, self.camera, self.limits = field, camera, limits
-        self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, light, room
+        self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, MATCH_LIGHT, room
         self._rng, self._shutter = rng, shutter
         # by robot: when its last frame was, and the camera's rotation then
         self._last_rotation: dict[int, tuple[float, FloatArray]] = {}

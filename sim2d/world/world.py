@@ -87,11 +87,10 @@ class World:
         starts: Sequence[Pose2],
         limits: RobotLimits,
         rng: np.random.Generator,
-        body: BodySettings = BodySettings(),
     ) -> World:
         """Make a world without ball and rules: boxes on a field, and a robot at each start, all of side +1."""
         world = cls.__new__(cls)
-        world._build(field, boxes, limits, rng, [(1, k, start) for k, start in enumerate(starts)], body)
+        world._build(field, boxes, limits, rng, [(1, k, start) for k, start in enumerate(starts)], BodySettings())
         world._ball = world._referee = None
         return world
 

@@ -25,6 +25,10 @@ from sim2d.rendering.rays import sample_offsets
 
 _LEVELS = 9
 _NEAREST_M = 0.02
+# along x, along y, and height
+SIZE_M: Vector = (9.0, 7.0, 3.0)
+# of one turn of `loop_path`
+_LOOP_M = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +146,6 @@ class HallBuilder:
 
 def make_hall(
     seed: int,
-    size_m: tuple[float, float, float] = (9.0, 7.0, 3.0),
     *,
     posters: int = 44,
     furniture: int = 18,
@@ -152,14 +155,12 @@ def make_hall(
 
     Parameters
     ----------
-    size_m : (float, float, float)
-        Along x, along y, and height.
     posters, furniture, crates : int
         How many posters hang on the walls, shelves and cupboards stand before them, and crates lie in the middle.
     """
     rng = np.random.default_rng([seed, 0x4A11])
-    length, depth, height = size_m
-    built = HallBuilder(size_m)
+    length, depth, height = SIZE_M
+    built = HallBuilder(SIZE_M)
     panels, walls, wear = built.panels, built.walls, built.wear
     for number, (_, _, width) in enumerate(walls):
         built.add_wall(number, wear(hall_textures.wall(rng, width, height, bricks=number % 2 == 1)))
@@ -278,13 +279,11 @@ class HallCamera:
         return window
 
 
-def loop_path(count: int, length_m: float = 10.0, *, shift_m: float = 0.0, turns: float = 1.0) -> list[Pose2]:
-    """Poses along an oval about the hall's middle, looking ahead.
+def loop_path(count: int, *, shift_m: float = 0.0, turns: float = 1.0) -> list[Pose2]:
+    """Poses along an oval of 10 m about the hall's middle, looking ahead.
 
     Parameters
     ----------
-    length_m : float
-        Of one turn.
     shift_m : float
         Outwards of the oval.
     turns : float
@@ -294,7 +293,7 @@ def loop_path(count: int, length_m: float = 10.0, *, shift_m: float = 0.0, turns
     angles = np.linspace(0, math.tau, 4097)
     unit = np.hypot(np.sin(angles), ratio * np.cos(angles))
     run = np.append(0, np.cumsum((unit[1:] + unit[:-1]) / 2 * np.diff(angles)))
-    semi = length_m / run[-1]
+    semi = _LOOP_M / run[-1]
     at = np.interp(np.remainder(np.linspace(0, turns, count), 1.0 + 1e-12) * run[-1], run, angles)
     poses = []
     for angle in at:

@@ -82,11 +82,11 @@ def visit(hall: Hall, seed: int, *, level: float = 0.9) -> tuple[Hall, Bustle]:
     return populated(hall, ways, HallLight(level=level, ambient=0.4, lamps=_LAMPS), rng)
 
 
-def way(count: int, *, shift_m: float = 0.0, first_m: float = 0.0, last_m: float = WAY_M) -> list[Pose2]:
+def way(count: int, *, shift_m: float = 0.0) -> list[Pose2]:
     """Poses evenly along the way, looking ahead, `shift_m` to its left."""
     poses = []
     quarter_m = _TURN_M * math.pi / 2
-    for s in np.linspace(first_m, last_m, count):
+    for s in np.linspace(0.0, WAY_M, count):
         turned = min(max((float(s) - _AHEAD_M) / _TURN_M, 0.0), math.pi / 2)
         on = max(float(s) - _AHEAD_M - quarter_m, 0.0)
         x = _START_M[0] + min(float(s), _AHEAD_M) + _TURN_M * math.sin(turned)
