@@ -59,10 +59,6 @@ def meet_walls(
         x0, y0, x1, y1, field frame, metres.
     first : int
         Wall w is thing `first + 2 w` seen from its left and `first + 2 w + 1` from its right.
-    eye : Viewpoint
-        The camera.
-    bearings : Bearings
-        Of the frame.
     crossings : Crossings
         Extended.
     """
@@ -278,20 +274,8 @@ def stack_spans(
 
     Parameters
     ----------
-    crossings : Crossings
-        The lists.
-    things : Things
-        Heights and colours of their entries.
-    bearings : Bearings
-        Of the frame.
-    eye : Viewpoint
-        The camera.
     light : Lighting
         On everything but the room's wall.
-    room : RoomWall
-        Behind everything.
-    ball : BallSphere
-        The ball.
     spans : Spans
         Filled.
     """

@@ -97,14 +97,10 @@ def mark_lines(
     marks: PaintMarks,
     count: int,
 ) -> int:
-    """Mark the painted fraction of the patches that straight lines meet.
+    """Mark the painted fraction of the patches that straight lines meet; return the new `count` of marked rays.
 
     Parameters
     ----------
-    pixels : PixelRays
-        Of the camera.
-    eye : Viewpoint
-        The camera.
     until_m : (K,) float64
         How far the floor is seen.
     half : float
@@ -113,13 +109,6 @@ def mark_lines(
         Start x, y, unit direction x, y, length (m), field frame.
     marks : PaintMarks
         Painted fractions so far, raised to those of these lines.
-    count : int
-        How many rays are marked.
-
-    Returns
-    -------
-    int
-        How many rays are marked now.
     """
     rays, first, directions, spread = pixels.rays, pixels.first, pixels.directions, pixels.spread
     fraction = marks.fraction

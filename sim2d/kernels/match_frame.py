@@ -27,62 +27,40 @@ from sim2d.kernels.match_pixels import draw_pixels, paint_marked
 
 
 class Standing(NamedTuple):
-    """What stands on the floor; walls are the first things.
+    """What stands on the floor; walls are the first things."""
 
-    Parameters
-    ----------
-    walls : (W, 4) float64
-        As `bearing_profile.meet_walls` takes them.
-    boxes : (B, 4, 2) float64
-        As `bearing_profile.meet_boxes` takes them.
-    first_face : int
-        Number of the first box's first face among the things.
-    cylinders : (C, 3) float64
-        As `bearing_profile.meet_cylinders` takes them.
-    first_cylinder : int
-        Number of the first of them among the things.
-    """
-
+    #: (W, 4) float64: as `bearing_profile.meet_walls` takes them.
     walls: FloatArray
+    #: (B, 4, 2) float64: as `bearing_profile.meet_boxes` takes them.
     boxes: FloatArray
+    #: Number of the first box's first face among the things.
     first_face: int
+    #: (C, 3) float64: as `bearing_profile.meet_cylinders` takes them.
     cylinders: FloatArray
+    #: Number of the first of them among the things.
     first_cylinder: int
 
 
 class FloorPaint(NamedTuple):
-    """Lines on the floor.
+    """Lines on the floor."""
 
-    Parameters
-    ----------
-    lines, arcs : float64 arrays
-        As `floor_lines.mark_lines` and `mark_arcs` take them.
-    half_line_m : float
-        Half a line's width.
-    farthest_m : float
-        Floor farther away is not seen.
-    """
-
+    #: float64 arrays: as `floor_lines.mark_lines` and `mark_arcs` take them.
     lines: FloatArray
     arcs: FloatArray
+    #: Half a line's width.
     half_line_m: float
+    #: Floor farther away is not seen.
     farthest_m: float
 
 
 class FrameRoom(NamedTuple):
-    """Arrays that every frame uses anew.
+    """Arrays that every frame uses anew."""
 
-    Parameters
-    ----------
-    crossings, spans, marks
-        Of each bearing what it meets and shows, and the rays that lines meet.
-    until_m : (K,) float64
-        How far each bearing sees the floor.
-    """
-
+    #: Of each bearing what it meets and shows, and the rays that lines meet.
     crossings: Crossings
     spans: Spans
     marks: PaintMarks
+    #: (K,) float64: how far each bearing sees the floor.
     until_m: FloatArray
 
 
@@ -105,20 +83,6 @@ def draw_over_carpet(
 
     Parameters
     ----------
-    standing, things
-        What stands on the floor, and its heights and colours.
-    paint : FloorPaint
-        On the floor.
-    ball : BallSphere
-        The ball.
-    walls : RoomWall
-        Behind everything.
-    light : Lighting
-        On the field.
-    eye : Viewpoint
-        The camera.
-    bearings, rays
-        Of the camera.
     plain : (3, 3) float32
         BGR of carpet, line, ball.
     room : FrameRoom

@@ -23,10 +23,6 @@ def fill_carpet(
     ----------
     floor : (3, N) float32
         Floor point of every pixel of the image in the eye's frame (m), and its gain.
-    light : Lighting
-        On the field.
-    eye : Viewpoint
-        The camera.
     color : (3,) float32
         BGR of the carpet.
     body : (3, N) uint8
@@ -106,18 +102,10 @@ def draw_pixels(
 
     Parameters
     ----------
-    pixels : PixelRays
-        Of the camera.
-    eye : Viewpoint
-        The camera.
     spans : Spans
         As `bearing_profile.stack_spans` leaves them.
-    ball : BallSphere
-        The ball.
     plain : (3, 3) float32
         BGR of carpet, line, ball.
-    light : Lighting
-        On the field.
     out : (H * W, 3) uint8
         The frame, filled with the painted carpet.
     """

@@ -81,14 +81,10 @@ def draw_nets(
 
     Parameters
     ----------
-    nets : Nets
-        All of them.
     which : int
         Row of the one to lay.
     part : (int, int, int, int)
         First and last row, first and last column of the tile's pixels.
-    columns : int
-        Of the tile.
     rays : (3, N) float32
         Through the pixels' middles, field axes, from the eye.
     steps : (2, 3) float64
@@ -175,18 +171,8 @@ def lay_nets(
 
     Parameters
     ----------
-    nets : Nets
-        All of them.
-    pixels : PixelRays
-        Of the camera.
-    crossings, things
-        What stands along each bearing.
-    eye : Viewpoint
-        The camera.
     ball : BallSphere
         The ball: what stands behind it is hidden by its upright section.
-    light : Lighting
-        On the field.
     out : (H * W, 3) uint8
         The frame.
     """

@@ -13,74 +13,49 @@ from robocup_vision.compiling.loops import compiled
 
 
 class RayFan(NamedTuple):
-    """All rays of an image.
+    """All rays of an image."""
 
-    Parameters
-    ----------
-    directions : (H, W, S, 3) float32
-        S rays a pixel in the robot frame, scaled so that the ray parameter is what `PanelHits.depth` measures.
-    cos, sin : float
-        Of the robot's heading.
-    eye : (3,) float64
-        Centre of projection, field frame, metres.
-    ray_rad : float
-        Angle between neighbouring rays.
-    """
-
+    #: (H, W, S, 3) float32: S rays a pixel in the robot frame, scaled so that the ray parameter is what
+    #: `PanelHits.depth` measures.
     directions: Float32Array
+    #: Of the robot's heading.
     cos: float
     sin: float
+    #: (3,) float64: centre of projection, field frame, metres.
     eye: FloatArray
+    #: Angle between neighbouring rays.
     ray_rad: float
 
 
 class Panels(NamedTuple):
-    """Rectangles, seen from the front only.
+    """Rectangles, seen from the front only."""
 
-    Parameters
-    ----------
-    origin, along, up : (P, 3) float64
-        A corner and the unit directions of both edges; the front is the side that ``along x up`` points to.
-    size : (P, 2) float64
-        Lengths of the edges, metres.
-    texture : (P,) int64
-        Number of each panel's texture.
-    """
-
+    #: (P, 3) float64: A corner and the unit directions of both edges; the front is the side that ``along x up`` points
+    #: to.
     origin: FloatArray
     along: FloatArray
     up: FloatArray
+    #: (P, 2) float64: lengths of the edges, metres.
     size: FloatArray
+    #: (P,) int64: number of each panel's texture.
     texture: Int64Array
 
 
 class PanelHits(NamedTuple):
-    """What each ray meets first.
+    """What each ray meets first."""
 
-    Parameters
-    ----------
-    depth : (H, W, S) float32
-        Ray parameter of the first hit, inf where there is none.
-    met : (H, W, S) int16
-        Number of the panel, -1 where there is none.
-    """
-
+    #: (H, W, S) float32: ray parameter of the first hit, inf where there is none.
     depth: Float32Array
+    #: (H, W, S) int16: number of the panel, -1 where there is none.
     met: npt.NDArray[np.int16]
 
 
 class Pyramids(NamedTuple):
-    """All textures, each at several scales.
+    """All textures, each at several scales."""
 
-    Parameters
-    ----------
-    texels : (N, 3) uint8
-        One pyramid after another, BGR, rows from the top down.
-    levels : (T, L, 3) int64
-        Of each texture's level: first texel, rows, columns.
-    """
-
+    #: (N, 3) uint8: one pyramid after another, BGR, rows from the top down.
     texels: npt.NDArray[np.uint8]
+    #: (T, L, 3) int64: of each texture's level: first texel, rows, columns.
     levels: Int64Array
 
 
@@ -90,10 +65,6 @@ def first_panel(rays: RayFan, panels: Panels, window: Int64Array, hits: PanelHit
 
     Parameters
     ----------
-    rays : RayFan
-        Of the image.
-    panels : Panels
-        What stands there.
     window : (P, 4) int64
         Rows and columns [r0, r1) x [c0, c1) of the image that may see each panel.
     hits : PanelHits
@@ -152,8 +123,6 @@ def shade_panels(
     ----------
     rays, panels, hits
         As in and from `first_panel`.
-    pyramids : Pyramids
-        The textures.
     ambient : float
         Light that comes from everywhere.
     lamps : (K, 4) float64

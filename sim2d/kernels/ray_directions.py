@@ -17,22 +17,15 @@ MAX_FLOOR_M = 1e3
 
 
 class FlatRays(NamedTuple):
-    """Where the results go: (N,) float32 each, the rays of one pixel after one another.
+    """Where the results go: (N,) float32 each, the rays of one pixel after one another."""
 
-    Parameters
-    ----------
-    cos, sin, slope : (N,) float32
-        Horizontal direction, and rise over run.
-    floor_m : (N,) float32
-        Horizontal distance at which a ray meets the floor, metres; inf from the horizon on.
-    radial_m, tangential_m : (N,) float32
-        Size on the floor of the patch a ray stands for, metres.
-    """
-
+    #: (N,) float32: horizontal direction, and rise over run.
     cos: Float32Array
     sin: Float32Array
     slope: Float32Array
+    #: (N,) float32: horizontal distance at which a ray meets the floor, metres; inf from the horizon on.
     floor_m: Float32Array
+    #: (N,) float32: size on the floor of the patch a ray stands for, metres.
     radial_m: Float32Array
     tangential_m: Float32Array
 
@@ -50,8 +43,6 @@ def flatten_rays(
 
     Parameters
     ----------
-    height_m : float
-        Of the viewpoint over the floor.
     order : (P,) intp
         Index of the pixel that comes first, second, ...
     directions : (P, samples, 3) float64
@@ -102,8 +93,6 @@ def pinhole_patches(
 
     Parameters
     ----------
-    height_m : float
-        Of the viewpoint over the floor.
     rays_per_rad : float
         Rays an angle of one radian on the optical axis; where the cosine to it is c there are 1 / c^2 times as many.
     along_axis : (P, samples) float64

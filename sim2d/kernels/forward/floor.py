@@ -64,8 +64,6 @@ def cover_line(
     ----------
     line : (5,) float64
         Row of `FloorPaint.lines`.
-    half_m : float
-        Half its width.
     part : (int, int)
         First pixel that it may meet, and the one after the last.
     rays, eye
@@ -173,12 +171,8 @@ def end_carpet(
 
     Parameters
     ----------
-    paint : FloorPaint
-        With the carpet's edges.
     near : (E,) int32
         Numbers of the edges that may cross the tile; the first `near_count` count.
-    near_count : int
-        See `near`.
     rays, steps, eye
         As in `cover_line`.
     carpet : (N,) float32

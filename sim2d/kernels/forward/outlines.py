@@ -36,8 +36,6 @@ def bound_hull(points: FloatArray, count: int, eye: ForwardEye, thin: float, out
         From the eye, field axes, metres; the first `count` count.
     count : int
         At most 8.
-    eye : ForwardEye
-        The camera.
     thin : float
         Slope below which a hull is called thin.
     out : (10,) float32
@@ -105,10 +103,6 @@ def outline_floor(paint: FloorPaint, eye: ForwardEye, thin: float, to: Outlines)
 
     Parameters
     ----------
-    paint : FloorPaint
-        What is painted.
-    eye : ForwardEye
-        The camera.
     thin : float
         As in `bound_hull`.
     to : Outlines
@@ -162,16 +156,8 @@ def outline_things(things: UprightThings, eye: ForwardEye, shade_m: float, thin:
 
     Parameters
     ----------
-    things : UprightThings
-        What stands or lies there.
-    eye : ForwardEye
-        The camera.
-    shade_m : float
-        How far a ball's shade reaches on the floor.
     thin : float
         As in `bound_hull`.
-    n : int
-        Rows that are filled.
     to : Outlines
         Filled from row n on.
     """
@@ -224,12 +210,6 @@ def outline_nets(nets: Nets, eye: ForwardEye, n: int, to: Outlines) -> int:
 
     Parameters
     ----------
-    nets : Nets
-        Goal nets.
-    eye : ForwardEye
-        The camera.
-    n : int
-        Rows that are filled.
     to : Outlines
         Filled from row n on.
     """

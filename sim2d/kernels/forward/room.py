@@ -66,8 +66,6 @@ def draw_wall(
         upper and lower side; between them both change evenly.
     shape : (int, int)
         Rows and columns of pixels.
-    wall : WallPicture
-        The wall.
     cells_of_wall : (M,) uint64
         Its cells, one row after another.
     places : (N,) float32

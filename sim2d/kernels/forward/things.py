@@ -150,8 +150,6 @@ def meet_thing(
 
     Parameters
     ----------
-    kind : float32
-        What it is.
     row : (10,) float32, or its numbers
         Of `UprightThings.rows`, with the eye's foot as the origin.
     dx, dy, dz : float32

@@ -67,22 +67,10 @@ def draw_forward(
 
     Parameters
     ----------
-    lens : ForwardLens
-        Of the camera.
-    eye : ForwardEye
-        Where it is.
-    paint : FloorPaint
-        On the floor.
-    things : UprightThings
-        On the floor.
-    nets : Nets
-        Of the goals.
     shade_m : float
         How far a ball's shade reaches.
     light : Lighting
         On everything but the wall.
-    wall : WallPicture
-        Behind everything.
     outlines : Outlines
         Room for all of them; changed.
     tile : (int, int)
