@@ -7,13 +7,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from field_models import Field
-from sim2d.defence_area import defence_area
 from sim2d.kick_off import center_circle_radius_m
 from sim2d.robot_link import Point
 from sim2d.world.state import BallState, RobotState
+
+
+@dataclass(frozen=True, slots=True)
+class DefenceArea:
+    """The rectangle before each goal in which the keeper alone may touch the ball: its size, metres."""
+
+    depth_m: float
+    width_m: float
+    line_x_m: float
+
+    def holds(self, side: int, x_m: float, y_m: float, room_m: float = 0.0) -> bool:
+        """Tell whether a place is in the area before the goal at +x (side 1) or -x, or nearer to it than a room."""
+        return side * x_m > self.line_x_m - self.depth_m - room_m and abs(y_m) < self.width_m / 2 + room_m
+
+
+def defence_area(field: Field) -> DefenceArea | None:
+    """Return the size of a field's defence areas, the largest rectangle before each goal; None if it has none."""
+    half = field.length_m / 2
+    fronts = [row for row in field.lines.tolist() if row[0] == row[2] and 1e-9 < row[0] < half - 1e-9]
+    if not fronts:
+        return None
+    x, y0, _, y1 = min(fronts, key=lambda row: row[0])
+    return DefenceArea(half - x, abs(y1 - y0), half)
+
 
 Restart = Literal["kick_off", "free_kick", "penalty", "force_start"]
 FoulKind = Literal["fast_in_stop", "near_ball", "fast_ball", "double_touch", "own_area", "their_area"]

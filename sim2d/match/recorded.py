@@ -18,8 +18,7 @@ from robocup_vision.recording.loops import Changes, FrameStep, Loop, mounting_of
 from robocup_vision.recording.recorder import CallWriter, RecorderSettings
 from robocup_vision.recording.run import Run
 from robocup_vision.view import View
-from sim2d.match.match import Match
-from sim2d.match.seat import Seat
+from sim2d.match.match import Match, Seat
 from sim2d.players.catalog import PLAYERS, player_factory
 from sim2d.report.moment import Moment, RobotMoment
 from sim2d.robot_link import Command, PlayerStatus, Senses

@@ -18,8 +18,7 @@ from sim2d.match.setups import Camera, MatchSetup, RobotKind, setup_for
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import player_name
 from sim2d.report import html as match_report
-from sim2d.report.match_figures import MatchFigures
-from sim2d.report.match_file import match_json, write_json
+from sim2d.report.match_figures import MatchFigures, match_json, write_json
 from sim2d.report.story import MatchStory, PlanningStory
 from sim2d.report.video import MatchVideo
 from sim2d.robot_link import CONTROL_PERIOD_S, PlayerFactory

@@ -17,7 +17,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.workers import Workers, run_pieces
 from sim2d.match.run import MatchPlan
 from sim2d.players.catalog import player_name
-from sim2d.report.match_file import match_json
+from sim2d.report.match_figures import match_json
 
 
 def plan_matches(plan: MatchPlan, matches: int) -> list[MatchPlan]:

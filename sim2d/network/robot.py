@@ -15,7 +15,7 @@ import pymunk
 from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.values.simulation import MoveCommand, RobotCommand, Team
 from sim2d.world.ball_physics import BallBody
-from sim2d.world.mouth import Mouth
+from sim2d.world.robot_body import Mouth
 
 COMMAND_LASTS_S = 0.1
 # a capacitor needs so long until it kicks again

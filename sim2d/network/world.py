@@ -16,8 +16,8 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.values.simulation import RobotCommand, Team
 from sim2d.network.robot import LeagueRobot, LeagueRobotSpec
 from sim2d.world.ball_physics import BallBody, Flight
-from sim2d.world.ground import add_ground
 from sim2d.world.state import BallState
+from sim2d.world.world import add_ground
 
 STEPS_PER_S = 300
 STEP_S = 1 / STEPS_PER_S

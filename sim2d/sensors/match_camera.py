@@ -1,10 +1,10 @@
-"""Renders the frames of a match: the pictures of each robot's cameras of one world state."""
+"""Renders the frames of a match: the pictures of each robot's cameras of one world state, in light that drifts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -26,6 +26,36 @@ from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.body_sway import UPRIGHT, Sway
 from sim2d.world.state import BallState, RobotState, WorldState
+
+
+@dataclass(frozen=True, slots=True)
+class LightDriftSettings:
+    """Values of `LightDrift`."""
+
+    #: Greatest change of the brightness on the field, as a part of it.
+    level_ratio: float = 0.1
+    #: From one brightest moment to the next.
+    level_period_s: float = 40.0
+    #: In this time the direction in which it grows lighter over the field turns once.
+    turn_period_s: float = 240.0
+
+
+class LightDrift:
+    """Changes a match's light with time; `light` is what it would be without the drift."""
+
+    def __init__(self, settings: LightDriftSettings, light: Light, rng: np.random.Generator) -> None:
+        self._settings, self._light = settings, light
+        self._phase_rad = float(rng.uniform(0.0, math.tau))
+
+    def at(self, t_s: float) -> Light:
+        """Return the light at a time."""
+        settings = self._settings
+        swing = math.sin(self._phase_rad + math.tau * t_s / settings.level_period_s)
+        return replace(
+            self._light,
+            level=self._light.level * (1 + settings.level_ratio * swing),
+            gradient_direction_rad=self._light.gradient_direction_rad + math.tau * t_s / settings.turn_period_s,
+        )
 
 
 class RollingBall:

@@ -18,20 +18,42 @@ from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from sim2d.kick_off import kick_off_pose
-from sim2d.rendering.scene import Box
+from sim2d.rendering.scene import Box, Scene
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, RobotLimits
 from sim2d.world.ball_physics import BallBody, BallSettings
-from sim2d.world.ground import add_ground
 from sim2d.world.referee import MatchReferee, Referee, RefereeSettings
 from sim2d.world.robot_body import BodySettings, RobotBody, check_command
-from sim2d.world.state import BallState, Event, RobotState, WorldState
-
-__all__ = ["BallState", "Event", "RobotState", "World", "WorldState"]
+from sim2d.world.state import Event, WorldState
 
 STEPS = 10  # physics steps a period
 STEP_S = CONTROL_PERIOD_S / STEPS
 _FIXED, _BALL, _ROBOT = 1, 2, 3
 _STOP = Command()
+WALL_THICKNESS_M = 0.05  # outwards: the inner face stands at the place in the field file
+PANEL_HALF_THICKNESS_M = 0.005
+
+
+def add_ground(space: pymunk.Space, field: Field, boxes: Sequence[Box], collision_type: int) -> None:
+    """Add everything fixed to a space, always in the same order."""
+    shapes: list[pymunk.Shape] = []
+    fixed = space.static_body
+    if field.is_bounded:
+        corners = field.floor_polygon
+        for (x0, y0), (x1, y1) in zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True):
+            half, length = WALL_THICKNESS_M / 2, math.hypot(x1 - x0, y1 - y0)
+            # counter-clockwise, so outwards is to the right of the edge
+            ox, oy = half * (y1 - y0) / length, -half * (x1 - x0) / length
+            shapes.append(pymunk.Segment(fixed, (x0 + ox, y0 + oy), (x1 + ox, y1 + oy), half))
+    for goal in field.goals:
+        if goal.kind == "panels":
+            for x0, y0, x1, y1 in goal.panels.tolist():
+                shapes.append(pymunk.Segment(fixed, (x0, y0), (x1, y1), PANEL_HALF_THICKNESS_M))
+    shapes += [pymunk.Circle(fixed, post.radius_m, (post.x_m, post.y_m)) for post in Scene(field).posts()]
+    shapes += [pymunk.Poly(fixed, [(x, y) for x, y in box.corners.tolist()]) for box in boxes]
+    for shape in shapes:
+        shape.elasticity, shape.friction = 0.7, 0.1
+        shape.collision_type = collision_type
+        space.add(shape)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,8 +29,7 @@ from sim2d.match.run import MatchPlan
 from sim2d.match.table import RoundRobin
 from sim2d.match.tournament import tournament_json
 from sim2d.players.built_in import BuiltInPlayer
-from sim2d.report.match_figures import MatchFigures
-from sim2d.report.match_file import match_json
+from sim2d.report.match_figures import MatchFigures, match_json
 from sim2d.report.robot_figures import FaultFigures, RobotFigures
 
 PAGE = DOCS / "file_formats.md"

@@ -20,7 +20,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.planning import ShotPlan
-from sim2d.defence_area import defence_area
+from sim2d.match.pitch_rules import defence_area
 from sim2d.players.ball import block_ball
 from sim2d.players.driving.motion import Motion, MotionSettings
 from sim2d.players.driving.travel import Travel, TravelPlanner

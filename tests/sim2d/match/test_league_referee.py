@@ -7,8 +7,8 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.geometry import Pose2
-from sim2d.defence_area import defence_area
 from sim2d.match.league_referee import LeagueReferee
+from sim2d.match.pitch_rules import defence_area
 from sim2d.world.state import BallState, RobotState
 
 FIELD = load_field("ssl_division_b")

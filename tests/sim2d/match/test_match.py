@@ -32,7 +32,7 @@ from sim2d.match.disturbances import Disturbances
 from sim2d.match.match import Match, periods
 from sim2d.match.setups import camera_for
 from sim2d.players.built_in import BuiltInPlayer
-from sim2d.report.match_file import match_json
+from sim2d.report.match_figures import match_json
 from sim2d.robot_link import CONTROL_PERIOD_S, Command
 from sim2d.sensors.faults import BodyFault
 from sim2d.sensors.team_channel import ChannelSettings
@@ -224,7 +224,7 @@ def test_the_same_seed_is_the_same_match_in_another_process():
         "import sys, json\n"
         "from field_models import load_field\n"
         "from sim2d.match.match import Match\n"
-        "from sim2d.report.match_file import match_json\n"
+        "from sim2d.report.match_figures import match_json\n"
         "field, seed = sys.argv[1], int(sys.argv[2])\n"
         "match = Match(load_field(field), 1, seed)\n"
         "for _ in match.play(1.5): pass\n"

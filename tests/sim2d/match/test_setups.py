@@ -13,7 +13,7 @@ from sim2d.match.arena import Arena
 from sim2d.match.match import Match
 from sim2d.match.run import MatchPlan
 from sim2d.match.setups import CAMERAS, ROBOTS, camera_for, setup_for
-from sim2d.report.match_file import match_json
+from sim2d.report.match_figures import match_json
 from sim2d.robot_link import Command, PlayerStatus, RobotLimits
 
 

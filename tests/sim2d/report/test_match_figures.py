@@ -6,8 +6,7 @@ import pytest
 
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
-from sim2d.report.match_figures import MatchLog
-from sim2d.report.match_file import match_json, write_json
+from sim2d.report.match_figures import MatchLog, match_json, write_json
 from sim2d.report.moment import RobotMoment
 from sim2d.robot_link import Command, PlayerStatus, RobotLimits, Senses
 from sim2d.sensors.faults import BodyFault

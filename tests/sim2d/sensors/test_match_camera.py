@@ -17,7 +17,7 @@ from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.scene import BOX_COLORS, Box
 from sim2d.robot_link import RobotLimits
 from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_SENSOR, MatchCamera, ShutterSettings
-from sim2d.world.world import BallState, RobotState, WorldState
+from sim2d.world.state import BallState, RobotState, WorldState
 
 LIMITS = RobotLimits()
 CLEAN = replace(MATCH_SENSOR, noise_sigma=0.0)

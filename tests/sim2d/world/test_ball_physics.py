@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim2d.world.ball_physics import GRAVITY_MPS2, BallBody, Flight
-from sim2d.world.mouth import Mouth
+from sim2d.world.robot_body import Mouth
 
 DT_S = 1 / 300
 
