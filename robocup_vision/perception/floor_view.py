@@ -28,8 +28,6 @@ _FARTHEST_HEIGHTS = 40.0
 _BEYOND_HORIZON_PX = 12.0
 # steeper than this nothing is looked at: tangent of the depression
 _STEEPEST = 8.0
-# seen from so far below the picture, rays up it are all but parallel, and circles are rows
-FAR_BELOW_PX = 20_000
 # rows that see nothing after those in view: loops look at two neighbours on either side, and a ring's last is its first
 _EMPTY_ROWS = 3
 # places around a fisheye's rim
@@ -41,20 +39,12 @@ _STEPS_AT_ONCE = 64
 # what a head's pan changes: where samples lie about the robot; and what a nod or roll of the body does: where in the
 # picture
 _OF_THE_PAN = ("_rows_rad", "bearing_rad", "span_rad", "floor_m")
-_OF_THE_TURN = ("below_px", "pixels", "shown", "_homography")
+_OF_THE_TURN = ("pixels", "shown", "_homography")
 # what every frame needs, and neither changes
 _OF_EVERY_FRAME = (
     "_camera_of_planes", "_planes", "_lens", "hidden_px", "_distance_m", "valid", "near_count", "step_px",
     "columns_in_use", "no_edges_px",
 )  # fmt: skip
-
-
-def down_in_picture(camera: PinholeCamera) -> tuple[float, float]:
-    """Return the unit direction in the picture in which the floor comes nearer."""
-    _, y, z = (float(v) for v in camera.camera_to_robot[2])
-    length = math.hypot(y, z)
-    # image u grows to the camera's right, v downwards; its own down is minus the robot's up
-    return (y / length, z / length) if length > 1e-6 else (0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,12 +273,6 @@ class FloorView:
         first = self._rows_rad[0]
         turn = math.remainder(math.atan2(y, x) - first - math.pi / 2, math.tau) + math.pi / 2
         return first + turn, float(np.interp(z / max(math.hypot(x, y), 1e-9), self._slopes, self.radius_px))
-
-    @cached_property
-    def below_px(self) -> tuple[float, float]:
-        """Where in the picture's plane, far below it, rays up the picture start."""
-        (u, v), (down_u, down_v) = self.camera.center_px, down_in_picture(self.camera)
-        return u + FAR_BELOW_PX * down_u, v + FAR_BELOW_PX * down_v
 
     @cached_property
     def hidden_px(self) -> UInt8Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Set
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -117,16 +118,8 @@ class Branches:
 
     def select(self, chosen: Int64Array) -> Branches:
         """Those of the given indices, in their order."""
-        return Branches(
-            self.tree[chosen],
-            self.mean[chosen],
-            self.covariance[chosen],
-            self.evidence[chosen],
-            self.odds[chosen],
-            self.coasted_s[chosen],
-            self.missed[chosen],
-            self.history[chosen],
-        )
+        arrays: Any = self._arrays()
+        return Branches(*(array[chosen] for array in arrays))
 
     def without(self, trees: Set[int]) -> Branches:
         """Those of all other trees."""
@@ -136,16 +129,8 @@ class Branches:
 
     def concatenate(self, other: Branches) -> Branches:
         """Join these and those."""
-        return Branches(
-            np.concatenate([self.tree, other.tree]),
-            np.concatenate([self.mean, other.mean]),
-            np.concatenate([self.covariance, other.covariance]),
-            np.concatenate([self.evidence, other.evidence]),
-            np.concatenate([self.odds, other.odds]),
-            np.concatenate([self.coasted_s, other.coasted_s]),
-            np.concatenate([self.missed, other.missed]),
-            np.concatenate([self.history, other.history]),
-        )
+        pairs: Any = zip(self._arrays(), other._arrays(), strict=True)
+        return Branches(*map(np.concatenate, pairs))
 
     def split(
         self,

@@ -36,20 +36,14 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run_train_balls(args: argparse.Namespace) -> int:
     """Train and write; return the exit status."""
-    from pathlib import Path
-
     import numpy as np
 
     from robocup_vision.files.output_folder import telling_write_errors
-    from sim2d.commands.training_photographs import check_torch, photographs_to_learn_from
+    from sim2d.commands.training_photographs import prepare_training
 
-    datasets = photographs_to_learn_from(args.photographs)
-    check_torch()
+    datasets, out = prepare_training(args)
     from sim2d.training.ball_training import material, train
 
-    out = Path(args.out)
-    with telling_write_errors(out):
-        out.mkdir(parents=True, exist_ok=True)
     known = material(np.random.default_rng(args.seed), args.scenes, args.fields, datasets)
     with telling_write_errors(out):
         train(out, known, seed=args.seed, steps=args.steps)

@@ -33,22 +33,16 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run_train_kinds(args: argparse.Namespace) -> int:
     """Train and write; return the exit status."""
-    from pathlib import Path
-
     import numpy as np
 
     from field_models.errors import ArgumentError
     from robocup_vision.files.output_folder import telling_write_errors
-    from sim2d.commands.training_photographs import check_torch, photographs_to_learn_from
+    from sim2d.commands.training_photographs import prepare_training
 
-    datasets = photographs_to_learn_from(args.photographs)
-    check_torch()
+    datasets, out = prepare_training(args)
     from sim2d.training.kind_crops import OTHER, dataset_crops, joined
     from sim2d.training.kind_training import train
 
-    out = Path(args.out)
-    with telling_write_errors(out):
-        out.mkdir(parents=True, exist_ok=True)
     crops = joined([dataset_crops(np.random.default_rng(args.seed), dataset) for dataset in datasets])
     found = np.bincount(crops.kinds, minlength=OTHER + 1)
     print("{} robots, {} people, {} other places".format(*found.tolist()))

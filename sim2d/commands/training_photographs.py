@@ -1,13 +1,16 @@
-"""Photographs that a command learns from, and whether it can learn here at all."""
+"""What the training commands have in common: their photographs, torch, and the folder that they write to."""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from importlib.util import find_spec
+from pathlib import Path
 
 from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.evaluation.dataset import Dataset, load_dataset
+from robocup_vision.files.output_folder import telling_write_errors
 
 
 def photographs_to_learn_from(folders: Sequence[str]) -> list[Dataset]:
@@ -29,13 +32,18 @@ def photographs_to_learn_from(folders: Sequence[str]) -> list[Dataset]:
     return datasets
 
 
-def check_torch() -> None:
-    """Check that torch is installed.
+def prepare_training(args: argparse.Namespace) -> tuple[list[Dataset], Path]:
+    """Load the photographs that a command names, check that torch is installed, and make the folder `args.out`.
 
     Raises
     ------
-    ArgumentError
-        If it is not.
+    RobocupVisionError
+        If a dataset does not fit, torch is missing, or the folder cannot be made.
     """
+    datasets = photographs_to_learn_from(args.photographs)
     if find_spec("torch") is None:
         raise ArgumentError("torch is not installed (pip install 'robocup-vision[train]')")
+    out = Path(args.out)
+    with telling_write_errors(out):
+        out.mkdir(parents=True, exist_ok=True)
+    return datasets, out

@@ -14,8 +14,10 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.evaluation.boxes import Box
 from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.evaluation.detections import KIND_OF_BOX, OBSTACLE_KINDS
+from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.perception.kinds.network import KINDS, SEEN_PX, upright_pictures
 from robocup_vision.perception.networks import Shrunk
+from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
 OTHER = len(KINDS)
@@ -63,33 +65,44 @@ def photograph_crops(
             continue
         camera = view.polar.camera
         assert isinstance(camera, PinholeCamera)
-        things = [box for box in marked if box.kind in OBSTACLE_KINDS]
-        # the picture hides the feet of the others
-        boxes = [box for box in marked if box.ymax < camera.size_px[1] - 1]
-        feet = _feet_m(camera, boxes)
-        kinds = np.array([_index(box.kind) for box in boxes], dtype=np.int64)
-        is_thing = np.array([box.kind in OBSTACLE_KINDS for box in boxes], dtype=bool)
-        found = np.array([(one.x_m, one.y_m) for one in view.obstacles]).reshape(-1, 2)
-        free = view.free_space
-        known = np.flatnonzero(np.isfinite(free.range_m) & (free.range_m > 0.3))
-        chosen = rng.choice(known, _ENDS + _FLOORS) if len(known) else known
-        range_m = free.range_m[chosen]
-        range_m[_ENDS:] *= rng.uniform(0.3, 1.0, len(range_m[_ENDS:]))
-        range_m[:_ENDS] *= np.exp(rng.normal(0.0, 0.05, len(range_m[:_ENDS])))
-        bearing = free.bearing_rad[chosen]
-        ends = range_m[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        near_kinds = [_kind_of(camera, place, boxes) for place in found]
-        others = np.concatenate([feet[~is_thing], found[[kind is None for kind in near_kinds]].reshape(-1, 2), ends])
-        others = others[apart(others, feet[is_thing]) & _is_outside(camera, others, things)]
-        sure = is_thing & (kinds != OTHER)
-        hit = [kind is not None and kind != OTHER for kind in near_kinds]
-        places = np.concatenate([feet[sure], found[hit].reshape(-1, 2), others])
-        which = [*kinds[sure], *(kind for kind in near_kinds if kind is not None and kind != OTHER)]
-        every = np.array([*which, *[OTHER] * len(others)], dtype=np.int64)
+        places, kinds = _places(rng, camera, view, marked)
         keep = np.hypot(*places.T) < _FARTHEST_M
         images = upright_pictures(Shrunk(frame), camera, places[keep], RIM_PX)
-        parts.append(KindCrops(images, every[keep]))
+        parts.append(KindCrops(images, kinds[keep]))
     return joined(parts)
+
+
+def _places(
+    rng: np.random.Generator, camera: PinholeCamera, view: View, marked: Sequence[Box]
+) -> tuple[FloatArray, Int64Array]:
+    """Return places (N, 2) of one picture, and the kinds (N,) of what stands there."""
+    things = [box for box in marked if box.kind in OBSTACLE_KINDS]
+    # the picture hides the feet of the others
+    boxes = [box for box in marked if box.ymax < camera.size_px[1] - 1]
+    feet = _feet_m(camera, boxes)
+    kinds = np.array([_index(box.kind) for box in boxes], dtype=np.int64)
+    is_thing = np.array([box.kind in OBSTACLE_KINDS for box in boxes], dtype=bool)
+    found = np.array([(one.x_m, one.y_m) for one in view.obstacles]).reshape(-1, 2)
+    ends = _free_places(rng, view.free_space)
+    near_kinds = [_kind_of(camera, place, boxes) for place in found]
+    others = np.concatenate([feet[~is_thing], found[[kind is None for kind in near_kinds]].reshape(-1, 2), ends])
+    others = others[apart(others, feet[is_thing]) & _is_outside(camera, others, things)]
+    sure = is_thing & (kinds != OTHER)
+    hit = [kind is not None and kind != OTHER for kind in near_kinds]
+    places = np.concatenate([feet[sure], found[hit].reshape(-1, 2), others])
+    which = [*kinds[sure], *(kind for kind in near_kinds if kind is not None and kind != OTHER)]
+    return places, np.array([*which, *[OTHER] * len(others)], dtype=np.int64)
+
+
+def _free_places(rng: np.random.Generator, free: FreeSpace) -> FloatArray:
+    """Draw places (N, 2) about where free floor ends, and on it."""
+    known = np.flatnonzero(np.isfinite(free.range_m) & (free.range_m > 0.3))
+    chosen = rng.choice(known, _ENDS + _FLOORS) if len(known) else known
+    range_m = free.range_m[chosen]
+    range_m[_ENDS:] *= rng.uniform(0.3, 1.0, len(range_m[_ENDS:]))
+    range_m[:_ENDS] *= np.exp(rng.normal(0.0, 0.05, len(range_m[:_ENDS])))
+    bearing = free.bearing_rad[chosen]
+    return np.asarray(range_m[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1))
 
 
 def _feet_m(camera: PinholeCamera, boxes: Sequence[Box]) -> FloatArray:

@@ -18,6 +18,7 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.forward.result import ONLY_ONE, ForwardCalibration, ForwardFrame, too_uncertain
 from robocup_vision.calibration.not_calibrated import NotCalibrated
+from robocup_vision.calibration.online.evidence import eliminate
 from robocup_vision.calibration.starts import JsonForm, StartTrials
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
@@ -329,10 +330,10 @@ def _common_information(
     weight = np.zeros(UNKNOWNS)
     weight[[ROLL, BLOOM]] = model.weight[[ROLL, BLOOM]]
     normal, pull = system_at(replace(model, weight=weight), estimate.fit.samples, p, _LOSS)
-    across = np.linalg.solve(normal[np.ix_(own, own)], normal[np.ix_(own, common)]).T
-    information = normal[np.ix_(common, common)] - across @ normal[np.ix_(own, common)]
-    weighted = information @ p[common] + (pull[common] - across @ pull[own])
-    return np.asarray(information, np.float64), np.asarray(weighted, np.float64)
+    information, gradient = eliminate(
+        normal[np.ix_(common, common)], normal[np.ix_(common, own)], normal[np.ix_(own, own)], pull[common], pull[own]
+    )
+    return information, np.asarray(information @ p[common] + gradient, np.float64)
 
 
 def _moved(camera: PinholeCamera, joint: _Joint, settings: GoalCalibrationSettings) -> PinholeCamera:

@@ -19,6 +19,7 @@ from robocup_vision.calibration.online.evidence import (
     POSE_PRECISION,
     NoiseSettings,
     Residuals,
+    eliminate,
     enough_agree,
     known,
     normal_equations,
@@ -355,10 +356,8 @@ def _picture(
     common[at, at] += own[sway]
     cross[at, sway] -= own[sway]
     right[at] -= own_gradient[sway]
-    solved = np.linalg.solve(inner, np.column_stack([cross.T, inner_gradient]))
-    reduced = common - cross @ solved[:, :-1]
     return _Picture(
-        (reduced + reduced.T) / 2, right - cross @ solved[:, -1], inner, cross, inner_gradient, residual_px, spread
+        *eliminate(common, cross, inner, right, inner_gradient), inner, cross, inner_gradient, residual_px, spread
     )
 
 

@@ -375,7 +375,7 @@ class _Calibration:
         return OmniCalibration(
             fit.model.written(fit.vector),
             tuple(frames),
-            standard_deviations(fit, covariance),
+            standard_deviations(covariance),
             choices,
             (*notes, *self.notes.values()),
         )

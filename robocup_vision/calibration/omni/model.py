@@ -28,7 +28,7 @@ CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")
 # the curve of the camera at hand, whatever it is: centre and tilt move, and its image radii are magnified
 Family = Literal[Curve, "magnified"]
 
-CENTER, TILT, SCALE, HORIZON, SHAPE = slice(0, 2), slice(2, 4), 4, 5, slice(6, None)
+CENTER, TILT, SCALE, HORIZON = slice(0, 2), slice(2, 4), 4, 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)

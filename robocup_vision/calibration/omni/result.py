@@ -45,7 +45,7 @@ class OmniCalibration:
     notes: tuple[str, ...]  #: what the images do not determine, or do not separate, and which frames were left out
 
 
-def standard_deviations(fit: Fit, covariance: FloatArray) -> dict[str, float]:
+def standard_deviations(covariance: FloatArray) -> dict[str, float]:
     """Name the square roots of a covariance's diagonal (G, G) as `OmniCalibration.std` does."""
     std = np.sqrt(np.diag(covariance))
     names = ("center_u_px", "center_v_px", "tilt_x_rad", "tilt_y_rad", "scale", "horizon")

@@ -134,10 +134,31 @@ def marginal(
         Information on the camera's parameters, and gradient.
     """
     inner = information[size:, size:] + np.diag(own)
-    cross = information[:size, size:]
-    solved = np.linalg.solve(inner, np.column_stack([cross.T, gradient[size:] + own_gradient]))
-    reduced = information[:size, :size] - cross @ solved[:, :-1]
-    return (reduced + reduced.T) / 2, gradient[:size] - cross @ solved[:, -1]
+    return eliminate(
+        information[:size, :size], information[:size, size:], inner, gradient[:size], gradient[size:] + own_gradient
+    )
+
+
+def eliminate(
+    common: FloatArray, cross: FloatArray, inner: FloatArray, right: FloatArray, inner_right: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Eliminate unknowns from normal equations (Schur complement).
+
+    Parameters
+    ----------
+    common, cross, inner : (G, G), (G, F), (F, F) float64
+        Parts of the information matrix: of the unknowns that stay, between both, of those that are eliminated.
+    right, inner_right : (G,), (F,) float64
+        Gradients of both.
+
+    Returns
+    -------
+    (G, G), (G,) float64
+        Information on the unknowns that stay, and gradient.
+    """
+    solved = np.linalg.solve(inner, np.column_stack([cross.T, inner_right]))
+    reduced = common - cross @ solved[:, :-1]
+    return (reduced + reduced.T) / 2, right - cross @ solved[:, -1]
 
 
 def known(mask: npt.NDArray[np.bool_], points: Residuals) -> Residuals:

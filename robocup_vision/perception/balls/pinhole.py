@@ -16,10 +16,12 @@ from robocup_vision.kernels.balls.upright import count_upright
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.search import BallSearch, SearchMemory
-from robocup_vision.perception.floor_view import FAR_BELOW_PX, FloorView, down_in_picture
+from robocup_vision.perception.floor_view import FloorView
 
 # so many half sizes around a ball its shadow is taken for its own; and so many above its middle, as sizes are not exact
 _SHADOW_RATIO, _BEHIND_RATIO = 1.5, 1.15
+# seen from so far below the picture, rays up it are all but parallel, and circles are rows
+_FAR_BELOW_PX = 20_000
 
 
 class PinholeBallFinder(BallSearch):
@@ -67,12 +69,16 @@ class PinholeBallFinder(BallSearch):
 
     @cached_property
     def _down(self) -> tuple[float, float]:
-        return down_in_picture(self.camera)
+        """Unit direction in the picture in which the floor comes nearer."""
+        _, y, z = (float(v) for v in self.camera.camera_to_robot[2])
+        length = math.hypot(y, z)
+        # image u grows to the camera's right, v downwards; its own down is minus the robot's up
+        return (y / length, z / length) if length > 1e-6 else (0.0, 1.0)
 
     @cached_property
     def _axis_px(self) -> tuple[float, float]:
         (u, v), (down_u, down_v) = self.camera.center_px, self._down
-        return u + FAR_BELOW_PX * down_u, v + FAR_BELOW_PX * down_v
+        return u + _FAR_BELOW_PX * down_u, v + _FAR_BELOW_PX * down_v
 
     @property
     def _white_ratios(self) -> tuple[float, ...]:
@@ -92,9 +98,9 @@ class PinholeBallFinder(BallSearch):
 
     @cached_property
     def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
-        place = np.arange(FAR_BELOW_PX + self._reach_px + 2, dtype=np.float64)
+        place = np.arange(_FAR_BELOW_PX + self._reach_px + 2, dtype=np.float64)
         along, across = np.zeros(len(place)), np.zeros(len(place))
-        near = np.abs(place - FAR_BELOW_PX) <= self._reach_px
+        near = np.abs(place - _FAR_BELOW_PX) <= self._reach_px
         pixels = np.array(self._axis_px) - place[near, None] * np.array(self._down)
         ray = self.camera.pixel_to_ray(pixels)
         with np.errstate(divide="ignore", invalid="ignore"):

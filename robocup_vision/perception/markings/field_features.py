@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -20,14 +19,13 @@ from robocup_vision.perception.markings.marking import (
     Markings,
     PenaltyMark,
     Post,
+    Spot,
 )
 
 _SAME_M = 1e-6
 _KINDS: dict[int, CrossingKind] = {2: "L", 3: "T", 4: "X"}
 # a measured stretch may go on beyond its line by so much: corners are wide
 _BEYOND_M = 0.2
-
-Spot = TypeVar("Spot", Crossing, Circle, Post, PenaltyMark)
 
 
 class FieldFeatures:

@@ -44,65 +44,50 @@ class LineSegment:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Crossing:
-    """A place where two lines meet at right angles."""
+class MarkedSpot:
+    """A marking at one place of the floor."""
 
-    #: its place, robot frame
+    #: its place (of a post the axis on the floor, else the middle), robot frame
     x_m: float
     y_m: float
     covariance: FloatArray  #: (2, 2) float64: of its place, square metres
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", read_only(self.covariance))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Crossing(MarkedSpot):
+    """A place where two lines meet at right angles."""
+
     #: a corner, a line's end on another line, or two lines that both go on; None: an arm is hidden, or leaves the view,
     #: and no pose says which it is
     kind: CrossingKind | None
     arms_rad: tuple[float, ...]  #: directions of the arms that are seen, robot frame
     feature_m: tuple[float, float] | None = None  #: the field's crossing that it is, field frame; None: not known
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", read_only(self.covariance))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Circle:
+class Circle(MarkedSpot):
     """The centre circle, or another arc of the field."""
 
-    #: its centre, robot frame
-    x_m: float
-    y_m: float
-    covariance: FloatArray  #: (2, 2) float64: of its centre, square metres
     radius_m: float  #: of the field's circle that fits
     #: the centre of the field's circle that it is, field frame; None: not known
     feature_m: tuple[float, float] | None = None
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", read_only(self.covariance))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Post:
+class Post(MarkedSpot):
     """A goal post."""
 
-    #: its axis on the floor, robot frame
-    x_m: float
-    y_m: float
-    covariance: FloatArray  #: (2, 2) float64: of its place, square metres
     feature_m: tuple[float, float] | None = None  #: the field's post that it is, field frame; None: not known
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", read_only(self.covariance))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PenaltyMark:
+class PenaltyMark(MarkedSpot):
     """A penalty mark: a dot or a small cross on the carpet."""
 
-    #: its middle, robot frame
-    x_m: float
-    y_m: float
-    covariance: FloatArray  #: (2, 2) float64: of its place, square metres
     feature_m: tuple[float, float] | None = None  #: the field's mark that it is, field frame; None: not known
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "covariance", read_only(self.covariance))
 
 
 Spot = TypeVar("Spot", Crossing, Circle, Post, PenaltyMark)
@@ -154,15 +139,8 @@ def _moved(segment: LineSegment, motion: Pose2) -> LineSegment:
     row = np.array([[1.0, 0.0], [along, 1.0]])
     covariance = row @ segment.covariance @ row.T
     if distance < 0.0:
-        sign = np.array([[1.0, -1.0], [-1.0, 1.0]])
-        return replace(
-            segment,
-            start_m=(x1, y1),
-            end_m=(x0, y0),
-            angle_rad=wrap_angle(angle + np.pi),
-            distance_m=-distance,
-            covariance=covariance * sign,
-        )
+        x0, y0, x1, y1, angle, distance = x1, y1, x0, y0, angle + np.pi, -distance
+        covariance = covariance * [[1.0, -1.0], [-1.0, 1.0]]
     return replace(
         segment,
         start_m=(x0, y0),

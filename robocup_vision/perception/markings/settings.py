@@ -15,7 +15,6 @@ class MarkingSettings:
     noise_px: float = 0.1
     #: lens, light and paint move whole stretches of line by no less than this, however straight the frame's lines are
     bias_px: float = 0.02
-    min_two_sided: float = 0.5  #: share of a segment's points that have carpet on both sides
     points_per_sample: float = 2.0  #: neighbouring points err alike: so many tell as much as one
     slack_widths: float = 0.15  #: paint, carpet and lens bend a line by so many of its widths
     gate_px: float = 1.5  #: points within so many pixels of a line, and that slack, belong to it
