@@ -141,6 +141,17 @@ def test_a_lens_that_leaves_part_of_the_image_dark_is_refused():
         ForwardFrames(Scene(load_field("ssl_2001")), camera(focal=60.0, distortion=(-0.5, 0.0, 0.0, 0.0)), CLEAN)
 
 
+def test_a_ball_and_its_shade_on_the_floor_are_those_of_the_ray_caster():
+    scene = replace(scene_of("four_legged_2007", np.random.default_rng(8)), robots=(), ball=None)
+    ball = Ball(0.7, 0.05, scene.field.ball_radius_m, COLOR_NAMES[scene.field.ball_color])
+    eye, lens = EyeInField(0.0, 0.0, 0.3, 0.0, -0.35, 0.0), camera(height_m=0.3)
+    quick, slow = both(replace(scene, ball=ball), lens, eye)
+    by_ball = np.abs(slow - both(scene, lens, eye)[1]).max(axis=2)
+    difference = np.abs(quick - slow).max(axis=2)
+    assert difference[(by_ball > 6) & (by_ball <= 40)].mean() < 1.0  # the shade
+    assert difference[by_ball > 40].mean() < 1.0
+
+
 def test_a_balls_patches_are_those_of_the_ray_caster():
     rng = np.random.default_rng(8)
     scene = scene_of("spl_2020", rng)

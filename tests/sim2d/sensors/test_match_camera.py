@@ -76,6 +76,20 @@ def test_frames_are_those_of_the_ray_caster(name, camera):
         assert difference[on_floor].mean() < 1.2
 
 
+@pytest.mark.parametrize("place", [(0.25, 0.1), (0.3, -0.1)])
+def test_a_ball_in_a_mirror_is_that_of_the_ray_caster(place):
+    eye = MatchCamera(load_field("ssl_2001"), SEKIMORI, LIMITS, np.random.default_rng(0), sensor=CLEAN)
+    caster, quick, slow = MirrorRenderer(SEKIMORI, 4), [], []
+    for ball in (place, (1.2, 0.6)):
+        state = world_state([(0.0, 0.0, 0.0)], ball)
+        quick.append(eye.render(state, 0).astype(int))
+        light = caster.render(eye.scene(state, 0), state.robots[0].pose)
+        slow.append(CLEAN.expose(light, np.random.default_rng(0)).astype(int))
+    by_ball = np.abs(slow[0] - slow[1]).max(axis=2) > 20
+    assert by_ball.sum() > 50
+    assert np.abs(quick[0] - slow[0])[by_ball].mean() < 4.0
+
+
 @pytest.mark.slow
 def test_a_place_is_distinguished_from_them_as_well_as_from_the_ray_casters():
     """Only this finds fast frames that make poses worse, or better, than exact ones."""

@@ -107,24 +107,6 @@ def test_colours_are_kept_when_the_camera_changes(looks):
     assert vision.colors is colors is not None
 
 
-def test_the_floor_s_tables_are_those_of_the_camera_in_use(looks):
-    vision = Vision(FIELD, CAMERA)
-    frame = looks[1][0][0]
-    vision.look(frame)
-    pipeline = vision._pipeline.with_camera(replace(CAMERA, center_px=(CAMERA.center_px[0] + 4.0, 79.5)))
-    moved, before = pipeline.look(frame).polar, vision.polar
-    assert moved.camera.center_px == pipeline.camera.center_px
-    assert before.camera.center_px == CAMERA.center_px
-
-
-def test_other_methods_take_a_better_camera_too(looks):
-    vision = Vision(FIELD, CAMERA, method="field")
-    camera = replace(CAMERA, height_m=0.2)
-    other = vision._pipeline.with_camera(camera)
-    assert other._localizer is not vision._pipeline._localizer
-    assert other.look(looks[1][0][0]).camera.height_m == 0.2
-
-
 def test_masked_pixels_and_frames_without_pose_tell_nothing(looks):
     _, frames = looks
     view = look_around(Vision(FIELD, CAMERA), frames[:1])[0]

@@ -30,6 +30,27 @@ def test_a_ball_clears_its_ellipse_only(row, radius, half_rows, near_px, far_px,
     assert (marks != expected).sum() <= 1
 
 
+@settings(deadline=None, max_examples=20)
+@given(seeds, st.booleans())
+def test_marks_do_not_depend_on_where_in_a_row_things_lie(seed, is_ring):
+    rng = np.random.default_rng(seed)
+    # things of 20 columns in open floor; a row is read in words of 64 samples
+    rows, wide, around = 14, 20, 8
+    things = np.where(rng.random((rows, wide)) < 0.4, -40, 40).astype(np.int8)
+    colors = rng.integers(60, 200, (rows, wide, 3), dtype=np.uint8)
+    marks = []
+    for first in (around, around + 40, around + 50, around + 64):
+        columns = first + wide + around
+        llr, samples = np.full((rows, columns), 40, np.int8), np.full((rows, columns, 3), 120, np.uint8)
+        llr[:, first : first + wide], samples[:, first : first + wide] = things, colors
+        widest, out = np.full(columns, 3, np.int32), np.empty((rows, columns), np.uint8)
+        no_rim = np.full(rows, -1)
+        passable(samples, llr, np.ones_like(out), widest, widest, columns, is_ring, no_rim, out)
+        marks.append(out[:, first : first + wide])
+    for other in marks[1:]:
+        np.testing.assert_array_equal(other, marks[0])
+
+
 def test_a_bright_corner_is_no_line_and_a_line_is_no_corner():
     rows, columns, tip, wide = 40, 30, 10, 9
     middle, m = np.mgrid[-20 : rows - 20, :columns]
