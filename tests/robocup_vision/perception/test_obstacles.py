@@ -148,15 +148,16 @@ def test_what_is_too_far_to_be_measured_is_left_out():
     assert FINDER.find(AHEAD, marks_of(AHEAD, disc_ranges(AHEAD, (far, 0.0))), LOST) == ()
 
 
-def test_places_that_are_near_are_joined_and_gaps_part_them():
+@pytest.mark.parametrize("away_m", [0.8, 4.0])
+def test_places_that_are_near_are_joined_and_gaps_part_them(away_m):
     angle = np.arange(160) * math.tau / 160
-    places = 0.8 * np.column_stack([np.cos(angle), np.sin(angle)])
+    places = away_m * np.column_stack([np.cos(angle), np.sin(angle)])
     seen = np.zeros(160, dtype=bool)
     seen[[*range(10, 21), *range(155, 160), *range(3)]] = True
     first, second = sorted(join_places(places, seen, 0.05, math.tau / 160), key=lambda one: one.bearing_rad)
     assert first.bearing_rad == pytest.approx(-1.5 * angle[1])
     assert second.bearing_rad == pytest.approx(angle[15])
-    assert second.width_m == pytest.approx(0.8 * 11 * math.tau / 160, rel=0.03)
+    assert second.width_m == pytest.approx(away_m * 11 * math.tau / 160, rel=0.03)
 
 
 def test_a_rendered_box_is_found_where_it_stands(ssl_field, paper_camera):

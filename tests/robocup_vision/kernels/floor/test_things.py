@@ -5,14 +5,24 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.floor.things import FieldFeet, drop_narrow, is_of_field
+from robocup_vision.kernels.floor.things import FieldFeet, blocked_feet, drop_narrow, is_of_field
 
 seeds = st.integers(0, 2**32 - 1)
 RANGE_M = np.geomspace(0.3, 6.0, 24)
+
+
+@pytest.mark.parametrize(("last", "foot"), [(12, 5), (6, 24 + 23)])
+def test_a_thing_hides_the_floor_behind_it_and_a_speck_does_not(last, foot):
+    marks, out = np.ones((1, 24), np.uint8), np.empty(1, np.int64)
+    marks[0, 5 : last + 1] = 0
+    # half as high as the camera it hides as much again as it is away: six columns
+    blocked_feet(marks, np.ones_like(marks), RANGE_M, 0, 24, 0.5, 0.25, out)
+    assert out[0] == foot
 
 
 def opened(columns, width_m, step_rad, is_ring):
