@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
@@ -17,6 +18,7 @@ from robocup_vision.localization.localizer import (
     Localization,
     pose_of,
 )
+from robocup_vision.localization.model_edges.follower import FollowedCamera
 from robocup_vision.localization.model_edges.tilt_finder import TiltFinder
 
 
@@ -24,15 +26,18 @@ class GoalLocalizer(FrameByFrame):
     """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown.
 
     Where it is, and goals are white, the lines come first: a white goal among clutter is looked for far longer, and
-    half of one is none, while lines tell tilt and place of most pictures.
+    half of one is none, while lines tell tilt and place of most pictures. Else lines alone count near a prior only.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None = None) -> None:
+        self._field, self._camera = field, camera
         self._goal = GoalPoseEstimator(field, camera)
-        has_lines = bool(len(field.lines) + len(field.arcs))
-        self._by_lines: TiltFinder | None = None
-        if has_lines and not camera.known_orientation and not field.shows_half:
-            self._by_lines = TiltFinder(field, camera)
+        self._has_lines = bool(len(field.lines) + len(field.arcs))
+        self._lines_first = self._has_lines and not camera.known_orientation and not field.shows_half
+
+    @cached_property
+    def _by_lines(self) -> TiltFinder:
+        return TiltFinder(self._field, self._camera)
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`."""
@@ -40,17 +45,34 @@ class GoalLocalizer(FrameByFrame):
         assert isinstance(camera, PinholeCamera)
         start = pose_of(prior)
         near = None if start is None else start.compose(camera.camera_in_robot)
-        if self._by_lines is not None:
+        if self._lines_first:
             found = self._by_lines.find(evidence.frame)
             if found:
-                oriented = found.as_held(camera)
-                return Localization(found.estimate.seen_from(oriented.camera_in_robot.inverse()), oriented)
+                return _seen(found, found.estimate, camera)
         placed = self._goal.locate_camera(evidence.frame, near)
         if isinstance(placed, NotLocated):
-            return Localization(placed, camera)
+            by_lines = None if near is None or self._lines_first else self._near(evidence.frame, near, camera)
+            return Localization(placed, camera) if by_lines is None else by_lines
         p = [float(value) for value in placed.unknowns]
         fu, fv = camera.focal_px
         scale = math.exp(p[LOG_FOCAL])
         oriented = camera.as_fitted(p[TILT], p[ROLL], p[HEIGHT], (fu * scale, fv * scale))
         pose = placed.estimate(near).seen_from(oriented.camera_in_robot.inverse())
         return Localization(pose, oriented, tells_half=len(pose.candidates) == 1)
+
+    def _near(self, frame: UInt8Array, prior: Pose2, camera: PinholeCamera) -> Localization | None:
+        """Locate a camera by lines near a prior pose of it."""
+        found = self._by_lines.find(frame) if self._has_lines else None
+        if not found:
+            return None
+        turned = found.estimate.half_turn()
+        near = min(found.estimate, turned, key=lambda one: one.pose.error_to(prior)[0])
+        distance_m, angle_rad = near.pose.error_to(prior)
+        settings = self._goal.settings.prior
+        is_near = distance_m <= 3 * settings.std_m and angle_rad <= 3 * settings.std_rad
+        return _seen(found, near, camera) if is_near else None
+
+
+def _seen(found: FollowedCamera, estimate: PoseEstimate, camera: PinholeCamera) -> Localization:
+    oriented = found.as_held(camera)
+    return Localization(estimate.seen_from(oriented.camera_in_robot.inverse()), oriented)

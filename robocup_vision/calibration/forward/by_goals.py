@@ -25,7 +25,7 @@ from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.goal.fit import FitLoss
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate
-from robocup_vision.localization.goal.fit import GoalModel, goal_model, system_at
+from robocup_vision.localization.goal.fit import GoalModel, beside_lines, goal_model, system_at
 from robocup_vision.localization.goal.geometry import (
     BLOOM,
     HEIGHT,
@@ -38,7 +38,6 @@ from robocup_vision.localization.goal.geometry import (
     goal_shape,
 )
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
-from robocup_vision.localization.goal.white_lines import loosened
 from robocup_vision.progress import progress
 
 _COMMON = (LOG_FOCAL, HEIGHT)
@@ -307,10 +306,10 @@ def _join(
 
 
 def _max_prior_information() -> FloatArray:
-    """Greatest information (2,) that `loosened` leaves to priors on the common unknowns."""
+    """Greatest information (2,) that `beside_lines` leaves to priors on the common unknowns."""
     view = IdealView((1.0, 1.0), (0.0, 0.0))
     model = GoalModel(GoalShape(1.0, 1.0, 1.0, 0.1), view, np.zeros(UNKNOWNS), np.full(UNKNOWNS, np.inf))
-    return np.asarray(loosened(model).weight[list(_COMMON)])
+    return np.asarray(beside_lines(model).weight[list(_COMMON)])
 
 
 def _common_information(
@@ -319,9 +318,9 @@ def _common_information(
     """Return one picture's information (2, 2) on the common unknowns, and its product with their best values (2,)."""
     common, own = list(_COMMON), [i for i in range(UNKNOWNS) if i not in _COMMON]
     p = estimate.unknowns
-    if estimate.lines is not None or estimate.fit is None:
+    if estimate.lines is not None:
         posterior = np.linalg.inv(estimate.covariance[np.ix_(common, common)])
-        # without the priors of its fit, which with lines weigh no more than `loosened` lets them
+        # without the priors of its fit, which with lines weigh no more than `beside_lines` lets them
         weight = np.array([(camera.focal_px[0] / camera.focal_std_px) ** 2, camera.height_std_m**-2])
         of_prior = np.diag(np.minimum(weight, _max_prior_information()))
         weighted = posterior @ p[common] - of_prior @ [0.0, camera.height_m]

@@ -1,4 +1,4 @@
-"""A camera placed by a goal and lines, the pose that it stands for, and what a picture shows of the goal there."""
+"""A camera placed by a goal and lines, and the pose that it stands for."""
 
 from __future__ import annotations
 
@@ -7,23 +7,42 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.arc import open_arc
-from robocup_vision.localization.goal.edges import measure
-from robocup_vision.localization.goal.fit import GoalFit, covariance_of, residuals
-from robocup_vision.localization.goal.geometry import EDGES, HEADING, LOG_FOCAL, IdealView, X, Y, pose_of
-from robocup_vision.localization.goal.line_marks import LineFit
+from robocup_vision.localization.goal.fit import GoalFit, covariance_of
+from robocup_vision.localization.goal.geometry import HEADING, X, Y, pose_of
 from robocup_vision.localization.goal.search import Candidate
 
 _POSE = np.ix_((X, Y, HEADING), (X, Y, HEADING))
 
 
 @dataclass(frozen=True, eq=False)
+class LineFit:
+    """A camera fitted to goal and lines.
+
+    Parameters
+    ----------
+    unknowns : (8,) float64
+        In the order of goal/geometry.py.
+    covariance : (8, 8) float64
+        Of the unknowns.
+    line_ratio : float
+        Inliers among the line points.
+    residual_px : (N,) float64
+        Of the line points, pixels.
+    """
+
+    unknowns: FloatArray
+    covariance: FloatArray
+    line_ratio: float
+    residual_px: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class CameraEstimate:
-    """A camera placed by a goal, by the lines around it, or by both; for the goal at +x.
+    """A camera placed by a goal, or by a goal and lines; for the goal at +x.
 
     Parameters
     ----------
@@ -33,8 +52,8 @@ class CameraEstimate:
         Of the unknowns.
     sides : tuple of int
         Which goals it can be: (1,), (-1,), or both.
-    fit : GoalFit or None
-        The goal's own fit; None: lines alone.
+    fit : GoalFit
+        The goal's own fit.
     lines : LineFit or None
         The fit with lines; None: the goal alone.
     """
@@ -42,7 +61,7 @@ class CameraEstimate:
     unknowns: FloatArray
     covariance: FloatArray
     sides: tuple[int, ...]
-    fit: GoalFit | None
+    fit: GoalFit
     lines: LineFit | None
 
     def estimate(self, prior: Pose2 | None = None) -> PoseEstimate:
@@ -58,7 +77,6 @@ def _estimate(camera: CameraEstimate) -> PoseEstimate:
     if camera.lines is not None:
         residual, ratio = camera.lines.residual_px, camera.lines.line_ratio
     else:
-        assert camera.fit is not None
         edges = camera.fit.residual_px[: len(camera.fit.samples.edge)]
         residual = edges[np.abs(edges) < camera.fit.settings.inlier_px]
         ratio = len(residual) / max(len(edges), 1)
@@ -90,23 +108,3 @@ def goal_alone(candidate: Candidate, certain_m: float) -> CameraEstimate:
     if arc is not None and len(arc.cost):
         covariance = arc.covariance_about(found.unknowns)
     return CameraEstimate(found.unknowns, covariance, candidate.sides, found, None)
-
-
-def shown_ratios(
-    frame: UInt8Array, camera: PinholeCamera, candidate: Candidate, unknowns: FloatArray, reach_px: float
-) -> FloatArray:
-    """(3,) float64: how much of the better edge of each post and of the bar is so near to where it is due.
-
-    Before a bright wall one edge of a post may be all there is.
-    """
-    scale = math.exp(float(unknowns[LOG_FOCAL]))
-    fu, fv = camera.focal_px
-    view = IdealView((fu * scale, fv * scale), camera.center_px)
-    model = candidate.model
-    edges = model.settings.edges
-    samples = measure(frame, camera, view, model.shape, unknowns, reach_px, candidate.appearance, edges)
-    if samples is None:
-        return np.zeros(3)
-    near = np.abs(residuals(model, samples, unknowns)[: len(samples.edge)]) < reach_px
-    ratio = np.bincount(samples.edge[near], minlength=EDGES) / np.maximum(samples.expected, 4)
-    return np.asarray(ratio.reshape(3, 2).max(axis=1))

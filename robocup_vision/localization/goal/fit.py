@@ -52,21 +52,15 @@ from robocup_vision.localization.goal.geometry import (
 
 @dataclass(frozen=True, slots=True)
 class GoalFitSettings:
-    """Settings of the fit of a camera to one goal, and of the check whether it is one.
+    """Settings of the fit of a camera to one goal.
 
     Parameters
     ----------
     inlier_px : float
         An edge sample nearer than this to the fit's edge agrees with it; a foot sample within twice that.
-    foot_worth : float
-        What a foot sample counts beside an edge sample: feet alone separate the two branches of a plane's picture,
+    foot_weight : float
+        Weight of a foot sample beside an edge sample: feet alone separate the two branches of a plane's picture,
         and are few.
-    min_element_ratio, min_edge_ratio : float
-        Inliers among the expected samples that each post and the bar, and each edge of a post, must have.
-    min_other_ratio : float
-        The same for the other five edges where one edge of a post is missing.
-    min_score : float
-        Lowest score of a goal.
     max_deviation : float
         Standard deviations that a prior may be off.
     edge_error_px, foot_error_px : float
@@ -84,16 +78,14 @@ class GoalFitSettings:
         Inliers after the first round from which the second is left out.
     bloom_std_white_px, bloom_std_hue_px : float
         How far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly.
+    min_height_std_m, min_log_focal_std : float
+        Lines calibrate height and focal length better than most camera files: beside them priors are no tighter.
     edges : EdgeSampleSettings
         Where edges are sampled.
     """
 
     inlier_px: float = 0.5
-    foot_worth: float = 3.0
-    min_element_ratio: float = 0.45
-    min_edge_ratio: float = 0.2
-    min_other_ratio: float = 0.6
-    min_score: float = 0.5
+    foot_weight: float = 3.0
     max_deviation: float = 3.5
     edge_error_px: float = 0.075
     foot_error_px: float = 0.25
@@ -104,6 +96,8 @@ class GoalFitSettings:
     near_ratio: float = 0.95
     bloom_std_white_px: float = 0.7
     bloom_std_hue_px: float = 0.15
+    min_height_std_m: float = 0.02
+    min_log_focal_std: float = 0.02
     edges: EdgeSampleSettings = EdgeSampleSettings()
 
 
@@ -162,6 +156,14 @@ def goal_model(
     return GoalModel(shape, IdealView(camera.focal_px, camera.center_px), prior, weight, settings)
 
 
+def beside_lines(model: GoalModel) -> GoalModel:
+    """Limit the priors on height and focal length to what they tell beside lines."""
+    weight = model.weight.copy()
+    weight[HEIGHT] = min(weight[HEIGHT], model.settings.min_height_std_m**-2)
+    weight[LOG_FOCAL] = min(weight[LOG_FOCAL], model.settings.min_log_focal_std**-2)
+    return replace(model, weight=weight)
+
+
 @dataclass(frozen=True, eq=False)
 class GoalFit:
     """A goal found and fitted, for the goal at +x.
@@ -206,11 +208,11 @@ class GoalFit:
 
 def agreement(samples: EdgeSamples, residual_px: FloatArray, settings: GoalFitSettings) -> float:
     """Score of a fit with these residuals (N + M,), see `GoalFit.score`."""
-    n, limit, worth = len(samples.edge), settings.inlier_px, settings.foot_worth
+    n, limit, weight = len(samples.edge), settings.inlier_px, settings.foot_weight
     score = np.maximum(0.0, 1.0 - (residual_px / limit) ** 2)
-    score[n:] = worth * np.maximum(0.0, 1.0 - (residual_px[n:] / (2 * limit)) ** 2)
+    score[n:] = weight * np.maximum(0.0, 1.0 - (residual_px[n:] / (2 * limit)) ** 2)
     # a foot may be hidden: its absence does not count against the goal as its presence counts for it
-    return float(score.sum() / (int(samples.expected.sum()) + worth * max(len(score) - n, len(FOOT_OFFSETS))))
+    return float(score.sum() / (int(samples.expected.sum()) + weight * max(len(score) - n, len(FOOT_OFFSETS))))
 
 
 def are_mostly_within(residual_px: FloatArray, limit_px: float) -> bool:
@@ -224,51 +226,9 @@ def element_ratios(ratio: FloatArray) -> tuple[float, float, float]:
     return float(left), float(right), float(bar)
 
 
-def objection(model: GoalModel, found: GoalFit, extent_m: FloatArray) -> str | None:
-    """Why a fit cannot be the goal, or None.
-
-    Parameters
-    ----------
-    model, found : GoalModel, GoalFit
-        What was fitted.
-    extent_m : (2,) float64
-        Greatest |x| and |y| at which a camera can stand.
-    """
-    settings = model.settings
-    feet = np.abs(found.residual_px[len(found.samples.edge) :]) < 2 * settings.inlier_px
-    standing = np.bincount(found.samples.foot_post[feet], minlength=2) >= 2
-    ratio = found.edge_ratio.copy()
-    bare = np.flatnonzero(ratio[:BAR_TOP] < settings.min_edge_ratio)
-    if len(bare) == 1 and standing.all() and np.delete(ratio, bare).min() >= settings.min_other_ratio:
-        # something of the goal's own hue right behind it may hide one edge: all the others confirm the goal
-        ratio[bare] = ratio[bare ^ 1]
-    ratios = element_ratios(ratio)
-    if (
-        min(ratios) < settings.min_element_ratio
-        or found.score < settings.min_score
-        or min(ratio[:BAR_TOP]) < settings.min_edge_ratio
-    ):
-        weakest = ("left post", "right post", "bar")[int(np.argmin(ratios))]
-        return f"only {min(ratios):.0%} of the {weakest}'s edges are where they should be"
-    if np.any(np.abs(found.unknowns[:2]) > extent_m):
-        x, y = found.unknowns[:2]
-        return f"what looks like one would put the camera off the pitch, at x = {x:.1f}, y = {y:.1f} m"
-    deviation = _prior_deviations(model, found.unknowns)
-    if float(deviation.max()) > settings.max_deviation:
-        what = ("x", "y", "heading", "tilt", "roll", "height", "focal length", "bloom")[int(np.argmax(deviation))]
-        return f"what looks like one would need a camera {what} that is {deviation.max():.0f} standard deviations off"
-    if not standing.any():
-        return "what looks like one does not stand on the carpet"
-    return None
-
-
-def _prior_deviations(model: GoalModel, unknowns: FloatArray) -> FloatArray:
-    return np.asarray(np.abs(unknowns - model.prior) * model.tightness)
-
-
 def max_prior_deviation(model: GoalModel, unknowns: FloatArray) -> float:
     """How far the unknown that deviates most from its prior is off, standard deviations."""
-    return float(_prior_deviations(model, unknowns).max())
+    return float((np.abs(unknowns - model.prior) * model.tightness).max())
 
 
 def fit(
@@ -377,41 +337,10 @@ def refine(
     residual = residuals(model, samples, p)
     inlier = np.abs(residual[: len(samples.edge)]) < settings.inlier_px
     ratio = np.bincount(samples.edge[inlier], minlength=EDGES) / np.maximum(samples.expected, 4)
-    ratio = _confirmed_edges(image, camera, model, p, appearance, ratio)
     # an edge's common error grows with its samples' scatter: blur, compression and glare cause both
     scatter = float(np.mean(residual[: len(samples.edge)][inlier] ** 2)) if inlier.any() else 0.0
     information = information / max(1.0, scatter / settings.edge_error_px**2)
     return GoalFit(p, information, samples, residual, ratio, settings)
-
-
-def _confirmed_edges(
-    image: npt.NDArray[np.uint8],
-    camera: PinholeCamera,
-    model: GoalModel,
-    p: FloatArray,
-    appearance: EdgeAppearance,
-    ratio: FloatArray,
-) -> FloatArray:
-    """Inlier ratios (6,) in which weak edges count by any step of colour or light that lies exactly there.
-
-    Paint washed white, or before something of its own hue, has edges of another kind. They are too often somebody
-    else's to be fitted to; but where half of the edges agree with a goal, they confirm it.
-    """
-    settings = model.settings
-    weak = ratio < settings.min_element_ratio
-    weak[BAR_TOP] = False
-    # the bar's lower edge is the least of them: the net hangs there
-    if not weak.any() or weak[:BAR_TOP].sum() > 2 or ratio[~weak].min() < settings.min_other_ratio:
-        return ratio
-    grey = np.full(3, 3**-0.5)
-    again = ratio
-    for towards in (grey, -grey, -appearance.towards):
-        grey_edge = EdgeAppearance(towards, math.inf, 1.0)
-        samples = measure(image, camera, model.view, model.shape, p, settings.inlier_px, grey_edge, settings.edges)
-        if samples is not None:
-            seen = np.bincount(samples.edge, minlength=EDGES) / np.maximum(samples.expected, 4)
-            again = np.where(weak & (seen >= settings.min_other_ratio), np.maximum(again, seen), again)
-    return again
 
 
 def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> FloatArray:

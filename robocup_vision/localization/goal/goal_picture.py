@@ -20,8 +20,11 @@ _WHITE_RATIO = np.float32(1.1)
 _NOISE = np.float32(8.0)
 
 
+WHITE = "white"  # paint of any colour without a hue
+
+
 class PaintMasks(NamedTuple):
-    """Masks (H, W) of the paint of each hue, by its name, and of carpet."""
+    """Masks (H, W) of the paint of each hue, by its name, of white paint, and of carpet."""
 
     paint: dict[str, UInt8Array]
     carpet: UInt8Array
@@ -115,8 +118,8 @@ class GoalPicture:
         if color in self._washable:
             return self._washable[color]
         bgr = np.array(COLOR_NAMES[color])
-        of_hue = 3 * bgr > bgr.sum()
-        lit, other = self.small[..., of_hue].min(axis=2), self.small[..., ~of_hue].max(axis=2)
+        of_hue = 3 * bgr >= bgr.sum()
+        lit, other = self.small[..., of_hue].min(axis=2), self.small[..., ~of_hue].max(axis=2, initial=0)
         green = self.small[..., 1][self.masks.carpet > 0]
         least = self._shaded * float(np.median(green)) if len(green) else 0.0
         is_washable = (lit >= least) & (_WHITE_RATIO * lit + _NOISE >= other)
@@ -130,5 +133,7 @@ class GoalPicture:
         return np.asarray(small, np.uint8)
 
     def _masks(self, image: UInt8Array) -> PaintMasks:
-        masks = hue_masks(image, self._families, self._colors)
-        return PaintMasks(masks, carpet_mask(image, np.bitwise_or.reduce(list(masks.values()))))
+        paint = hue_masks(image, self._families, self._colors) if self._families else {}
+        carpet = carpet_mask(image, np.bitwise_or.reduce(list(paint.values())) if paint else None)
+        white = cv2.threshold(whiteness(image), 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1]
+        return PaintMasks({**paint, WHITE: np.asarray(white, np.uint8)}, carpet)

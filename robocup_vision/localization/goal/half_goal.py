@@ -43,6 +43,8 @@ class PriorSettings:
         Standard deviations of the prior's position and heading: odometry over a few seconds.
     min_samples : int
         Edge samples of a post or a bar that is there.
+    min_element_ratio, min_edge_ratio : float
+        Inliers among the expected samples that a post or the bar, and each edge of a post, has if it is there.
     max_strips : int
         Strips that are tried as posts.
     """
@@ -50,6 +52,8 @@ class PriorSettings:
     std_m: float = 0.4
     std_rad: float = 0.15
     min_samples: int = 6
+    min_element_ratio: float = 0.45
+    min_edge_ratio: float = 0.2
     max_strips: int = 6
 
 
@@ -91,7 +95,7 @@ def find_half_goal(
                 if best is None or seen.score > best.fit.score:
                     # the prior chooses the side, and is no evidence of it
                     sides = (side, *(other for other in proposal.sides if other != side))
-                    best = Candidate(seen, sides, proposal.model, proposal.appearance, None, seen.score)
+                    best = Candidate(seen, sides, proposal.model, proposal.appearance, seen.score, False)
     return best
 
 
@@ -117,9 +121,9 @@ def _without_missing(
 
     A post is there by both of its edges: one alone may be that of somebody who stands before half of it.
     """
-    limits, least = model.settings, seen.edge_ratio[:BAR_TOP].reshape(2, 2).min(axis=1)
-    stands = np.array([*(least >= limits.min_edge_ratio), True])
-    stands &= np.array(seen.element_ratios) >= limits.min_element_ratio
+    least = seen.edge_ratio[:BAR_TOP].reshape(2, 2).min(axis=1)
+    stands = np.array([*(least >= settings.min_edge_ratio), True])
+    stands &= np.array(seen.element_ratios) >= settings.min_element_ratio
     stands &= np.bincount(seen.samples.edge // 2, minlength=3) >= settings.min_samples
     if stands.sum() < 2:
         return None
@@ -131,7 +135,7 @@ def _without_missing(
         return None
     _, _, information = fit(model, samples, p, _AGAIN_SCALES[:1])
     ratio = seen.edge_ratio * np.repeat(stands, 2)
-    return GoalFit(p, information, samples, residuals(model, samples, p), ratio, limits)
+    return GoalFit(p, information, samples, residuals(model, samples, p), ratio, model.settings)
 
 
 def under_prior(model: GoalModel, prior: Pose2, settings: PriorSettings = PriorSettings()) -> GoalModel:

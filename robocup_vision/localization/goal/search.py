@@ -24,12 +24,11 @@ from robocup_vision.localization.goal.fit import (
     fit,
     goal_model,
     max_prior_deviation,
-    objection,
     refine,
     residuals,
 )
-from robocup_vision.localization.goal.geometry import BAR_TOP, X, goal_shape, project
-from robocup_vision.localization.goal.goal_picture import GoalPicture
+from robocup_vision.localization.goal.geometry import X, goal_shape, project
+from robocup_vision.localization.goal.goal_picture import WHITE, GoalPicture
 from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
 from robocup_vision.localization.goal.starts import bar_rows, rotated, starts, strip_samples, with_bar
 from robocup_vision.perception.goal_color import (
@@ -69,18 +68,15 @@ class SearchSettings:
         Further starts, in units of the first fit's obliqueness.
     min_score : float
         Candidates below are dropped.
+    exact_nats : float
+        What edges of a silhouette tell that all lie where they are due to a fraction of a pixel: more than that they
+        are there, in nats.
     same_m : float
         Fits nearer to each other are one.
     edge_on_m : float
         Nearer to the goal's plane one post hides the other, and the bar falls together with both.
-    deviation_cost : float
-        Of a score: what a prior off by one standard deviation costs.
-    min_painted, mostly_painted : float
-        Of a post's or the bar's length in the goal's hue: of two of the three, and of a post with one edge.
     shaded : float
         Paint of a goal, even in its own shade, is no darker than this part of the carpet.
-    carpet_px : float
-        Rows below a foot that must show carpet.
     beyond_m : float
         A robot may stand so far outside the carpet that the field file is sure of.
     white_pairs, hue_pairs : int
@@ -95,13 +91,10 @@ class SearchSettings:
     rival_ratio: float = 0.7
     obliquenesses: tuple[float, ...] = (-1.0, 0.0)
     min_score: float = 0.3
+    exact_nats: float = 100.0
     same_m: float = 0.03
     edge_on_m: float = 0.2
-    deviation_cost: float = 0.02
-    min_painted: float = 0.4
-    mostly_painted: float = 0.7
     shaded: float = 0.5
-    carpet_px: float = 4.0
     beyond_m: float = 0.5
     white_pairs: int = 14
     hue_pairs: int = 6
@@ -123,23 +116,18 @@ class Candidate:
         What it was fitted with.
     appearance : EdgeAppearance
         Of its edges.
-    objection : str or None
-        Why it cannot be one after all.
-    rank : float
-        What several are ordered by: the score, less what deviations from the priors cost.
+    nats : float
+        Log-likelihood ratio of the goal to clutter, by which several are ordered.
+    is_clear : bool
+        Whether its edges agree so well that no other needs to be looked for.
     """
 
     fit: GoalFit
     sides: tuple[int, ...]
     model: GoalModel
     appearance: EdgeAppearance
-    objection: str | None
-    rank: float
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether nothing speaks against it."""
-        return self.objection is None and float(self.fit.edge_ratio[:BAR_TOP].min()) >= self.fit.settings.min_edge_ratio
+    nats: float
+    is_clear: bool
 
 
 class Proposal(NamedTuple):
@@ -200,62 +188,45 @@ class GoalSearch:
     def candidates(self, picture: GoalPicture) -> tuple[list[Candidate], str]:
         """Goals that may be in a picture, distinct ones, best first; and why there is none if there is none."""
         found: list[Candidate] = []
-        reason = ""
-        for proposal in self.proposals(picture):
-            for left, right in proposal.pairs:
-                fits = self._fits(picture.frame, left, right, proposal)
-                if not fits:
-                    reason = "no goal: two posts may be there, but no bar that fits them"
-                found += [self._judged(f, proposal) for f in fits if f.score > self.settings.min_score]
-                if found and any(c.is_plain and c.fit.score > self.settings.clear_score for c in found[-len(fits) :]):
-                    break
-            if any(c.is_plain and c.fit.score > self.settings.clear_score for c in found):
+        reason = "no goal: nothing in the picture looks like two posts"
+        pairs = ((proposal, *pair) for proposal in self.proposals(picture) for pair in proposal.pairs)
+        for proposal, left, right in pairs:
+            fits = self._fits(picture.frame, left, right, proposal)
+            if not fits:
+                reason = "no goal: two posts may be there, but no bar that fits them"
+            found += self._judged(picture, fits, proposal)
+            if any(c.is_clear for c in found):
                 break
-        if self.families and not any(c.is_plain for c in found):
+        if self.families and not any(c.is_clear for c in found):
             found += self.by_silhouettes(picture)
-        found.sort(key=lambda c: (c.objection is not None, -c.rank))
+        found.sort(key=lambda c: -c.nats)
         distinct: list[Candidate] = []
         for candidate in found:
             place = candidate.fit.unknowns[:2]
             if all(math.dist(place, other.fit.unknowns[:2]) > self.settings.same_m for other in distinct):
                 distinct.append(candidate)
-        if distinct and distinct[0].objection is not None:
-            reason = f"no whole goal: {distinct[0].objection}"
-        return distinct, reason or "no goal: nothing in the picture looks like two posts"
+        return distinct, reason
 
-    def _judged(self, fit: GoalFit, proposal: Proposal) -> Candidate:
-        reason = objection(proposal.model, fit, self.extent_m)
-        if reason is None and proposal.model is self.colored_model:
-            reason = self._contradiction(fit, proposal)
-        cost = self.settings.deviation_cost * max_prior_deviation(proposal.model, fit.unknowns) ** 2
-        return Candidate(fit, proposal.sides, proposal.model, proposal.appearance, reason, fit.score - cost)
+    def _judged(self, picture: GoalPicture, fits: list[GoalFit], proposal: Proposal) -> list[Candidate]:
+        judged = []
+        for found in fits:
+            if found.score > self.settings.min_score:
+                is_clear = found.score > self.settings.clear_score and self.is_possible(proposal.model, found.unknowns)
+                one = Candidate(found, proposal.sides, proposal.model, proposal.appearance, 0.0, is_clear)
+                judged.append(replace(one, nats=self.nats(picture, one, found.unknowns)))
+        return judged
 
-    def _contradiction(self, fit: GoalFit, proposal: Proposal) -> str | None:
-        """Why a goal of a hue cannot be one for what the masks show around it, or None."""
-        corners = project(proposal.model.view, fit.unknowns, self.shape.corners)
-        pixels = (from_ideal(self.camera, corners) + 0.5) / proposal.scale - 0.5
-        painted, before = np.empty(3), np.empty(2)
-        mean_along(proposal.paint, np.ascontiguousarray(pixels[:-1]), np.ascontiguousarray(pixels[1:]), painted)
-        # of posts and bar lamps may have washed one
-        if np.sort(painted)[1] < self.settings.min_painted * 255:
-            return "what looks like one has not the goal's colour"
-        bare = fit.edge_ratio[:BAR_TOP].reshape(2, 2).min(axis=1) < fit.settings.min_edge_ratio
-        # its own hue behind a post may hide an edge of it: then it is all in that hue
-        if np.any(painted[[0, 2]][bare] < self.settings.mostly_painted * 255):
-            return "what looks like a post of one has one edge and not the goal's colour"
-        feet = pixels[[0, 3]]
-        mean_along(
-            proposal.carpet, feet + np.array([0.0, 1.5]), feet + np.array([0.0, 1.5 + self.settings.carpet_px]), before
-        )
-        if before.max() < self.settings.min_painted * 255:
-            return "what looks like one has no carpet before it"
-        return None
+    def is_possible(self, model: GoalModel, unknowns: FloatArray) -> bool:
+        """Whether a camera (8,) stands on the pitch or beside it, as its file says."""
+        on_pitch = bool(np.all(np.abs(unknowns[:2]) <= self.extent_m))
+        return on_pitch and max_prior_deviation(model, unknowns) <= model.settings.max_deviation
 
     def proposals(self, picture: GoalPicture) -> Iterator[Proposal]:
         """Yield where goals may be: by each goal's hue, then white ones by their edges."""
         if self.families:
             masks = picture.masks
-            for color, mask in masks.paint.items():
+            for color in self.families:
+                mask = masks.paint[color]
                 yield self._of_hue(color, mask, masks.carpet, self._mask_strips(mask, masks.carpet), picture.factor)
         if self._has_white:
             carpet = carpet_mask(picture.frame)
@@ -271,8 +242,8 @@ class GoalSearch:
         paint, carpet = picture.masks
         straight = picture.straight_masks
         proposed = []
-        for color, mask in paint.items():
-            proposal = self._of_hue(color, mask, carpet, [], picture.factor)
+        for color in self.families:
+            proposal = self._of_hue(color, paint[color], carpet, [], picture.factor)
             appearance = replace(proposal.appearance, paint=picture.washable(color))
             proposal = proposal._replace(appearance=appearance)
             starts = self._silhouettes.propose(picture.edges, straight.paint[color], straight.carpet)
@@ -281,12 +252,20 @@ class GoalSearch:
         found = []
         for _, start, proposal in proposed[: self._silhouettes.settings.proposed]:
             fit = refine(picture.frame, self.camera, proposal.model, start, proposal.appearance)
-            if fit is not None and fit.score > self.settings.min_score:
-                found.append(self._judged(fit, proposal))
+            found += [] if fit is None else self._judged(picture, [fit], proposal)
         return found
 
-    def nats(self, picture: GoalPicture, sides: tuple[int, ...], unknowns: FloatArray) -> float:
-        """Log-likelihood ratio of a whole picture's edges and paint, if a camera (8,) sees a goal of a hue, to clutter.
+    def nats(self, picture: GoalPicture, candidate: Candidate, unknowns: FloatArray) -> float:
+        """Log-likelihood ratio of a picture to clutter if a camera (8,) sees the goal; minus infinity behind it."""
+        nats = self._silhouettes.nats(picture.evidence(self._color_of(candidate.sides)), unknowns)
+        if math.isinf(nats):
+            return nats
+        fit = candidate.fit
+        score = agreement(fit.samples, residuals(candidate.model, fit.samples, unknowns), fit.settings)
+        return nats + self.settings.exact_nats * score
+
+    def washable(self, picture: GoalPicture, sides: tuple[int, ...], unknowns: FloatArray) -> FloatArray:
+        """Measure how much along the left post, the bar and the right post may be their paint, washed or not: (3,).
 
         Parameters
         ----------
@@ -295,17 +274,7 @@ class GoalSearch:
         sides : tuple of int
             Which goals it can be.
         unknowns : (8,) float64
-            The camera, in the order of goal/geometry.py.
-        """
-        return self._silhouettes.nats(picture.evidence(self._color_of(sides)), unknowns)
-
-    def washable(self, picture: GoalPicture, sides: tuple[int, ...], unknowns: FloatArray) -> FloatArray:
-        """Measure how much along the left post, the bar and the right post may be their paint, washed or not: (3,).
-
-        Parameters
-        ----------
-        picture, sides, unknowns
-            As in `nats`.
+            The camera.
         """
         mask = picture.washable(self._color_of(sides))
         corners = project(self.colored_model.view, unknowns, self.shape.corners)
@@ -315,7 +284,8 @@ class GoalSearch:
         return share / 255
 
     def _color_of(self, sides: tuple[int, ...]) -> str:
-        return next(goal.color for goal in self.field.goals if goal.side == sides[0])
+        color = next(goal.color for goal in self.field.goals if goal.side == sides[0])
+        return color if color in self.families else WHITE
 
     def _mask_strips(self, mask: UInt8Array, carpet: UInt8Array) -> list[Strip]:
         return strips(mask_runs(mask, 2), 2, carpet, certain=True, settings=self.settings.strips)

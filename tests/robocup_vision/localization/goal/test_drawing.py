@@ -7,7 +7,7 @@ from field_models import load_field
 from robocup_vision.localization.goal.arc import turned
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
 from robocup_vision.localization.goal.geometry import HEADING
-from robocup_vision.localization.goal.line_marks import along_lines
+from robocup_vision.localization.goal.goal_lines import along_lines
 from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.localization.lines.line_map import LineMap
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal

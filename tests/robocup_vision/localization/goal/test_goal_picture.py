@@ -23,7 +23,7 @@ def test_parts_are_made_once_and_reduced_as_the_search_says(sample):
     assert picture.factor == 2
     assert picture.small.shape == (160, 208, 3)
     assert picture.masks is picture.masks
-    assert set(picture.masks.paint) == {"cyan", "yellow"}
+    assert set(picture.masks.paint) == {"cyan", "yellow", "white"}
     assert picture.evidence("cyan") is picture.evidence("cyan")
 
 
@@ -39,14 +39,14 @@ def test_the_whole_picture_speaks_for_the_true_camera_alone(sample):
     search = GoalSearch(FIELD, CLEAN.camera)
     picture = search.picture(sample.frame)
     found = search.candidates(picture)[0][0]
-    true = search.nats(picture, found.sides, found.fit.unknowns)
+    true = search.nats(picture, found, found.fit.unknowns)
     for at, off in ((0, 0.3), (1, 0.3), (2, 0.1), (3, 0.1)):
         other = found.fit.unknowns.copy()
         other[at] += off
-        assert search.nats(picture, found.sides, other) < true - 50.0
+        assert search.nats(picture, found, other) < true - 50.0
     behind = found.fit.unknowns.copy()
     behind[2] += np.pi
-    assert search.nats(picture, found.sides, behind) == -np.inf
+    assert search.nats(picture, found, behind) == -np.inf
 
 
 def test_paint_may_be_washed_white_but_has_no_more_of_another_colour(sample):

@@ -1,4 +1,4 @@
-"""Field lines around a goal of a hue: measured near where the goal's own fit predicts them, they make its pose exact.
+"""Field lines around a goal: measured near where the goal's own fit predicts them, they make its pose exact.
 
 A goal far away hardly determines how obliquely it is seen. A line's middle is measured to a fraction of a pixel even
 where the line looks thinner than one: in brightness, which cameras store at full resolution. Each place on a line is
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -23,46 +24,45 @@ from robocup_vision.kernels.goal.lines.marked_cameras import (
     MarkWorth,
     SeenMarks,
     choose_marks,
+    due_marks,
     fit_marked,
     gather_marks,
     mark_evidence,
 )
+from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, measure_ridges
 from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, open_arc
+from robocup_vision.localization.goal.camera_estimate import CameraEstimate, LineFit
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
-from robocup_vision.localization.goal.edges import no_samples
+from robocup_vision.localization.goal.edges import from_ideal, no_samples, to_ideal
 from robocup_vision.localization.goal.fit import (
     GoalFit,
     GoalModel,
-    are_mostly_within,
     covariance_of,
     fit_samples,
-    residuals,
     sample_residuals,
 )
 from robocup_vision.localization.goal.geometry import HEADING
-from robocup_vision.localization.goal.line_marks import LineFit, LineMarks, MarkSettings
+from robocup_vision.localization.goal.search import Candidate
 from robocup_vision.localization.lines.line_map import LineMap
-
-_MARKS = MarkSettings(
-    spacing_px=6.0,
-    cell_px=0.0,
-    width_px=(0.15, math.inf),
-    clear_px=2.5,
-    along_px=3.0,
-    min_contrast=0.4,
-    full_width_px=1.5,
-)
 
 
 @dataclass(frozen=True, slots=True)
-class ColoredLineSettings:
+class GoalLineSettings:
     """Settings of the fit of a goal of a hue and the lines around it.
 
     Parameters
     ----------
-    marks : MarkSettings
-        Places along lines. The goal is certain, so that even lines thinner than a pixel count, averaged along
-        themselves; lines that run into each other are left out.
+    spacing_px : float
+        Between places on a line.
+    min_width_px : float
+        Lines that look narrower are left out: even those thinner than a pixel count, averaged along themselves.
+    clear_px : float
+        Between the edges of two lines; where they come nearer, both are left out.
+    along_px : float
+        Stretch of line over which one place is averaged.
+    min_contrast, full_contrast_px : float, float
+        Fainter ridges than this fraction of the median contrast are no lines; lines of less than this width have less
+        contrast in proportion.
     reaches_px, scales_px : tuple of float
         How far from its predicted place a line is searched for, at most, and the loss's scale, round by round.
     reach_stds, min_reach_px : float, float
@@ -83,8 +83,8 @@ class ColoredLineSettings:
         Where no line is due, something passes for a ridge this often.
     min_evidence : float
         Log odds of lines against clutter from which lines count.
-    clear_evidence, same_m : float, float
-        A fit this much worse in log odds is no rival; fits nearer to each other are one.
+    same_m : float
+        Fits nearer to each other are one.
     max_starts : int
         Cameras along the goal's arc that are tried beside the goal's own.
     reach_on_arc_stds : float
@@ -103,7 +103,12 @@ class ColoredLineSettings:
         So many places of the expected noise are added to those whose scatter is measured.
     """
 
-    marks: MarkSettings = _MARKS
+    spacing_px: float = 6.0
+    min_width_px: float = 0.15
+    clear_px: float = 2.5
+    along_px: float = 3.0
+    min_contrast: float = 0.4
+    full_contrast_px: float = 1.5
     reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
     scales_px: tuple[float, ...] = (3.0, 1.5, 1.0)
     reach_stds: float = 3.0
@@ -118,7 +123,6 @@ class ColoredLineSettings:
     spread_px: float = 0.4
     clutter_ratio: float = 0.2
     min_evidence: float = 5.0
-    clear_evidence: float = 3.0
     same_m: float = 0.2
     max_starts: int = 3
     reach_on_arc_stds: float = 2.5
@@ -141,11 +145,11 @@ class _Marked(NamedTuple):
 
 _MISFIT_SCALE_PX = 0.3  # of the loss by which a goal's own edges speak against a camera
 
-# how likely it is, as a logarithm; the fit; what it was fitted to
+# log-likelihood ratio; the fit; what it was fitted to
 _Fitted = tuple[float, LineFit, FitSamples]
 
 
-class ColoredGoalLines:
+class GoalLines:
     """Fits goals of a hue and the lines of one field together.
 
     Parameters
@@ -154,44 +158,33 @@ class ColoredGoalLines:
         Of the field.
     camera : PinholeCamera
         The camera.
-    settings : ColoredLineSettings, optional
+    settings : GoalLineSettings, optional
         How lines are found and fitted.
     """
 
-    def __init__(
-        self, lines: LineMap, camera: PinholeCamera, settings: ColoredLineSettings = ColoredLineSettings()
-    ) -> None:
-        self._settings = settings
-        self._marks = LineMarks(lines, camera, settings.marks)
+    def __init__(self, lines: LineMap, camera: PinholeCamera, settings: GoalLineSettings = GoalLineSettings()) -> None:
+        self._settings, self._camera = settings, camera
+        line_width_m = float(lines.field.line_width_m)
+        self._points, self._directions = along_lines(lines)
+        self._limits = MarkLimits(line_width_m, settings.spacing_px, settings.min_width_px, settings.clear_px)
         self._worth = MarkWorth(
-            settings.marks.min_contrast,
-            settings.marks.full_width_px,
+            settings.min_contrast,
+            settings.full_contrast_px,
             settings.min_marks,
             settings.sample_error_px,
             settings.sharp_width_px,
             settings.line_error_px,
-            settings.paint_error_m / self._marks.line_width_m,
+            settings.paint_error_m / line_width_m,
             settings.seen_ratio,
             settings.full_width_px,
             settings.spread_px,
             settings.clutter_ratio,
         )
-        self._pen = line_pen(self._marks.points, self._marks.line_width_m)
+        self._pen = line_pen(self._points, line_width_m)
 
-    def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit) -> tuple[float, LineFit] | None:
-        """Fit goal and lines together; None where the lines that should be in view are not.
-
-        The first value is the log-likelihood ratio of such lines against clutter.
-
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8
-            BGR.
-        model : GoalModel
-            What the goal was fitted with.
-        found : GoalFit
-            The goal.
-        """
+    def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, goal: Candidate) -> list[CameraEstimate]:
+        """Fit goal and lines together: cameras of which one is right if lines are in view; none where they are not."""
+        found = goal.fit
         covariance = covariance_of(model, found.information)
         arc = open_arc(model, found, covariance, self._settings.certain_m)
         starts = [(found.unknowns, covariance)] if arc is None else self._starts(frame, model, found, arc)
@@ -200,28 +193,7 @@ class ColoredGoalLines:
         if arc is not None:
             drawing = LineDrawing(frame, self._pen)
             fits = self._drawn(drawing, model, fits) if fits else self._drawn_alone(drawing, model, found, arc)
-        fits = [t for t in fits if keeps_elements(model, found, t[1].unknowns)]
-        fits.sort(key=lambda t: -t[0])
-        if not fits:
-            return None
-        evidence, best, _ = fits[0]
-        for other_evidence, other, _ in fits[1:]:
-            if (
-                math.dist(other.unknowns[:2], best.unknowns[:2]) > self._settings.same_m
-                and evidence - other_evidence < self._settings.clear_evidence
-            ):
-                return None
-        limit_px = model.settings.inlier_px + self._settings.typical_edge_px
-        within = are_mostly_within(residuals(model, found.samples, best.unknowns), limit_px)
-        return (evidence, best) if within else None
-
-    def seen(self, frame: npt.NDArray[np.uint8], model: GoalModel, p: FloatArray) -> tuple[int, int]:
-        """Count the places at which a camera (8,) should have lines in view, and those of them near which one is."""
-        due = self._marks.predict(model, p)
-        if not len(due):
-            return 0, 0
-        _, seen = self._marks.measure(frame, due, np.full(len(due), self._settings.reaches_px[1]))
-        return len(due), int(np.count_nonzero(seen))
+        return [CameraEstimate(one.unknowns, one.covariance, goal.sides, found, one) for _, one, _ in fits]
 
     def nats(self, frame: npt.NDArray[np.uint8], model: GoalModel, p: FloatArray) -> tuple[float, float]:
         """Log-likelihood ratio of what a camera (8,) has in view where lines are due, if they are there, to clutter.
@@ -229,7 +201,7 @@ class ColoredGoalLines:
         The second value is what it would be were all of them seen exactly there.
         """
         reach = self._settings.reaches_px[-1]
-        due, is_seen = self._look(frame, model, p, np.zeros((len(p), len(p))), MarkReach(0.0, reach, reach))
+        due, is_seen = self._look_from(frame, model, p, np.zeros((len(p), len(p))), MarkReach(0.0, reach, reach))
         marked = self._gathered(no_samples().for_fit, due, is_seen)
         all_seen = np.ones(len(is_seen), np.bool_)
         most = mark_evidence(np.zeros(len(is_seen)), due.widths, due.reach, all_seen, self._worth)
@@ -274,7 +246,7 @@ class ColoredGoalLines:
         """Cameras on the arc: the goal's own, and those that lines confirm best."""
         settings, held = self._settings, at_one_heading(model)
         how_far = MarkReach(settings.reach_stds, settings.min_reach_px, settings.reaches_px[0])
-        seen = self._marks.look(frame, model, arc.unknowns, arc.covariance, how_far)
+        seen = self._look(frame, model, arc.unknowns, arc.covariance, how_far)
         scales = np.full(settings.iterations, settings.scales_px[1])
         cameras, evidence = arc.unknowns.copy(), np.empty(len(arc.cost))
         fit_marked(
@@ -351,12 +323,12 @@ class ColoredGoalLines:
     ) -> _Marked | None:
         """Look for the lines where a camera predicts them; None where too few are in view or seen."""
         how_far = MarkReach(self._settings.reach_stds, self._settings.min_reach_px, max_px)
-        due, is_seen = self._look(frame, model, p, covariance, how_far)
+        due, is_seen = self._look_from(frame, model, p, covariance, how_far)
         if np.count_nonzero(is_seen) < self._settings.min_marks:
             return None
         return self._gathered(samples, due, is_seen)
 
-    def _look(
+    def _look_from(
         self,
         frame: npt.NDArray[np.uint8],
         model: GoalModel,
@@ -364,10 +336,43 @@ class ColoredGoalLines:
         covariance: FloatArray,
         how_far: MarkReach,
     ) -> tuple[SeenMarks, npt.NDArray[np.bool_]]:
-        due = self._marks.look(frame, model, p[None], covariance[None], how_far)
+        due = self._look(frame, model, p[None], covariance[None], how_far)
         is_seen = np.empty(len(due.widths), np.bool_)
         choose_marks(due.contrast, due.widths, self._worth.contrast_width_px, self._worth.min_contrast, is_seen)
         return due, is_seen
+
+    def _look(
+        self,
+        frame: npt.NDArray[np.uint8],
+        model: GoalModel,
+        cameras: FloatArray,
+        covariances: FloatArray,
+        how_far: MarkReach,
+    ) -> SeenMarks:
+        """Look for lines where each of some cameras (K, 8), with covariances (K, 8, 8), predicts them."""
+        room = len(cameras) * len(self._points)
+        places = MarkPlaces(np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room))
+        reach, bounds = np.empty(room), np.empty(len(cameras) + 1, np.int64)
+        n = due_marks(
+            self._points,
+            self._directions,
+            model.scene.camera,
+            cameras,
+            covariances,
+            self._camera.size_px,
+            self._limits,
+            how_far,
+            places,
+            reach,
+            bounds,
+        )
+        marks, pixels, direction, width = (part[:n] for part in places)
+        start = np.ascontiguousarray(from_ideal(self._camera, pixels))
+        offset, contrast = np.empty(n), np.empty(n)
+        measure_ridges(frame, start, direction, reach[:n], width, self._settings.along_px, offset, contrast)
+        contrast[np.isnan(offset)] = np.nan
+        uv = np.ascontiguousarray(to_ideal(self._camera, start + direction * offset[:, None]))
+        return SeenMarks(bounds, marks, direction, uv, width, reach[:n], contrast)
 
     def _gathered(self, samples: FitSamples, due: SeenMarks, is_seen: npt.NDArray[np.bool_]) -> _Marked:
         """Add the lines that are seen to a goal's samples."""
@@ -380,21 +385,18 @@ class ColoredGoalLines:
         return _Marked(joined, is_seen, due.widths, due.reach)
 
 
-def keeps_elements(model: GoalModel, found: GoalFit, unknowns: FloatArray) -> bool:
-    """Whether a camera sees both posts and the bar where a goal's own fit has found edges of them.
-
-    A streak's border may have passed for an edge: it lies on the post. What is off by more than a post's width is lost.
-
-    Parameters
-    ----------
-    model, found : GoalModel, GoalFit
-        The goal and its own fit.
-    unknowns : (8,) float64
-        The camera.
-    """
-    shape, samples = model.shape, found.samples
-    away_m = math.hypot(shape.line_x_m - unknowns[0], unknowns[1])
-    width_px = 2 * shape.radius_m * model.view.focal_px[0] / max(away_m, shape.width_m)
-    off = residuals(model, samples, unknowns)[: len(samples.edge)]
-    elements = [off[samples.edge // 2 == element] for element in range(3)]
-    return all(are_mostly_within(one, width_px) for one in elements if len(one))
+@lru_cache(maxsize=4)
+def along_lines(line_map: LineMap) -> tuple[FloatArray, FloatArray]:
+    """Points (N, 2) every 4 cm along a field's lines, and their directions (N, 2)."""
+    points, directions = [], []
+    for x0, y0, x1, y1 in line_map.lines:
+        length = math.hypot(x1 - x0, y1 - y0)
+        at = np.arange(0.1, length - 0.1, 0.04)[:, None]
+        direction = np.array([[x1 - x0, y1 - y0]]) / length
+        points.append(np.array([[x0, y0]]) + at * direction)
+        directions.append(np.repeat(direction, len(at), axis=0))
+    for x, y, radius, start, sweep in line_map.arcs:
+        angle = start + np.sign(sweep) * np.arange(0.02, abs(sweep), 0.04 / radius)
+        points.append(np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)]))
+        directions.append(np.column_stack([-np.sin(angle), np.cos(angle)]))
+    return np.ascontiguousarray(np.vstack(points)), np.ascontiguousarray(np.vstack(directions))

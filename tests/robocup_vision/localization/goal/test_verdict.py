@@ -1,4 +1,4 @@
-"""Goals of a hue chosen by the whole picture: washed ones are found, and doubt between cameras is said."""
+"""The verdict on goals: washed ones are found, boxes are not, and cameras that are alike make one uncertain."""
 
 import math
 
@@ -9,11 +9,8 @@ from hypothesis import strategies as st
 
 from field_models import load_field
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate
-from robocup_vision.localization.goal.colored_goals import ColoredGoals, ColoredGoalSettings, doubting
-from robocup_vision.localization.goal.colored_lines import keeps_elements
-from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator, GoalSettings
-from robocup_vision.localization.goal.search import GoalSearch
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
+from robocup_vision.localization.goal.verdict import with_spread
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
 FIELD = load_field("four_legged_2007")
@@ -33,19 +30,11 @@ def placed(x_m, y_m, std_m):
 
 
 @pytest.mark.parametrize("index", [44, 49])
-def test_a_goal_that_single_edges_refuse_is_told_by_the_whole_picture(index):
+def test_a_goal_behind_streaks_of_light_is_located(index):
     sample = streaked(index)
-    deaf = GoalSettings(colored=ColoredGoalSettings(min_nats=math.inf))
-    assert not GoalPoseEstimator(FIELD, STREAKS.camera, settings=deaf).locate(sample.frame)
     estimate = GoalPoseEstimator(FIELD, STREAKS.camera).locate(sample.frame)
     assert estimate
     assert estimate.pose.error_to(sample.pose)[0] < 0.1
-
-
-def test_only_objections_are_no_goal():
-    goals = ColoredGoals(GoalSearch(FIELD, STREAKS.camera), LineMap(FIELD))
-    picture = GoalSearch(FIELD, STREAKS.camera).picture(np.full((320, 416, 3), (40, 120, 40), np.uint8))
-    assert goals.locate(picture, []) is None
 
 
 @given(
@@ -55,7 +44,7 @@ def test_only_objections_are_no_goal():
 )
 def test_a_camera_is_as_uncertain_as_its_neighbours_differ(offset_m, std_m, behind_nats):
     best, other = placed(0.0, 0.0, std_m), placed(offset_m, 0.0, std_m)
-    doubted = doubting(best, [(300.0, best), (300.0 - behind_nats, other)], 0.2, 15.0)
+    doubted = with_spread(best, [(300.0, best), (300.0 - behind_nats, other)], 0.2, 15.0)
     share = math.exp(-behind_nats / 15.0)
     expected = std_m**2 + offset_m**2 * share / (1.0 + share)
     assert doubted.covariance[0, 0] == pytest.approx(expected)
@@ -65,20 +54,7 @@ def test_a_camera_is_as_uncertain_as_its_neighbours_differ(offset_m, std_m, behi
 
 def test_a_camera_elsewhere_is_another_answer():
     best, other = placed(0.0, 0.0, 0.01), placed(0.5, 0.0, 0.01)
-    assert doubting(best, [(300.0, best), (299.0, other)], 0.2, 15.0).covariance == pytest.approx(best.covariance)
-
-
-def test_lines_may_move_a_post_by_its_width_and_no_farther():
-    search = GoalSearch(FIELD, STREAKS.camera)
-    picture = search.picture(next(sample_goal(FIELD, GOAL_CONDITIONS["clean_416x320"], 11, 1, supersample=2)).frame)
-    found = search.candidates(picture)[0][0]
-    p = found.fit.unknowns
-    assert keeps_elements(found.model, found.fit, p)
-    width_rad = 2 * search.shape.radius_m / math.hypot(search.shape.line_x_m - p[0], p[1])
-    for widths, is_kept in ((0.5, True), (3.0, False)):
-        turned = p.copy()
-        turned[2] += widths * width_rad
-        assert keeps_elements(found.model, found.fit, turned) is is_kept
+    assert with_spread(best, [(300.0, best), (299.0, other)], 0.2, 15.0).covariance == pytest.approx(best.covariance)
 
 
 @pytest.mark.parametrize(("name", "index"), [("mild_glare_208x160", 5), ("streaks_416x320", 0)])

@@ -1,0 +1,146 @@
+"""The verdict on goals that may be in a picture: one log-likelihood ratio chooses the camera and accepts it.
+
+Three things are compared with clutter: edges of any kind and paint along the silhouette, lines where they are due, and
+how exactly the edges fit. Lamps that wash posts, windows that hide edges and worn lines each take away a part of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robocup_vision.estimates import NotLocated
+from robocup_vision.localization.goal.arc import spread_about
+from robocup_vision.localization.goal.camera_estimate import CameraEstimate, goal_alone
+from robocup_vision.localization.goal.fit import beside_lines
+from robocup_vision.localization.goal.goal_lines import GoalLines, GoalLineSettings
+from robocup_vision.localization.goal.goal_picture import GoalPicture
+from robocup_vision.localization.goal.profile import polish
+from robocup_vision.localization.goal.search import Candidate, GoalSearch
+from robocup_vision.localization.lines.line_map import LineMap
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictSettings:
+    """Settings of `GoalVerdict`.
+
+    Parameters
+    ----------
+    max_candidates : int
+        Candidates that are fitted together with lines, the likeliest first.
+    min_nats : float
+        Log-likelihood ratio from which a goal is accepted. Rendered half goals and boxes reach 230, whole goals in
+        heavy glare 289 and more.
+    min_line_nats : float
+        Lines that are not seen count no less: paint wears off, and others stand on it.
+    confirming_ratio : float
+        Of what all lines would tell that are due, what a clear goal needs for no other to be tried.
+    min_washable : float
+        Of each post and the bar, what must be paint of the goal, washed white or not: else somebody stands before it.
+    correlation_nats : float
+        Neighbouring samples of an edge or line share their errors: differences between cameras count in this unit.
+    """
+
+    max_candidates: int = 6
+    min_nats: float = 260.0
+    min_line_nats: float = -30.0
+    confirming_ratio: float = 0.75
+    min_washable: float = 0.9
+    correlation_nats: float = 15.0
+
+
+class GoalVerdict:
+    """Places a camera by the goals that a search has found, and the field's lines.
+
+    Parameters
+    ----------
+    search : GoalSearch
+        Field and camera.
+    line_map : LineMap or None
+        The field's lines; None: goals alone.
+    settings, line_settings : VerdictSettings, GoalLineSettings, optional
+        When a goal counts, and how lines are fitted.
+    """
+
+    def __init__(
+        self,
+        search: GoalSearch,
+        line_map: LineMap | None,
+        settings: VerdictSettings = VerdictSettings(),
+        line_settings: GoalLineSettings = GoalLineSettings(),
+    ) -> None:
+        self._search, self._settings, self._line_settings = search, settings, line_settings
+        self._lines = None if line_map is None else GoalLines(line_map, search.camera, line_settings)
+
+    def locate(self, picture: GoalPicture, candidates: list[Candidate]) -> CameraEstimate | NotLocated:
+        """Return the likeliest camera that sees one of the candidates, the best of which comes first."""
+        judged: list[tuple[float, CameraEstimate]] = []
+        for candidate in candidates[: self._settings.max_candidates]:
+            is_confirmed = False
+            for camera in self._cameras(picture, candidate):
+                nats, confirmed = self._nats(picture, candidate, camera)
+                judged.append((nats, camera))
+                is_confirmed |= nats >= self._settings.min_nats and confirmed
+            if candidate.is_clear and is_confirmed:
+                break
+        if not judged:
+            return NotLocated("no whole goal: no camera on the pitch would see what looks like one, unhidden")
+        nats = max(nats for nats, _ in judged)
+        if nats < self._settings.min_nats:
+            told = f"log-likelihood ratio {nats:.0f} of the {self._settings.min_nats:.0f} that are needed"
+            return NotLocated(f"no certain goal: what looks like one reaches a {told}")
+        # of cameras that the picture hardly tells apart the most certain one: lines tell it more than the silhouette
+        alike = [one for other, one in judged if other >= nats - self._settings.correlation_nats]
+        best = min(alike, key=lambda one: float(np.trace(one.covariance[:2, :2])))
+        return with_spread(best, judged, self._line_settings.same_m, self._settings.correlation_nats)
+
+    def _cameras(self, picture: GoalPicture, candidate: Candidate) -> Iterator[CameraEstimate]:
+        """Yield the cameras that a goal gives by itself and with lines, where they can stand and see all of it."""
+        search, goal, model = self._search, candidate, candidate.model
+        if model is search.white_model:
+            model = beside_lines(model)
+        else:
+            fit = polish(picture.frame, search.camera, model, candidate.fit, candidate.appearance)
+            goal = replace(candidate, fit=fit)
+        cameras = [goal_alone(goal, self._line_settings.certain_m)]
+        if self._lines is not None:
+            cameras += self._lines.join(picture.frame, model, goal)
+        for one in cameras:
+            # whom posts and bar do not show in full has somebody before them
+            is_whole = search.washable(picture, one.sides, one.unknowns).min() >= self._settings.min_washable
+            if is_whole and search.is_possible(model, one.unknowns):
+                yield one
+
+    def _nats(self, picture: GoalPicture, candidate: Candidate, camera: CameraEstimate) -> tuple[float, bool]:
+        """Log-likelihood ratio of goal and lines, where a camera has them, to clutter; whether lines leave no doubt."""
+        nats = self._search.nats(picture, candidate, camera.unknowns)
+        if self._lines is None:
+            return nats, True
+        of_lines, most = self._lines.nats(picture.frame, candidate.model, camera.unknowns)
+        return nats + max(of_lines, self._settings.min_line_nats), of_lines >= self._settings.confirming_ratio * most
+
+
+def with_spread(
+    best: CameraEstimate, judged: list[tuple[float, CameraEstimate]], near_m: float, correlation_nats: float
+) -> CameraEstimate:
+    """Let a camera be as uncertain as those nearby differ that the picture hardly tells from it.
+
+    Parameters
+    ----------
+    best : CameraEstimate
+        The camera; among the others.
+    judged : list of (float, CameraEstimate)
+        Cameras with their log-likelihood ratios.
+    near_m : float
+        Cameras farther away are other answers.
+    correlation_nats : float
+        See `VerdictSettings`.
+    """
+    near = [(nats, c) for nats, c in judged if math.dist(c.unknowns[:2], best.unknowns[:2]) <= near_m]
+    nats = np.array([one for one, _ in near])
+    weight = np.exp((nats - nats.max()) / correlation_nats)
+    unknowns, covariance = np.array([c.unknowns for _, c in near]), np.array([c.covariance for _, c in near])
+    return replace(best, covariance=spread_about(best.unknowns, unknowns, covariance, weight / weight.sum()))
