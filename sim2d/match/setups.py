@@ -77,19 +77,24 @@ def _built_in(name: str) -> Camera:
     return load_camera(Path(str(files("field_models"))) / "cameras" / f"{name}.toml")
 
 
-def _msl_fisheyes() -> Rig:
-    """Return four fisheyes of a middle-size robot, ahead, to the left, behind and to the right, in small pictures."""
+def _fisheye(focal_ratio: float, tilt_rad: float, roll_std_deg: float) -> FisheyeCamera:
     width, height = _FISHEYE_SIZE_PX
-    ahead = FisheyeCamera(
+    return FisheyeCamera(
         (width, height),
-        (0.3 * width, 0.3 * width),
+        (focal_ratio * width, focal_ratio * width),
         ((width - 1) / 2, (height - 1) / 2),
         0.55,
         projection="equidistant",
-        tilt_rad=-0.5,
+        pan_rad=0.0,
+        tilt_rad=tilt_rad,
         roll_rad=0.0,
-        roll_std_rad=math.radians(0.5),
+        roll_std_rad=math.radians(roll_std_deg),
     )
+
+
+def _msl_fisheyes() -> Rig:
+    """Return four fisheyes of a middle-size robot, ahead, to the left, behind and to the right, in small pictures."""
+    ahead = _fisheye(0.3, -0.5, 0.5)
     cameras = tuple(
         replace(ahead, pan_rad=pan_rad, offset_m=(0.15 * math.cos(pan_rad), 0.15 * math.sin(pan_rad)))
         for pan_rad in (0.0, math.pi / 2, math.pi, -math.pi / 2)
@@ -97,28 +102,15 @@ def _msl_fisheyes() -> Rig:
     return Rig(cameras, names=("ahead", "left", "behind", "right"))
 
 
-def _kid_fisheye() -> FisheyeCamera:
-    """Return the fisheye in the head of a humanoid of a child's size."""
-    width, height = _FISHEYE_SIZE_PX
-    return FisheyeCamera(
-        (width, height),
-        (0.4 * width, 0.4 * width),
-        ((width - 1) / 2, (height - 1) / 2),
-        0.55,
-        projection="equidistant",
-        pan_rad=0.0,
-        tilt_rad=math.radians(-25.0),
-        roll_rad=0.0,
-        roll_std_rad=math.radians(1.5),
-    )
-
+# a kick with the body or a leg
+_LEG_KICK = BodySettings(kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)
 
 CAMERAS: dict[str, Callable[[], Camera | Rig]] = {
     "sekimori": sekimori_camera,
     "ers7": lambda: _tilted(ers7_camera(*_HEAD_SIZE_PX), -12.0),
     "nao": lambda: _tilted(nao_camera(*_HEAD_SIZE_PX), -20.0),
     "kid_head": lambda: _tilted(replace(nao_camera(*_HEAD_SIZE_PX), height_m=0.55), -20.0),
-    "kid_fisheye": _kid_fisheye,
+    "kid_fisheye": lambda: _fisheye(0.4, math.radians(-25.0), 1.5),
     "adult_head": lambda: _tilted(replace(nao_camera(*_HEAD_SIZE_PX), height_m=1.2), -25.0),
     "ssl_forward": partial(_built_in, "ssl_forward"),
     "ssl_mirror": partial(_built_in, "ssl_mirror"),
@@ -144,7 +136,7 @@ ROBOTS: dict[str, RobotKind] = {
             pan_rps=6.0,
         ),
         True,
-        WorldSettings(BodySettings(mass_kg=1.7, kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)),
+        WorldSettings(replace(_LEG_KICK, mass_kg=1.7)),
     ),
     # an Aldebaran Nao
     "humanoid": RobotKind(
@@ -160,7 +152,7 @@ ROBOTS: dict[str, RobotKind] = {
             pan_limit_rad=2.0,
         ),
         True,
-        WorldSettings(BodySettings(mass_kg=5.4, kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)),
+        WorldSettings(replace(_LEG_KICK, mass_kg=5.4)),
     ),
     # of a child's size, with its league's ball
     "kid": RobotKind(
@@ -176,10 +168,7 @@ ROBOTS: dict[str, RobotKind] = {
             pan_limit_rad=2.0,
         ),
         True,
-        WorldSettings(
-            BodySettings(mass_kg=7.0, kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07),
-            BallSettings(mass_kg=0.2),
-        ),
+        WorldSettings(replace(_LEG_KICK, mass_kg=7.0), BallSettings(mass_kg=0.2)),
     ),
     # of an adult's size, with a football
     "adult": RobotKind(
@@ -195,10 +184,7 @@ ROBOTS: dict[str, RobotKind] = {
             pan_limit_rad=2.0,
         ),
         True,
-        WorldSettings(
-            BodySettings(mass_kg=30.0, kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07),
-            BallSettings(mass_kg=0.43),
-        ),
+        WorldSettings(replace(_LEG_KICK, mass_kg=30.0), BallSettings(mass_kg=0.43)),
     ),
     # a robot of the middle size league, with a ball of a football's size
     "middle_size": RobotKind(

@@ -45,26 +45,21 @@ TRIES = 200
 
 def ers7_camera(width: int = 416, height: int = 320) -> PinholeCamera:
     """Return the head camera of a standing AIBO ERS-7, whose neck is at an unknown angle."""
-    focal = width / 2 / math.tan(ERS7_FIELD_OF_VIEW_RAD / 2)
-    return PinholeCamera(
-        size_px=(width, height),
-        focal_px=(focal, focal),
-        center_px=((width - 1) / 2, (height - 1) / 2),
-        height_m=0.185,
-        height_std_m=0.005,
-        roll_std_rad=ROLL_STD_RAD,
-    )
+    return _head_camera((width, height), width / 2 / math.tan(ERS7_FIELD_OF_VIEW_RAD / 2), 0.185, 0.005)
 
 
 def nao_camera(width: int = 640, height: int = 480) -> PinholeCamera:
     """Return the upper head camera of a standing Nao, whose neck is at an unknown angle."""
-    focal = 616.0 * width / 640
+    return _head_camera((width, height), 616.0 * width / 640, 0.46, 0.01)
+
+
+def _head_camera(size_px: tuple[int, int], focal: float, height_m: float, height_std_m: float) -> PinholeCamera:
     return PinholeCamera(
-        size_px=(width, height),
-        focal_px=(focal, focal),
-        center_px=((width - 1) / 2, (height - 1) / 2),
-        height_m=0.46,
-        height_std_m=0.01,
+        size_px,
+        (focal, focal),
+        ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2),
+        height_m,
+        height_std_m=height_std_m,
         roll_std_rad=ROLL_STD_RAD,
     )
 
