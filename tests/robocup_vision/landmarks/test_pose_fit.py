@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from landmark_twins import pixel_by_point
 from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
@@ -26,6 +25,15 @@ CAMERA = PinholeCamera(
     (320, 240), (277.0, 270.0), (159.5, 119.5), 0.6, offset_m=(0.05, -0.03), pan_rad=0.2, tilt_rad=0.1, roll_rad=0.02
 )
 POSES = st.tuples(numbers(-3, 3), numbers(-3, 3), numbers(-3, 3)).map(np.array)
+
+
+def pixel_by_point(camera, points_m):
+    """Return derivatives (N, 2, 3) of ideal pixels by points in the camera frame."""
+    depth, (fx, fy) = points_m[:, 0], camera.focal_px
+    jacobian = np.zeros((len(points_m), 2, 3))
+    jacobian[:, 0, 0], jacobian[:, 0, 1] = fx * points_m[:, 1] / depth**2, -fx / depth
+    jacobian[:, 1, 0], jacobian[:, 1, 2] = fy * points_m[:, 2] / depth**2, -fy / depth
+    return jacobian
 
 
 def scene(pose, seed, count=30):

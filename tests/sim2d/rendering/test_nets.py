@@ -129,7 +129,7 @@ def test_a_mirrors_net_is_that_of_the_ray_caster(place):
 
 def test_light_falls_on_a_net():
     scene = replace(scene_of("spl_2020", "file"), robots=(), ball=None)
-    pose, lens = Pose2(4.0, 0.0, 0.0), camera(900.0, 0.4)
+    pose, lens = Pose2(4.0, 0.0, 0.0), PinholeCamera((80, 60), (225.0, 225.0), (39.5, 29.5), 0.4, tilt_rad=0.0)
     dark, bright = (
         render_pinhole(lens, replace(scene, light=Light(level=level)), pose, supersample=2) for level in (0.5, 1.0)
     )
