@@ -39,8 +39,8 @@ from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.hues import thumbnail_of
 from robocup_vision.perception.markings.finder import MarkingSource
+from robocup_vision.pipeline.floor_tables import FloorTableCache, FloorTables
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
-from robocup_vision.pipeline.held_floors import HeldFloor, HeldFloors
 from robocup_vision.view import View
 
 # logarithm of the strongest cast of light: white beyond it is some paint
@@ -62,8 +62,8 @@ class _FloorSamples:
     edge_px: FloatArray
 
 
-def _floors_of(field: Field, camera: PinholeCamera, mask: UInt8Array | None, options: FrameOptions) -> HeldFloors:
-    return HeldFloors(field, camera, mask, options.directions, options.rings, options.free_ratio)
+def _floors_of(field: Field, camera: PinholeCamera, mask: UInt8Array | None, options: FrameOptions) -> FloorTableCache:
+    return FloorTableCache(field, camera, mask, options.directions, options.rings, options.free_ratio)
 
 
 class PinholePipeline(FramePipeline):
@@ -85,7 +85,7 @@ class PinholePipeline(FramePipeline):
         self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
         self._floors = _floors_of(field, camera, self._mask, options)
         # as the camera was held in the last frame
-        self._floor = self._floors.about(camera) if camera.known_orientation else None
+        self._floor = self._floors.for_camera(camera) if camera.known_orientation else None
         self._learned = LearnedBallFinder(field, camera, self._mask) if is_learned(camera) else None
         self._patterned = PatternedBallFinder(field, camera, self._mask) if by_patches else None
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
@@ -121,7 +121,7 @@ class PinholePipeline(FramePipeline):
         width, height = camera.size_px
         frame = np.full((height, width, 3), (50, 130, 45), dtype=np.uint8)
         self.look(frame)
-        floor = self._floor or self._floors.about(camera)
+        floor = self._floor or self._floors.for_camera(camera)
         if floor is not None:
             self._see_floor(frame, floor, self._sample(frame, floor.view), None, None, {})
 
@@ -192,9 +192,9 @@ class PinholePipeline(FramePipeline):
         pose = answer.pose
         timings = {"pose": perf_counter() - begin}
         self._last_pose = pose.pose if pose else None
-        made = self._floors.about(camera) if camera.known_orientation else None
+        made = self._floors.for_camera(camera) if camera.known_orientation else None
         if pose and not camera.known_orientation:
-            made = self._floors.about(_as_held(answer.camera))
+            made = self._floors.for_camera(_as_held(answer.camera))
         # as the pose tells that the body holds it in this frame
         held = _as_held(answer.camera) if pose else camera
         held_covariance = answer.held_covariance if pose else None
@@ -248,7 +248,7 @@ class PinholePipeline(FramePipeline):
         )
 
     def _find_by_color(
-        self, frame: UInt8Array, floor: HeldFloor, samples: _FloorSamples, table: ColorTable
+        self, frame: UInt8Array, floor: FloorTables, samples: _FloorSamples, table: ColorTable
     ) -> tuple[Ball, ...]:
         floor.finder.hold(floor.camera, floor.sway_std_rad)
         return floor.finder.find(frame, table, self._near_floor_nats(samples.llr, floor.view))
@@ -256,7 +256,7 @@ class PinholePipeline(FramePipeline):
     def _judge_channels(
         self,
         frame: UInt8Array,
-        floor: HeldFloor,
+        floor: FloorTables,
         samples: _FloorSamples,
         balls: tuple[Ball, ...],
         pose: PoseEstimate | NotLocated,
@@ -336,8 +336,8 @@ class PinholePipeline(FramePipeline):
         return _FloorSamples(colors, table, llr, columns, edge_px)
 
     def _sample_to_walls(
-        self, frame: UInt8Array, floor: HeldFloor, pose: PoseEstimate | NotLocated, timings: dict[str, float]
-    ) -> tuple[HeldFloor, _FloorSamples]:
+        self, frame: UInt8Array, floor: FloorTables, pose: PoseEstimate | NotLocated, timings: dict[str, float]
+    ) -> tuple[FloorTables, _FloorSamples]:
         """Sample the floor, once more where the feet of walls that the pose predicts say how the camera is tilted."""
         samples = self._sample(frame, floor.view, timings)
         # a tilt that the pose came with is better than what walls say of it
@@ -354,7 +354,7 @@ class PinholePipeline(FramePipeline):
     def _see_floor(
         self,
         frame: UInt8Array,
-        floor: HeldFloor,
+        floor: FloorTables,
         samples: _FloorSamples,
         robot: Pose2 | None,
         t_s: float | None,
@@ -364,7 +364,7 @@ class PinholePipeline(FramePipeline):
 
         Parameters
         ----------
-        floor : HeldFloor
+        floor : FloorTables
             Of the camera's present orientation.
         robot : Pose2 or None
             The robot on the field.

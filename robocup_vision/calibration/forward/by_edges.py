@@ -118,7 +118,7 @@ def calibrate_by_edges(
     fits = [fit for fit in followed if fit is not None]
     if not fits:
         return NotCalibrated("too little of lines, goals and walls is in view in the images")
-    best = max(fits, key=lambda fit: (len(fit.fit.held), -fit.rms_px))
+    best = max(fits, key=lambda fit: (len(fit.fit.unknowns), -fit.rms_px))
     for _ in progress(range(2, settings.rounds), settings.rounds - 2, "by edges"):
         best = _again(field, best, frames, prior, settings) or best
     if not best.parameters.coefficients and not isinstance(best.camera, FisheyeCamera):

@@ -115,7 +115,7 @@ def _result(
     """Return a calibration by edges with what it says to the user, or why it is refused."""
     if isinstance(found, NotCalibrated):
         return NotCalibrated(found.reason, notes)
-    std, camera, used = np.sqrt(np.diag(found.covariance)), found.camera, found.fit.held
+    std, camera, used = np.sqrt(np.diag(found.covariance)), found.camera, found.fit.unknowns
     refusal = too_uncertain(len(used), float(std[LOG_FOCAL]), float(std[HEIGHT]))
     if refusal is not None:
         return NotCalibrated(refusal, notes)

@@ -8,7 +8,7 @@ as its pictures. Edges are predicted and searched for anew in every step.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,8 +97,8 @@ class ForwardParameters:
         """Return the numbers (G,) of a camera."""
         log_focal = math.log(camera.focal_px[0] / self.start.focal_px[0])
         lens = (*camera.distortion, 0.0, 0.0)[: self.coefficients]
-        held = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
-        return np.array([*held, log_focal, *camera.center_px, log_line_width, *lens])
+        mounting = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
+        return np.array([*mounting, log_focal, *camera.center_px, log_line_width, *lens])
 
     def camera(self, vector: FloatArray) -> PinholeCamera:
         """Return the camera of numbers (G,)."""
@@ -147,8 +147,8 @@ class JointFitSettings:
     last_gate: float = 3.5
     last_steps: int = 5
     #: noise of a sample alone, and of what all samples of an edge have in common
-    alone_px: float = 0.15
-    shared_px: float = 0.2
+    point_std_px: float = 0.15
+    group_std_px: float = 0.2
     #: samples that a picture must show, and of these those that the fit must explain, or it is left out
     min_points: int = 12
     min_agreeing_ratio: float = 0.5
@@ -162,7 +162,7 @@ class Sighting:
 
     frame: UInt8Array  #: (H, W, 3) uint8: BGR
     #: (7,) float64: unknowns of `kernels.model_edges`: the camera's place, heading, tilt, roll and height; then 0
-    held: FloatArray
+    unknowns: FloatArray
     edges: tables.FieldEdges  #: the field's edges, paint as bright as the picture shows it
 
 
@@ -173,12 +173,12 @@ class JointFit:
     #: (G,), (G, G) float64: of what is common
     vector: FloatArray
     covariance: FloatArray
-    held: Mapping[int, FloatArray]  #: of each picture that agrees: the unknowns of `kernels.model_edges`
+    unknowns: Mapping[int, FloatArray]  #: of each picture that agrees: the unknowns of `kernels.model_edges`
     residual_px: Mapping[int, FloatArray]  #: of the samples that count in each of them
 
     def pose(self, index: int) -> Pose2:
         """Pose of the camera in a picture."""
-        return Pose2(*self.held[index][:3].tolist())
+        return Pose2(*self.unknowns[index][:3].tolist())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,7 +209,7 @@ class JointFitter:
         self._parameters, self._settings = parameters, settings
         width, edges = parameters.start.size_px[0], field_edges(field)
         self._numbers = EdgeSettings().for_doubted_frames().for_width(width, field.line_width_m)
-        self._room = tables.empty_room(_MAX_SAMPLES, 0)
+        self._workspace = tables.empty_room(_MAX_SAMPLES, 0)
         self._scale = max(width / DESIGN_WIDTH_PX, 1.0)
         own = settings
         roll_std = parameters.start.roll_std_rad
@@ -235,50 +235,50 @@ class JointFitter:
         """
         settings, start = self._settings, self._parameters.vector(self._parameters.start)
         precision = np.diag(self._parameters.start_std**-2.0)
-        held = {index: one.held.copy() for index, one in sightings.items()}
-        told: dict[int, _Picture] = {}
+        unknowns = {index: one.unknowns.copy() for index, one in sightings.items()}
+        pictures: dict[int, _Picture] = {}
         gates = [self._scale * gate for gate in settings.gates_px] + [0.0] * settings.last_steps
         covariance: FloatArray = np.asarray(np.linalg.inv(precision), dtype=np.float64)
         for gate in gates:
             camera = self._parameters.camera(vector)
             lens = lens_table(camera)
-            told = {}
-            for index, one in held.items():
-                picture = self._told(sightings[index], one, vector, camera, lens, gate)
+            pictures = {}
+            for index, one in unknowns.items():
+                picture = self._linearised(sightings[index], one, vector, camera, lens, gate)
                 if picture is not None:
-                    told[index] = picture
+                    pictures[index] = picture
             if not gate:
-                told = self._without_misplaced(told)
-            if not told:
+                pictures = self._without_misplaced(pictures)
+            if not pictures:
                 return None
-            total = precision + sum(one.information for one in told.values())
-            pull = precision @ (start - vector) + sum(one.gradient for one in told.values())
+            total = precision + sum(one.information for one in pictures.values())
+            pull = precision @ (start - vector) + sum(one.gradient for one in pictures.values())
             covariance = np.asarray(np.linalg.inv(total), dtype=np.float64)
             step = covariance @ pull
             vector = vector + step
-            for index, picture in told.items():
+            for index, picture in pictures.items():
                 own = np.linalg.solve(picture.inner, picture.inner_gradient - picture.cross.T @ step)
-                held[index][:_OWN] += own
-            held = {index: held[index] for index in told}
+                unknowns[index][:_OWN] += own
+            unknowns = {index: unknowns[index] for index in pictures}
         return JointFit(
             vector,
-            covariance + _spread(told.values(), covariance),
-            held,
-            {index: one.residual_px for index, one in told.items()},
+            covariance + _spread(list(pictures.values()), covariance),
+            unknowns,
+            {index: one.residual_px for index, one in pictures.items()},
         )
 
-    def _told(
+    def _linearised(
         self,
         sighting: Sighting,
-        held: FloatArray,
+        unknowns: FloatArray,
         vector: FloatArray,
         camera: PinholeCamera,
         lens: FloatArray,
         gate: float,
     ) -> _Picture | None:
-        settings, room = self._settings, self._room
-        count = self._search(sighting, held, camera, lens, gate or self._scale * settings.gates_px[-1])
-        samples, found = room.samples, room.found
+        settings, workspace = self._settings, self._workspace
+        count = self._search(sighting, unknowns, camera, lens, gate or self._scale * settings.gates_px[-1])
+        samples, found = workspace.samples, workspace.found
         seen = found.candidates[:count] > 0
         if np.count_nonzero(seen) < settings.min_points:
             return None
@@ -301,35 +301,35 @@ class JointFitter:
         nearest = np.argmin(np.abs(offsets - expected[:, None]), axis=1)
         residual = expected - offsets[np.arange(len(offsets)), nearest]
         inside = np.abs(residual) < (gate or self._scale * settings.gates_px[-1])
-        spread = spread_px(residual[inside], settings.alone_px)
+        spread = spread_px(residual[inside], settings.point_std_px)
         limit = gate or settings.last_gate * spread
         weight = tukey_weights(residual, limit)
         used = weight > 0
         if not enough_agree(int(np.count_nonzero(used)), len(used), settings.min_points, settings.min_agreeing_ratio):
             return None
         points = Residuals(residual, by_camera, jacobian[:, :_OWN], feature)
-        noise = NoiseSettings(spread, settings.shared_px * spread / settings.alone_px)
+        noise = NoiseSettings(spread, settings.group_std_px * spread / settings.point_std_px)
         information, gradient = normal_equations(known(used, points), weight[used], noise)
         size = len(vector)
         sway = np.zeros(_OWN)
-        sway[tables.TILT : tables.HEIGHT + 1] = held[tables.TILT : tables.HEIGHT + 1] - vector[: HEIGHT + 1]
+        sway[tables.TILT : tables.HEIGHT + 1] = unknowns[tables.TILT : tables.HEIGHT + 1] - vector[: HEIGHT + 1]
         return _picture(information, gradient, size, self._own, -self._own * sway, residual[used], spread)
 
-    def _without_misplaced(self, told: dict[int, _Picture]) -> dict[int, _Picture]:
+    def _without_misplaced(self, pictures: dict[int, _Picture]) -> dict[int, _Picture]:
         """Return the pictures that the camera fits about as well as the median one."""
-        spreads = [one.spread_px for one in told.values()]
+        spreads = [one.spread_px for one in pictures.values()]
         most = self._settings.max_spread_ratio * float(np.median(spreads)) if spreads else 0.0
-        return {index: one for index, one in told.items() if one.spread_px <= most}
+        return {index: one for index, one in pictures.items() if one.spread_px <= most}
 
     def _search(
-        self, sighting: Sighting, held: FloatArray, camera: PinholeCamera, lens: FloatArray, reach_px: float
+        self, sighting: Sighting, unknowns: FloatArray, camera: PinholeCamera, lens: FloatArray, reach_px: float
     ) -> int:
         """Predict the field's edges, and look for them; return how many samples there are."""
-        room, carpet, frame, edges = self._room, np.zeros(CARPET), sighting.frame, sighting.edges
-        room.reach_px[:] = reach_px
-        carpet_look(frame, int(camera.center_px[1] + camera.focal_px[1] * math.tan(held[tables.TILT])), carpet)
-        count = int(predict(edges, lens, held, self._numbers.spacing_px, room.samples))
-        search(frame, edges.channels, carpet, brightness(carpet), self._numbers, room, count)
+        workspace, carpet, frame, edges = self._workspace, np.zeros(CARPET), sighting.frame, sighting.edges
+        workspace.reach_px[:] = reach_px
+        carpet_look(frame, int(camera.center_px[1] + camera.focal_px[1] * math.tan(unknowns[tables.TILT])), carpet)
+        count = int(predict(edges, lens, unknowns, self._numbers.spacing_px, workspace.samples))
+        search(frame, edges.channels, carpet, brightness(carpet), self._numbers, workspace, count)
         return count
 
     def _by_line_width(self, samples: tables.Samples, count: int, seen: BoolArray) -> FloatArray:
@@ -361,9 +361,8 @@ def _picture(
     )
 
 
-def _spread(told: Iterable[_Picture], covariance: FloatArray) -> FloatArray:
+def _spread(pictures: Sequence[_Picture], covariance: FloatArray) -> FloatArray:
     """Covariance by what each picture moves the result: pictures differ by more than their samples' noise."""
-    pictures = list(told)
     count = len(pictures)
     if count < 2:
         return np.zeros_like(covariance)

@@ -23,9 +23,9 @@ _MEDIAN_TO_STD = 1.483
 class NoiseSettings(NamedTuple):
     """Noise of measured points."""
 
-    alone_px: float  #: standard deviation of a point alone, at least
+    point_std_px: float  #: standard deviation of a point alone, at least
     #: that of the offset which all points of a group share: an edge's paint and tape, a sector's lens or mirror
-    shared_px: float
+    group_std_px: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +42,7 @@ class Residuals:
 class Evidence:
     """Log-likelihood of the camera's parameters, as a Gaussian in information form, by one frame."""
 
-    about: FloatArray  #: (G,) float64: where it was worked out
+    linearised_at: FloatArray  #: (G,) float64: where it was worked out
     information: FloatArray  #: (G, G) float64: may be singular
     gradient: FloatArray  #: (G,) float64: of the log-likelihood there
 
@@ -67,15 +67,15 @@ def normal_equations(points: Residuals, weight: FloatArray, noise: NoiseSettings
     less a matrix of rank one (Sherman and Morrison).
     """
     rows = np.hstack([points.by_camera, points.by_frame, points.residual_px[:, None]])
-    precision = weight / noise.alone_px**2
+    precision = weight / noise.point_std_px**2
     weighted = rows * precision[:, None]
     total = rows.T @ weighted
-    if noise.shared_px > 0 and len(rows):
+    if noise.group_std_px > 0 and len(rows):
         _, member = np.unique(points.group, return_inverse=True)
         common = np.zeros((int(member.max()) + 1, rows.shape[1]))
         np.add.at(common, member, weighted)
         amount = np.bincount(member, weights=precision)
-        total -= common.T @ (common / (noise.shared_px**-2 + amount)[:, None])
+        total -= common.T @ (common / (noise.group_std_px**-2 + amount)[:, None])
     return total[:-1, :-1], -total[:-1, -1]
 
 

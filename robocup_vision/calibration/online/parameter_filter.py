@@ -86,7 +86,9 @@ class CameraBelief:
         self.places = [*self.places[1 - settings.places :], pose]
         before = np.linalg.inv(self.covariance)
         total = before + evidence.information
-        self.mean = evidence.about + np.linalg.solve(total, evidence.gradient + before @ (self.mean - evidence.about))
+        self.mean = evidence.linearised_at + np.linalg.solve(
+            total, evidence.gradient + before @ (self.mean - evidence.linearised_at)
+        )
         covariance = np.linalg.inv(total)
         self.covariance = (covariance + covariance.T) / 2
 
@@ -177,7 +179,7 @@ class ParameterFilter:
 def log_evidence(evidence: Evidence, mean: FloatArray, covariance: FloatArray) -> float:
     """Logarithm of a frame's likelihood under a Gaussian belief, up to what the belief does not change."""
     size = len(mean)
-    away = mean - evidence.about
+    away = mean - evidence.linearised_at
     # the frame's log-likelihood about the belief's mean
     gradient = evidence.gradient - evidence.information @ away
     level = float(evidence.gradient @ away - 0.5 * away @ evidence.information @ away)

@@ -158,10 +158,10 @@ class PinholeEvidence:
         assert isinstance(held, PinholeCamera)
         assert view.pose
         pose = view.pose.pose.compose(held.camera_in_robot)
-        told = self.terms(frame, held, pose, (mean, covariance, start))
-        if told is None:
+        terms = self.terms(frame, held, pose, (mean, covariance, start))
+        if terms is None:
             return None
-        return Evidence(start.copy(), *marginal(told.information, told.gradient, len(mean), told.own, told.slope))
+        return Evidence(start.copy(), *marginal(terms.information, terms.gradient, len(mean), terms.own, terms.slope))
 
     def terms(
         self, frame: UInt8Array, held: PinholeCamera, pose: Pose2, belief: tuple[FloatArray, FloatArray, FloatArray]

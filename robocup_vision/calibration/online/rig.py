@@ -122,12 +122,12 @@ class RigEvidence:
         for number, (eye, shown, one) in enumerate(zip(self._eyes, frame, view.views, strict=True)):
             own = slice(_SIZE * number, _SIZE * (number + 1))
             belief = mean[own], covariance[own, own], start[own]
-            told = None if shown is None else self._of_camera(eye, shown, one, view.pose.pose, belief)
-            if told is not None:
+            terms = None if shown is None else self._of_camera(eye, shown, one, view.pose.pose, belief)
+            if terms is not None:
                 places = np.r_[own, size : size + _BODY]
-                information[np.ix_(places, places)] += told.information
-                gradient[places] += told.gradient
-                body[_POSE:] = np.minimum(body[_POSE:], told.sway)
+                information[np.ix_(places, places)] += terms.information
+                gradient[places] += terms.gradient
+                body[_POSE:] = np.minimum(body[_POSE:], terms.sway)
         if not np.isfinite(body).all():
             return None
         return Evidence(start.copy(), *marginal(information, gradient, size, body, np.zeros(_BODY)))
@@ -157,8 +157,8 @@ class RigEvidence:
         wide = np.diag(np.full(len(eye.start), _LENS_STD**2))
         wide[:_HELD, :_HELD] = covariance[:_HELD, :_HELD]
         place, expected = measured.compose(held.camera_in_robot), view.pose.pose.compose(held.camera_in_robot)
-        told = eye.terms(frame, held, place, (_with_lens(eye, mean), wide, _with_lens(eye, start)))
-        if told is None:
+        terms = eye.terms(frame, held, place, (_with_lens(eye, mean), wide, _with_lens(eye, start)))
+        if terms is None:
             return None
         own = np.r_[:_HELD, len(eye.start) : len(eye.start) + _BODY]
         by = _by_body(held, expected, body)
@@ -166,10 +166,10 @@ class RigEvidence:
         off[_HELD : _HELD + _POSE] = expected.array - place.array
         off[_HELD + _POSE - 1] = wrap_angle(expected.theta_rad - place.theta_rad)
         # the edges were worked out where this frame's fit had the sway
-        off[_HELD + _POSE :] = told.slope[_POSE:] / told.own[_POSE:]
-        information = told.information[np.ix_(own, own)]
-        gradient = told.gradient[own] - information @ off
-        return _Terms(by.T @ information @ by, by.T @ gradient, told.own[_POSE:])
+        off[_HELD + _POSE :] = terms.slope[_POSE:] / terms.own[_POSE:]
+        information = terms.information[np.ix_(own, own)]
+        gradient = terms.gradient[own] - information @ off
+        return _Terms(by.T @ information @ by, by.T @ gradient, terms.own[_POSE:])
 
     def _measured(self, view: View) -> Pose2 | None:
         """Return the body's pose as one camera alone measured it; None where it took the body for elsewhere."""

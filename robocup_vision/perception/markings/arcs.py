@@ -35,7 +35,7 @@ class Arc:
 
     center_m: FloatArray  #: (2,) float64: robot frame
     covariance: FloatArray  #: (2, 2) float64: of its centre, with the errors of how the camera is held
-    held: FloatArray  #: (K,) float64: these errors as they fit, standard deviations
+    deviations: FloatArray  #: (K,) float64: these errors as they fit, standard deviations
     cost_nats: float  #: half the sum of the points' squared errors, in standard deviations of samples
     noise_px: float  #: of the points
     radius_m: float  #: of the field's circle
@@ -95,9 +95,9 @@ def _propose(
     normal = np.stack([way_y / length, -way_x / length], axis=1)
     voters = np.linspace(0, len(pieces) - 1, min(len(pieces), _MAX_VOTERS)).astype(np.int64)
     for sway in _SWAYS if errors else (0.0,):
-        held = np.zeros(errors)
-        held[:1] = sway
-        floor = pieces.floor_m + shifts @ held
+        deviations = np.zeros(errors)
+        deviations[:1] = sway
+        floor = pieces.floor_m + shifts @ deviations
         centers = np.vstack([floor[voters] + sign * radius_m * normal[voters] for sign in (1, -1)])
         x, y = floor[:, 0] - centers[:, :1], floor[:, 1] - centers[:, 1:]
         away = np.maximum(np.hypot(x, y), 1e-9)
@@ -107,7 +107,7 @@ def _propose(
         score = near @ pieces.weight
         at = int(np.argmax(score))
         if score[at] > best_score:
-            best, best_score = (centers[at], held), float(score[at])
+            best, best_score = (centers[at], deviations), float(score[at])
     return best
 
 
@@ -116,7 +116,7 @@ def _fit(
     shifts: FloatArray,
     free: BoolArray,
     center_m: FloatArray,
-    held: FloatArray,
+    deviations: FloatArray,
     radius_m: float,
     errors: FloorErrors,
     line_width_m: float,
@@ -128,8 +128,8 @@ def _fit(
     left = np.flatnonzero(free)
     floor, shifts, bend_px = points.floor_m[left], shifts[left], np.zeros(len(left))
     per_px, own = points.floor_per_px[left], points.weight[left]
-    state = np.concatenate([center_m, held])
-    prior = np.diag(np.concatenate([np.zeros(2), np.ones(len(held))]))
+    state = np.concatenate([center_m, deviations])
+    prior = np.diag(np.concatenate([np.zeros(2), np.ones(len(deviations))]))
     gate = _WIDE * settings.gate_px
     for step in range(_FIT_STEPS):
         if step == _MIDDLE_STEP:
@@ -199,8 +199,8 @@ def _middles(
         axes of the picture, and between the edges of one that bends, the middle of such a way lies inside by
         half**2 tan(angle)**2 / (2 r), where half is half its width and r the radius of the bend in the picture.
     """
-    about = errors.moved(state[2:])
-    camera, shifts = about.camera, about.shifts_m(pixels)
+    fitted = errors.moved(state[2:])
+    camera, shifts = fitted.camera, fitted.shifts_m(pixels)
     floor = camera.pixel_to_floor(pixels)
     outward = floor - state[:2]
     outward /= np.maximum(np.hypot(*outward.T), 1e-9)[:, None]
@@ -224,7 +224,7 @@ def _shows_carpet(points: LinePoints, errors: FloorErrors, arc: Arc, settings: M
     circle = arc.center_m + arc.radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     camera = errors.camera
     # where a camera that is held so shows it
-    shifted = circle - errors.shifts_m(camera.floor_to_pixel(circle)) @ arc.held
+    shifted = circle - errors.shifts_m(camera.floor_to_pixel(circle)) @ arc.deviations
     bare = np.count_nonzero(is_bare(points, camera.floor_to_pixel(shifted)))
     turn = np.arctan2(*(points.floor_m[arc.points] - arc.center_m).T[::-1])
     seen = len(np.unique((turn / math.tau * 2 * _PARTS).astype(np.int64) % (2 * _PARTS)))

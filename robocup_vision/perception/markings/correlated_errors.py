@@ -70,9 +70,9 @@ class FloorErrors:
             return tuple(_both(camera, _held, column) for column in self.root.T)
         return tuple(_both(camera, _tilted, column) for column in self.root.T)
 
-    def moved(self, held: FloatArray) -> FloorErrors:
+    def moved(self, deviations: FloatArray) -> FloorErrors:
         """Return the errors about the camera that is off by so many (K,) standard deviations of each."""
-        error, camera = self.root @ held, self.camera
+        error, camera = self.root @ deviations, self.camera
         off = _held(camera, error) if isinstance(camera, PinholeCamera) else _tilted(camera, error)
         return FloorErrors(off, self.root)
 

@@ -30,7 +30,7 @@ def test_groups_share_an_offset(points):
     weight = np.linspace(0.2, 1.0, 30)
     information, gradient = normal_equations(points, weight, NOISE)
     same = points.group[:, None] == points.group
-    dense = np.linalg.inv(np.diag(NOISE.alone_px**2 / weight) + NOISE.shared_px**2 * same)
+    dense = np.linalg.inv(np.diag(NOISE.point_std_px**2 / weight) + NOISE.group_std_px**2 * same)
     rows = np.hstack([points.by_camera, points.by_frame])
     np.testing.assert_allclose(information, rows.T @ dense @ rows, rtol=1e-9)
     np.testing.assert_allclose(gradient, -rows.T @ dense @ points.residual_px, rtol=1e-9)

@@ -88,7 +88,7 @@ def test_log_evidence_is_that_of_a_gaussian_integral():
     root = rng.standard_normal((2, 2))
     mean, covariance = rng.standard_normal(2), root @ root.T + 0.1 * np.eye(2)
     one = Evidence(rng.standard_normal(2), np.diag([3.0, 0.5]), rng.standard_normal(2))
-    drawn = rng.multivariate_normal(mean, covariance, 400_000) - one.about
+    drawn = rng.multivariate_normal(mean, covariance, 400_000) - one.linearised_at
     like = np.exp(drawn @ one.gradient - 0.5 * np.einsum("ni,ij,nj->n", drawn, one.information, drawn))
     assert log_evidence(one, mean, covariance) == pytest.approx(np.log(like.mean()), abs=0.02)
 

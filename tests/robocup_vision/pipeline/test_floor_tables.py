@@ -12,8 +12,8 @@ from field_models import load_field
 from robocup_vision.camera import Mounting, PinholeCamera
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpaceGrid
-from robocup_vision.pipeline import held_floors
-from robocup_vision.pipeline.held_floors import HeldFloors
+from robocup_vision.pipeline import floor_tables
+from robocup_vision.pipeline.floor_tables import FloorTableCache
 
 FIELD = load_field("four_legged_2007")
 CAMERA = PinholeCamera(
@@ -25,7 +25,7 @@ DIRECTIONS, RINGS = 40, 60
 
 
 def floors_of(camera):
-    return HeldFloors(FIELD, camera, None, DIRECTIONS, RINGS)
+    return FloorTableCache(FIELD, camera, None, DIRECTIONS, RINGS)
 
 
 def range_m(view, grid, post_m):
@@ -39,7 +39,7 @@ def range_m(view, grid, post_m):
 def test_a_panned_camera_measures_as_by_tables_of_its_own(pan_rad, ahead_m, aside_m, post_m):
     camera = replace(CAMERA, offset_m=(ahead_m, aside_m))
     held = camera.with_orientation(pan_rad, camera.tilt_rad, camera.roll_rad)
-    floor = floors_of(camera).about(held).held(held)
+    floor = floors_of(camera).for_camera(held).held(held)
     view = FloorView(held)
     grid = FreeSpaceGrid(view, DIRECTIONS, RINGS)
     place = post_m * np.array([math.cos(pan_rad), math.sin(pan_rad)])
@@ -52,13 +52,15 @@ def test_a_panned_camera_measures_as_by_tables_of_its_own(pan_rad, ahead_m, asid
 
 def test_tables_are_made_once_a_step():
     floors = floors_of(CAMERA)
-    one, same, other = (floors.about(CAMERA.with_orientation(pan_rad, -0.18, 0.01)) for pan_rad in (0.0, 1e-3, 0.3))
+    one, same, other = (
+        floors.for_camera(CAMERA.with_orientation(pan_rad, -0.18, 0.01)) for pan_rad in (0.0, 1e-3, 0.3)
+    )
     assert one is same
     assert one is not other
     # neither a body's nod nor another pan is a reason to forget where a ball was
     assert (one.finder, one.marking) == (other.finder, other.marking)
     at_the_centre = floors_of(replace(CAMERA, offset_m=(0.0, 0.0)))
-    assert at_the_centre.about(CAMERA) is at_the_centre.about(CAMERA.with_orientation(1.0, -0.16, 0.0))
+    assert at_the_centre.for_camera(CAMERA) is at_the_centre.for_camera(CAMERA.with_orientation(1.0, -0.16, 0.0))
 
 
 @settings(deadline=None, max_examples=15)
@@ -67,7 +69,7 @@ def test_a_tilt_left_open_or_told_gets_tables_of_about_that_tilt_and_height(is_o
     camera = OPEN if is_open else replace(OPEN, tilt_rad=-0.17, roll_rad=0.01)
     told = Mounting(tilt_rad=tilt_rad, roll_rad=roll_rad, height_m=camera.height_m * math.exp(height))
     held = camera.held(told)
-    made = floors_of(camera).about(held)
+    made = floors_of(camera).for_camera(held)
     assert made.camera.tilt_rad == pytest.approx(tilt_rad, abs=math.radians(1.0) + 1e-9)
     assert made.camera.roll_rad == pytest.approx(roll_rad, abs=math.radians(1.0) + 1e-9)
     assert made.camera.height_m == pytest.approx(held.height_m, rel=0.0101)
@@ -84,22 +86,22 @@ def test_a_tilt_left_open_or_told_gets_tables_of_about_that_tilt_and_height(is_o
 def test_a_head_that_nods_finds_its_tables_again():
     floors = floors_of(CAMERA)
     nod = [CAMERA.held(Mounting(tilt_rad=-0.17 + math.radians(20.0) * math.sin(0.2 * step))) for step in range(64)]
-    made = [floors.about(camera) for camera in nod]
+    made = [floors.for_camera(camera) for camera in nod]
     assert 15 < len({id(floor) for floor in made}) < 25
-    assert all(floors.about(camera) is floor for camera, floor in zip(nod, made, strict=True))
+    assert all(floors.for_camera(camera) is floor for camera, floor in zip(nod, made, strict=True))
 
 
 def test_no_more_are_kept_than_said(monkeypatch):
-    monkeypatch.setattr(held_floors, "_MOST_HELD", 3)
+    monkeypatch.setattr(floor_tables, "_MOST_HELD", 3)
     floors = floors_of(CAMERA)
-    made = [floors.about(CAMERA.with_orientation(0.2 * turn, -0.17, 0.0)) for turn in (0, 1, 2, 0, 3)]
+    made = [floors.for_camera(CAMERA.with_orientation(0.2 * turn, -0.17, 0.0)) for turn in (0, 1, 2, 0, 3)]
     # the one that was used longest ago went first
-    assert floors.about(made[0].camera) is made[0]
-    assert floors.about(made[1].camera) is not made[1]
+    assert floors.for_camera(made[0].camera) is made[0]
+    assert floors.for_camera(made[1].camera) is not made[1]
 
 
 def test_a_camera_that_looks_up_sees_no_floor():
     floors = floors_of(OPEN)
-    assert floors.about(replace(OPEN, tilt_rad=1.0, roll_rad=0.0)) is None
+    assert floors.for_camera(replace(OPEN, tilt_rad=1.0, roll_rad=0.0)) is None
     floors.forget()
-    assert floors.about(replace(OPEN, tilt_rad=-0.3, roll_rad=0.0)) is not None
+    assert floors.for_camera(replace(OPEN, tilt_rad=-0.3, roll_rad=0.0)) is not None

@@ -31,7 +31,7 @@ _Steps = tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HeldFloor:
+class FloorTables:
     """The parts that measure the floor, for one orientation of the camera.
 
     `view`, `grid` and `marking` are turned as the frame's camera is, `finder` holds its camera so when it looks.
@@ -45,29 +45,29 @@ class HeldFloor:
     finder: PinholeBallFinder
     sway_std_rad: tuple[float, float] | None = None
 
-    def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> HeldFloor:
+    def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> FloorTables:
         """Return the same for a frame in which neck and body hold the camera in the orientation of `camera`."""
         held = self.camera.held_as(camera)
         # the tables are of their own height
         view = self.view.held(self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad))
         grid, marking = self.grid.held(view), self.marking.held(view)
-        return HeldFloor(held, view, grid, marking, self.finder, sway_std_rad)
+        return FloorTables(held, view, grid, marking, self.finder, sway_std_rad)
 
-    def prepared(self) -> HeldFloor:
+    def prepared(self) -> FloorTables:
         """Work out what every frame needs, and drop what served only that; returns this."""
         self.held(self.camera)
         self.view.drop_places()
         return self
 
-    def panned(self, pan_rad: float) -> HeldFloor:
+    def panned(self, pan_rad: float) -> FloorTables:
         """Return the same for another pan, with what changes about the robot worked out again."""
         camera = self.camera.with_orientation(pan_rad, self.camera.tilt_rad, self.camera.roll_rad)
         view = self.view.panned(camera)
         grid = FreeSpaceGrid(view, self.grid.directions, self.grid.rings, self.grid.threshold)
-        return HeldFloor(camera, view, grid, self.marking, self.finder)
+        return FloorTables(camera, view, grid, self.marking, self.finder)
 
 
-class HeldFloors:
+class FloorTableCache:
     """Makes the parts that measure the floor, and keeps them.
 
     Parameters
@@ -93,10 +93,10 @@ class HeldFloors:
         self._directions, self._rings, self._free_ratio = directions, rings, free_ratio
         reach_m = math.hypot(*camera.offset_m)
         self._pan_step_rad = _STEP_M / reach_m if reach_m else math.inf
-        self._made: dict[_Steps, HeldFloor | None] = {}
+        self._made: dict[_Steps, FloorTables | None] = {}
         self._memory = SearchMemory(camera.size_px, mask)
 
-    def about(self, camera: PinholeCamera) -> HeldFloor | None:
+    def for_camera(self, camera: PinholeCamera) -> FloorTables | None:
         """Return the parts made for about this orientation of the camera, to be `held` in it; None: it sees no floor.
 
         Parameters
@@ -126,7 +126,7 @@ class HeldFloors:
         logs = (round(math.log(ratio) / _STEP_LOG) for ratio in (height, focal))
         return (pan, *(round(angle / _STEP_RAD) for angle in (tilt, roll)), *logs)
 
-    def _make(self, steps: _Steps) -> HeldFloor | None:
+    def _make(self, steps: _Steps) -> FloorTables | None:
         # about the robot's centre any pan is as good as another
         pan_rad = steps[0] * self._pan_step_rad if steps[0] else 0.0
         for other, made in self._made.items():
@@ -144,7 +144,7 @@ class HeldFloors:
         view = FloorView(camera, max(BEARINGS, 2 * self._directions), self._mask)
         if not view.sees_floor:
             return None
-        floor = HeldFloor(
+        floor = FloorTables(
             camera,
             view,
             FreeSpaceGrid(view, self._directions, self._rings, self._free_ratio),
