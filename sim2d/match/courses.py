@@ -47,7 +47,7 @@ class FloorPerception:
     #: the robot.
     directions: int = 64
     rings: int = 60
-    #: As that of `Vision`.
+    #: As in `Vision`.
     free_ratio: float = FREE_RATIO
     #: Steady the free space from frame to frame, and find the way by what was seen before. False: each frame stands for
     #: itself, and the target is headed for as it lies.
@@ -62,7 +62,6 @@ PRINTED_PERCEPTION = FloorPerception(32, 6, 0.8, remembers=False)
 class Course:
     """Where to go, and what stands in the way."""
 
-    #: The pitch.
     field: Field
     #: What stands on it.
     boxes: tuple[Box, ...]

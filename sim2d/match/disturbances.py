@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from field_models.errors import ArgumentError
 from robocup_vision.camera import OmniCamera, Rig
@@ -15,12 +16,10 @@ from sim2d.sensors.team_channel import ChannelSettings
 from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings
 from sim2d.world.robot_body import BodySettings
 
-NAMES = ("sway", "latency", "slip", "drift", "shutter", "camera", "knock", "messages")
-
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """How much less sure odometry is than that of `BodySettings`."""
+    """How much worse odometry is than by `BodySettings`."""
 
     #: Systematic error of the odometry's way and turn, drawn once a robot: legs are 10 % off at two of these.
     gain_std: float = 0.05
@@ -35,25 +34,39 @@ class Slip:
         )
 
 
+# what a disturbance is where it is switched on by its name
+_USUAL: dict[str, Any] = {
+    "sway": WHEELS_SWAY,
+    "latency": LatencySettings(),
+    "slip": Slip(),
+    "drift": LightDriftSettings(),
+    "shutter": ShutterSettings(),
+    "camera": CameraErrorSettings(),
+    "knock": KnockSettings(),
+    "messages": ChannelSettings(),
+}
+NAMES = tuple(_USUAL)
+
+
 @dataclass(frozen=True, slots=True)
 class Disturbances:
-    """Which of them a match has, and how much; None: not this one."""
+    """Which disturbances a match has and how strong they are; None: it does not have this one."""
 
-    #: Of bodies, which carry their cameras along.
+    #: Sway of bodies, which carry their cameras along.
     sway: SwaySettings | None = None
-    #: Of frames.
+    #: Lateness of frames.
     latency: LatencySettings | None = None
-    #: Of the odometry.
+    #: Slip of wheels or legs, which odometry does not measure.
     slip: Slip | None = None
-    #: Of the light.
+    #: Drift of the light.
     drift: LightDriftSettings | None = None
     #: Motion blur and rolling shutter of pinhole cameras.
     shutter: ShutterSettings | None = None
-    #: Each robot's true camera about its file, which is all that the player knows.
+    #: Difference of each robot's true camera from its file, which is all that the player knows.
     camera: CameraErrorSettings | None = None
-    #: It is moved once during the match.
+    #: A knock that moves each camera once during the match.
     knock: KnockSettings | None = None
-    #: Of the team's radio: late and lost messages.
+    #: Late and lost messages of the team's radio.
     messages: ChannelSettings | None = None
 
     def only(self, names: Iterable[str]) -> Disturbances:
@@ -67,16 +80,7 @@ class Disturbances:
         wanted = set(names)
         for name in sorted(wanted - set(NAMES)):
             raise ArgumentError(f"there is no disturbance '{name}': they are {', '.join(NAMES)}")
-        return Disturbances(
-            (self.sway or WHEELS_SWAY) if "sway" in wanted else None,
-            (self.latency or LatencySettings()) if "latency" in wanted else None,
-            (self.slip or Slip()) if "slip" in wanted else None,
-            (self.drift or LightDriftSettings()) if "drift" in wanted else None,
-            (self.shutter or ShutterSettings()) if "shutter" in wanted else None,
-            (self.camera or CameraErrorSettings()) if "camera" in wanted else None,
-            (self.knock or KnockSettings()) if "knock" in wanted else None,
-            (self.messages or ChannelSettings()) if "messages" in wanted else None,
-        )
+        return Disturbances(**{name: getattr(self, name) or _USUAL[name] for name in wanted})
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -133,11 +133,11 @@ class RoundRobin:
         If there are fewer than two players, two have one name, or the number of matches is not even.
     """
 
-    #: Of every match, but for its players; its seed is that of the first two matches of each pair.
+    #: Plan of every match but for its players; its seed is that of the first two matches of each pair.
     plan: MatchPlan
     #: The players and their names.
     players: tuple[tuple[str, PlayerFactory], ...]
-    #: Of each pair, an even number: two on each seed.
+    #: Matches of each pair, an even number: two on each seed.
     matches: int
 
     def __post_init__(self) -> None:

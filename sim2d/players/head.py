@@ -35,7 +35,6 @@ from sim2d.robot_link import Point, RobotLimits
 class FieldHalfSettings:
     """Values of `FieldHalf`."""
 
-    #: Of the question.
     question: GoalQuestionSettings = GoalQuestionSettings()
     #: A robot that has moved so far asks anew: goals that it missed may be found from there.
     elsewhere_m: float = 0.3
@@ -103,7 +102,6 @@ def mirrored(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
 class FloorLookSettings:
     """Values of `FloorLook`."""
 
-    #: Of the choice of a place.
     look: SelectiveLookSettings = SelectiveLookSettings()
     #: A frame taken so near to the wanted pan counts as a look.
     arrived_rad: float = 0.15
@@ -214,19 +212,16 @@ class HeadSettings:
     #: Standard deviation of the heading from which on the head looks for goals though it would watch the ball: at three
     #: of them a robot is no longer located within 5 degrees.
     unsure_rad: float = 0.03
-    #: As much after so many frames in a row without a pose: where robots crowd around the ball it hides everything
-    #: else, and a push turns a robot by more than its odometry tells.
+    #: It looks for goals as well after so many frames in a row without a pose: where robots crowd around the ball it
+    #: hides everything else, and a push turns a robot by more than its odometry tells.
     unlocated_looks: int = 6
     #: A planned gaze is computed anew after this time.
     replan_s: float = 0.1
     #: Standard deviations by which a pose drifts in a second without frames.
     drift_m: float = 0.03
     drift_rad: float = 0.05
-    #: Of the planned gaze.
     gaze: PoseGazeSettings = PoseGazeSettings()
-    #: Of the question for the half of the field.
     half: FieldHalfSettings = FieldHalfSettings()
-    #: Of looks at undecided floor.
     floor: FloorLookSettings = FloorLookSettings()
 
 
@@ -234,11 +229,11 @@ class HeadSettings:
 class HeadView:
     """The estimates from which a head is turned, field frame."""
 
-    #: The robot.
+    #: Pose of the robot.
     pose: PoseEstimate | NotLocated
     #: Poses that it may have, most probable first.
     hypotheses: tuple[Hypothesis, ...]
-    #: The ball.
+    #: Position of the ball.
     ball: Point | None
     #: Robots that may hide goals.
     tracks: tuple[Track, ...]
@@ -256,7 +251,7 @@ class HeadPlan:
     pan_rad: float
     #: For the pose, or without a plan; for the half of the field; for undecided floor.
     choice: Literal["planned", "sweep", "half", "floor"]
-    #: Why.
+    #: Reason of the choice.
     reason: str
 
 

@@ -24,7 +24,7 @@ class Surroundings:
 
     #: Now.
     t_s: float
-    #: The robot.
+    #: Pose of the robot.
     robot: PoseEstimate
     #: Its velocity, and the command that it obeys until the next one.
     velocity_mps: Point
@@ -70,7 +70,7 @@ class Surroundings:
 class Situation:
     """What a player estimates now, team frame, metres and seconds."""
 
-    #: The robot.
+    #: Pose of the robot.
     pose: Pose2
     #: The ball, where it was last seen.
     ball: Point | None

@@ -22,7 +22,7 @@ from sim2d.players.team_talk import TeamTalkSettings
 class PlayerSettings:
     """Values of `BuiltInPlayer`."""
 
-    #: Of its parts. Its keeper does not go out to block: with the ball others drive round it.
+    #: Settings of its parts. Its keeper does not go out to block: others with the ball drive round it.
     tactics: TacticsSettings = TacticsSettings(keeper=KeeperSettings(block_widths=0.0))
     ball: BallMemorySettings = BallMemorySettings()
     motion: MotionSettings = MotionSettings()
@@ -31,19 +31,19 @@ class PlayerSettings:
     head: HeadSettings = HeadSettings()
     look: PoseLookSettings = PoseLookSettings()
     talk: TeamTalkSettings = TeamTalkSettings()
-    #: Of its estimates over time: pose filter, tracks and map.
+    #: Settings of its estimates over time: pose filter, tracks and map.
     memory: MemorySettings = MemorySettings()
-    #: In place of the memory's with a pinhole camera. Legs slip by a tenth and are a twentieth off for good; frames of
-    #: a body that nods or turns err by more than they state, which counts as slip. Wheels slip in bursts as short. A
-    #: robot that does not see who is beside it is pushed, which its odometry does not tell.
+    #: Noise of the odometry with a pinhole camera, in place of the memory's. Legs slip by a tenth and are a twentieth
+    #: off for good; frames of a body that nods or turns err by more than they state, which counts as slip. Wheels slip
+    #: in bursts as short. A robot that does not see who is beside it is pushed, which its odometry does not tell.
     legs_odometry: OdometryNoise = OdometryNoise(slip_ratio=0.14, slip_s=0.1, gain_std=0.05, push_m=0.01, push_rad=0.03)
     wheels_odometry: OdometryNoise = OdometryNoise(slip_s=0.1, gain_std=0.02, push_m=0.01, push_rad=0.01)
-    #: How exactly it stands at its place when a match begins with a kick-off.
+    #: Standard deviations of its place when a match begins with a kick-off.
     start_std_m: float = 0.05
     start_std_rad: float = math.radians(3.0)
     #: Margin of the filtered free floor, as `SteadyFreeSpace` takes it.
     floor_margin_ratio: float = 0.02
-    #: Of the floor that a camera has seen that does not see all around.
+    #: Settings of the floor that is remembered where the camera does not see all around.
     recent_floor: RecentFreeSpaceSettings = RecentFreeSpaceSettings()
     #: It drives by a frame's free space for so long, then stops until the next: obstacles move on.
     max_frame_age_s: float = 0.4

@@ -31,7 +31,7 @@ class ShotSettings:
     #: Mean time for which a ball is held where an opponent can reach it, and where none can.
     lost_s: float = 0.5
     slips_s: float = 8.0
-    #: Of the position assumed for a keeper that is not seen.
+    #: Standard deviation of the position assumed for a keeper that is not seen.
     keeper_std_m: float = 0.1
     #: Which kicks are compared.
     planner: ShotPlannerSettings = ShotPlannerSettings()

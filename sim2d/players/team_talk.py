@@ -22,9 +22,7 @@ class TeamTalkSettings:
 
     #: Time between two messages: the channel carries no more.
     period_s: float = 0.5
-    #: Of the ball.
     ball: BallFusionSettings = BallFusionSettings()
-    #: Of the roles.
     roles: RoleSettings = RoleSettings()
 
 

@@ -194,15 +194,13 @@ class Bar:
 class Scene:
     """A field, what stands on it, its light and its surroundings."""
 
-    #: The pitch.
     field: Field
     #: What stands or lies on it.
     boxes: tuple[Box, ...] = ()
     robots: tuple[Robot, ...] = ()
     ball: Ball | None = None
-    #: How it is lit.
     light: Light = Light()
-    #: What is seen beyond.
+    #: What is seen beyond the floor.
     room: Room = Room()
     #: How far the carpet goes on beyond the floor polygon where nothing bounds it.
     carpet_margin_m: float = 0.0

@@ -37,15 +37,15 @@ _STAYS_RIGHT_S = 0.5
 class CalibrationFigures:
     """A player's estimate of its camera at one time, see `OnlineState`."""
 
-    #: When.
+    #: Time of the estimate.
     t_s: float
-    #: In use; of a pinhole camera tilt and roll.
+    #: Centre and tilt in use; of a pinhole camera tilt and roll.
     center_px: tuple[float, float]
     tilt_rad: tuple[float, float]
     #: Standard deviations.
     center_std_px: tuple[float, float]
     tilt_std_rad: tuple[float, float]
-    #: Of the image against the camera file's, and its standard deviation.
+    #: Scale of the image against the camera file's, and its standard deviation.
     scale: float
     scale_std: float
     #: Changes of the camera, and knocks noticed so far.
@@ -65,7 +65,7 @@ class RobotFigures:
     frames: int
     #: Fraction of frames after which the estimated pose was that near the truth, in the right half of the field.
     within_5cm_3deg: float
-    #: Of the estimated pose; None if there was no estimate.
+    #: Errors of the estimated pose; None if there was no estimate.
     median_error_m: float | None
     p95_error_m: float | None
     median_error_rad: float | None
@@ -74,7 +74,7 @@ class RobotFigures:
     lost_ratio: float
     #: Longest time without a break for which it was lost.
     longest_lost_s: float
-    #: Of the poses estimated after the first 2 s, those nearer to the truth than to its half turn.
+    #: Fraction of the poses estimated after the first 2 s that are nearer to the truth than to its half turn.
     right_half_ratio: float | None
     #: Times it came to touch another robot, and something fixed.
     collisions: int
@@ -90,7 +90,7 @@ class RobotFigures:
     longest_stuck_s: float
     #: When it was stopped, its player having failed.
     stopped_s: float | None
-    #: Why; empty if it was not.
+    #: Reason; empty if it was not stopped.
     stopped_reason: str
     #: Its camera as its player estimates it, every 5 s; empty if the player does not calibrate.
     calibration: tuple[CalibrationFigures, ...] = ()

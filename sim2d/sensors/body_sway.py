@@ -45,7 +45,7 @@ class SwaySettings:
     pace_hz: float = 1.7
     #: Part of the largest speed or turning rate from which on steps are full.
     full_step_ratio: float = 0.3
-    #: By acceleration ahead: wheels' suspension and soft carpet; 0 on legs.
+    #: Pitch by acceleration ahead: wheels' suspension and soft carpet; 0 on legs.
     pitch_rad_per_mps2: float = 0.0
     #: The pitch follows the acceleration within this time.
     pitch_time_s: float = 0.05

@@ -25,13 +25,13 @@ class RangeSensor:
         If one is out of its range.
     """
 
-    #: Of the plane over the floor. A ball that reaches higher is met where the plane cuts it.
+    #: Height of the plane over the floor. A ball that reaches higher is met where the plane cuts it.
     height_m: float = 0.08
     #: Evenly all around.
     beams: int = 240
     #: What is farther gives no echo.
     reach_m: float = 3.0
-    #: Of each range.
+    #: Standard deviation of each range.
     noise_std_m: float = 0.01
     #: Fraction of beams that get no echo from something within reach: they look as if nothing were there.
     dropout_rate: float = 0.02

@@ -74,7 +74,7 @@ KINDS: dict[str, RunKind] = {
 class SensorFrame:
     """What both sensors see at one moment, and the truth."""
 
-    #: When.
+    #: Time of the frame.
     t_s: float
     #: The robot by camera and odometry, field frame; None while it is lost.
     estimated: Pose2 | None

@@ -20,13 +20,13 @@ _STILL_MPS = 1e-4
 class BallSettings:
     """Values of `BallBody`."""
 
-    #: Of a golf ball.
+    #: Mass of a golf ball.
     mass_kg: float = 0.046
     #: Part of the speed that it keeps at a wall.
     elasticity: float = 0.7
     #: A ball kicked at 2 m/s rolls after about 0.2 s.
     sliding_friction: float = 0.35
-    #: Of a carpet.
+    #: Coefficient of rolling friction on a carpet.
     rolling_friction: float = 0.03
 
 
@@ -34,10 +34,10 @@ class BallSettings:
 class Flight:
     """How a chipped ball flies: the league's model of a fixed loss at each bounce."""
 
-    #: Of its velocity along the floor, what it keeps at its first bounce and at each later one.
+    #: Fraction of its velocity along the floor that it keeps at its first bounce and at each later one.
     first_floor_ratio: float = 0.715
     later_floor_ratio: float = 1.0
-    #: Of its vertical speed, what it keeps at a bounce.
+    #: Fraction of its vertical speed that it keeps at a bounce.
     up_ratio: float = 0.566
     #: Below this vertical speed it no longer bounces: that is a bounce of 1 mm.
     min_bounce_mps: float = 0.15

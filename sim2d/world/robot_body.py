@@ -67,7 +67,7 @@ def in_robot(robot: pymunk.Body, ball: BallBody) -> tuple[float, float]:
 class BodySettings:
     """Values of `RobotBody`."""
 
-    #: Of a small robot.
+    #: Mass of a small robot.
     mass_kg: float = 2.5
     #: Systematic error of the odometry's way and turn, drawn once a robot: wheels are never quite round.
     gain_std: float = 0.01
@@ -77,14 +77,14 @@ class BodySettings:
     slip_turn_rad_per_m: float = 0.05
     #: Slip is correlated over this time.
     slip_time_s: float = 0.1
-    #: Of the dribbler's mouth, in ball radii.
+    #: Size of the dribbler's mouth, in ball radii.
     mouth_half_width: float = 1.5
     mouth_depth: float = 0.5
     #: Time to charge the kicker.
     kick_again_s: float = 0.5
-    #: Of a kick's speed, as a part of it.
+    #: Standard deviation of a kick's speed, as a fraction of it.
     kick_speed_std: float = 0.05
-    #: Of a kick's direction.
+    #: Standard deviation of a kick's direction.
     kick_angle_std_rad: float = math.radians(1.5)
     #: A push from outside takes so long.
     push_s: float = 0.2

@@ -27,7 +27,7 @@ class RobotState:
     velocity_mps: tuple[float, float]
     #: Turning rate, radians a second.
     turn_rps: float
-    #: Of the head that carries a pinhole camera.
+    #: Pan of the head that carries a pinhole camera.
     pan_rad: float = 0.0
 
 
@@ -47,7 +47,7 @@ class BallState:
 class Event:
     """Something that happened."""
 
-    #: When.
+    #: Time of the event.
     t_s: float
     #: ``kick``, ``goal``, ``ball_out``, ``drop`` (a ball that lay still is put elsewhere), ``collision``,
     #: ``carried_back`` (a robot that left the field), ``whistle`` (play begins).

@@ -39,7 +39,7 @@ class Row:
     gaps: tuple[Gap, ...]
     #: Numbers of the robots at its ends; negative: the field's border.
     keys: tuple[Key, ...]
-    #: Of each.
+    #: Ends of each gap.
     ends: tuple[tuple[Point, Point], ...]
     #: Through which of them the straight way leads.
     straight: int

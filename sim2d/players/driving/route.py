@@ -44,18 +44,16 @@ class RouteSettings:
     passed_m: float = 0.06
     #: Time between two plans.
     replan_s: float = 0.1
-    #: Of the odometry, as a part of the way driven.
+    #: Error of the odometry, as a fraction of the way driven.
     odometry_error: float = 0.03
-    #: Of a pose right after a frame.
+    #: Standard deviations of a pose right after a frame.
     pose_std_m: float = 0.01
     pose_std_rad: float = 0.01
-    #: Of the position of a tracked robot.
+    #: Standard deviation of a tracked robot's position.
     others_std_m: float = 0.015
-    #: Of looks and passing, where a gap may be too narrow.
+    #: Settings of looks and of passing where a gap may be too narrow.
     gate: GatePlannerSettings = GatePlannerSettings()
-    #: Of the table of passage times.
     passage: PassageSettings = PassageSettings()
-    #: Of the search of a safe speed.
     speed: SpeedPlannerSettings = SpeedPlannerSettings()
 
 
@@ -67,7 +65,7 @@ class Route:
     points: tuple[Point, ...]
     #: Ends of the gap that is taken.
     ends: tuple[Point, Point] | None
-    #: Why.
+    #: Reason of the choice.
     reason: Reason
     #: The robot waits here for a second look.
     waits: bool = False

@@ -29,7 +29,7 @@ _SHORT_M = 0.35
 class TravelSettings:
     """Values of `TravelPlanner`."""
 
-    #: Of the choice between gaps; its `replan_s` is the time between two plans here too.
+    #: Settings of the choice between gaps; its `replan_s` is the time between two plans here too.
     route: RouteSettings = RouteSettings()
     #: A target that moved by less keeps its plan.
     same_m: float = 0.06
@@ -59,15 +59,15 @@ class Travel:
 
     #: Where to drive first.
     waypoint: Point
-    #: How fast at most.
+    #: Speed limit.
     speed_mps: float
     #: Ends of the gap that is taken, field frame.
     gap: tuple[Point, Point] | None
-    #: Why.
+    #: Reasons of the choice.
     reasons: tuple[Reason, ...]
     #: The drive ends at the waypoint for now, not at the target.
     ends_there: bool = False
-    #: How fast to turn at most.
+    #: Limit of the turning rate.
     turn_rps: float = math.inf
     #: Close to the ball, and with it, others may be touched.
     presses: bool = False

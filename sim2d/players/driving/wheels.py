@@ -77,7 +77,8 @@ class WheelVelocity:
 class BumpSettings:
     """Values of `Bumps`."""
 
-    #: Of the wheels, beyond what their motors do in a period: more than odometry errs by.
+    #: A jolt of the wheels from this on is a bump: by so much their velocity changes more than their motors can change
+    #: it in a period. Odometry errs by less.
     min_jolt_mps: float = 0.03
     #: A robot that was touched is kept off for so long: the other one has moved on then, or is seen.
     lasts_s: float = 1.0

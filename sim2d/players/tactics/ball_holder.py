@@ -43,7 +43,7 @@ class BallHolderSettings:
     #: Before a turn by more than this with less room ahead it draws back: the ball would wedge between robot and wall.
     turn_rad: float = 0.6
     turn_room_reaches: float = 1.5
-    #: By so much.
+    #: How far it draws back before such a turn.
     draw_back_m: float = 0.3
 
 

@@ -21,7 +21,6 @@ from sim2d.robot_link import Point, RobotLimits
 class TacticsSettings:
     """Values of `Tactics`."""
 
-    #: Of each role and situation.
     keeper: KeeperSettings = KeeperSettings()
     ball_holder: BallHolderSettings = BallHolderSettings()
     fetch: FetchSettings = FetchSettings()

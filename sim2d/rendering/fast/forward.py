@@ -35,11 +35,11 @@ from sim2d.rendering.sensor import Sensor, vignette_gain
 class EyeInField(NamedTuple):
     """A camera's centre of projection and where it looks, field frame."""
 
-    #: Its place.
+    #: Centre of projection.
     x_m: float
     y_m: float
     height_m: float
-    #: See `camera_rotation`; when the middle row is read.
+    #: Orientation when the middle row is read; see `camera_rotation`.
     heading_rad: float
     tilt_rad: float
     roll_rad: float

@@ -44,9 +44,9 @@ def _arc(x: float, y: float, radius: float, start: float, sweep: float) -> list[
 class PixelTable:
     """A camera's pixels as the compiled loops take them (`kernels.match_pixels`)."""
 
-    #: Of the viewpoint.
+    #: Height of the viewpoint.
     height_m: float
-    #: Of every pixel that shows the scene.
+    #: Rays of every pixel that shows the scene.
     rays: PixelRays
     #: Over a full turn.
     bearings: Bearings

@@ -68,7 +68,7 @@ class SunPatch:
     x_m: float
     y_m: float
     yaw_rad: float
-    #: Its size.
+    #: Size of the patch.
     length_m: float
     width_m: float
     #: Where the sun stands, field frame.

@@ -127,7 +127,7 @@ class GoalSample:
     goal: Goal
     #: "goal", or why there is none to find.
     view: View
-    #: Its number.
+    #: Number of the sample.
     index: int
 
 

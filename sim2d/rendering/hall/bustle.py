@@ -24,7 +24,7 @@ _ROOM_M = 0.9
 class Passer:
     """A person who walks to and fro between two places, and waits a little at each."""
 
-    #: The places.
+    #: Places between which the person walks.
     start_m: tuple[float, float]
     end_m: tuple[float, float]
     #: How fast they walk.
