@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, read_only
 
-# beyond so many standard deviations lie 2e-19; a straight line between steps this short is off by 3e-8 at most
+# 2e-19 lie beyond this many standard deviations; linear interpolation between these steps is off by 3e-8 at most
 _REACH, _STEPS = 9, 1024
 
 

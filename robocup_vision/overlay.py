@@ -213,7 +213,7 @@ def _summary(view: View) -> list[str]:
 
 def _write(canvas: UInt8Array, lines: list[str]) -> None:
     size = canvas.shape[1] / _MIN_WIDTH
-    # the rim of the lowest letters reaches so far
+    # extent of the lowest letters' rim
     canvas = canvas[: round((18 * len(lines) + 12) * size)]
     letters = np.zeros(canvas.shape[:2], dtype=np.uint8)
     for row, text in enumerate(lines):

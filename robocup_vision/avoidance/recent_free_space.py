@@ -107,7 +107,7 @@ def floor_ends(bearing_rad: FloatArray, range_m: FloatArray) -> FloatArray:
     return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=1)
 
 
-# no floor reaches so far; what is not finite cannot be moved
+# beyond any floor, in place of infinity, which cannot be moved
 _FAR_M = 1e3
 
 

@@ -35,7 +35,7 @@ class WayfinderSettings:
 
     #: width of the square that is remembered, with the robot near its middle. A target outside counts as on its rim.
     window_m: float = 4.0
-    every: int = 3  #: the way is found anew with every so many views
+    every: int = 3  #: views between two searches for the way
     cell_ratio: float = 0.2  #: a cell: five to a radius show whether the robot fits
     spare_ratio: float = 0.05  #: what a gap seen from near must have to spare on each side
     soft_ratio: float = 0.5  #: width of the seam along what blocks that is dearer than open floor

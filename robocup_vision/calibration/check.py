@@ -95,7 +95,7 @@ class CheckSettings:
     #: robots' cameras are between these heights
     max_height_m: float = 3.0
     min_height_m: float = 0.02
-    #: lenses have focal lengths of so many picture widths
+    #: range of a lens's focal length, in picture widths
     min_focal_ratio: float = 0.2
     max_focal_ratio: float = 20.0
     #: odometry is followed until the robot has gone or turned so far, or over so many frames: less tells little
@@ -107,7 +107,7 @@ class CheckSettings:
     max_stray_ratio: float = 0.1
     min_other_ratio: float = 0.5
     min_agreement: float = 0.6  #: mean inlier ratio of a right set-up
-    max_truth_error_m: float = 0.1  #: a pose so near to the truth is right
+    max_truth_error_m: float = 0.1  #: largest error of a correct pose
     #: errors that matter: of the centre, of the image's smaller side; of the floor range, relative
     max_center_ratio: float = 0.0015
     max_range_error: float = 0.01

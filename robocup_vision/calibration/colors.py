@@ -50,7 +50,7 @@ class ColorCalibrationSettings:
     spacing_m: float = 0.02  #: of the places on goals and lines that are projected into the picture
     max_spread: float = 0.15  #: upper bound of the floor's spread: a wider one takes in other things
     min_line_level: float = 1.2  #: painted lines are brighter than the floor by this factor
-    min_line_width_px: float = 4.0  #: so wide in the picture, a line's middle has no floor mixed in
+    min_line_width_px: float = 4.0  #: smallest width of a line whose middle pixels show no floor
 
 
 @dataclass(frozen=True)

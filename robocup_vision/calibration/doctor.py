@@ -26,10 +26,10 @@ from robocup_vision.vision import Vision
 class DoctorSettings:
     """Settings of the search for a set-up that fits."""
 
-    max_pictures: int = 8  #: so many, evenly spread, are looked at with each set-up
+    max_pictures: int = 8  #: pictures looked at with each set-up, evenly spread
     min_fitting: float = 0.6  #: of them, those that another set-up must fit
     min_more: float = 0.3  #: of them, those that it must fit beyond those that fit as it is
-    enough: float = 0.8  #: of them: where so many fit, the kinds of slips that follow are not tried
+    enough: float = 0.8  #: ratio of fitting pictures from which the remaining kinds of slips are not tried
     #: poses this near to truth or odometry agree with it, with three of the pose's own standard deviations on top
     max_error_m: float = 0.1
     max_error_rad: float = math.radians(3.0)

@@ -23,7 +23,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.evaluation.dataset import Truth
 from robocup_vision.evaluation.truth_units import MEND, other_readings
 
-# a tape measure, a data sheet or another lens: so far off, localisers find little or err much
+# errors of a tape measure, a data sheet or another lens at which localisers fail or err
 _RATIOS = (0.85, 0.9, 0.95, 1.05, 1.1, 1.15)
 
 

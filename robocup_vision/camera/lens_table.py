@@ -10,7 +10,7 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.algebra.lens import CELLS, INVERSE_CELLS
 
-# the table reaches so much beyond the squared slopes in the picture, and the view so much beyond its slopes
+# margins of the table beyond the squared slopes in the picture, and of the view beyond its slopes
 _MARGIN2, _MARGIN = 1.1, 1.02
 # of the radius by the angle, for derivatives: rounding and curvature are both below 1e-9
 _ANGLE_STEP_RAD = 1e-5

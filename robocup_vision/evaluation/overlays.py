@@ -57,7 +57,7 @@ class Crop(NamedTuple):
     jpeg: bytes
 
 
-# a crop shows so much around a box, in pixels and in widths of it, and is enlarged to about this size
+# margin of a crop around its box, in pixels and in widths of the box, and the size it is enlarged to
 _AROUND_PX, _AROUND, _CROP_PX = 16.0, 1.0, 160.0
 _BOX_COLOR = (0, 200, 255)
 

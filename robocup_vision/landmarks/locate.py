@@ -46,13 +46,13 @@ class LandmarkSettings:
     gate_px: float = 40.0
     #: eq. 3 in that window: the nearest descriptor must be nearer than this times the second nearest.
     ratio: float = 0.7
-    #: the same once a first fit has placed the camera: few rivals are left in so small a window
+    #: the same after a first fit has placed the camera: a small window holds few rivals
     known_gate_px: float = 4.0
     known_ratio: float = 0.85
     #: a feature's diameter may differ from the expected one by this factor: half an octave and some noise
     size_ratio: float = 1.6
     scouts: int = 16  #: the most informative landmarks are matched first; if they agree, the others need no wide window
-    #: so many of the scouts' matches must agree, or all landmarks are matched in the wide window
+    #: smallest number of agreeing scout matches: with fewer, all landmarks are matched in the wide window
     min_scout_inlier_ratio: float = 0.6
     #: area of the tiles that `regions` looks at, of the frame's: a third of a frame costs as much as the whole
     region_ratio: float = 0.17

@@ -36,8 +36,8 @@ class EgoMotionSettings:
     spacing_s: float = 0.4
     #: differences beyond this many standard deviations belong to something that moved, or came into view
     gate_sigmas: float = 4.0
-    opening: float = 2.0  #: the gate of the first step is so many times as wide: it closes while the pose settles
-    steps: int = 5  #: gauss-Newton steps
+    opening: float = 2.0  #: factor of the first step's gate, which narrows while the pose converges
+    steps: int = 5  #: Gauss-Newton steps
     #: an earlier profile counts if at least this ratio of the directions that can be compared agrees: one that is
     #: hidden, or without a range, cannot be compared
     min_inlier_ratio: float = 0.3

@@ -41,8 +41,8 @@ class ColorMemorySettings:
     #: changed
     drift_ratio: float = 0.6
     sure_nats: float = 1.0  #: log-likelihood ratio from which on a sample is surely floor
-    row_stride: int = 4  #: every so many bearings the light is measured: it varies slowly from one to the next
-    #: in every so many frames the light is measured: it moves slowly, and a sudden change hides the nearest floor
+    row_stride: int = 4  #: step in bearings of the measurement of light, which varies slowly between them
+    #: step in frames of that measurement: light moves slowly, and a sudden change hides the nearest floor
     look_every: int = 3
     sunny_ratio: float = 0.9  #: ratio of the floor that is darker than its sunny part
     #: light is followed when log brightness or log hue has moved so far since it was learnt: less than a step of the

@@ -26,7 +26,7 @@ LEVELS = np.arange(-7, 6) * LEVEL_STEP
 _CENTER = 7
 # a channel of which the floor shows nothing has a ratio, too
 _MIN_RATIO = 0.01
-# the steps reach so far up for sure
+# lowest top of the brightness steps
 _SUN = float(LEVELS[-2]) - 0.1
 
 

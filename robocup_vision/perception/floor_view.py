@@ -24,7 +24,7 @@ BEARINGS = 160
 COLUMNS = 144
 # farther than this the floor is at most a few pixels from the horizon, whatever the lens
 _FARTHEST_HEIGHTS = 40.0
-# beyond the horizon the rows go on for so many pixels, so that a wall is seen behind the last of the floor
+# rows beyond the horizon, pixels, so that a wall is seen behind the last floor
 _BEYOND_HORIZON_PX = 12.0
 # steeper than this nothing is looked at: tangent of the depression
 _STEEPEST = 8.0

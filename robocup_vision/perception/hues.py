@@ -11,9 +11,9 @@ from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 
-# every so many pixels of a frame are kept: a robot is larger
+# step in pixels of the reduced frame: a robot is larger
 STEP_PX = 4
-# a thing is looked at up to so many of a robot's diameters over the floor, on so many rows and columns
+# height over the floor up to which an obstacle is looked at, in robot diameters, and the rows and columns sampled
 _HIGH, _ROWS, _COLUMNS = 1.5, 16, 9
 # part of its width: bodies are narrower higher up
 _MIDDLE = 0.5
@@ -23,7 +23,7 @@ _BEFORE = np.array([0.4, 0.8])
 _SATURATED, _LIT = 0.4, 60.0
 # part of what is looked at that must be saturated
 _MIN_PART = 0.08
-# hues so near to the floor's are the floor's
+# largest hue difference from the floor's that counts as floor
 _LIKE_FLOOR_RAD = math.radians(35.0)
 
 

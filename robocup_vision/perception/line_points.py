@@ -31,7 +31,7 @@ from robocup_vision.kernels.lines.ridges import (
 AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))
 # Widths are kept as sixteenths of a pixel.
 WIDTH_UNITS_PER_PX = 16
-# the floor beside a line is looked for so many of its widths and pixels from its middle: past its blur
+# distance from a line's middle at which the floor beside it is sampled, in line widths and pixels: past its blur
 _SIDE_WIDTHS, _SIDE_PX = 0.7, 1.8
 
 
@@ -67,7 +67,7 @@ class LineSettings:
     one_sided_weight: float = 0.5  #: weight of points with floor on one side only, where the carpet ends at the line
     #: from this width on no line can be hidden in the floor's tone: where none is, floor is bare
     resolved_px: float = 1.5
-    tone_stds: float = 4.0  #: colours within so many robust standard deviations of the floor's tone are floor
+    tone_stds: float = 4.0  #: largest deviation of a floor colour from the floor's tone, in robust standard deviations
     min_tone_spread: float = 0.04  #: least standard deviation of a tone's logarithm: quantisation of a dark floor
     #: tones that cover so much of the nearest floor, by the commonest one's cover, may be the carpet's
     common_tone_ratio: float = 0.25

@@ -42,15 +42,15 @@ class ChannelOrderSettings:
     doubt_nats: float = math.log(3.0)
     #: the sum reaches no farther either way, so that no run is decided for ever by its first frames
     max_sum: float = 12.0
-    #: all of the first frames are judged, then one in so many, or all while swapped channels are the likelier ones
+    #: all of the first frames are judged, then one in this many, or all while swapped channels are likelier
     first_looks: int = 8
     look_every: int = 16
     #: a ball nearer to where one was seen is the same one: errors of its place, and for each metre of its range
     same_place_m: float = 0.4
     same_place_ratio: float = 0.2
-    max_places: int = 32  #: so many places are remembered, the latest ones
+    max_places: int = 32  #: number of places that are remembered, the latest ones
     same_paint: float = 0.9  #: paints whose log R/G and B/G differ by less are taken for each other in bad light
-    #: a ball is doubted if the way to it passes so near a thing of the field that has about its colour
+    #: smallest distance of the ray to a ball from a field element of similar colour
     margin_m: float = 0.1
 
 

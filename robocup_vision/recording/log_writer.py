@@ -20,7 +20,7 @@ from robocup_vision.messages.types import definition, encode, require_ros_extra,
 
 Compression = Literal["lz4", "zstd", "none"]
 COMPRESSIONS: tuple[Compression, ...] = ("lz4", "zstd", "none")
-# a chunk ends after so long or so much: what a crash can cost, and what a reader must hold in memory
+# largest age and size of a chunk: what a crash can cost, and what a reader must hold in memory
 _CHUNK_S, _CHUNK_BYTES = 0.5, 1 << 20
 # the loop is at rest when its last call ended so long ago; what has waited longer than this is written all the same
 _REST_S, _MAX_WAIT_S = 0.002, 0.25

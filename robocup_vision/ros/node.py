@@ -83,7 +83,7 @@ def _kind(text: str) -> str:
     return _NUMBERS.sub("#", text)
 
 
-# without an image for so long the diagnostics warn
+# time without an image after which the diagnostics warn
 _SILENT_S = 1.0
 # a head that nods moves its camera so far: farther off, the camera file is of another place on the robot
 _SAME_PLACE_M = 0.05

@@ -15,7 +15,7 @@ from robocup_vision.messages.types import to_seconds
 
 Value = TypeVar("Value")
 
-# values are kept for so long, and two that are farther apart do not tell what was between them
+# how long values are kept, and the largest gap that is interpolated
 _KEPT_S, _MAX_GAP_S = 5.0, 0.5
 _SAME_S = 1e-6
 # of what does not change
@@ -123,7 +123,7 @@ class Transforms:
         if found is None:
             return None
         (_, a, p), (_, b, q), part = found
-        # so near each other a straight line between quaternions is as good as an arc
+        # between close quaternions linear interpolation is accurate enough
         mixed = (1.0 - part) * p + part * (q if float(p @ q) >= 0.0 else -q)
         return (1.0 - part) * a + part * b, mixed / float(np.linalg.norm(mixed))
 

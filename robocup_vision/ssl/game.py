@@ -58,7 +58,7 @@ _COMMANDS: dict[RefereeCommand, tuple[Phase, Team]] = {
 class GameSettings:
     """The rules' numbers."""
 
-    in_play_m: float = 0.05  #: a ball that has moved so far from where it was kicked off is in play
+    in_play_m: float = 0.05  #: distance from the kick-off place from which the ball is in play
     #: a kick that is not taken in this time is everybody's: ten seconds on division B, five on division A. A game
     #: controller that tells how much time is left is believed instead.
     kick_s: float = 10.0

@@ -19,7 +19,7 @@ from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot, TrackerPacket
 
-# a ball that is in no camera's frame for so long is hidden
+# a ball without a detection for this time is hidden
 _HIDDEN_S = 0.1
 # found again: nearer than a robot's radius to where it is
 _FOUND_M = 0.09

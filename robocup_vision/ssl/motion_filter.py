@@ -38,10 +38,10 @@ class MotionFilterSettings:
         MotionModel(0.5, 100.0),
         MotionModel(0.2, 5000.0),
     )
-    stay_s: float = 1.0  #: a robot moves by one model for about so long
+    stay_s: float = 1.0  #: mean time for which a robot moves by one model
     std_m: float = 0.0013  #: noise of a detection, each axis
     start_speed_mps: float = 2.0  #: how fast something new may be, as a standard deviation
-    #: beyond the last frame an acceleration is believed for about so long: what it does then nobody has seen
+    #: time constant with which an acceleration is extrapolated beyond the last frame
     foresight_s: float = 0.03
 
 

@@ -32,7 +32,7 @@ MAX_CAMERAS = 64
 class MergeSettings:
     """How frames of several cameras are merged."""
 
-    #: a camera that has sent nothing for so long while another did is left out: three frames at 60 Hz
+    #: a camera that sent nothing for this time while another did is left out: three frames at 60 Hz
     max_age_s: float = 0.05
     #: balls of two cameras nearer than this are one: a ball at 6.5 m/s goes 0.1 m between two exposures at 60 Hz
     max_ball_gap_m: float = 0.1

@@ -8,7 +8,7 @@ from robocup_vision.ssl.problems import Problems
 
 # cameras of one clock are exposed, and their frames arrive, within this of each other
 _TOGETHER_S = 0.2
-# a camera that was silent for so many frames of others is not among those who send now
+# a camera that was silent for this many frames of others no longer counts as sending
 _SILENT_FRAMES = 20
 # no hall has more; a sender must not fill the memory
 _MAX_CAMERAS = 64

@@ -51,8 +51,9 @@ class TrackerSettings:
     #: and no ball does unless it was kicked
     max_robot_jump_m: float = 0.15
     max_ball_jump_m: float = 0.06
-    believed_after: int = 2  #: so many detections in a row that agree with each other, and not with the track, are used
-    max_lost_s: float = 1.0  #: what has not been seen for so long is gone
+    #: number of successive detections, in agreement with each other but not with the track, that restart it
+    believed_after: int = 2
+    max_lost_s: float = 1.0  #: time without a detection after which a track ends
     min_apart_m: float = 0.09  #: robots of two numbers nearer to each other than this cannot be two: a robot's radius
     #: how far from the field's centre a ball is played with, along x and y: of two balls the one within, or nearer to
     #: it, is the game's. Default: of the league's largest field.

@@ -56,7 +56,7 @@ _NO_GUARD = (
 # what pickles of a script's own functions and classes name
 _MAIN = b"__main__"
 
-# a worker that has not ended so long after it was asked to is killed
+# time after which a worker that was asked to end is killed
 _END_S = 0.5
 
 

@@ -72,7 +72,7 @@ class GoalCalibrationSettings:
     #: lower bounds of those: a round that is too sure of itself would fix the next one
     min_focal_std: float = 0.01
     min_height_std_m: float = 0.01
-    #: pictures farther from the rest than so many standard deviations, in two numbers, are left out
+    #: largest Mahalanobis distance (of two numbers) of a picture from the rest: one farther off is left out
     max_deviation: float = 3.5
     #: a camera whose tilt differs less than this between pictures is fixed on its robot
     max_tilt_spread_rad: float = math.radians(1.0)

@@ -152,7 +152,7 @@ class JointFitSettings:
     #: samples that a picture must show, and of these those that the fit must explain, or it is left out
     min_points: int = 12
     min_agreeing_ratio: float = 0.5
-    #: a picture whose residuals are so many times wider than the median picture's was placed wrongly: it is left out
+    #: largest spread of a picture's residuals relative to the median picture's: one with more was placed wrongly
     max_spread_ratio: float = 3.0
 
 

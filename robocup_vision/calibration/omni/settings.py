@@ -14,14 +14,14 @@ class CameraModelSettings:
     bends: int = 6
     #: rows of a written table: linear between them, the curve errs by less than a hundredth of a pixel
     table_rows: int = 64
-    #: a written table ends where the floor is so many viewpoint heights away: a pixel or two before the horizon
+    #: range at which a written table ends, in viewpoint heights: a pixel or two before the horizon
     farthest_heights: float = 40.0
     #: bounds of a hyperboloid's sqrt(C), in horizon radii: beyond the upper one it looks like a paraboloid
     root_over_horizon: tuple[float, float] = (0.3, 30.0)
     center_std_ratio: float = 0.05  #: standard deviation of the centre under the prior, of the image's smaller side
     tilt_std_rad: float = math.radians(1.5)  #: that of the tilt about either axis: a mount is level to a degree or two
     curve_std: float = 0.3  #: that of the logarithms of scale and horizon: a curve from another robot is off by a third
-    #: a start's own table is prolonged to so many times its radii: its centre may be beside the true one
+    #: factor by which a start's own table is extended in radius: its centre may be off
     prolonged: float = 1.1
     shape_std: float = 0.5  #: that of the logarithm of a hyperboloid's sqrt(C)/H
     bend_std: float = 0.02  #: that of a table's stretches
@@ -40,9 +40,10 @@ class JointFitSettings:
     max_tilt_step_rad: float = 0.02
     max_log_step: float = 0.08
     max_pose_step: float = 0.15
-    #: a line point farther away than so many diagonals of the field is ignored: it lies on something else
+    #: largest range of a line point, in diagonals of the field: beyond it lies something else
     max_line_diagonals: float = 1.5
-    points_per_measurement: float = 3.0  #: neighbours along an edge err together: so many count as one
+    #: number of neighbours along an edge that count as one measurement: their errors are correlated
+    points_per_measurement: float = 3.0
     min_noise_px: float = 0.15  #: noise of a point, at least: the edge finder's own
     sectors: int = 16  #: sectors of the image whose points are taken to err together in the covariance
     #: standard deviation of where the ends of a line are painted, in line widths: a laboratory's lines are painted by
@@ -96,7 +97,7 @@ class ChoiceSettings:
 class FramePointSettings:
     """Which frames and points are used."""
 
-    #: a frame is used if it shows so many points of either kind: fewer do not fix its pose
+    #: smallest number of points of either kind that a frame must show: fewer do not determine its pose
     min_boundary_points: int = 25
     min_line_points: int = 40
     max_line_points: int = 500  #: more line points than this are thinned out: they are neighbours of one another
@@ -130,7 +131,7 @@ class OmniCalibrationSettings:
     #: the same where walls bound the floor, of the field's length: the search does the rest
     guessed_walled_range: float = 0.09
     farthest_diagonals: float = 1.1  #: farthest floor worth looking at, in diagonals of the field, without a start
-    agreement: float = 2.0  #: a point agrees within so many units
+    agreement: float = 2.0  #: largest residual of a point that agrees, units
     #: widths of the weights after the points were taken again, units
     again_scales: tuple[float, ...] = (4.0, 2.0)
     last_scales: tuple[float, ...] = (2.0,)
@@ -140,7 +141,7 @@ class OmniCalibrationSettings:
     min_kept_ratio: float = 0.5  #: of the frames with enough points, those that must agree in the end
     #: lines and arcs that must be seen without walls and without a start: a circle and a line across it have no size
     min_features: int = 4
-    #: a line is seen if so many points lie on it, and this part of all that agree
+    #: smallest number of points on a line that counts as seen, and their smallest ratio among all that agree
     min_feature_points: int = 12
     min_feature_ratio: float = 0.02
     #: those of a single frame without walls: each line tells two numbers, where its ends are painted. Unknown are nine:
@@ -164,9 +165,9 @@ class OmniCalibrationSettings:
     #: without walls: a look by the camera found must put the robot this near to where the fit does, in its radii
     max_confirmed_radii: float = 1.0
     max_cost: float = 0.75  #: a first fit with a higher cost (0 to 1) explains next to nothing
-    #: other first fits are followed up to the end if their cost is at most so many times the best one's
+    #: largest cost of another first fit that is followed to the end, relative to the best one's
     max_doubtful_ratio: float = 1.5
-    #: another camera is a rival if its cost is at most so many times the best one's, plus this
+    #: largest cost of a rival camera: factor of the best one's, and an offset
     max_rival_ratio: float = 1.15
     rival_excess: float = 0.02
     #: a rival's centre lies this far away (of the image's smaller side), or its curve (relative)

@@ -44,7 +44,7 @@ class MapperSettings:
     #: moments whose poses and landmarks are adjusted together, and after how many moments
     window: int = 12
     refine_every: int = 4
-    #: a loop closes where so many landmarks are in view again after so many moments out of view
+    #: a loop closes when this many landmarks come into view again after this many moments out of view
     away_frames: int = 30
     min_returned: int = 12
     #: landmarks no farther apart, with descriptors (unit vectors) no more different, may be one

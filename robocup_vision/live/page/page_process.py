@@ -23,7 +23,7 @@ from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.saving import save_from
 from robocup_vision.live.page.server import PageServer
 
-# so much later in the queue for a processor than the robot's loop
+# nice value: the robot's loop goes first
 _NICENESS = 5
 _MADE_S = 1.0
 # how often moments are looked for, and how often when none is to be expected: one has just come, or none for long

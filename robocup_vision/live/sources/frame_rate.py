@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-# over so many seconds the rate is measured
+# window of the measurement, seconds
 _WINDOW_S = 2.0
 # a camera's rate varies with the light by less than this factor; a lost half of the frames is more
 _CHANGED = 1.5

@@ -16,10 +16,10 @@ from robocup_vision.live.sources.frame_rate import FrameRate
 from robocup_vision.live.sources.source import PlacingSource, Source, SourceFrame
 from robocup_vision.vision import Vision
 
-# a source that gives nothing for so long stalls
+# a source without a frame for this time has stalled
 _STALL_S = 1.5
 _READ_S = 0.2
-# a robot's memory and colours are warm after so much of a recording
+# length of a recording after which a robot's memory and colours have settled
 _WARM_UP_S = 2.0
 # a clock that is further behind than this is set anew: a slow machine then shows all frames, slower
 _BEHIND_S = 0.5

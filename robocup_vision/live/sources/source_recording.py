@@ -13,7 +13,7 @@ from robocup_vision.live.sources.source import Source, SourceFrame
 from robocup_vision.recording.recorder import Recorder, RecorderSettings
 from robocup_vision.view import View
 
-# a source that gives nothing for so long is asked whether something is wrong
+# a source without a frame for this time is asked whether something is wrong
 _PATIENCE_S = 0.5
 
 

@@ -36,8 +36,8 @@ class LearnedBallSettings:
     #: a sighting with less is no ball: of thirty balls told in photographs of an event that was not learnt from one at
     #: most is none
     min_nats: float = 2.0
-    again_nats: float = 1.0  #: it may be so much less near a ball that has been seen: balls stay
-    max_balls: int = 8  #: told at most
+    again_nats: float = 1.0  #: reduction of the threshold near a ball that was seen: balls stay
+    max_balls: int = 8  #: largest number of balls that are reported
     #: the whole frame is searched once in so long, a part each look, and for so long near what was last seen then: less
     #: than half a second, in which a robot is to know of a ball that comes into view. Frames without a time, or farther
     #: apart, are searched whole.

@@ -31,13 +31,13 @@ CROP_RADIUS_PX, CROP_PX = 6.0, 32
 SIZE_STEP = 1.65
 # sizes of the smallest and the largest ball that is looked for, in steps from STRIP_RADIUS_PX
 _FIRST_SIZE, _LAST_SIZE = -1, 5
-# radii are told for every so many columns and rows: far balls lie in a strip of some ten rows
+# columns and rows between radii that are computed: far balls lie in a strip of about ten rows
 _GRID_PX = 16, 4
-# so much of a step may a size be off in a strip: neighbours overlap a little
+# largest error of a size in a strip, in steps: neighbouring strips overlap a little
 _SIZE_SLACK = 0.55
-# a tile is so many answers wide at most: wider ones show more beside the bent strip, narrower ones more rim
+# largest width of a tile, in answers: wider ones show more beside the curved strip, narrower ones more rim
 _TILE_ANSWERS = 12
-# a ball moves by so many of its radii from one look to the next, where it is looked for near its last place
+# search radius about a ball's last place, in its radii
 _MOVES_RADII = 5.0
 # the first network's answers are looked at closer from here on, so many at most; apart by so many radii
 FIRST_NATS, MAX_PLACES, _APART_RADII = 1.0, 10, 0.8

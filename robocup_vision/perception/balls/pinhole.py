@@ -18,9 +18,9 @@ from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.balls.search import BallSearch, SearchMemory
 from robocup_vision.perception.floor_view import FloorView
 
-# so many half sizes around a ball its shadow is taken for its own; and so many above its middle, as sizes are not exact
+# a ball's shadow lies within this many half sizes of it, and what hides behind it within this many above its middle
 _SHADOW_RATIO, _BEHIND_RATIO = 1.5, 1.15
-# seen from so far below the picture, rays up it are all but parallel, and circles are rows
+# from this far below the picture, rays up it are nearly parallel, and circles are rows
 _FAR_BELOW_PX = 20_000
 
 

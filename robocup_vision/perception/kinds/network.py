@@ -23,9 +23,9 @@ from robocup_vision.perception.networks import Shrunk, read_network
 Kind = Literal["robot", "person"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
-# width and height of what the network sees, in pixels of so many metres, and on which row from below the foot is
+# width and height of the network's input, metres of one pixel, and the foot's row counted from below
 SEEN_PX, PIXEL_M, FOOT_PX = (36, 48), 0.036, 4
-# where the frame shows a picture's pixels is worked out for about one in so many columns and rows
+# columns and rows between exactly projected pixels; those between are interpolated
 _GRID_PX = 4
 
 
@@ -96,7 +96,7 @@ def log_odds(answers: FloatArray) -> FloatArray:
 
 # a kind is told from here on: of twenty told in photographs of an event that was not learnt from, one at most is wrong
 MIN_NATS = 3.0
-# farther away a thing is too few pixels: none so far was learnt from
+# farther away an obstacle has too few pixels, and none was in the training set
 MAX_RANGE_M = 8.0
 
 

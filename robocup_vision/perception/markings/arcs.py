@@ -14,18 +14,18 @@ from robocup_vision.perception.markings.line_pieces import LinePieces
 from robocup_vision.perception.markings.settings import MarkingSettings
 from robocup_vision.perception.markings.straight import fit_line, is_bare, middle_shifts_m, scale_m
 
-# how the camera is held is tried at so many standard deviations from what it says
+# deviations of the camera's attitude that are tried, standard deviations
 _SWAYS = (-1.3, 0.0, 1.3)
 _FIT_STEPS = 8
 # before this step the circle is known well enough to tell how perspective moves its middle
 _MIDDLE_STEP = 5
-# how a circle bends in the picture is told over so much of a turn either way
+# half the arc over which a circle's curvature in the picture is measured
 _BEND_RAD = 0.05
-# an arc's extent is counted in so many parts of a turn
+# parts of a turn in which an arc's extent is counted
 _PARTS = 36
-# so many pieces, evenly among all, propose a centre on either side
+# largest number of pieces, evenly spread, that propose a centre on either side
 _MAX_VOTERS = 60
-# a proposal gathers points within so many gates
+# width of a proposal, in gates
 _WIDE = 3.0
 
 

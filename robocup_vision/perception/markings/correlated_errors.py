@@ -118,7 +118,7 @@ def _tilted(camera: OmniCamera, error: FloatArray) -> OmniCamera:
     return replace(camera, viewpoint_height_m=camera.height_m, tilt_rad=(x + about_x, y + about_y))
 
 
-# points in one square of the picture, so many pixels wide, err alike
+# width of a square of the picture whose points have correlated errors
 _SQUARE_PX = 24.0
 # stripes of fewer points tell nothing
 _MIN_POINTS = 4

@@ -15,11 +15,11 @@ from robocup_vision.perception.markings.marking import Crossing, CrossingKind
 from robocup_vision.perception.markings.settings import MarkingSettings
 from robocup_vision.perception.markings.straight import Straight, is_bare, marked_at
 
-# an arm is looked at from so many line widths and pixels off the crossing's centre, and as far again
+# an arm is sampled from this distance off the crossing's centre (line widths, pixels) to a multiple of it
 _ARM_WIDTHS, _ARM_PX = 2.0, 6.0
 _ARM_ENDS = 3.0
 _SAMPLES = 12
-# of its samples so many show line, or carpet, where it is one
+# smallest ratio of an arm's samples that show line, or carpet where it ends
 _ARM_SHARE = 0.6
 
 

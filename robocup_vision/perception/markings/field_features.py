@@ -24,7 +24,7 @@ from robocup_vision.perception.markings.marking import (
 
 _SAME_M = 1e-6
 _KINDS: dict[int, CrossingKind] = {2: "L", 3: "T", 4: "X"}
-# a measured stretch may go on beyond its line by so much: corners are wide
+# largest overhang of a measured stretch beyond its line: corners are wide
 _BEYOND_M = 0.2
 
 

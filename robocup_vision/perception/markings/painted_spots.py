@@ -15,7 +15,7 @@ from robocup_vision.perception.markings.correlated_errors import FloorErrors
 from robocup_vision.perception.markings.marking import PenaltyMark
 from robocup_vision.perception.markings.settings import MarkingSettings
 
-# bare carpet ends so many pixels before whatever lies on it
+# margin of bare carpet before what lies on it
 _BARE_MARGIN_PX = 4
 # points of a mark's outline
 _OUTLINE = np.linspace(0.0, math.tau, 17)[:-1]

@@ -17,13 +17,13 @@ from robocup_vision.perception.line_points import FloorCamera, LinePoints
 from robocup_vision.perception.markings.line_pieces import LinePieces
 from robocup_vision.perception.markings.settings import MarkingSettings
 
-# each piece proposes a line with one other about so far away in the picture
+# distances in the picture at which each piece looks for a partner to propose a line
 _PAIRS_PX = (20.0, 60.0, 180.0)
 _MAX_LINES = 40
 _FIT_STEPS = 2
-# proposals that share so much of their pieces are the same
+# proposals with at least this ratio of pieces in common are the same
 _ALIKE_SHARE = 0.8
-# points within so many pixels along a line leave no gap in it
+# largest distance of neighbouring points along a line without a gap
 _GAP_PX = 8.0
 _COVER_PX = 6.0
 

@@ -41,7 +41,7 @@ class PassageSettings:
     way_m: float = 1.5
     max_s: float = 30.0  #: a drive that takes longer is given up, and counts as blocked
     plan_every: int = 3  #: commands between two plans of the speed
-    #: the width's distribution is divided into so many cells over so many standard deviations to either side
+    #: number of cells of the width's distribution, and the standard deviations that they cover to either side
     cells: int = 61
     spread_sigmas: float = 3.5
     #: gaps that are considered after one has turned out blocked. Each is reached only if all before are blocked, so

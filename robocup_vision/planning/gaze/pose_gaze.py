@@ -114,7 +114,7 @@ class PoseGazeSettings:
     as_good_ratio: float = 0.02
     min_landmarks: float = 0.5  #: expected landmarks in view from which a pan is worth planning
     max_misses: int = 2  #: frames in a row without a pose, taken at the planned pan, after which the head sweeps
-    arrived_rad: float = 0.15  #: so near to the planned pan, a frame counts as taken there
+    arrived_rad: float = 0.15  #: largest difference from the planned pan at which a frame counts as taken there
 
     def __post_init__(self) -> None:
         if self.criterion not in ("position", "volume"):

@@ -39,7 +39,7 @@ class SelectiveLookSettings:
     #: looks after which a place that is still undecided is left until the robot is elsewhere: the same view again adds
     #: little
     max_looks: int = 2
-    elsewhere_m: float = 0.3  #: so far from where it looked the robot has another view
+    elsewhere_m: float = 0.3  #: distance from its last look at which the robot has another view
 
     def __post_init__(self) -> None:
         for name in ("unsure_cost", "switch_ratio", "elsewhere_m"):

@@ -21,7 +21,7 @@ from robocup_vision.messages.poses import place_of
 from robocup_vision.messages.types import to_seconds
 from robocup_vision.recording.bags.bag import Bag
 
-# a message may wait for so long before it is logged
+# longest delay of a message before it is logged
 _MAX_DELAY_S = 10.0
 # a clock of another rate, such as a slow simulator's, drifts away from that of the log: in median absolute deviations
 _MAX_DRIFT = 20.0
@@ -91,7 +91,7 @@ def stamp_s(message: Any) -> float:
     return math.nan if isinstance(message, PacketError) else to_seconds(message.header.stamp)
 
 
-# what is logged together may be logged so far apart
+# largest difference of times that count as logged together
 _TOGETHER_S = 0.5
 
 
