@@ -17,7 +17,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, in_degrees
 
-# no field and no robot's step is longer: what is farther is in millimetres
+# no field and no robot's step is longer: a larger value is in millimetres
 _MAX_AWAY_M = 100.0
 # thirty thousand years: what is larger counts milliseconds or nanoseconds, or nothing
 _MAX_TIME_S = 1e12

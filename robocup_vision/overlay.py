@@ -79,7 +79,7 @@ def draw(
     Raises
     ------
     ArgumentError
-        If the view or the frame is none, or `out` cannot be drawn on.
+        If the view or the frame has the wrong type, or `out` cannot be drawn on.
     """
     if not isinstance(view, View) or not isinstance(vision, Vision):
         kinds = ", ".join(type(value).__name__ for value in (view, frame, vision))
@@ -187,7 +187,7 @@ def _scale_of(out: Frame, width: int, height: int) -> int:
     Raises
     ------
     ArgumentError
-        If it is no whole number, or the picture is none that can be drawn on.
+        If it is no whole number, or the picture cannot be drawn on.
     """
     if not isinstance(out, np.ndarray) or out.dtype != np.uint8 or out.ndim != 3:
         raise ArgumentError(f"out must be a (s H, s W, 3) uint8 array, got {type(out).__name__}")

@@ -145,7 +145,7 @@ class View:
     def obstacles(self) -> tuple[Obstacle, ...]:
         """One for each thing that stands on the floor and is no part of the field, the nearest first.
 
-        See `ObstacleFinder`. Worked out when asked; so is the kind of each.
+        See `ObstacleFinder`. Computed when asked for; so is the kind of each.
         """
         # the largest is found several at a time, unlike any
         if self.polar is None or self.obstacle_finder is None or not (self.marks.size and self.marks.max()):
@@ -179,7 +179,7 @@ class View:
             return self
         other = copy(self)
         vars(other)["marking_source"] = MarkingSource.of(source.finder, frame, source.camera, source.held_covariance)
-        # their kinds are told by the frame
+        # their kinds are classified in the frame
         vars(other).pop("obstacles", None)
         return other
 
@@ -210,7 +210,7 @@ class RigView(View):
     #: of each camera, in the rig's order and at its frame's time. Its pose is the body's, its `measurement` what this
     #: camera measured. Without a frame it is `NotLocated`.
     views: tuple[View, ...] = ()
-    motions: tuple[Pose2, ...] = ()  #: how the body has moved from each frame to `t_s`, in its frame of then
+    motions: tuple[Pose2, ...] = ()  #: motion of the body from each frame to `t_s`, in its frame at that time
     robot_radius_m: float = 0.0  #: of a robot on this field
 
     def of_camera(self, number: int) -> View:

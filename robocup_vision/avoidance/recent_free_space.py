@@ -41,7 +41,7 @@ class SteadyFreeSpace:
         free_space : FreeSpace
             Of the newest frame; at the same bearings each time.
         motion : Pose2
-            Motion since the frame before, in the robot's frame of then.
+            Motion since the frame before, in the robot's frame at that time.
         """
         carried = tuple(carry_free_space(before, motion) for before in self._last)
         self._last = (free_space, *carried[:1])
@@ -61,7 +61,7 @@ def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
     free_space : FreeSpace
         At evenly spaced bearings, all around or over a narrower view; what comes into that is not free.
     motion : Pose2
-        Motion since its frame, in the robot's frame of then.
+        Motion since its frame, in the robot's frame at that time.
     """
     if math.hypot(motion.x_m, motion.y_m) < 1e-3 and abs(motion.theta_rad) < 1e-3:
         return free_space
@@ -184,7 +184,7 @@ class RecentFreeSpace:
         free_space : FreeSpace
             Of the newest frame: bearings (J,) over what is in view, and ranges, robot frame.
         motion : Pose2
-            Motion since the frame before, in the robot's frame of then.
+            Motion since the frame before, in the robot's frame at that time.
         t_s : float
             When the newest frame was taken, seconds.
 

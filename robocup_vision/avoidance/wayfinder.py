@@ -167,7 +167,7 @@ class Wayfinder:
         free_space : FreeRanges
             Free ranges (J,), metres, at evenly spaced bearings, robot frame.
         motion : Pose2
-            Motion since the view before, in the robot's frame of then.
+            Motion since the previous view, in the robot's frame at that view.
 
         Raises
         ------

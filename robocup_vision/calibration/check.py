@@ -180,7 +180,7 @@ def _other_size(dataset: Dataset, images: list[tuple[str, UInt8Array | FrameErro
         return []
     pictures = []
     for name, _ in images:
-        # what cannot be read at all is told with its size
+        # files that cannot be read are reported with their size
         with suppress(FrameError):
             pictures.append(Picture(name, read_image(dataset.path / name)))
     if not pictures or len({picture.frame.shape for picture in pictures}) > 1:

@@ -206,7 +206,7 @@ class PinholeCamera:
 
     def with_orientation(self, pan_rad: float | None, tilt_rad: float | None, roll_rad: float | None) -> PinholeCamera:
         """Return this camera as the neck holds it now; None: unknown."""
-        # once or more a frame: what is checked, and what is worked out of the lens, stays as it is
+        # called once or more a frame: checks and tables of the lens are kept
         other = object.__new__(type(self))
         vars(other).update(vars(self), pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
         vars(other).pop("camera_to_robot", None)

@@ -40,7 +40,7 @@ def compile_wheel(wheel: str | Path, jobs: int) -> Path:
     Raises
     ------
     FileError
-        If the wheel cannot be read, is none of this library's for any machine, or the new one cannot be written.
+        If the wheel cannot be read, is not this library's wheel for any machine, or the new one cannot be written.
     RobocupVisionError
         If its loops cannot be compiled, or the package ``wheel`` is not installed.
     """

@@ -31,7 +31,7 @@ KIND_OF_BOX: Final[dict[str, Kind]] = {"robot": "robot", "person": "person", "hu
 class Detection(NamedTuple):
     """A box with what was told of it, or what was told where no box is."""
 
-    kind: str  #: of the box; where there is none, of what was told: "ball" or "obstacle"
+    kind: str  #: of the box; without a box, of the detection: "ball" or "obstacle"
     #: its xmin, ymin, xmax, ymax, pixels; None: something was told that is not there
     box: tuple[float, float, float, float] | None
     place_px: tuple[float, float] | None = None  #: where it was told; None: the box was missed
@@ -151,7 +151,7 @@ class KindFigures:
     #: how many boxes there are, and how many of them were found
     boxes: int
     found: int
-    #: how many things of this kind were told; None of a kind that is told as an obstacle, such as a robot
+    #: number of detections of this kind; None of a kind that is detected as an obstacle, such as a robot
     told: int | None
     #: found of all boxes, and hits of all that was told, 0 to 1
     recall: float | None

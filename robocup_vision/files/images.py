@@ -121,7 +121,7 @@ def orientation_note(folder: Path, names: Iterable[str]) -> tuple[str, ...]:
         try:
             with (folder / name).open("rb") as stream, Image.open(stream) as image:
                 found = image.getexif().get(_EXIF_ORIENTATION, _UPRIGHT)
-        except Exception:  # what is no image is told when it is read
+        except Exception:  # a file that is no image is refused when it is read
             continue
         if found != _UPRIGHT:
             return (f"{name} has the EXIF orientation {found}, which is not applied: pixels are taken as stored",)

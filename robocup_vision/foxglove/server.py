@@ -36,7 +36,7 @@ class FoxgloveServer(Closing):
     host : str
         Address it listens on; default: this machine alone.
     settings : TopicSettings
-        What is told; frames as JPEG by default.
+        Topics that are sent; frames as JPEG by default.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from typing import Any
 from field_models.errors import PacketError
 from robocup_vision.geometry import Pose2
 
-# a quaternion shorter than this is none; one of another length than 1 tells its direction all the same
+# a quaternion shorter than this is no rotation; others are normalised
 _MIN_NORM = 1e-3
 
 

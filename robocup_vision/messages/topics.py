@@ -83,7 +83,7 @@ class FrameNames:
 
 @dataclass(frozen=True, slots=True)
 class TopicSettings:
-    """What is told, and where.
+    """What is sent, and on which topics.
 
     Parameters
     ----------
@@ -94,11 +94,11 @@ class TopicSettings:
     image_format : {"raw", "png", "jpeg"} or None
         How frames are sent; None: they are not.
     camera_transform : bool
-        Whether the camera's place on the robot is told.
+        Whether the camera's place on the robot is sent.
     map_period_s : float
         The map is sent no oftener than this: it is large, and changes slowly.
     markings : bool
-        Whether markings and goal posts are told: finding them takes longer than the rest of a look.
+        Whether markings and goal posts are sent: finding them takes longer than the rest of a look.
     """
 
     prefix: str = ""
@@ -119,7 +119,7 @@ class Topics:
     camera : OmniCamera or PinholeCamera
         The robot's.
     settings : TopicSettings
-        What is told, and where.
+        What is sent, and on which topics.
     """
 
     def __init__(

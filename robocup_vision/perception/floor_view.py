@@ -32,7 +32,7 @@ _STEEPEST = 8.0
 _EMPTY_ROWS = 3
 # places around a fisheye's rim
 _AROUND = 1024
-# pixels between those by which it is told what a mask leaves in view
+# step in pixels of the test of what a mask leaves in view
 _MASK_STEP = 4
 # bearings at which it is looked at one time for the end of what is in view
 _STEPS_AT_ONCE = 64
@@ -86,7 +86,7 @@ class FloorView:
 
         At another tilt and roll the same places on the floor are found in the frame by the homography of a turn about
         the viewpoint; places that the turn moves out of the frame show its rim. At another pan they lie elsewhere about
-        the robot, and at the same places in the frame. Nothing else is worked out again.
+        the robot, and at the same places in the frame. Nothing else is computed again.
 
         Parameters
         ----------

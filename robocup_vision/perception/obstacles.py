@@ -127,7 +127,7 @@ class ObstacleFinder:
             Where each bearing's floor ends, as `view.radius_px`, NaN where not known: a foot that near is measured by
             it. Others lie between the last sample of floor and the first that is blocked.
         thumbnail : (h, w, 3) uint8, optional
-            `hues.thumbnail_of` the frame: hues are told by it.
+            `hues.thumbnail_of` the frame, by which hues are measured.
         """
         eye_m, used, step_rad = float(view.camera.viewpoint_m[2]), view.columns_in_use, view.row_step_rad
         columns = np.empty(view.bearings, dtype=np.int64)

@@ -32,12 +32,12 @@ _PLACES = np.linspace(0.0, 1.0, 9)
 class ChannelOrderSettings:
     """How what frames show of the order of their channels is weighed; nats speak for swapped red and blue."""
 
-    #: log-likelihood ratio of a ball up to which other things of its colour reach: a find as likely tells nothing
+    #: log-likelihood ratio that other objects of a ball's colour reach: a find with less is no evidence
     clutter_nats: float = 8.5
     #: evidence of one ball in one place, and of the goals in one frame, either way: it may be a thing that only looks
     #: so, and is no more proof however clear and however often it is seen
     max_nats: float = 3.0
-    told_nats: float = math.log(1000.0)  #: sum from which swapped channels are told: 1000 to 1
+    told_nats: float = math.log(1000.0)  #: sum from which swapped channels are reported: 1000 to 1
     #: evidence of the goals of one frame, or of all frames, from which goals do not decide on the half: 3 to 1
     doubt_nats: float = math.log(3.0)
     #: the sum reaches no farther either way, so that no run is decided for ever by its first frames
@@ -135,7 +135,7 @@ class ChannelOrder:
         own = swapped = 0.0
         if pose:
             own = self._ball_nats(find_own(), pose.pose, is_swapped=False)
-            # where the ball is clearly seen, another find tells nothing
+            # where the ball is clearly seen, another find is no evidence
             if own < settings.max_nats:
                 swapped = self._ball_nats(find_swapped(), pose.pose, is_swapped=True)
         nats = goals + swapped - own
@@ -146,7 +146,7 @@ class ChannelOrder:
     def _ball_nats(self, balls: Sequence[Ball], robot: Pose2, *, is_swapped: bool) -> float:
         """Return how clearly one of them is a ball in a place where none was seen yet, nats; 0 where none is.
 
-        What lies beside the field, or is explained by a thing of the field, is none.
+        What lies beside the field, or is explained by an element of the field, is not a ball.
         """
         settings = self.settings
         things = self._swapped_things if is_swapped else self._own_things

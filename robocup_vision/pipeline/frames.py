@@ -197,7 +197,7 @@ class FramePipeline:
     def _unless_swapped(self, pose: PoseEstimate | NotLocated) -> PoseEstimate | NotLocated:
         """Return what of a pose holds if red and blue are swapped, where the colours of goals or beacons give the half.
 
-        No pose where that is told; both halves where it is suspected.
+        No pose where swapping is reported; both halves where it is suspected.
         """
         if not pose or not self.field.shows_half:
             return pose

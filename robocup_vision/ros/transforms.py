@@ -134,7 +134,7 @@ class HeadJoints:
     Parameters
     ----------
     pan, tilt : str
-        Names of the joints; empty: there is none. Of a name after ``-`` the position counts the other way.
+        Names of the joints; empty: no such joint. A name after ``-`` counts the other way.
     at_zero : PinholeCamera
         The camera with its joints at 0; they add to its pan and tilt.
     """

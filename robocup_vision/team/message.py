@@ -41,7 +41,7 @@ class BallSighting:
     Raises
     ------
     ArgumentError
-        If a number is not finite, or the covariance is none.
+        If a number is not finite, or the covariance is not positive definite.
     """
 
     t_s: float  #: when, seconds

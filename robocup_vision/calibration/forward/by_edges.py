@@ -179,7 +179,7 @@ def _find(finder: EdgeFinder, frame: UInt8Array, near: Pose2 | None) -> tuple[fl
         return None
     tilt, roll, height, _ = answer.camera_unknowns
     pose = answer.estimate.pose
-    # how the picture alone is focused is told by its height: the joint fit asks all of them
+    # one picture determines the focal length by the camera's height; the joint fit uses all of them
     held = np.array([pose.x_m, pose.y_m, pose.theta_rad, tilt, roll, height, 0.0])
     probability = 1.0 / (1.0 + math.exp(-log_weight(answer.evidence, finder.settings.candidates)))
     return probability, Sighting(frame, held, follower.painted_edges)

@@ -27,7 +27,7 @@ from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
 
-# of the logarithm of the lines' width: a tape measure's; where it is known better than it differs, it is told
+# standard deviation of the logarithm of the lines' width: a tape measure's
 _SAME_WIDTH = 0.03
 
 
@@ -80,7 +80,7 @@ def calibrate_forward(
     camera = start if isinstance(start, PinholeCamera) else None
     is_tilt_known = start.tilt_rad is not None
     results: list[ForwardCalibration | NotCalibrated] = []
-    # where goals show the half, no tilt is told without one
+    # where goals show the half, a pose is needed to determine the tilt
     is_fisheye = isinstance(start, FisheyeCamera) or (isinstance(start, KnownOfCamera) and start.model == "fisheye")
     if is_tilt_known or is_fisheye or not field.shows_half:
         rim = dark_rim(list(frames.values())) if is_fisheye else None

@@ -52,7 +52,7 @@ def confirmed(
     list of Sighting
         Those in whose frames the robot finds itself where the fit puts it, with the fit's poses.
     dict of int to str
-        Why each other frame, by its index, is none of them.
+        Why each other frame, by its index, was not confirmed.
     """
     observer = Observer(field, fit.model.written(fit.vector), mask, locate=True, settings=settings.points)
     max_m = settings.max_confirmed_radii * field.robot_radius_m

@@ -42,7 +42,7 @@ class Residuals:
 class Evidence:
     """Log-likelihood of the camera's parameters, as a Gaussian in information form, by one frame."""
 
-    linearised_at: FloatArray  #: (G,) float64: where it was worked out
+    linearised_at: FloatArray  #: (G,) float64: where it was linearised
     information: FloatArray  #: (G, G) float64: may be singular
     gradient: FloatArray  #: (G,) float64: of the log-likelihood there
 
@@ -92,7 +92,7 @@ def gauss_newton_step(
     information, gradient
         Of `normal_equations`.
     before : (G, G), (G,) float64
-        Information on the camera's parameters before the frame, and its gradient where the points were worked out.
+        Information on the camera's parameters before the frame, and its gradient where the points were linearised.
     own : (F,), (F,) float64
         Precision of the frame's own unknowns under their prior, and its gradient there.
 
@@ -126,7 +126,7 @@ def marginal(
     size : int
         Number G of the camera's parameters.
     own, own_gradient : (F,) float64
-        Precision of the frame's own unknowns under their prior, and its gradient where the points were worked out.
+        Precision of the frame's own unknowns under their prior, and its gradient where the points were linearised.
 
     Returns
     -------

@@ -38,7 +38,7 @@ class ParameterFilterSettings:
         Of the frames, those that are taken for something that they are not: a single frame counts for no more than
         that against the parameters.
     alike_s : float
-        Frames err alike for so long, as they show the same edges: together they count as one against the parameters.
+        Correlation time of the frames' errors: they show the same edges, and count as one against the parameters.
     moments, moment_s : int, float
         How many moments are carried along at which the camera may have been moved, the likeliest, and the time between
         them.

@@ -165,7 +165,7 @@ class RigEvidence:
         off = np.zeros(len(own))
         off[_HELD : _HELD + _POSE] = expected.array - place.array
         off[_HELD + _POSE - 1] = wrap_angle(expected.theta_rad - place.theta_rad)
-        # the edges were worked out where this frame's fit had the sway
+        # the edges were linearised at the sway of this frame's fit
         off[_HELD + _POSE :] = terms.slope[_POSE:] / terms.own[_POSE:]
         information = terms.information[np.ix_(own, own)]
         gradient = terms.gradient[own] - information @ off

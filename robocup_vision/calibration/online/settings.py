@@ -86,7 +86,7 @@ class OnlineSettings:
     #: another: a camera file that is far off locates nothing, and teaches nothing
     lost_s: float = 0.5
     tries: tuple[float, ...] = (1.5, -1.5, 2.5, -2.5)  #: these, in standard deviations of one parameter at a time
-    min_try_px: float = 1.5  #: a try that moves the floor's image by less is none
+    min_try_px: float = 1.5  #: smallest motion of the floor's image by a try
     mirror: MirrorCalibrationSettings = MirrorCalibrationSettings()  #: of mirror cameras
     pinhole: PinholeCalibrationSettings = PinholeCalibrationSettings()  #: of pinhole cameras
     filter: ParameterFilterSettings = ParameterFilterSettings()  #: of the estimate over time

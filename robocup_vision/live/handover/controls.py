@@ -8,7 +8,7 @@ from typing import IO, Any
 
 from field_models.errors import ArgumentError
 
-# what a run may offer, and what a page is told where it does not
+# what a run may offer, and the refusal that a page gets otherwise
 _REFUSALS = {
     "pause": "this source cannot be paused: it goes on by itself",
     "seek": "this source cannot go to a time",

@@ -26,7 +26,7 @@ from robocup_vision.live.page.server import PageServer
 # nice value: the robot's loop goes first
 _NICENESS = 5
 _MADE_S = 1.0
-# how often moments are looked for, and how often when none is to be expected: one has just come, or none for long
+# periods of looking for moments: normal, and when none is expected (one has just come, or none for long)
 _LOOK_S, _LOOK_SELDOM_S, _SILENT_S = 0.008, 0.03, 1.0
 # of the time between the last two moments, so much passes before the next is to be expected
 _EXPECTED_RATIO = 0.6

@@ -43,7 +43,7 @@ _POLICY = (
 )
 # pages at a time, and messages in a row that cannot be read, before a page is sent away
 MAX_PAGES, MAX_BAD_MESSAGES = 8, 10
-# a page that is not told of anything new is told so, so that it can tell a silent source from a lost connection
+# a page gets a sign of life when nothing is new, so that it can tell a silent source from a lost connection
 _SIGN_OF_LIFE_S = 1.0
 # codes of the WebSocket protocol (RFC 6455, 7.4.1): against the rules; try again later
 _AGAINST_RULES, _TRY_LATER = 1008, 1013

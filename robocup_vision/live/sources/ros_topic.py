@@ -151,7 +151,7 @@ def open_topic(text: str, options: SourceOptions) -> TopicSource:
     Raises
     ------
     ArgumentError
-        If the text is none of these.
+        If the text is not one of these.
     RobocupVisionError
         As `TopicSource`.
     """

@@ -80,7 +80,7 @@ class SourceOptions:
     colors : str or None
         Colour file.
     method : str or None
-        How the pose is told.
+        The method of the pose.
     memory : bool
         Join what the frames show.
     """

@@ -264,7 +264,7 @@ class PoseFilter:
         return PoseEstimate(best.pose, best.covariance, 1.0, 0.0)
 
     def motion_since(self, t_s: float) -> Pose2 | None:
-        """Return the motion from a time to the present, in the robot's frame of then; None before the history."""
+        """Return the motion from a time to the present, in the robot's frame at that time; None before the history."""
         if not math.isfinite(t_s):
             return None
         if not self._moments:

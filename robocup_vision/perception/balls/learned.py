@@ -111,7 +111,7 @@ class LearnedBallFinder:
     def _look(self, frame: UInt8Array, places: BallPlaces, share: float) -> list[Sighting]:
         """Look at the whole frame, or at the part of it that is next and where balls are expected.
 
-        What is seen may be less sure than a ball that is told.
+        A sighting may be less certain than a ball that is reported.
         """
         strips = places.strips
         if share >= 1.0:

@@ -23,7 +23,7 @@ class MirrorBallFinder(BallSearch):
     Parameters
     ----------
     field : Field
-        Gives the ball's size and colour; a white ball cannot be told from lines.
+        Gives the ball's size and colour; a white ball cannot be distinguished from lines.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     """
@@ -100,7 +100,7 @@ class MirrorBallFinder(BallSearch):
         ends = ~np.isfinite(near) & (depression + half < math.pi / 2)
         along = np.where(ends, far - radius, along)
         across = radius * np.sin(half) / np.cos(depression)
-        # a ball that reaches over the axis has no near side: it is none that could lie there
+        # a ball that reaches over the axis has no near side, and cannot lie there
         usable = (radius >= inner) & (radius <= outer) & (q > 0) & (along > 0)
         return np.where(usable, along, 0.0), np.where(usable, across, 0.0)
 

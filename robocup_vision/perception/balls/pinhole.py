@@ -30,7 +30,7 @@ class PinholeBallFinder(BallSearch):
     Parameters
     ----------
     field : Field
-        Gives the ball's size and colour; a white ball cannot be told from lines.
+        Gives the ball's size and colour; a white ball cannot be distinguished from lines.
     camera : PinholeCamera
         With a known tilt.
     mask : (H, W) uint8, optional

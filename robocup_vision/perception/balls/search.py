@@ -23,7 +23,7 @@ from robocup_vision.perception.balls.ball import Ball, BallSettings
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_color import PaintColor
 
-# a ball whose logarithms of R/G and B/G change by less is not told from one with red and blue swapped
+# a ball whose logarithms of R/G and B/G change by less cannot be distinguished from one with red and blue swapped
 _MIN_SWAP_DISTANCE = 0.5
 # a polar sample is the mean of 3 x 3 pixels
 _RAW_NOISE = 3.0

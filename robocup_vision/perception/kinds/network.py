@@ -94,7 +94,7 @@ def log_odds(answers: FloatArray) -> FloatArray:
     return np.asarray(answers[:, : len(KINDS)] - np.stack(rest, axis=1))
 
 
-# a kind is told from here on: of twenty told in photographs of an event that was not learnt from, one at most is wrong
+# smallest probability of a reported kind: at most one in twenty was wrong in photographs of an unseen event
 MIN_NATS = 3.0
 # farther away an obstacle has too few pixels, and none was in the training set
 MAX_RANGE_M = 8.0

@@ -28,7 +28,7 @@ class MarkingSettings:
     min_along: float = 0.5  #: share of a segment's points in pieces that lie along it
     #: smallest ratio of bare carpet in a gap of a line; with less, something stands before it
     bare_share: float = 0.5
-    #: a line is told where its points are so much more likely by it than by an arc as curved as the field's
+    #: smallest log-likelihood ratio of a line against an arc as curved as the field's
     straight_nats: float = 4.0
     min_arc_rad: float = math.radians(70.0)  #: smallest visible part of a circle
     max_arc_px: float = 0.35  #: largest noise of points about a circle: lines that resemble one have more

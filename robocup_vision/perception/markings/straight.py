@@ -75,7 +75,7 @@ def find_straight(
     Parameters
     ----------
     radii_m : (R,) float64
-        Of the field's arcs: a stretch that may be part of one is none.
+        Of the field's arcs: a stretch that may be part of one is left out.
 
     Returns
     -------

@@ -81,7 +81,7 @@ def dataset_of_bag(plain: StreamDataset, bag: Bag, topics: BagTopics) -> StreamD
         )
     order = [times_s[index] for index in usable]
     notes += order_note(f"{where} {image_topic}", order, [place for place, i in enumerate(usable) if i in set(kept)])
-    # where time went back, what was logged after it tells nothing of the frames before
+    # after time went back, messages say nothing of the frames before
     span_s = (images.logged_s[kept[0]], images.logged_s[kept[-1]]) if _goes_back(order) else None
     true_poses, moves = (poses.in_time(by_stamps=not unstamped, logged_within_s=span_s) for poses in (truth, odometry))
     notes += truth.notes(where, "only positions are scored") + odometry.notes(where, "not used")

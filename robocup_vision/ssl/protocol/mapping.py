@@ -90,7 +90,7 @@ def decode(cls: type[T], data: bytes) -> T:
     Raises
     ------
     PacketError
-        If they are no such message, lack a required field, or hold a text that is none.
+        If they are no such message, lack a required field, or hold a text that is not UTF-8.
     """
     value: T = _from_message(cls, parse(_NAMES[cls], data))
     return value
@@ -210,7 +210,7 @@ def _conversion(
 
 
 def _text(value: Any) -> Any:
-    # the runtime hands out the bytes of a text that is none
+    # the runtime returns bytes where a text is not UTF-8
     if isinstance(value, bytes):
         raise PacketError(f"the text {value[:40]!r} is not UTF-8")
     return value
