@@ -37,13 +37,16 @@ def test_lines_are_likeliest_where_they_are(far):
         assert drawing.likelihood(search.colored_model, turned(search.colored_model, truth, turn)) < here - 5
 
 
-def test_a_drawing_settles_where_the_camera_stands(far):
+@pytest.mark.parametrize("turn_rad", [0.03, -0.03])
+def test_a_drawing_settles_where_the_camera_stands(far, turn_rad):
     frame, search, truth = far
     candidate = search.candidates(search.picture(frame))[0][0]
     drawing = LineDrawing(frame, PEN)
-    start = turned(candidate.model, truth, 0.03)
+    start = turned(candidate.model, truth, turn_rad)
     drawn = drawing.settle(candidate.model, candidate.fit.samples.for_fit, start, 0.06, loose=2)
     assert drawn is not None
+    # the value told pays for what the samples give up there
+    assert drawn.likelihood <= drawing.likelihood(candidate.model, drawn.unknowns)
     off = (drawn.unknowns - truth)[:3]
     assert np.hypot(off[0], off[1]) < 0.1
     assert abs(off[HEADING]) < np.radians(1.0)
