@@ -17,6 +17,7 @@ from field_models.field import Field
 from robocup_vision.arguments import as_field, require_kind
 from robocup_vision.belief import Belief, MapPicture, Track
 from robocup_vision.camera import OmniCamera, PinholeCamera
+from robocup_vision.checks import require_not_negative
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -63,8 +64,7 @@ class MemorySettings:
         for name in ("longest_m", "jump_m", "jump_rad"):
             if not getattr(self, name) > 0.0:
                 raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
-        if not 0.0 <= self.mask_margin_m < math.inf:
-            raise ArgumentError(f"mask_margin_m must not be negative, got {self.mask_margin_m!r}")
+        require_not_negative(self, "mask_margin_m")
 
 
 class Memory:

@@ -14,6 +14,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arguments import as_number
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
@@ -130,11 +131,8 @@ class RecentFreeSpaceSettings:
     every_s: float = 0.15  #: views nearer together than this show the same floor: only the newest of them is used
 
     def __post_init__(self) -> None:
-        if self.directions < 3:
-            raise ArgumentError(f"directions must be at least 3, got {self.directions!r}")
-        for name in ("unseen_radii", "max_age_s", "every_s"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
+        require_at_least(self, 3, "directions")
+        require_positive(self, "unseen_radii", "max_age_s", "every_s")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

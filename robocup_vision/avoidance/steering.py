@@ -19,6 +19,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arguments import as_angle, as_number, require_kind
 from robocup_vision.arrays import FloatArray
+from robocup_vision.checks import require_at_least
 from robocup_vision.compiling.loops import plain
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.disc import Disc
@@ -89,25 +90,16 @@ class SteeringSettings:
     return_margin_m: float = 0.05
 
     def __post_init__(self) -> None:
-        for name, least in (
-            ("period_s", 0.0),
-            ("step_m", 1e-4),
-            ("stop_ratio", 1e-3),
-            ("away_rad", 0.0),
-            ("other_side_rad", 0.0),
-            ("max_detour_rad", math.pi),
-            ("obstacle_sigmas", 0.0),
-            ("max_margin_m", 0.0),
-            ("return_margin_m", 0.0),
-        ):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= least):
-                raise ArgumentError(f"{name} must be at least {least:g}, got {value!r}")
+        require_at_least(
+            self, 0.0, "period_s", "away_rad", "other_side_rad", "obstacle_sigmas", "max_margin_m", "return_margin_m"
+        )
+        require_at_least(self, 1e-4, "step_m")
+        require_at_least(self, 1e-3, "stop_ratio")
+        require_at_least(self, math.pi, "max_detour_rad")
         threshold = self.time_threshold_s
         if threshold is not None and not (math.isfinite(threshold) and threshold >= 0.0):
             raise ArgumentError(f"time_threshold_s must be at least 0, got {threshold!r}")
-        if self.directions < 4:
-            raise ArgumentError(f"directions must be at least 4, got {self.directions!r}")
+        require_at_least(self, 4, "directions")
 
 
 def moving_table(

@@ -18,6 +18,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arguments import as_angle, as_number, as_pose
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges
+from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import way_grid
@@ -64,12 +65,8 @@ class WayfinderSettings:
     remembered_ratio: float = 0.995  #: fraction of the tries that is remembered with each new way
 
     def __post_init__(self) -> None:
-        for name in (field.name for field in fields(self) if field.name != "every"):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
-        if self.every < 1:
-            raise ArgumentError(f"every must be at least 1, got {self.every!r}")
+        require_at_least(self, 1, "every")
+        require_positive(self, *(field.name for field in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.checks import require_at_least
 from robocup_vision.kernels.landmarks.fit import most_informative
 from robocup_vision.landmarks.features import PIXEL_STD_PER_SPACING
 from robocup_vision.landmarks.index import pinhole_view
@@ -41,8 +42,7 @@ class Selection:
     def __post_init__(self) -> None:
         if self.choice not in CHOICES:
             raise ArgumentError(f"choice must be one of {', '.join(CHOICES)}, got {self.choice!r}")
-        if self.at_most < 1:
-            raise ArgumentError(f"at_most must be at least 1, got {self.at_most}")
+        require_at_least(self, 1, "at_most")
         if not (self.alpha > 0 and self.beta > 0 and self.gamma > 0):
             raise ArgumentError(f"alpha, beta, gamma must be positive, got {self.alpha}, {self.beta}, {self.gamma}")
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.geometry import Pose2, compose_covariance
 from robocup_vision.kernels.mapping import ego_motion as kernels
 
@@ -59,13 +60,9 @@ class EgoMotionSettings:
                 "profiles must be at least 1, and spacing_s finite and not negative, "
                 f"got {self.profiles}, {self.spacing_s}"
             )
-        for name in ("gate_sigmas", "opening", "mover_m", "mover_mps", "search_sigmas"):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
-        for name, least in (("steps", 1), ("reach", 0), ("candidates", 1), ("search_points", 1)):
-            if getattr(self, name) < least:
-                raise ArgumentError(f"{name} must be at least {least}, got {getattr(self, name)!r}")
+        require_positive(self, "gate_sigmas", "opening", "mover_m", "mover_mps", "search_sigmas")
+        require_at_least(self, 1, "steps", "candidates", "search_points")
+        require_at_least(self, 0, "reach")
         for name in ("min_inlier_ratio", "search_below_ratio"):
             value = getattr(self, name)
             if not 0.0 <= value <= 1.0:

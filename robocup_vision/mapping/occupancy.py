@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import BoolArray, FloatArray, Int8Array, Int32Array, UInt8Array
+from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.mapping import occupancy as kernel
 from robocup_vision.mapping.range_profile import RangeProfile, cones
@@ -49,10 +50,8 @@ class FreeSpaceMapSettings:
     clip: float = 0.02
 
     def __post_init__(self) -> None:
-        if self.cells < 3:
-            raise ArgumentError(f"cells must be at least 3, got {self.cells}")
-        if not 0 < self.cell_m < math.inf:
-            raise ArgumentError(f"cell_m must be positive, got {self.cell_m}")
+        require_at_least(self, 3, "cells")
+        require_positive(self, "cell_m")
         if not 0 < self.clip < self.free_below < 0.5 < self.no_go_above < 1 - self.clip:
             raise ArgumentError(
                 "probabilities must be 0 < clip < free_below < 0.5 < no_go_above < 1 - clip, got "

@@ -10,6 +10,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.checks import require_positive
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.errors import OdometryNoise
 from robocup_vision.mapping.ego_motion import EgoMotion, Motion
@@ -42,10 +43,7 @@ class ViewMotionSettings:
     turn_change_rps: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("edge_std_px", "max_range_m", "velocity_change_mps", "turn_change_rps"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        require_positive(self, "edge_std_px", "max_range_m", "velocity_change_mps", "turn_change_rps")
 
 
 class ViewMotion:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Array, read_only
+from robocup_vision.checks import require_at_least
 from robocup_vision.kernels.floor import free_floor, free_ranges
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
@@ -58,8 +59,7 @@ class FreeSpaceGrid:
     threshold: float = FREE_RATIO  #: the paper's r_th: the fraction of a cell that must be floor
 
     def __post_init__(self) -> None:
-        if self.directions < 3:
-            raise ArgumentError(f"directions must be at least 3, got {self.directions}")
+        require_at_least(self, 3, "directions")
         if not 0 < self.threshold <= 1:
             raise ArgumentError(f"threshold must be within 0 to 1, got {self.threshold}")
         if isinstance(self.rings, int):

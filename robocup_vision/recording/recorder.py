@@ -23,6 +23,7 @@ from robocup_vision.arrays import FloatArray, Frame, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
 from robocup_vision.camera.files import save_camera
 from robocup_vision.camera.pinhole import Mounting
+from robocup_vision.checks import require_at_least
 from robocup_vision.closing import Closing
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
@@ -86,8 +87,7 @@ class RecorderSettings:
             raise ArgumentError(f"compression must be one of {', '.join(COMPRESSIONS)}, got {self.compression!r}")
         if self.when_full not in ("wait", "drop"):
             raise ArgumentError(f"when_full must be 'wait' or 'drop', got {self.when_full!r}")
-        if self.max_waiting_bytes < 1:
-            raise ArgumentError(f"max_waiting_bytes must be at least 1, got {self.max_waiting_bytes!r}")
+        require_at_least(self, 1, "max_waiting_bytes")
 
 
 class CallWriter(Closing):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 
 from field_models.errors import ArgumentError
+from robocup_vision.checks import require_not_negative
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +83,7 @@ class NodeSettings:
     dead_time_s: float = 0.05
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.robot_radius_m) and self.robot_radius_m >= 0.0):
-            raise ArgumentError(f"robot_radius_m must not be negative, got {self.robot_radius_m!r}")
+        require_not_negative(self, "robot_radius_m")
         if self.half not in ("", "own"):
             raise ArgumentError(f"half must be 'own' or empty, got {self.half!r}")
         if self.half and not self.memory:

@@ -16,6 +16,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError, PacketError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.checks import require_not_negative
 from robocup_vision.geometry import Pose2
 
 Role: TypeAlias = Literal["search", "fetch", "support", "keep"]
@@ -41,7 +42,7 @@ class BallSighting:
     Raises
     ------
     ArgumentError
-        If a number is not finite, or the covariance is not positive definite.
+        If a number is not finite, or a covariance is not symmetric and positive semi-definite.
     """
 
     t_s: float  #: when, seconds
@@ -56,8 +57,7 @@ class BallSighting:
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, (self.t_s, self.x_m, self.y_m, self.vx_mps, self.vy_mps))):
             raise ArgumentError("the time, place and velocity of a ball must be finite")
-        if not 0.0 <= self.velocity_std_mps < math.inf:
-            raise ArgumentError(f"velocity_std_mps must not be negative, got {self.velocity_std_mps!r}")
+        require_not_negative(self, "velocity_std_mps")
         object.__setattr__(self, "covariance", _covariance(self.covariance, 2, "of a ball"))
 
 

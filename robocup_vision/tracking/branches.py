@@ -11,6 +11,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.kernels.tracking import branches as kernel
 from robocup_vision.kernels.tracking.branches import MISS
 from robocup_vision.kernels.tracking.choice import choose_together, keep_near
@@ -59,15 +60,20 @@ class MovingObjectsSettings:
     max_steps: int = 1000
 
     def __post_init__(self) -> None:
-        for name in (
-            "acceleration_mps2", "speed_mps", "steady_s", "lifetime_s", "clutter_per_m2", "width_m", "gate", "coast_s",
-            "near_ratio", "max_log_ratio",
-        ):  # fmt: skip
-            if not 0 < getattr(self, name) < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {getattr(self, name)}")
-        for name in ("min_frames", "history_frames", "max_branches", "max_steps"):
-            if getattr(self, name) < 1:
-                raise ArgumentError(f"{name} must be at least 1, got {getattr(self, name)}")
+        require_positive(
+            self,
+            "acceleration_mps2",
+            "speed_mps",
+            "steady_s",
+            "lifetime_s",
+            "clutter_per_m2",
+            "width_m",
+            "gate",
+            "coast_s",
+            "near_ratio",
+            "max_log_ratio",
+        )
+        require_at_least(self, 1, "min_frames", "history_frames", "max_branches", "max_steps")
         if not 0 < self.detection_probability < 1:
             raise ArgumentError(f"detection_probability must be within 0 to 1, got {self.detection_probability}")
         if not 0 <= self.unknown_ratio <= 1:

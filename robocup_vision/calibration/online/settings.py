@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from field_models.errors import ArgumentError
 from robocup_vision.calibration.online.parameter_filter import ParameterFilterSettings
+from robocup_vision.checks import require_positive
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,10 +92,4 @@ class OnlineSettings:
     filter: ParameterFilterSettings = ParameterFilterSettings()  #: of the estimate over time
 
     def __post_init__(self) -> None:
-        for name, value in (
-            ("max_center_px", self.max_center_px),
-            ("max_tilt_rad", self.max_tilt_rad),
-            ("every_s", self.every_s),
-        ):
-            if not 0 < value < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {value}")
+        require_positive(self, "max_center_px", "max_tilt_rad", "every_s")

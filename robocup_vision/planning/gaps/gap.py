@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.checks import require_positive
 from robocup_vision.disc import Disc
 from robocup_vision.normal import normal_below
 
@@ -27,8 +28,7 @@ class Gap:
     def __post_init__(self) -> None:
         if not math.isfinite(self.width_m):
             raise ArgumentError(f"width_m must be finite, got {self.width_m!r}")
-        if not (math.isfinite(self.sigma_m) and self.sigma_m > 0.0):
-            raise ArgumentError(f"sigma_m must be positive, got {self.sigma_m!r}")
+        require_positive(self, "sigma_m")
 
     def updated(self, width_m: float, sigma_m: float) -> Gap:
         """Return the gap updated by another measurement of its width."""
@@ -83,10 +83,7 @@ class WidthSensor:
     drift_mps: float = 0.0  #: standard deviation of the unknown speed at which the gap widens or closes
 
     def __post_init__(self) -> None:
-        for name in ("angle_rad", "height_m", "edge_m"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        require_positive(self, "angle_rad", "height_m", "edge_m")
         if not self.drift_mps >= 0.0:
             raise ArgumentError(f"drift_mps must not be negative, got {self.drift_mps!r}")
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
@@ -49,16 +50,13 @@ class PassageSettings:
     max_alternatives: int = 3
 
     def __post_init__(self) -> None:
-        for name in ("way_m", "max_s", "spread_sigmas"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {getattr(self, name)!r}")
+        require_positive(self, "way_m", "max_s", "spread_sigmas")
         if not 0.0 < self.min_width < self.max_width < math.inf:
             raise ArgumentError(
                 f"widths must be 0 < min_width < max_width, got {self.min_width!r} and {self.max_width!r}"
             )
-        for name, least in (("widths", 2), ("plan_every", 1), ("cells", 1), ("max_alternatives", 1)):
-            if getattr(self, name) < least:
-                raise ArgumentError(f"{name} must be at least {least}, got {getattr(self, name)!r}")
+        require_at_least(self, 2, "widths")
+        require_at_least(self, 1, "plan_every", "cells", "max_alternatives")
 
 
 class PassageTimes:

@@ -15,6 +15,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
+from robocup_vision.checks import require_at_least, require_not_negative, require_positive
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.motion import gate_problem
 from robocup_vision.motion_limits import MotionLimits
@@ -47,17 +48,11 @@ class GatePlannerSettings:
     grid_steps: int = 5
 
     def __post_init__(self) -> None:
-        for name in ("look_s", "spread_sigmas"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        require_positive(self, "look_s", "spread_sigmas")
         if not 0.5 <= self.confirmed < 1.0:
             raise ArgumentError(f"confirmed must be from 0.5 to below 1, got {self.confirmed!r}")
-        if not (math.isfinite(self.failure_s) and self.failure_s >= 0.0):
-            raise ArgumentError(f"failure_s must not be negative, got {self.failure_s!r}")
-        for name in ("looks", "widths", "grid_steps"):
-            if getattr(self, name) < 1:
-                raise ArgumentError(f"{name} must be at least 1, got {getattr(self, name)!r}")
+        require_not_negative(self, "failure_s")
+        require_at_least(self, 1, "looks", "widths", "grid_steps")
         bounds = self.measured_at_sigmas
         if not bounds or list(bounds) != sorted(set(bounds)):
             raise ArgumentError(f"measured_at_sigmas must ascend, got {bounds!r}")

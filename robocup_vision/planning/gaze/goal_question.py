@@ -19,6 +19,7 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.belief import Hypothesis
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.checks import require_at_least, require_not_negative
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -57,11 +58,8 @@ class GoalQuestionSettings:
     border_ratio: float = 0.01
 
     def __post_init__(self) -> None:
-        if self.pans < 3:
-            raise ArgumentError(f"pans must be at least 3, got {self.pans}")
-        for name in ("enough_nat", "min_gain_nat", "as_good_nat", "border_ratio"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
+        require_at_least(self, 3, "pans")
+        require_not_negative(self, "enough_nat", "min_gain_nat", "as_good_nat", "border_ratio")
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.checks import require_at_least, require_not_negative, require_positive
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -62,11 +63,8 @@ class Neck:
     std_rad: float = 0.01
 
     def __post_init__(self) -> None:
-        for name in ("limit_rad", "speed_rps"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {getattr(self, name)}")
-        if not 0 <= self.std_rad < math.inf:
-            raise ArgumentError(f"std_rad must not be negative, got {self.std_rad}")
+        require_positive(self, "limit_rad", "speed_rps")
+        require_not_negative(self, "std_rad")
 
     def sweep(self, t_s: float, period_s: float = 1.5) -> float:
         """Return the pan of a head that turns from one side to the other and back, once in a period."""
@@ -123,13 +121,9 @@ class PoseGazeSettings:
             raise ArgumentError(
                 f"frame_s must be positive and within horizon_s, got {self.frame_s} and {self.horizon_s}"
             )
-        if self.pans < 3:
-            raise ArgumentError(f"pans must be at least 3, got {self.pans}")
-        if self.max_misses < 1:
-            raise ArgumentError(f"max_misses must be at least 1, got {self.max_misses}")
-        for name in ("border_ratio", "as_good_ratio", "min_landmarks", "arrived_rad"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
+        require_at_least(self, 3, "pans")
+        require_at_least(self, 1, "max_misses")
+        require_not_negative(self, "border_ratio", "as_good_ratio", "min_landmarks", "arrived_rad")
 
 
 class PoseGaze:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import BoolArray, FloatArray, read_only
+from robocup_vision.checks import require_at_least, require_not_negative
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.motion.way_grid import find_way
 
@@ -42,11 +43,8 @@ class SelectiveLookSettings:
     elsewhere_m: float = 0.3  #: distance from its last look at which the robot has another view
 
     def __post_init__(self) -> None:
-        for name in ("unsure_cost", "switch_ratio", "elsewhere_m"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ArgumentError(f"{name} must not be negative, got {getattr(self, name)}")
-        if self.max_looks < 1:
-            raise ArgumentError(f"max_looks must be at least 1, got {self.max_looks}")
+        require_not_negative(self, "unsure_cost", "switch_ratio", "elsewhere_m")
+        require_at_least(self, 1, "max_looks")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

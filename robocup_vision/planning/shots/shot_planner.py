@@ -15,6 +15,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
+from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.motion_limits import MotionLimits
@@ -41,8 +42,7 @@ class ShotPlannerSettings:
     directions_rad: tuple[float, ...] = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
 
     def __post_init__(self) -> None:
-        if self.aims < 1:
-            raise ArgumentError(f"aims must be at least 1, got {self.aims!r}")
+        require_at_least(self, 1, "aims")
         if not all(0.0 < way < math.inf for way in self.ways_m) or list(self.ways_m) != sorted(self.ways_m):
             raise ArgumentError(f"ways_m must be positive and ascend, got {self.ways_m!r}")
         if not all(math.isfinite(direction) for direction in self.directions_rad):
@@ -90,10 +90,9 @@ class ShotPlanner:
     settings: ShotPlannerSettings = ShotPlannerSettings()  #: which kicks are compared
 
     def __post_init__(self) -> None:
-        for name in ("ball_radius_m", "ball_mps", "kick_std_rad", "dribble_mps", "turn_rps", "lost_s", "slips_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        require_positive(
+            self, "ball_radius_m", "ball_mps", "kick_std_rad", "dribble_mps", "turn_rps", "lost_s", "slips_s"
+        )
         if math.dist(*self.posts_m) <= 2 * self.ball_radius_m:
             raise ArgumentError(f"a ball of {self.ball_radius_m} m does not fit between the posts {self.posts_m}")
 

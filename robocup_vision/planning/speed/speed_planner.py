@@ -14,6 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.checks import require_at_least, require_not_negative, require_positive
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
@@ -92,10 +93,7 @@ class PoseNoise:
     look_covariance: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("along", "aside"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ArgumentError(f"{name} must not be negative, got {value!r}")
+        require_not_negative(self, "along", "aside")
         covariance = read_only(self.look_covariance)
         if covariance.shape != (3, 3):
             raise ArgumentError(f"look_covariance must be (3, 3), got {covariance.shape}")
@@ -120,14 +118,10 @@ class SpeedPlannerSettings:
     speeds: int = 20
 
     def __post_init__(self) -> None:
-        for name in ("sigmas", "period_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
+        require_positive(self, "sigmas", "period_s")
         if not 0.0 < self.slower_ratio < 1.0:
             raise ArgumentError(f"slower_ratio must be above 0 and below 1, got {self.slower_ratio!r}")
-        if self.speeds < 1:
-            raise ArgumentError(f"speeds must be at least 1, got {self.speeds!r}")
+        require_at_least(self, 1, "speeds")
 
 
 class SpeedPlanner:

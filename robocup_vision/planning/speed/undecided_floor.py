@@ -14,6 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int16Array
+from robocup_vision.checks import require_positive
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap import Point
 from robocup_vision.planning.speed.speed_planner import SpeedPlan, checked_path
@@ -38,8 +39,7 @@ class UndecidedFloor:
         looks = np.array(self.looks, dtype=np.int16)
         if looks.ndim != 2 or not looks.size:
             raise ArgumentError(f"looks must be (R, C), got {looks.shape}")
-        if not (math.isfinite(self.cell_m) and self.cell_m > 0.0):
-            raise ArgumentError(f"cell_m must be positive, got {self.cell_m!r}")
+        require_positive(self, "cell_m")
         looks.flags.writeable = False
         object.__setattr__(self, "looks", looks)
 

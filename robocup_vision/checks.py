@@ -1,0 +1,28 @@
+"""Checks of the numbers that settings hold: one rule and one wording for each kind of bound."""
+
+from __future__ import annotations
+
+import math
+
+from field_models.errors import ArgumentError
+
+
+def require_positive(owner: object, *names: str) -> None:
+    """Refuse attributes that are not positive and finite, by an `ArgumentError` that names the first."""
+    for name in names:
+        if not 0.0 < getattr(owner, name) < math.inf:
+            raise ArgumentError(f"{name} must be positive, got {getattr(owner, name)!r}")
+
+
+def require_not_negative(owner: object, *names: str) -> None:
+    """Refuse attributes that are negative or not finite, by an `ArgumentError` that names the first."""
+    for name in names:
+        if not 0.0 <= getattr(owner, name) < math.inf:
+            raise ArgumentError(f"{name} must not be negative, got {getattr(owner, name)!r}")
+
+
+def require_at_least(owner: object, least: float, *names: str) -> None:
+    """Refuse attributes that are below a bound or not finite, by an `ArgumentError` that names the first."""
+    for name in names:
+        if not least <= getattr(owner, name) < math.inf:
+            raise ArgumentError(f"{name} must be at least {least:g}, got {getattr(owner, name)!r}")
