@@ -409,16 +409,16 @@ def is_placed(camera: OmniCamera | PinholeCamera) -> bool:
 
 
 def sphere_outline(
-    center_m: tuple[float, float, float], radius_m: float, camera: OmniCamera | PinholeCamera, count: int = 16
+    center_m: tuple[float, float, float], radius_m: float, camera: OmniCamera | PinholeCamera
 ) -> FloatArray:
-    """(count, 3) float64: points on the circle of a sphere that a camera sees as its outline, robot frame."""
+    """(16, 3) float64: points on the circle of a sphere that a camera sees as its outline, robot frame."""
     center = np.array(center_m)
     away = center - camera.viewpoint_m
     distance_m = float(np.linalg.norm(away))
     # from inside there is no outline
     ratio = min(radius_m / max(distance_m, 1e-9), 1.0)
     across = np.linalg.svd((away / max(distance_m, 1e-9))[None])[2][1:]
-    turn = np.linspace(0.0, 2 * math.pi, count, endpoint=False)
+    turn = np.linspace(0.0, 2 * math.pi, 16, endpoint=False)
     circle = np.cos(turn)[:, None] * across[0] + np.sin(turn)[:, None] * across[1]
     return np.asarray(center - ratio * ratio * away + radius_m * math.sqrt(1.0 - ratio * ratio) * circle)
 

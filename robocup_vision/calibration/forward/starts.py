@@ -19,6 +19,20 @@ from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 
+# what is tried where it is not known: steps are as far apart as a fit bridges
+# least and greatest horizontal field of view
+_VIEWS_RAD = {
+    "pinhole": (math.radians(42.0), math.radians(96.0)),
+    "fisheye": (math.radians(75.0), math.radians(190.0)),
+}
+# from one focal length to the next, as a logarithm
+_FOCAL_STEP = 0.13
+# of small robots to those of the middle size, and large humanoids
+_HEIGHTS_M = (0.16, 0.21, 0.28, 0.37, 0.5, 0.66, 0.88)
+# least and greatest tilt, and from one to the next
+_TILTS_RAD, _TILT_STEP_RAD = (-0.7, 0.1), 0.1
+# logarithms of the focal length that are tried about that of a camera file
+_LOG_FOCALS = (-0.16, -0.08, 0.0, 0.08, 0.16)
 # of the brightness of the picture's middle third: a rim is darker in every picture; light strays into it
 _DARK = 0.15
 # of the radius: how near to the circle the border is; and of all directions in which a circle has a border in the
@@ -131,36 +145,17 @@ class KnownOfCamera:
             raise ArgumentError(f"tilt must be in radians, between -pi/2 and pi/2, got {self.tilt_rad!r}")
 
 
-@dataclass(frozen=True, slots=True)
-class StartSettings:
-    """What is tried where it is not known: steps are as far apart as a fit bridges."""
-
-    #: least and greatest horizontal field of view
-    pinhole_views_rad: tuple[float, float] = (math.radians(42.0), math.radians(96.0))
-    fisheye_views_rad: tuple[float, float] = (math.radians(75.0), math.radians(190.0))
-    focal_step: float = 0.13  #: from one focal length to the next, as a logarithm
-    #: of small robots to those of the middle size, and large humanoids
-    heights_m: tuple[float, ...] = (0.16, 0.21, 0.28, 0.37, 0.5, 0.66, 0.88)
-    tilts_rad: tuple[float, float] = (-0.7, 0.1)  #: least and greatest
-    tilt_step_rad: float = 0.1  #: from one to the next
-    #: logarithms of the focal length that are tried about that of a camera file
-    log_focals: tuple[float, ...] = (-0.16, -0.08, 0.0, 0.08, 0.16)
-
-
-def starts_of(
-    size_px: tuple[int, int], known: KnownOfCamera, settings: StartSettings = StartSettings()
-) -> list[PinholeCamera]:
+def starts_of(size_px: tuple[int, int], known: KnownOfCamera) -> list[PinholeCamera]:
     """Return cameras of which one is about right, the centre of each in the picture's middle."""
     width, height = size_px
     middle = (width - 1) / 2, (height - 1) / 2
-    views = settings.pinhole_views_rad if known.model == "pinhole" else settings.fisheye_views_rad
     if known.view_rad is None:
-        most, least = (math.log(_focal_px(width, view, known.model)) for view in views)
-        focals = np.exp(np.linspace(least, most, 1 + math.ceil((most - least) / settings.focal_step))).tolist()
+        most, least = (math.log(_focal_px(width, view, known.model)) for view in _VIEWS_RAD[known.model])
+        focals = np.exp(np.linspace(least, most, 1 + math.ceil((most - least) / _FOCAL_STEP))).tolist()
     else:
         focals = [_focal_px(width, known.view_rad, known.model)]
-    heights = settings.heights_m if known.height_m is None else (known.height_m,)
-    tilts = _tilts(settings) if known.tilt_rad is None else [known.tilt_rad]
+    heights = _HEIGHTS_M if known.height_m is None else (known.height_m,)
+    tilts = _tilts() if known.tilt_rad is None else [known.tilt_rad]
     kind = PinholeCamera if known.model == "pinhole" else FisheyeCamera
     return [
         kind((width, height), (focal, focal), middle, up, pan_rad=0.0, tilt_rad=tilt, roll_rad=0.0)
@@ -170,16 +165,16 @@ def starts_of(
     ]
 
 
-def starts_about(camera: PinholeCamera, settings: StartSettings = StartSettings()) -> list[PinholeCamera]:
+def starts_about(camera: PinholeCamera) -> list[PinholeCamera]:
     """Return a camera with the focal lengths that are tried about its own, and tilts where its own is unknown."""
-    (fu, fv), scales = camera.focal_px, [math.exp(log) for log in settings.log_focals]
-    tilts = _tilts(settings) if camera.tilt_rad is None else [camera.tilt_rad]
+    (fu, fv), scales = camera.focal_px, [math.exp(log) for log in _LOG_FOCALS]
+    tilts = _tilts() if camera.tilt_rad is None else [camera.tilt_rad]
     return [replace(camera, focal_px=(fu * scale, fv * scale), tilt_rad=tilt) for scale in scales for tilt in tilts]
 
 
-def _tilts(settings: StartSettings) -> list[float]:
-    low, high = settings.tilts_rad
-    return [float(tilt) for tilt in np.linspace(low, high, 1 + round((high - low) / settings.tilt_step_rad))]
+def _tilts() -> list[float]:
+    low, high = _TILTS_RAD
+    return [float(tilt) for tilt in np.linspace(low, high, 1 + round((high - low) / _TILT_STEP_RAD))]
 
 
 def _focal_px(width_px: int, view_rad: float, model: LensModel) -> float:
