@@ -8,8 +8,7 @@ from robocup_vision.planning.gaps.gate_planner import GatePlan, GatePlanner, Gat
 from robocup_vision.planning.gaze.goal_question import Fixation, GoalQuestion, GoalQuestionSettings
 from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze, PoseGazeSettings
 from robocup_vision.planning.gaze.selective_look import SelectedLook, SelectiveLook, SelectiveLookSettings
-from robocup_vision.planning.shots.goal_cover import Cover, cover_goal
-from robocup_vision.planning.shots.shot_planner import ShotPlan, ShotPlanner, ShotPlannerSettings
+from robocup_vision.planning.shots.shot_planner import Cover, ShotPlan, ShotPlanner, ShotPlannerSettings, cover_goal
 from robocup_vision.planning.speed.speed_planner import (
     PathFollower,
     PoseNoise,

@@ -29,42 +29,25 @@ _WEIGHTS = np.linspace(0.0, 1.0, 21)
 
 @dataclass(frozen=True, slots=True)
 class BallFusionSettings:
-    """Values of `TeamBall`.
+    """Values of `TeamBall`."""
 
-    Attributes
-    ----------
-    forget_s : float
-        A sighting older than this says nothing: a kicked ball crosses a field in this time.
-    own_s : float
-        The own sighting decides while it is younger: an older one may be of a ball that was kicked since.
-    enough_std_m : float
-        While it decides and is better than this, messages add nothing: driving needs the ball relative to the robot.
-    min_std_m : float
-        Smallest standard deviation of a sighting along each axis: errors that all frames of a robot have in common.
-    kick_speed_mps : float
-        The standard deviation grows by this in a second of age: mostly the ball lies or rolls on, sometimes it is
-        kicked.
-    roll_s : float
-        A ball loses its velocity with this time constant: friction, and robots in its way.
-    gate : float
-        Squared Mahalanobis distance at which two sightings may be of one ball: 99.9 % for two dimensions.
-    agree_nats, disagree_nats : float
-        What one message adds to or takes from the trust in its sender. A robot in the wrong half is found by one
-        message; two others are needed until it is believed alone again.
-    max_trust_nats : float
-        Trust stays within this: a robot may get lost at any time.
-    """
-
-    forget_s: float = 4.0
+    forget_s: float = 4.0  #: a sighting older than this says nothing: a kicked ball crosses a field in this time
+    #: the own sighting decides while it is younger: an older one may be of a ball that was kicked since
     own_s: float = 0.3
+    #: while it decides and is better than this, messages add nothing: driving needs the ball relative to the robot
     enough_std_m: float = 0.1
+    #: smallest standard deviation of a sighting along each axis: errors that all frames of a robot have in common
     min_std_m: float = 0.03
+    #: the standard deviation grows by this in a second of age: mostly the ball lies or rolls on, sometimes it is kicked
     kick_speed_mps: float = 0.3
-    roll_s: float = 1.0
+    roll_s: float = 1.0  #: a ball loses its velocity with this time constant: friction, and robots in its way
+    #: squared Mahalanobis distance at which two sightings may be of one ball: 99.9 % for two dimensions
     gate: float = 13.8
+    #: what one message adds to or takes from the trust in its sender. A robot in the wrong half is found by one
+    #: message; two others are needed until it is believed alone again.
     agree_nats: float = 0.5
     disagree_nats: float = 1.0
-    max_trust_nats: float = 2.0
+    max_trust_nats: float = 2.0  #: trust stays within this: a robot may get lost at any time
 
 
 @dataclass(frozen=True, slots=True, eq=False)

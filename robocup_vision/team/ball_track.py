@@ -17,31 +17,18 @@ from robocup_vision.team.message import BallSighting
 
 @dataclass(frozen=True, slots=True)
 class BallTrackSettings:
-    """Values of `BallTrack`.
+    """Values of `BallTrack`."""
 
-    Attributes
-    ----------
-    correlated_frames : float
-        Errors of so many frames in a row are the same: a step of a walking robot is longer than a frame. The filter
-        weighs each frame the less.
-    start_speed_mps : float
-        Standard deviation of the velocity of a new track: balls lie, roll, or were kicked.
-    acceleration_mps15 : float
-        Square root of the spectral density of the acceleration: other robots touch the ball.
-    roll_s : float
-        A ball loses its velocity with this time constant.
-    gate : float
-        Squared Mahalanobis distance at which a sighting may be of this ball: 99.9 % for two dimensions.
-    max_gap_s : float
-        After so long without a sighting the next one begins the track anew.
-    """
-
+    #: errors of so many frames in a row are the same: a step of a walking robot is longer than a frame. The filter
+    #: weighs each frame the less.
     correlated_frames: float = 4.0
-    start_speed_mps: float = 0.5
+    start_speed_mps: float = 0.5  #: standard deviation of the velocity of a new track: balls lie, roll, or were kicked
+    #: square root of the spectral density of the acceleration: other robots touch the ball
     acceleration_mps15: float = 0.5
-    roll_s: float = 1.5
+    roll_s: float = 1.5  #: a ball loses its velocity with this time constant
+    #: squared Mahalanobis distance at which a sighting may be of this ball: 99.9 % for two dimensions
     gate: float = 13.8
-    max_gap_s: float = 1.0
+    max_gap_s: float = 1.0  #: after so long without a sighting the next one begins the track anew
 
 
 class BallTrack:

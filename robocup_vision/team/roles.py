@@ -18,17 +18,10 @@ from robocup_vision.team.message import Role, TeamMessage
 
 @dataclass(frozen=True, slots=True)
 class RoleSettings:
-    """Values of `RoleChooser`.
+    """Values of `RoleChooser`."""
 
-    Attributes
-    ----------
-    stale_s : float
-        A robot that was not heard of for so long is not counted on: three messages.
-    margin_s : float
-        Another robot must be at the ball sooner by this to take it over: more than what one message changes.
-    """
-
-    stale_s: float = 1.6
+    stale_s: float = 1.6  #: a robot that was not heard of for so long is not counted on: three messages
+    #: another robot must be at the ball sooner by this to take it over: more than what one message changes
     margin_s: float = 0.5
 
     def __post_init__(self) -> None:

@@ -59,27 +59,19 @@ class DetectionRobot:
 @message_value("vision.SSL_DetectionFrame")
 @dataclass(frozen=True, slots=True)
 class DetectionFrame:
-    """Everything one camera saw in one of its frames.
-
-    Parameters
-    ----------
-    t_capture_s, t_sent_s : float
-        When it was exposed and when it was sent, seconds since 1970 by the sender's clock.
-    t_capture_camera_s : float or None
-        When it was exposed by the camera's own clock.
-    unknown : bytes
-        Fields that the tables do not have.
-    """
+    """Everything one camera saw in one of its frames."""
 
     frame_number: int
+    #: when it was exposed and when it was sent, seconds since 1970 by the sender's clock
     t_capture_s: Annotated[float, Wire("t_capture")]
     t_sent_s: Annotated[float, Wire("t_sent")]
     camera_id: int
     balls: tuple[DetectionBall, ...] = ()
     yellow: Annotated[tuple[DetectionRobot, ...], Wire("robots_yellow")] = ()
     blue: Annotated[tuple[DetectionRobot, ...], Wire("robots_blue")] = ()
+    #: when it was exposed by the camera's own clock
     t_capture_camera_s: Annotated[float | None, Wire("t_capture_camera")] = None
-    unknown: bytes = b""
+    unknown: bytes = b""  #: fields that the tables do not have
 
 
 @message_value("vision.SSL_WrapperPacket")

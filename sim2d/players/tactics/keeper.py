@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robocup_vision.planning.shots.goal_cover import cover_goal
+from robocup_vision.planning.shots.shot_planner import cover_goal
 from sim2d.players.ball import BallMemorySettings
 from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.fetch import Fetch
