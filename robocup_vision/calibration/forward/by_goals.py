@@ -23,7 +23,6 @@ from robocup_vision.calibration.starts import JsonForm, StartTrials
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.goal.fit import FitLoss
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate
 from robocup_vision.localization.goal.fit import GoalModel, beside_lines, goal_model, system_at
 from robocup_vision.localization.goal.geometry import (
@@ -41,7 +40,7 @@ from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.progress import progress
 
 _COMMON = (LOG_FOCAL, HEIGHT)
-_LOSS = FitLoss(np.ones(1), np.ones(1), False)
+_SCALE_PX = 1.0  # of the loss
 # median of chi-square with two degrees of freedom
 _MEDIAN_CHI2 = 1.386
 
@@ -328,7 +327,7 @@ def _common_information(
     model = goal_model(shape, camera, settings.bloom_std_px)
     weight = np.zeros(UNKNOWNS)
     weight[[ROLL, BLOOM]] = model.weight[[ROLL, BLOOM]]
-    normal, pull = system_at(replace(model, weight=weight), estimate.fit.samples, p, _LOSS)
+    normal, pull = system_at(replace(model, weight=weight), estimate.fit.samples, p, _SCALE_PX)
     information, gradient = eliminate(
         normal[np.ix_(common, common)], normal[np.ix_(common, own)], normal[np.ix_(own, own)], pull[common], pull[own]
     )

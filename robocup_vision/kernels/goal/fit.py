@@ -61,29 +61,6 @@ class FitPriors(NamedTuple):
     weight: FloatArray
 
 
-class NormalSystem(NamedTuple):
-    """Normal matrix (8, 8) and right side (8,) of one Gauss-Newton step."""
-
-    matrix: FloatArray
-    right: FloatArray
-
-
-class FitLoss(NamedTuple):
-    """The loss of each iteration.
-
-    Parameters
-    ----------
-    goal_px, mark_px : (K,) float64
-        Cauchy scale of edges and feet, and scale of the marks' loss, pixels.
-    redescends : bool
-        Whether the marks' loss is Geman and McClure's instead of Cauchy's: marks of which many are no line's.
-    """
-
-    goal_px: FloatArray
-    mark_px: FloatArray
-    redescends: bool
-
-
 @compiled
 def with_marks(
     samples: FitSamples, marks: FloatArray, uv: FloatArray, directions: FloatArray, sigma: FloatArray
@@ -123,21 +100,13 @@ def goal_residuals(scene: GoalScene, samples: FitSamples, p: FloatArray, residua
 
 
 @compiled
-def robust_cost(
-    samples: FitSamples, residual: FloatArray, loss: FitLoss, iteration: int, p: FloatArray, priors: FitPriors
-) -> float:
-    """Robust cost of residuals under one iteration's loss, plus the priors' squares; infinite where one is NaN."""
+def robust_cost(samples: FitSamples, residual: FloatArray, scale: float, p: FloatArray, priors: FitPriors) -> float:
+    """Cauchy's cost of residuals at a scale in pixels, plus the priors' squares; infinite where one is NaN."""
     cost = 0.0
-    first_mark = samples.edge.shape[0] + samples.foot_post.shape[0]
     for n in range(residual.shape[0]):
         if math.isnan(residual[n]):
             return np.inf
-        scale = loss.goal_px[iteration] if n < first_mark else loss.mark_px[iteration]
-        square, worth = (residual[n] / scale) ** 2, (scale / samples.sigma[n]) ** 2
-        if n >= first_mark and loss.redescends:
-            cost += worth * square / (1.0 + square)
-        else:
-            cost += worth * math.log1p(square)
+        cost += (scale / samples.sigma[n]) ** 2 * math.log1p((residual[n] / scale) ** 2)
     for i in range(p.shape[0]):
         if not math.isinf(priors.weight[i]):
             cost += priors.weight[i] * (p[i] - priors.expected[i]) ** 2
@@ -206,7 +175,6 @@ def _add_marks(
     jacobian: FloatArray,
     residual: FloatArray,
     scale: float,
-    redescends: bool,
     normal: FloatArray,
     right: FloatArray,
 ) -> None:
@@ -214,8 +182,7 @@ def _add_marks(
     first = samples.edge.shape[0] + samples.foot_post.shape[0]
     for n in range(jacobian.shape[0]):
         r = residual[first + n]
-        tail = 1.0 + (r / scale) ** 2
-        w = 1.0 / (samples.sigma[first + n] ** 2 * (tail * tail if redescends else tail))
+        w = 1.0 / (samples.sigma[first + n] ** 2 * (1.0 + (r / scale) ** 2))
         for i in range(FLOOR_UNKNOWNS):
             wj = w * jacobian[n, i]
             right[i] -= wj * r
@@ -228,38 +195,37 @@ def normal_equations(
     scene: GoalScene,
     samples: FitSamples,
     priors: FitPriors,
-    loss: FitLoss,
-    iteration: int,
+    scale: float,
     p: FloatArray,
     residual: FloatArray,
-    system: NormalSystem,
+    normal: FloatArray,
+    right: FloatArray,
 ) -> None:
     """Set up the normal equations of one Gauss-Newton step, priors included.
 
     Parameters
     ----------
-    scene, samples, priors, loss
+    scene, samples, priors
         What is fitted to what.
-    iteration : int
-        Whose loss counts.
+    scale : float
+        Of Cauchy's loss, pixels.
     p : (8,) float64
         The unknowns.
     residual : (N + M + L,) float64
         Of `goal_residuals` there, none of them NaN.
-    system : NormalSystem
+    normal, right : (8, 8), (8,) float64
         Results.
     """
-    normal, right = system
     normal[:, :] = 0.0
     right[:] = 0.0
     by_lines, by_feet = np.empty((8, 6, 3)), np.empty((8, 2, scene.offsets.shape[0], 2))
     goal_derivatives(scene, p, by_lines, by_feet)
-    _add_edges(samples, by_lines, residual, loss.goal_px[iteration], normal, right)
-    _add_feet(samples, by_feet, residual, loss.goal_px[iteration], normal, right)
+    _add_edges(samples, by_lines, residual, scale, normal, right)
+    _add_feet(samples, by_feet, residual, scale, normal, right)
     if samples.mark_m.shape[0]:
         jacobian = np.empty((samples.mark_m.shape[0], FLOOR_UNKNOWNS))
         floor_derivatives(scene.camera, p, samples.mark_m, samples.mark_direction, jacobian)
-        _add_marks(samples, jacobian, residual, loss.mark_px[iteration], loss.redescends, normal, right)
+        _add_marks(samples, jacobian, residual, scale, normal, right)
     for i in range(8):
         if math.isinf(priors.weight[i]):
             normal[i, :] = 0.0
@@ -276,14 +242,16 @@ def normal_equations(
 
 @compiled
 def fit_goal(
-    scene: GoalScene, samples: FitSamples, priors: FitPriors, loss: FitLoss, p: FloatArray, normal: FloatArray
+    scene: GoalScene, samples: FitSamples, priors: FitPriors, scales: FloatArray, p: FloatArray, normal: FloatArray
 ) -> float:
     """Gauss-Newton on the eight unknowns under priors, robust by weights whose scale shrinks step by step.
 
     Parameters
     ----------
-    scene, samples, priors, loss
-        What is fitted to what; the loss has one entry an iteration.
+    scene, samples, priors
+        What is fitted to what.
+    scales : (K,) float64
+        Scale of Cauchy's loss in each iteration, pixels.
     p : (8,) float64
         Start, overwritten with the result.
     normal : (8, 8) float64
@@ -294,16 +262,16 @@ def fit_goal(
     float
         The last iteration's `robust_cost`, or infinity where the fit broke down.
     """
-    count, iterations = samples.sigma.shape[0], loss.goal_px.shape[0]
+    count, iterations = samples.sigma.shape[0], scales.shape[0]
     base, moved = np.empty(count), np.empty(count)
     work, step, trial = np.empty((8, 8)), np.empty(8), np.empty(8)
     cost = np.inf
     goal_residuals(scene, samples, p, base)
     for iteration in range(iterations):
-        before = robust_cost(samples, base, loss, iteration, p, priors)
+        before = robust_cost(samples, base, scales[iteration], p, priors)
         if math.isinf(before):
             return np.inf
-        normal_equations(scene, samples, priors, loss, iteration, p, base, NormalSystem(normal, step))
+        normal_equations(scene, samples, priors, scales[iteration], p, base, normal, step)
         copy_matrix(normal, work)
         if not solve_symmetric(work, step):
             return np.inf
@@ -317,14 +285,14 @@ def fit_goal(
             for i in range(8):
                 trial[i] = p[i] + limit * step[i]
             goal_residuals(scene, samples, trial, moved)
-            cost = robust_cost(samples, moved, loss, iteration, trial, priors)
+            cost = robust_cost(samples, moved, scales[iteration], trial, priors)
             if cost <= before:
                 copy_vector(trial, p)
                 base, moved = moved, base
                 break
             limit *= 0.4
             cost = before
-        if loss.goal_px[iteration] == loss.goal_px[-1] and loss.mark_px[iteration] == loss.mark_px[-1]:
+        if scales[iteration] == scales[-1]:
             still = True
             for i in range(8):
                 still = still and abs(limit * step[i]) < (1e-4 if i < 2 or i == 7 else 1e-5)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.kernels.goal.fit import FitLoss, FitSamples
+from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.lines.arc import ArcCameras, ArcLimits, trace_arc
 from robocup_vision.kernels.goal.lines.settle import ArcFit
 from robocup_vision.localization.goal.edges import EdgeSamples
@@ -23,31 +23,6 @@ from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
 # scale of the robust loss in each iteration, pixels: samples on an arc are good already
 _SCALES, _CONSTRAINED_SCALES = np.full(4, 0.3), np.full(3, 0.5)
 _ROOM = 257  # cameras of an arc, at most: on the largest field some 140 steps
-
-
-@dataclass(frozen=True, slots=True)
-class ArcSettings:
-    """How far and how finely an arc is followed.
-
-    Parameters
-    ----------
-    max_rise : float
-        Of the cost, chi-square, up to which it is followed: beyond, a camera has no weight left.
-    max_turn_rad : float
-        About the goal's middle: farther round the goal is seen too obliquely.
-    first_step_stds : float
-        From the best camera to the next, in standard deviations of the place: fine where the cost is lowest.
-    growth : float
-        Of each step over the one before: an arc that goes on is wide and smooth.
-    max_step_m : float
-        Widest step: a place's own lines must not be stepped over.
-    """
-
-    max_rise: float = 12.0
-    max_turn_rad: float = 1.2
-    first_step_stds: float = 0.5
-    growth: float = 1.2
-    max_step_m: float = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +79,7 @@ def turned(model: GoalModel, unknowns: FloatArray, turn_rad: float) -> FloatArra
 
 
 def follow_arc(
-    model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m: float, settings: ArcSettings = ArcSettings()
+    model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m: float, limits: ArcLimits = ArcLimits()
 ) -> GoalArc:
     """Fit a goal's samples at headings to both sides of the best fit's, as far as they allow it.
 
@@ -118,20 +93,12 @@ def follow_arc(
         The best fit's unknowns.
     std_m : float
         How far along the arc its place is open, one standard deviation by the covariance at that place.
-    settings : ArcSettings, optional
+    limits : ArcLimits, optional
         How far and how finely.
     """
-    limits = ArcLimits(
-        settings.max_rise,
-        settings.max_turn_rad,
-        settings.first_step_stds * std_m,
-        settings.growth,
-        settings.max_step_m,
-    )
     cameras = ArcCameras(np.empty((_ROOM, UNKNOWNS)), np.empty((_ROOM, UNKNOWNS, UNKNOWNS)), np.empty(_ROOM))
-    loss = FitLoss(_SCALES, _SCALES, False)
     priors = at_one_heading(model).priors
-    begin, end = trace_arc(model.scene, samples.for_fit, priors, loss, start, limits, cameras)
+    begin, end = trace_arc(model.scene, samples.for_fit, priors, _SCALES, start, std_m, limits, cameras)
     unknowns, covariance, cost = (part[begin:end] for part in cameras)
     return GoalArc(unknowns, covariance, cost - cost.min(initial=math.inf))
 
@@ -184,7 +151,7 @@ class ConstrainedArc:
             self._constrained.scene,
             self._samples,
             self._constrained.priors,
-            FitLoss(_CONSTRAINED_SCALES, _CONSTRAINED_SCALES, False),
+            _CONSTRAINED_SCALES,
             self._start,
             np.ascontiguousarray(self._loosest[:2]),
         )

@@ -17,10 +17,8 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.edge_samples import weigh_samples
 from robocup_vision.kernels.goal.fit import (
-    FitLoss,
     FitPriors,
     FitSamples,
-    NormalSystem,
     fit_goal,
     goal_residuals,
     normal_equations,
@@ -47,6 +45,8 @@ from robocup_vision.localization.goal.geometry import (
     UNKNOWNS,
     GoalShape,
     IdealView,
+    X,
+    Y,
 )
 
 
@@ -78,6 +78,8 @@ class GoalFitSettings:
         Inliers after the first round from which the second is left out.
     bloom_std_white_px, bloom_std_hue_px : float
         How far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly.
+    built_error_m : float
+        What white goals are built, and stand on their line, to.
     min_height_std_m, min_log_focal_std : float
         Lines calibrate height and focal length better than most camera files: beside them priors are no tighter.
     edges : EdgeSampleSettings
@@ -96,6 +98,7 @@ class GoalFitSettings:
     near_ratio: float = 0.95
     bloom_std_white_px: float = 0.7
     bloom_std_hue_px: float = 0.15
+    built_error_m: float = 0.01
     min_height_std_m: float = 0.02
     min_log_focal_std: float = 0.02
     edges: EdgeSampleSettings = EdgeSampleSettings()
@@ -243,17 +246,15 @@ def fit_samples(
 ) -> tuple[FloatArray, float, FloatArray]:
     """Fit the unknowns as `fit` does to samples as the kernels take them."""
     p, information = start.copy(), np.zeros((UNKNOWNS, UNKNOWNS))
-    cost = fit_goal(model.scene, samples, model.priors, FitLoss(scales, scales, False), p, information)
+    cost = fit_goal(model.scene, samples, model.priors, scales, p, information)
     return p, float(cost), information
 
 
-def system_at(model: GoalModel, samples: EdgeSamples, p: FloatArray, loss: FitLoss) -> tuple[FloatArray, FloatArray]:
-    """Information (8, 8) and negative gradient (8,) of samples and priors at unknowns (8,), by the last loss."""
+def system_at(model: GoalModel, samples: EdgeSamples, p: FloatArray, scale_px: float) -> tuple[FloatArray, FloatArray]:
+    """Information (8, 8) and negative gradient (8,) of samples and priors at unknowns (8,), by a scale of the loss."""
     information, right = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
-    last = len(loss.goal_px) - 1
     residual = residuals(model, samples, p)
-    system = NormalSystem(information, right)
-    normal_equations(model.scene, samples.for_fit, model.priors, loss, last, p, residual, system)
+    normal_equations(model.scene, samples.for_fit, model.priors, scale_px, p, residual, information, right)
     return information, right
 
 
@@ -273,6 +274,15 @@ def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -
     sigma = np.empty(len(samples.sigma))
     weigh_samples(samples.edge, samples.foot_post, samples.sigma, errors, sigma)
     return replace(samples, sigma=sigma)
+
+
+def as_built(model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSamples:
+    """Let the samples' noise include how exactly goals are built and placed, which whole edges and feet share."""
+    distance_m = math.hypot(model.shape.line_x_m - p[X], p[Y])
+    shared_px = model.settings.built_error_m * model.view.focal_px[0] / distance_m
+    per_edge = np.bincount(samples.edge, minlength=EDGES)[samples.edge]
+    per_foot = np.bincount(samples.foot_post, minlength=2)[samples.foot_post]
+    return replace(samples, sigma=np.sqrt(samples.sigma**2 + shared_px**2 * np.concatenate([per_edge, per_foot])))
 
 
 def without(samples: EdgeSamples, edge: int) -> EdgeSamples:

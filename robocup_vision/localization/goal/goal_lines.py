@@ -17,11 +17,10 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.goal.fit import FitLoss, FitSamples
-from robocup_vision.kernels.goal.lines.doubt import Doubt, fit_doubting, goal_misfit
+from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.lines.marked_cameras import (
+    MarkModel,
     MarkReach,
-    MarkWorth,
     SeenMarks,
     choose_marks,
     due_marks,
@@ -30,6 +29,7 @@ from robocup_vision.kernels.goal.lines.marked_cameras import (
     mark_evidence,
 )
 from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, measure_ridges
+from robocup_vision.kernels.goal.lines.reweighting import Reweighting, fit_reweighted, goal_misfit
 from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, open_arc
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, LineFit
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
@@ -60,27 +60,16 @@ class GoalLineSettings:
         Between the edges of two lines; where they come nearer, both are left out.
     along_px : float
         Stretch of line over which one place is averaged.
-    min_contrast, full_contrast_px : float, float
-        Fainter ridges than this fraction of the median contrast are no lines; lines of less than this width have less
-        contrast in proportion.
     reaches_px, scales_px : tuple of float
         How far from its predicted place a line is searched for, at most, and the loss's scale, round by round.
     reach_stds, min_reach_px : float, float
         Lines are searched as far as the camera is uncertain, in standard deviations, plus this much.
-    sample_error_px, sharp_width_px : float, float
-        Noise of one place; lines that look thinner are fainter, and noisier in proportion.
-    line_error_px : float
-        Error of all places together: lens and paint.
+    marks : MarkModel
+        What a line looks like at one place, and how often one is seen.
+    white_line_error_px : float
+        Error of all places together on fields whose goals are white: their cameras' lenses are known less exactly.
     paint_error_m : float
         How exactly lines are painted.
-    min_marks : int
-        Places, predicted or found, that are needed.
-    seen_ratio, full_width_px : float, float
-        Where a line is due, a ridge is seen this often; less often where it looks thinner than this.
-    spread_px : float
-        Ridges of lines spread so far about their places.
-    clutter_ratio : float
-        Where no line is due, something passes for a ridge this often.
     min_evidence : float
         Log odds of lines against clutter from which lines count.
     same_m : float
@@ -95,33 +84,21 @@ class GoalLineSettings:
         A goal that leaves its camera's position more uncertain than this is searched along its arc.
     iterations : int
         Steps of each round.
-    doubting_rounds : int
-        Rounds in which edges that contradict the rest lose weight: the border of a lamp's streak along a bar, say.
-    typical_edge_px : float
-        See `doubt_edges`: half a pixel is what a blurred edge moves by before it is another.
-    prior_weight : float
-        So many places of the expected noise are added to those whose scatter is measured.
+    reweighting : Reweighting
+        How edges that contradict the rest lose weight: the border of a lamp's streak along a bar, say.
     """
 
     spacing_px: float = 6.0
     min_width_px: float = 0.15
     clear_px: float = 2.5
     along_px: float = 3.0
-    min_contrast: float = 0.4
-    full_contrast_px: float = 1.5
     reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
     scales_px: tuple[float, ...] = (3.0, 1.5, 1.0)
     reach_stds: float = 3.0
     min_reach_px: float = 1.5
-    sample_error_px: float = 0.45
-    sharp_width_px: float = 0.5
-    line_error_px: float = 0.045
+    marks: MarkModel = MarkModel()
+    white_line_error_px: float = 1.0
     paint_error_m: float = 0.003
-    min_marks: int = 10
-    seen_ratio: float = 0.8
-    full_width_px: float = 0.35
-    spread_px: float = 0.4
-    clutter_ratio: float = 0.2
     min_evidence: float = 5.0
     same_m: float = 0.2
     max_starts: int = 3
@@ -129,9 +106,7 @@ class GoalLineSettings:
     min_drawn_evidence: float = 6.0
     certain_m: float = 0.06
     iterations: int = 4
-    doubting_rounds: int = 3
-    typical_edge_px: float = 0.5
-    prior_weight: float = 4.0
+    reweighting: Reweighting = Reweighting()
 
 
 class _Marked(NamedTuple):
@@ -167,19 +142,7 @@ class GoalLines:
         line_width_m = float(lines.field.line_width_m)
         self._points, self._directions = along_lines(lines)
         self._limits = MarkLimits(line_width_m, settings.spacing_px, settings.min_width_px, settings.clear_px)
-        self._worth = MarkWorth(
-            settings.min_contrast,
-            settings.full_contrast_px,
-            settings.min_marks,
-            settings.sample_error_px,
-            settings.sharp_width_px,
-            settings.line_error_px,
-            settings.paint_error_m / line_width_m,
-            settings.seen_ratio,
-            settings.full_width_px,
-            settings.spread_px,
-            settings.clutter_ratio,
-        )
+        self._model = settings.marks._replace(paint_part=settings.paint_error_m / line_width_m)
         self._pen = line_pen(self._points, line_width_m)
 
     def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, goal: Candidate) -> list[CameraEstimate]:
@@ -204,7 +167,7 @@ class GoalLines:
         due, is_seen = self._look_from(frame, model, p, np.zeros((len(p), len(p))), MarkReach(0.0, reach, reach))
         marked = self._gathered(no_samples().for_fit, due, is_seen)
         all_seen = np.ones(len(is_seen), np.bool_)
-        most = mark_evidence(np.zeros(len(is_seen)), due.widths, due.reach, all_seen, self._worth)
+        most = mark_evidence(np.zeros(len(is_seen)), due.widths, due.reach, all_seen, self._model)
         return self._evidence(marked, sample_residuals(model, marked.samples, p)), float(most)
 
     def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
@@ -253,9 +216,9 @@ class GoalLines:
             held.scene,
             found.samples.for_fit,
             held.priors,
-            FitLoss(scales, scales, False),
+            scales,
             seen,
-            self._worth,
+            self._model,
             cameras,
             evidence,
         )
@@ -272,7 +235,7 @@ class GoalLines:
     def _evidence(self, marked: _Marked, residual: FloatArray) -> float:
         """Logarithm of how much likelier the ridges are if these lines are there than if they are clutter."""
         of_marks = residual[len(residual) - len(marked.samples.mark_m) :]
-        return float(mark_evidence(of_marks, marked.width, marked.reach, marked.is_seen, self._worth))
+        return float(mark_evidence(of_marks, marked.width, marked.reach, marked.is_seen, self._model))
 
     def _from(
         self,
@@ -300,9 +263,9 @@ class GoalLines:
             covariance = covariance_of(model, information)
         assert marked is not None
         scales, sigma = np.full(settings.iterations, settings.scales_px[-1]), np.empty(len(marked.samples.sigma))
-        doubt = Doubt(settings.doubting_rounds, settings.typical_edge_px, settings.prior_weight)
-        loss = FitLoss(scales, scales, False)
-        cost = fit_doubting(model.scene, marked.samples, model.priors, loss, doubt, p, information, sigma)
+        cost = fit_reweighted(
+            model.scene, marked.samples, model.priors, scales, settings.reweighting, p, information, sigma
+        )
         if not math.isfinite(cost):
             return None
         residual = sample_residuals(model, marked.samples, p)
@@ -324,7 +287,7 @@ class GoalLines:
         """Look for the lines where a camera predicts them; None where too few are in view or seen."""
         how_far = MarkReach(self._settings.reach_stds, self._settings.min_reach_px, max_px)
         due, is_seen = self._look_from(frame, model, p, covariance, how_far)
-        if np.count_nonzero(is_seen) < self._settings.min_marks:
+        if np.count_nonzero(is_seen) < self._model.min_marks:
             return None
         return self._gathered(samples, due, is_seen)
 
@@ -338,7 +301,7 @@ class GoalLines:
     ) -> tuple[SeenMarks, npt.NDArray[np.bool_]]:
         due = self._look(frame, model, p[None], covariance[None], how_far)
         is_seen = np.empty(len(due.widths), np.bool_)
-        choose_marks(due.contrast, due.widths, self._worth.contrast_width_px, self._worth.min_contrast, is_seen)
+        choose_marks(due.contrast, due.widths, self._model, is_seen)
         return due, is_seen
 
     def _look(
@@ -380,7 +343,7 @@ class GoalLines:
         marks, uv, direction = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
         sigma = np.empty(of_goal + count)
         sigma[:of_goal] = samples.sigma
-        gather_marks(due, 0, is_seen, self._worth, marks, uv, direction, sigma[of_goal:])
+        gather_marks(due, 0, is_seen, self._model, marks, uv, direction, sigma[of_goal:])
         joined = samples._replace(mark_m=marks, mark_uv=uv, mark_direction=direction, sigma=sigma)
         return _Marked(joined, is_seen, due.widths, due.reach)
 

@@ -11,7 +11,7 @@ import numpy as np
 from field_models.field import COLOR_NAMES
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.kernels.goal.silhouettes import Evidence
-from robocup_vision.localization.goal.silhouettes import Edges, SilhouetteSearch
+from robocup_vision.localization.goal.silhouettes import Edges, Gradients, SilhouetteSearch
 from robocup_vision.perception.goal_color import GoalColorSettings, hue_masks
 from robocup_vision.perception.goal_region import carpet_mask, whiteness
 
@@ -93,15 +93,20 @@ class GoalPicture:
         return self.masks if self.straight is self.frame else self._masks(self._reduced(self.straight))
 
     @cached_property
-    def edges(self) -> list[Edges]:
+    def gradients(self) -> Gradients:
         """Of `straight`."""
-        return self._silhouettes.edges(self.straight)
+        return self._silhouettes.gradients(self.straight)
+
+    @cached_property
+    def edges(self) -> Edges:
+        """Of `straight`."""
+        return self._silhouettes.edges(self.gradients)
 
     def evidence(self, color: str) -> Evidence:
         """Weigh what `straight` shows of a goal of a hue, pixel by pixel."""
         if color not in self._evidence:
             paint, carpet = self.straight_masks
-            self._evidence[color] = self._silhouettes.evidence(self.edges[-1], paint[color], carpet)
+            self._evidence[color] = self._silhouettes.evidence(self.edges, paint[color], carpet)
         return self._evidence[color]
 
     def washable(self, color: str) -> UInt8Array:

@@ -246,7 +246,7 @@ class GoalSearch:
             proposal = self._of_hue(color, paint[color], carpet, [], picture.factor)
             appearance = replace(proposal.appearance, paint=picture.washable(color))
             proposal = proposal._replace(appearance=appearance)
-            starts = self._silhouettes.propose(picture.edges, straight.paint[color], straight.carpet)
+            starts = self._silhouettes.propose(picture.gradients, straight.paint[color], straight.carpet)
             proposed += [(nats, start, proposal) for nats, start in starts]
         proposed.sort(key=lambda one: -one[0])
         found = []

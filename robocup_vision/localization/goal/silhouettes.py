@@ -22,6 +22,7 @@ from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.kernels.goal.silhouettes import (
     Cameras,
     Evidence,
+    Int32Array,
     mark_edges,
     score_places,
     settle,
@@ -99,6 +100,14 @@ class Edges(NamedTuple):
 
     levels: UInt8Array
     nats: FloatArray
+
+
+class Gradients(NamedTuple):
+    """Differences (H, W) int32 along rows and down columns, and their least square at an edge."""
+
+    along: Int32Array
+    down: Int32Array
+    least: float
 
 
 class SilhouetteSearch:
@@ -182,33 +191,37 @@ class SilhouetteSearch:
             return frame
         return np.asarray(cv2.remap(frame, *self._ideal_px, cv2.INTER_LINEAR), np.uint8)
 
-    def edges(self, picture: UInt8Array) -> list[Edges]:
-        """Mark edges in pictures of each bank's size and in the whole one."""
+    def gradients(self, picture: UInt8Array) -> Gradients:
+        """Differentiate a picture."""
         s, (height, width) = self.settings, picture.shape[:2]
         along, down = np.empty((2, height, width), np.int32)
         strongest_gradients(np.asarray(cv2.GaussianBlur(picture, (0, 0), s.blur_px), np.uint8), along, down)
         square = along * along + down * down
         least = max(s.edge_ratio**2 * float(np.median(square)), s.min_step**2)
-        marked = []
-        for cell_px in (*(bank.cell_px for bank in self._banks), 1):
-            levels = np.zeros((height // cell_px, width // cell_px), np.uint8)
-            mark_edges(along, down, least, cell_px, levels)
-            marked.append(Edges(levels, self._edge_nats(levels)))
-        return marked
+        return Gradients(along, down, least)
 
-    def propose(self, edges: list[Edges], paint: UInt8Array, carpet: UInt8Array) -> list[tuple[float, FloatArray]]:
+    def edges(self, gradients: Gradients, cell_px: int = 1) -> Edges:
+        """Mark edges in a picture of cells so wide."""
+        height, width = gradients.along.shape
+        levels = np.zeros((height // cell_px, width // cell_px), np.uint8)
+        mark_edges(*gradients, cell_px, levels)
+        return Edges(levels, self._edge_nats(levels))
+
+    def propose(self, gradients: Gradients, paint: UInt8Array, carpet: UInt8Array) -> list[tuple[float, FloatArray]]:
         """Propose cameras: evidence and unknowns (8,), the likeliest first.
 
         Parameters
         ----------
-        edges : list of Edges
-            See `edges`.
+        gradients : Gradients
+            See `gradients`.
         paint, carpet : (H, W) uint8
             Masks of `picture`, perhaps of reduced size.
         """
         s = self.settings
         likely: list[tuple[float, float, float, FloatArray]] = []
-        for bank, seen in zip(self._banks, edges, strict=False):
+        whole = self.edges(gradients)
+        for bank in self._banks:
+            seen = self.edges(gradients, bank.cell_px)
             found = np.empty((len(bank.cameras.places_m), 4))
             score_places(bank.scene, self.evidence(seen, paint, carpet), bank.cameras, found)
             for place in np.argsort(-found[:, 0], kind="stable")[: s.settled].tolist():
@@ -218,7 +231,7 @@ class SilhouetteSearch:
         likely.sort(key=lambda one: -one[0])
         height = float(self._model.prior[HEIGHT])
         settled = [
-            (of_paint + settle(self._scene, *edges[-1], height, step_px, p), p)
+            (of_paint + settle(self._scene, *whole, height, step_px, p), p)
             for nats, of_paint, step_px, p in likely[: s.settled]
             if math.isfinite(nats)
         ]

@@ -15,7 +15,7 @@ import numpy as np
 from robocup_vision.estimates import NotLocated
 from robocup_vision.localization.goal.arc import spread_about
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, goal_alone
-from robocup_vision.localization.goal.fit import beside_lines
+from robocup_vision.localization.goal.fit import as_built, beside_lines
 from robocup_vision.localization.goal.goal_lines import GoalLines, GoalLineSettings
 from robocup_vision.localization.goal.goal_picture import GoalPicture
 from robocup_vision.localization.goal.profile import polish
@@ -73,6 +73,9 @@ class GoalVerdict:
         line_settings: GoalLineSettings = GoalLineSettings(),
     ) -> None:
         self._search, self._settings, self._line_settings = search, settings, line_settings
+        if not search.families:
+            marks = line_settings.marks._replace(line_error_px=line_settings.white_line_error_px)
+            line_settings = replace(line_settings, marks=marks)
         self._lines = None if line_map is None else GoalLines(line_map, search.camera, line_settings)
 
     def locate(self, picture: GoalPicture, candidates: list[Candidate]) -> CameraEstimate | NotLocated:
@@ -102,6 +105,8 @@ class GoalVerdict:
         search, goal, model = self._search, candidate, candidate.model
         if model is search.white_model:
             model = beside_lines(model)
+            samples = as_built(model, candidate.fit.samples, candidate.fit.unknowns)
+            goal = replace(candidate, fit=replace(candidate.fit, samples=samples))
         else:
             fit = polish(picture.frame, search.camera, model, candidate.fit, candidate.appearance)
             goal = replace(candidate, fit=fit)

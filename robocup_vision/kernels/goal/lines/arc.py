@@ -11,18 +11,32 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra import cholesky
 from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
-from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal
+from robocup_vision.kernels.goal.fit import FitPriors, FitSamples, fit_goal
 from robocup_vision.kernels.goal.picture import GoalScene
 
 
 class ArcLimits(NamedTuple):
-    """How far and how finely an arc is followed, see `localization.goal.arc.ArcSettings`."""
+    """How far and how finely an arc is followed.
 
-    max_rise: float
-    max_turn_rad: float
-    first_step_m: float
-    growth: float
-    max_step_m: float
+    Parameters
+    ----------
+    max_rise : float
+        Of the cost, chi-square, up to which it is followed: beyond, a camera has no weight left.
+    max_turn_rad : float
+        About the goal's middle: farther round the goal is seen too obliquely.
+    first_step : float
+        From the best camera to the next, in standard deviations of the place: fine where the cost is lowest.
+    growth : float
+        Of each step over the one before: an arc that goes on is wide and smooth.
+    max_step_m : float
+        Widest step: a place's own lines must not be stepped over.
+    """
+
+    max_rise: float = 12.0
+    max_turn_rad: float = 1.2
+    first_step: float = 0.5
+    growth: float = 1.2
+    max_step_m: float = 0.25
 
 
 class ArcCameras(NamedTuple):
@@ -71,8 +85,9 @@ def trace_arc(
     scene: GoalScene,
     samples: FitSamples,
     priors: FitPriors,
-    loss: FitLoss,
+    scales: FloatArray,
     start: FloatArray,
+    std_m: float,
     limits: ArcLimits,
     cameras: ArcCameras,
 ) -> tuple[int, int]:
@@ -80,10 +95,12 @@ def trace_arc(
 
     Parameters
     ----------
-    scene, samples, priors, loss
+    scene, samples, priors, scales
         See `fit_goal`; the priors hold the heading.
     start : (8,) float64
         The best fit's unknowns.
+    std_m : float
+        How far along the arc its place is open, one standard deviation.
     limits : ArcLimits
         How far and how finely.
     cameras : ArcCameras
@@ -101,21 +118,21 @@ def trace_arc(
     information = np.empty((8, 8))
     p = cameras.unknowns[middle]
     copy_vector(start, p)
-    cost = fit_goal(scene, samples, priors, loss, p, information)
+    cost = fit_goal(scene, samples, priors, scales, p, information)
     if math.isinf(cost) or not invert_information(information, priors.weight, cameras.covariance[middle]):
         return middle, middle
     cameras.cost[middle] = cost
     least = cost
     begin, end = middle, middle + 1
     for sign in (-1, 1):
-        step, rotated, at = limits.first_step_m, 0.0, middle
+        step, rotated, at = limits.first_step * std_m, 0.0, middle
         while 0 < at < room - 1:
             step = min(limits.max_step_m, step)
             turn = sign * step / distance
             rotated += abs(turn)
             p = cameras.unknowns[at + sign]
             turn_camera(line_x_m, cameras.unknowns[at], turn, p)
-            cost = fit_goal(scene, samples, priors, loss, p, information)
+            cost = fit_goal(scene, samples, priors, scales, p, information)
             is_past = rotated > limits.max_turn_rad or p[0] > line_x_m
             if is_past or math.isinf(cost) or cost > least + limits.max_rise:
                 break

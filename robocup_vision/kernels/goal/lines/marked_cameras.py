@@ -11,7 +11,7 @@ from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.algebra.order import sorted_median
-from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal, goal_residuals, with_marks
+from robocup_vision.kernels.goal.fit import FitPriors, FitSamples, fit_goal, goal_residuals, with_marks
 from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, line_marks, mark_stds
 from robocup_vision.kernels.goal.picture import GoalScene
 
@@ -24,20 +24,41 @@ class MarkReach(NamedTuple):
     max_px: float
 
 
-class MarkWorth(NamedTuple):
-    """What marks count, see `localization.goal.colored_lines.ColoredLineSettings`."""
+class MarkModel(NamedTuple):
+    """What lines look like at one place, and how often one is seen.
 
-    min_contrast: float
-    contrast_width_px: float
-    min_marks: int
-    sample_error_px: float
-    sharp_width_px: float
-    line_error_px: float
-    paint_part: float
-    seen_ratio: float
-    full_width_px: float
-    spread_px: float
-    clutter_ratio: float
+    Parameters
+    ----------
+    min_contrast, contrast_width_px : float
+        Fainter ridges than this fraction of the median contrast are no lines; lines of less than this width have less
+        contrast in proportion.
+    min_marks : int
+        Places, predicted or seen, that are needed.
+    sample_error_px, sharp_width_px : float
+        Noise of one place; lines that look thinner are fainter, and noisier in proportion.
+    line_error_px : float
+        Error of all places together: lens and paint.
+    paint_part : float
+        How exactly lines are painted, as a fraction of their width.
+    seen_ratio, full_width_px : float
+        Where a line is due, a ridge is seen this often; less often where it looks thinner than this.
+    spread_px : float
+        Ridges of lines spread so far about their places.
+    clutter_ratio : float
+        Where no line is due, something passes for a ridge this often.
+    """
+
+    min_contrast: float = 0.4
+    contrast_width_px: float = 1.5
+    min_marks: int = 10
+    sample_error_px: float = 0.45
+    sharp_width_px: float = 0.5
+    line_error_px: float = 0.045
+    paint_part: float = 0.06
+    seen_ratio: float = 0.8
+    full_width_px: float = 0.35
+    spread_px: float = 0.4
+    clutter_ratio: float = 0.2
 
 
 class SeenMarks(NamedTuple):
@@ -112,31 +133,28 @@ def due_marks(
 
 
 @compiled
-def choose_marks(
-    contrast: FloatArray, widths: FloatArray, full_width_px: float, min_contrast: float, is_seen: BoolArray
-) -> int:
+def choose_marks(contrast: FloatArray, widths: FloatArray, model: MarkModel, is_seen: BoolArray) -> int:
     """Mark (N,) the ridges that are as bright as lines of their width; returns how many there are.
 
     Parameters
     ----------
     contrast, widths : (N,) float64
         See `SeenMarks`; contrasts are overwritten.
-    full_width_px, min_contrast : float
-        See `localization.goal.line_marks.MarkSettings`.
+    model : MarkModel
+        How bright lines are.
     is_seen : (N,) bool
         Result.
     """
-    if full_width_px > 0.0:
-        # paint of half the width makes half the contrast
-        for i in range(contrast.shape[0]):
-            contrast[i] /= min(widths[i], full_width_px)
+    # paint of half the width makes half the contrast
+    for i in range(contrast.shape[0]):
+        contrast[i] /= min(widths[i], model.contrast_width_px)
     known = np.empty(contrast.shape[0])
     count = variable(0)
     for i in range(contrast.shape[0]):
         if not math.isnan(contrast[i]):
             known[count] = contrast[i]
             count += 1
-    least = min_contrast * sorted_median(known[:count]) if count else np.inf
+    least = model.min_contrast * sorted_median(known[:count]) if count else np.inf
     count = 0
     for i in range(contrast.shape[0]):
         is_seen[i] = contrast[i] > least
@@ -149,7 +167,7 @@ def gather_marks(
     seen: SeenMarks,
     begin: int,
     is_seen: BoolArray,
-    worth: MarkWorth,
+    model: MarkModel,
     marks: FloatArray,
     uv: FloatArray,
     directions: FloatArray,
@@ -165,14 +183,14 @@ def gather_marks(
         The camera's first mark.
     is_seen : (N,) bool
         Which of its marks are seen, M of them.
-    worth : MarkWorth
+    model : MarkModel
         What noise they have.
     marks, uv, directions : (M, 2) float64
         Results, see `SeenMarks`.
     sigma : (M,) float64
         Result: noise, pixels; what lines are off as a whole counts for each.
     """
-    common = worth.line_error_px**2 * sigma.shape[0]
+    common = model.line_error_px**2 * sigma.shape[0]
     m = variable(0)
     for i in range(is_seen.shape[0]):
         if not is_seen[i]:
@@ -181,14 +199,14 @@ def gather_marks(
         copy_vector(seen.marks[at], marks[m])
         copy_vector(seen.uv[at], uv[m])
         copy_vector(seen.directions[at], directions[m])
-        blurred = worth.sample_error_px * max(1.0, worth.sharp_width_px / seen.widths[at])
-        sigma[m] = math.sqrt(blurred**2 + (worth.paint_part * seen.widths[at]) ** 2 + common)
+        blurred = model.sample_error_px * max(1.0, model.sharp_width_px / seen.widths[at])
+        sigma[m] = math.sqrt(blurred**2 + (model.paint_part * seen.widths[at]) ** 2 + common)
         m += 1
 
 
 @compiled
 def mark_evidence(
-    residual: FloatArray, widths: FloatArray, reach: FloatArray, is_seen: BoolArray, worth: MarkWorth
+    residual: FloatArray, widths: FloatArray, reach: FloatArray, is_seen: BoolArray, model: MarkModel
 ) -> float:
     """Logarithm of how much likelier ridges are if lines are there than if they are clutter.
 
@@ -200,17 +218,17 @@ def mark_evidence(
         Of all marks.
     is_seen : (N,) bool
         Which are seen, M of them.
-    worth : MarkWorth
+    model : MarkModel
         Probabilities.
     """
     evidence, m = 0.0, 0
-    sharp = 1.0 / worth.spread_px
+    sharp = 1.0 / model.spread_px
     peak = sharp / math.sqrt(2.0 * math.pi)
     for i in range(widths.shape[0]):
-        due = worth.seen_ratio * min(1.0, widths[i] / worth.full_width_px)
+        due = model.seen_ratio * min(1.0, widths[i] / model.full_width_px)
         if is_seen[i]:
             near = peak * math.exp(-0.5 * (residual[m] * sharp) ** 2)
-            anywhere = worth.clutter_ratio / (2.0 * reach[i])
+            anywhere = model.clutter_ratio / (2.0 * reach[i])
             evidence += math.log1p(due * (near / anywhere - 1.0))
             m += 1
         else:
@@ -223,9 +241,9 @@ def fit_marked(
     scene: GoalScene,
     samples: FitSamples,
     priors: FitPriors,
-    loss: FitLoss,
+    scales: FloatArray,
     seen: SeenMarks,
-    worth: MarkWorth,
+    model: MarkModel,
     cameras: FloatArray,
     evidence: FloatArray,
 ) -> None:
@@ -233,11 +251,11 @@ def fit_marked(
 
     Parameters
     ----------
-    scene, samples, priors, loss
+    scene, samples, priors, scales
         See `fit_goal`; the samples hold no marks.
     seen : SeenMarks
         Of all cameras; their contrast is overwritten.
-    worth : MarkWorth
+    model : MarkModel
         What marks count.
     cameras : (K, 8) float64
         Starts, overwritten with the fits.
@@ -249,22 +267,22 @@ def fit_marked(
     for k in range(cameras.shape[0]):
         evidence[k] = -np.inf
         begin, end = seen.bounds[k], seen.bounds[k + 1]
-        if end - begin < worth.min_marks:
+        if end - begin < model.min_marks:
             continue
         widths = seen.widths[begin:end]
         is_seen = np.empty(end - begin, np.bool_)
         contrast = seen.contrast[begin:end]
-        count = choose_marks(contrast, widths, worth.contrast_width_px, worth.min_contrast, is_seen)
-        if count < worth.min_marks:
+        count = choose_marks(contrast, widths, model, is_seen)
+        if count < model.min_marks:
             continue
         marks, uv, directions = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
         sigma = np.empty(goal + count)
         copy_vector(samples.sigma, sigma[:goal])
-        gather_marks(seen, begin, is_seen, worth, marks, uv, directions, sigma[goal:])
+        gather_marks(seen, begin, is_seen, model, marks, uv, directions, sigma[goal:])
         joined = with_marks(samples, marks, uv, directions, sigma)
-        cost = fit_goal(scene, joined, priors, loss, cameras[k], information)
+        cost = fit_goal(scene, joined, priors, scales, cameras[k], information)
         if math.isinf(cost):
             continue
         residual = np.empty(goal + count)
         goal_residuals(scene, joined, cameras[k], residual)
-        evidence[k] = mark_evidence(residual[goal:], widths, seen.reach[begin:end], is_seen, worth)
+        evidence[k] = mark_evidence(residual[goal:], widths, seen.reach[begin:end], is_seen, model)

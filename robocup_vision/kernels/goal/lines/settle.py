@@ -10,7 +10,7 @@ import numpy as np
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.copies import copy_vector
-from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal
+from robocup_vision.kernels.goal.fit import FitPriors, FitSamples, fit_goal
 from robocup_vision.kernels.goal.lines.arc import turn_camera
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.kernels.lines.drawing import LinePen
@@ -51,8 +51,10 @@ class ArcFit(NamedTuple):
 
     Parameters
     ----------
-    scene, samples, priors, loss
+    scene, samples, priors
         See `fit_goal`; the priors hold the heading.
+    scales : (K,) float64
+        See `fit_goal`.
     start : (8,) float64
         The camera whose heading is turned.
     loosest : (2, 8) float64
@@ -62,7 +64,7 @@ class ArcFit(NamedTuple):
     scene: GoalScene
     samples: FitSamples
     priors: FitPriors
-    loss: FitLoss
+    scales: FloatArray
     start: FloatArray
     loosest: FloatArray
 
@@ -97,7 +99,7 @@ def _fit_at(fit: ArcFit, turn: float, tried: _Tried) -> int:
     p, information = tried.cameras[count], np.empty((8, 8))
     turn_camera(fit.scene.shape[0], fit.start, turn, p)
     tried.turns[count] = turn
-    tried.costs[count] = fit_goal(fit.scene, fit.samples, fit.priors, fit.loss, p, information)
+    tried.costs[count] = fit_goal(fit.scene, fit.samples, fit.priors, fit.scales, p, information)
     tried.counts[1] += 1
     return int(count)
 

@@ -7,7 +7,7 @@ from goal_twins import SCENE, SHAPE, VIEW, perfect_samples, silhouette_lines, so
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, fit_goal, goal_residuals
+from robocup_vision.kernels.goal.fit import FitPriors, fit_goal, goal_residuals
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -44,8 +44,7 @@ def test_fit_comes_back_to_the_camera(seed):
     information = np.zeros((8, 8))
     p = start.copy()
     scales = np.array([4.0] * 8 + [1.0] * 8 + [0.2] * 12)
-    loss = FitLoss(scales, scales, False)
-    cost = fit_goal(SCENE, samples._replace(uv=uv), FitPriors(prior, weight), loss, p, information)
+    cost = fit_goal(SCENE, samples._replace(uv=uv), FitPriors(prior, weight), scales, p, information)
     assert np.isfinite(cost)
     # wrong samples beside right ones pull a far camera farther: a centimetre a metre
     distance_m = math.hypot(truth[0] - SHAPE.line_x_m, truth[1])
@@ -65,6 +64,6 @@ def test_samples_measured_worse_never_tell_more(seed):
     information = np.zeros((2, 8, 8))
     worse = np.where(rng.random(74) < 0.5, 3.0, 1.0)
     for sigma, out in zip((np.full(74, 0.3), 0.3 * worse), information, strict=True):
-        fit_goal(SCENE, perfect_samples(p, sigma=sigma), priors, FitLoss(scales, scales, False), p.copy(), out)
+        fit_goal(SCENE, perfect_samples(p, sigma=sigma), priors, scales, p.copy(), out)
     lost = np.linalg.eigvalsh(information[0] - information[1])
     assert lost.min() > -1e-6 * lost.max()

@@ -32,8 +32,8 @@ def proposed(search, silhouettes, frame):
     picture = silhouettes.picture(frame)
     masks = hue_masks(picture, search.families)
     carpet = carpet_mask(picture, np.bitwise_or.reduce(list(masks.values())))
-    edges = silhouettes.edges(picture)
-    found = [one for mask in masks.values() for one in silhouettes.propose(edges, mask, carpet)]
+    gradients = silhouettes.gradients(picture)
+    found = [one for mask in masks.values() for one in silhouettes.propose(gradients, mask, carpet)]
     return [unknowns for _, unknowns in sorted(found, key=lambda one: -one[0])]
 
 
@@ -75,7 +75,7 @@ def test_a_picture_without_edges_or_paint_proposes_nothing_that_fits():
     search, silhouettes = searched(STREAKS.camera)
     frame = np.full((320, 416, 3), (40, 120, 40), np.uint8)
     assert all(
-        nats < 0 for nats, _ in silhouettes.propose(silhouettes.edges(frame), *np.zeros((2, 320, 416), np.uint8))
+        nats < 0 for nats, _ in silhouettes.propose(silhouettes.gradients(frame), *np.zeros((2, 320, 416), np.uint8))
     )
     candidates, reason = search.candidates(search.picture(frame))
     assert candidates == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from goal_twins import VIEW, floor_px
 
-from robocup_vision.kernels.goal.lines.marked_cameras import MarkWorth, mark_evidence
+from robocup_vision.kernels.goal.lines.marked_cameras import MarkModel, mark_evidence
 from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, line_marks, mark_stds, measure_ridges
 
 VIEW_ARRAY = np.array([384.0, 380.0, 207.5, 159.5])
@@ -46,13 +46,13 @@ def test_places_are_off_by_as_much_as_those_of_cameras_drawn():
 
 @pytest.mark.parametrize("width", [0.4, 3.0])
 def test_what_clutter_shows_speaks_for_no_camera_on_the_whole(width):
-    worth = MarkWorth(
+    model = MarkModel(
         0.5, 2.0, 3, 0.2, 1.0, 0.1, 0.05, seen_ratio=0.8, full_width_px=1.0, spread_px=0.5, clutter_ratio=0.3
     )
     reach, off = 8.0, np.linspace(-8.0, 8.0, 8001)
     of_mark = np.array([width]), np.array([reach])
-    seen = [mark_evidence(np.array([one]), *of_mark, np.array([True]), worth) for one in off]
-    missing = mark_evidence(np.empty(0), *of_mark, np.array([False]), worth)
+    seen = [mark_evidence(np.array([one]), *of_mark, np.array([True]), model) for one in off]
+    missing = mark_evidence(np.empty(0), *of_mark, np.array([False]), model)
     # odds by clutter's own chances: a ridge anywhere within reach, or none
     mean = 0.3 * np.mean(np.exp(seen)) + 0.7 * np.exp(missing)
     assert mean == pytest.approx(1.0, abs=2e-3)

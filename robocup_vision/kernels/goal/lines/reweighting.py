@@ -14,14 +14,14 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.copies import copy_vector
-from robocup_vision.kernels.goal.fit import FitLoss, FitPriors, FitSamples, fit_goal, goal_residuals, with_marks
+from robocup_vision.kernels.goal.fit import FitPriors, FitSamples, fit_goal, goal_residuals, with_marks
 from robocup_vision.kernels.goal.picture import GoalScene
 
 _EDGES = 6
 _FAR2 = 9.0  # squared residual in variances: a mark farther off counts as one so far off
 
 
-class Doubt(NamedTuple):
+class Reweighting(NamedTuple):
     """How weights follow residuals.
 
     Parameters
@@ -29,19 +29,19 @@ class Doubt(NamedTuple):
     rounds : int
         Fits, each with the weights that follow from the one before.
     typical_px : float
-        Edges farther off are no edges of the goal, and tell nothing of the others.
+        Edges farther off are no edges of the goal, and tell nothing of the others: blur moves one by half a pixel.
     prior_weight : float
         So many marks of the expected noise are added to those whose scatter is measured.
     """
 
-    rounds: int
-    typical_px: float
-    prior_weight: float
+    rounds: int = 3
+    typical_px: float = 0.5
+    prior_weight: float = 4.0
 
 
 @compiled
-def doubt_edges(
-    edge: Int64Array, residual: FloatArray, sigma: FloatArray, typical_px: float, doubted: FloatArray
+def reweight_edges(
+    edge: Int64Array, residual: FloatArray, sigma: FloatArray, typical_px: float, weighed: FloatArray
 ) -> None:
     """Let each edge as a whole be as uncertain as it is off: one that all others contradict is somebody else's.
 
@@ -55,8 +55,8 @@ def doubt_edges(
     residual, sigma : (N + M,) float64
         Of a fit to these and other samples, and their noise, pixels.
     typical_px : float
-        See `Doubt`.
-    doubted : (N + M,) float64
+        See `Reweighting`.
+    weighed : (N + M,) float64
         Result: noise; that of other samples is unchanged.
     """
     count, square = np.zeros(_EDGES), np.zeros(_EDGES)
@@ -70,9 +70,9 @@ def doubt_edges(
             typical += min(square[e], typical_px**2)
             seen += 1
     typical /= max(seen, 1)
-    copy_vector(sigma, doubted)
+    copy_vector(sigma, weighed)
     for n in range(edge.shape[0]):
-        doubted[n] = math.sqrt(sigma[n] ** 2 + (square[edge[n]] + typical) * count[edge[n]])
+        weighed[n] = math.sqrt(sigma[n] ** 2 + (square[edge[n]] + typical) * count[edge[n]])
 
 
 @compiled
@@ -84,7 +84,7 @@ def scatter_marks(residual: FloatArray, prior_weight: float, sigma: FloatArray) 
     residual : (L,) float64
         Of the marks, pixels.
     prior_weight : float
-        See `Doubt`.
+        See `Reweighting`.
     sigma : (L,) float64
         Their noise, pixels; overwritten.
     """
@@ -97,12 +97,12 @@ def scatter_marks(residual: FloatArray, prior_weight: float, sigma: FloatArray) 
 
 
 @compiled
-def fit_doubting(
+def fit_reweighted(
     scene: GoalScene,
     samples: FitSamples,
     priors: FitPriors,
-    loss: FitLoss,
-    doubt: Doubt,
+    scales: FloatArray,
+    by: Reweighting,
     p: FloatArray,
     information: FloatArray,
     sigma: FloatArray,
@@ -111,9 +111,9 @@ def fit_doubting(
 
     Parameters
     ----------
-    scene, samples, priors, loss
+    scene, samples, priors, scales
         See `fit_goal`.
-    doubt : Doubt
+    by : Reweighting
         How weights follow residuals.
     p : (8,) float64
         Start, overwritten with the result.
@@ -129,13 +129,13 @@ def fit_doubting(
     """
     goal = samples.edge.shape[0] + samples.foot_post.shape[0]
     residual = np.empty(samples.sigma.shape[0])
-    weighed = with_marks(samples, samples.mark_m, samples.mark_uv, samples.mark_direction, sigma)
+    joined = with_marks(samples, samples.mark_m, samples.mark_uv, samples.mark_direction, sigma)
     cost = np.inf
-    for _ in range(doubt.rounds):
+    for _ in range(by.rounds):
         goal_residuals(scene, samples, p, residual)
-        doubt_edges(samples.edge, residual, samples.sigma, doubt.typical_px, sigma)
-        scatter_marks(residual[goal:], doubt.prior_weight, sigma[goal:])
-        cost = fit_goal(scene, weighed, priors, loss, p, information)
+        reweight_edges(samples.edge, residual, samples.sigma, by.typical_px, sigma)
+        scatter_marks(residual[goal:], by.prior_weight, sigma[goal:])
+        cost = fit_goal(scene, joined, priors, scales, p, information)
         if math.isinf(cost):
             break
     return cost
