@@ -20,7 +20,9 @@ def from_rough(ssl_field, off_frames, rough_camera):
     return calibrate_omni(ssl_field, off_frames, rough_camera)
 
 
+@pytest.mark.slow
 def test_a_rough_start_leads_to_the_true_camera(from_rough, true_camera, floor_error_m):
+    """Only this finds a fit from a rough start that ends elsewhere."""
     assert isinstance(from_rough, OmniCalibration)
     assert floor_error_m(from_rough.camera, true_camera) < 2e-3
     np.testing.assert_allclose(from_rough.camera.center_px, true_camera.center_px, atol=0.5)
@@ -40,13 +42,17 @@ def test_no_start_at_all_leads_there_too(ssl_field, off_frames, true_camera, flo
     assert any("assumed" in note for note in result.notes)
 
 
+@pytest.mark.slow
 def test_poses_come_with_it(from_rough, off_samples):
+    """Only this finds poses of a calibration that are of other images."""
     assert [frame.name for frame in from_rough.frames] == [f"frame {i}" for i in range(6)]
     errors = [f.pose.error_to(s.pose, symmetric=True)[0] for f, s in zip(from_rough.frames, off_samples, strict=True)]
     assert max(errors) < 0.02
 
 
+@pytest.mark.slow
 def test_a_robot_that_uses_it_is_located_better(ssl_field, from_rough, paper_camera, off_samples):
+    """Only this finds a calibration that fits its points and makes poses worse."""
     medians = []
     for camera in (paper_camera, from_rough.camera):
         vision = Vision(ssl_field, camera)
@@ -62,7 +68,9 @@ def test_a_robot_that_uses_it_is_located_better(ssl_field, from_rough, paper_cam
     assert medians[1] < 4e-3 < medians[0]
 
 
+@pytest.mark.slow
 def test_it_says_how_good_it_is(from_rough):
+    """Only this finds deviations, choices or residuals that a calibration leaves out."""
     assert set(from_rough.std) == {"center_u_px", "center_v_px", "tilt_x_rad", "tilt_y_rad", "scale", "horizon"}
     assert 0 < from_rough.std["center_u_px"] < 0.5
     assert from_rough.choices[0].curve == "hyperboloid"
