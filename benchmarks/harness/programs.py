@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -23,3 +24,13 @@ def run_program(name: str, arguments: Sequence[str]) -> subprocess.CompletedProc
     return subprocess.run(
         [sys.executable, "-m", module, *arguments], cwd=ROOT, capture_output=True, text=True, check=False
     )
+
+
+def sources_digest() -> str:
+    """Return a digest of all sources and tables of library, field models and simulator: figures are of these."""
+    digest = hashlib.sha256()
+    for package in ("field_models", "robocup_vision", "sim2d"):
+        for path in sorted((ROOT / package).rglob("*")):
+            if path.suffix in (".py", ".toml", ".json", ".npy", ".npz"):
+                digest.update(str(path.relative_to(ROOT)).encode() + path.read_bytes())
+    return digest.hexdigest()

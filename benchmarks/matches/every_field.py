@@ -9,7 +9,8 @@ fraction of play in which a field player has moved less than 5 cm in 3 s. "conta
 another one, a robot and minute. "real time": simulated over processor seconds, one thread, all players and pictures.
 
 --full plays 40 matches of 60 s on each field, which takes hours; --only NAME plays those of one row. Each match says on
-stderr, as it ends, its seed and how long a robot of it was lost.
+stderr, as it ends, its seed and how long a robot of it was lost. --keep FILE keeps each match in a file as it ends: a
+run that was interrupted goes on from there, as long as no source of library and simulator has changed.
 """
 
 from __future__ import annotations
@@ -19,17 +20,21 @@ import math
 import sys
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field, fields
 from functools import cache
+from pathlib import Path
 from time import process_time
 
 import cv2
 
 from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
+from benchmarks.harness.pool import Pool, open_pool
+from benchmarks.harness.programs import sources_digest
 from benchmarks.worlds.failed_players import COLUMN, count_failed
 from benchmarks.worlds.near_truth import BOUNDS
+from robocup_vision.files.resume_file import ResumeFile
 from sim2d.match.run import MatchPlan
 from sim2d.report.moment import Moment
 from sim2d.robot_link import CONTROL_PERIOD_S
@@ -163,6 +168,18 @@ def play(case: Case, seconds: float, seed: int) -> Played:
     return played
 
 
+def play_row(pool: Pool, pieces: Sequence[Piece], kept: ResumeFile | None, first: int) -> list[Played]:
+    """Play matches, but for those that have been kept, under numbers from `first` on; keep the others as they end."""
+    found = {} if kept is None else kept.found
+    played = {n: Played(**found[n]) for n in range(first, first + len(pieces)) if n in found}
+    missing = [(n, piece) for n, piece in enumerate(pieces, first) if n not in played]
+    for (n, _), match in zip(missing, pool.map(play_piece, [piece for _, piece in missing]), strict=True):
+        played[n] = match
+        if kept is not None:
+            kept.add(n, asdict(match))
+    return [played[n] for n in sorted(played)]
+
+
 def print_row(table: Table, case: Case, played: Played) -> None:
     """Print the figures of a case."""
     players = MatchPlan(case.field).setup.players
@@ -195,6 +212,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     names = [case.name for case in CASES]
     parser.add_argument("--only", metavar="NAME", choices=names, help=f"one row: {', '.join(names)}")
+    parser.add_argument("--keep", metavar="FILE", help="keep matches as they end, and go on with those kept before")
     arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     cases = [case for case in CASES if arguments.only in (None, case.name)]
@@ -220,10 +238,15 @@ def main() -> None:
         name="every field",
         samples=round(matches * seconds * 4),
     )
-    with open_pool(arguments) as pool:
-        for case in cases:
+    with open_pool(arguments) as pool, ExitStack() as stack:
+        kept = None
+        if arguments.keep:
+            run = {"matches": matches, "seconds": seconds, "seed": arguments.seed, "sources": sources_digest()}
+            run["rows"] = [case.name for case in cases]
+            kept = stack.enter_context(ResumeFile(Path(arguments.keep), run, resume=True))
+        for row, case in enumerate(cases):
             pieces = [Piece(case, seconds, arguments.seed + index) for index in range(matches)]
-            print_row(table, case, Played.together(list(pool.map(play_piece, pieces))))
+            print_row(table, case, Played.together(play_row(pool, pieces, kept, row * matches)))
     finish()
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import PAGES
+from benchmarks.harness import programs
 from benchmarks.harness.figures import FOLDER, QUICK_FOLDER, read_figures
 from benchmarks.harness.markdown import page_programs, render_page
 from benchmarks.harness.programs import ROOT, program_names
@@ -94,3 +95,15 @@ def test_a_program_runs_as_a_file_and_as_a_module(tmp_path: Path) -> None:
     first, second = (read_figures(tmp_path / f"{number}.json") for number in (0, 1))
     assert first.tables == second.tables
     assert first.program == second.program == "goal/goal_sensitivity"
+
+
+def test_a_digest_is_of_sources_and_tables_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(programs, "ROOT", tmp_path)
+    source = tmp_path / "robocup_vision" / "vision.py"
+    source.parent.mkdir()
+    source.write_text("A = 1\n", encoding="ascii")
+    before = programs.sources_digest()
+    (source.parent / "vision.pyc").write_text("cached", encoding="ascii")
+    assert programs.sources_digest() == before
+    source.write_text("A = 2\n", encoding="ascii")
+    assert programs.sources_digest() != before
