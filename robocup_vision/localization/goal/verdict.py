@@ -93,8 +93,8 @@ class GoalVerdict:
             return NotLocated("no whole goal: no camera on the pitch would see what looks like one, unhidden")
         nats = max(nats for nats, _ in judged)
         if nats < self._settings.min_nats:
-            told = f"log-likelihood ratio {nats:.0f} of the {self._settings.min_nats:.0f} that are needed"
-            return NotLocated(f"no certain goal: what looks like one reaches a {told}")
+            ratio = f"log-likelihood ratio {nats:.0f} of the {self._settings.min_nats:.0f} that are needed"
+            return NotLocated(f"no certain goal: what looks like one reaches a {ratio}")
         # of cameras that the picture hardly tells apart the most certain one: lines tell it more than the silhouette
         alike = [one for other, one in judged if other >= nats - self._settings.correlation_nats]
         best = min(alike, key=lambda one: float(np.trace(one.covariance[:2, :2])))
