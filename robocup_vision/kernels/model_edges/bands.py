@@ -1,17 +1,36 @@
-"""Bright bands between carpets, along rows and columns: lines of a camera that nobody knows the tilt of.
+"""White lines whatever the pose: bright bands between carpets, along rows and columns.
 
-`verdict.line_points` asks for the width that a line has at a tilt; here the width is measured, and bounds the tilt.
+Where the camera's tilt is known a band must be as wide on the floor as a line; where it is not, widths bound the tilt.
 """
 
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.model_edges.carpet import is_carpet
+from robocup_vision.kernels.algebra.lens import BENT, slopes_at
+from robocup_vision.kernels.model_edges.carpet import is_carpet, other_light
+from robocup_vision.kernels.model_edges.prediction import pose_frame
 
+ONE, TWO = np.uintp(1), np.uintp(2)
 FLANK = 3  # pixels beside a band that blur leaves to the carpet
+# of a line's width, that a band has on the floor at least; a row or column crosses lines at up to 60 degrees
+MIN_WIDTHS, MAX_WIDTHS = 0.5, 2.0
+BLUR_PX = 3.0  # what blur adds to a band
+MIN_DOWN = 0.02  # of a ray, downwards: what is nearer the horizon is not read
+
+
+class LineLook(NamedTuple):
+    """What counts as a line: its step in blue and red together (grey levels), widths, and rows between read ones."""
+
+    min_step: float
+    width_m: float
+    max_widths: float
+    stride: int
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -22,9 +41,43 @@ def _is_carpet_at(flat: UInt8Array, at: int, step: int, beside: int, carpet: Flo
         for j in range(-1, 2):
             k = np.uintp(at + i * step + j * beside)
             blue += int(flat[k])
-            green += int(flat[k + np.uintp(1)])
-            red += int(flat[k + np.uintp(2)])
+            green += int(flat[k + ONE])
+            red += int(flat[k + TWO])
     return is_carpet(blue / 9.0, green / 9.0, red / 9.0, carpet, 1.0 / 3.0)
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _read(flat: UInt8Array, start: int, step: int, length: int, light: Int64Array) -> None:
+    """Add up blue and red along a row or column: the carpet's green is left out."""
+    at = start
+    for i in range(length):
+        light[i] = int(flat[np.uintp(at)]) + int(flat[np.uintp(at + 2)])
+        at += step
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _is_line(
+    flat: UInt8Array, start: int, step: int, beside: int, band: tuple[float, float], carpet: FloatArray
+) -> bool:
+    """Whether carpet lies on both sides of a band from its begin to its end, and the band is none in other light."""
+    if not _begins_carpet(flat, start + int(band[0]) * step, -step, beside, carpet):
+        return False
+    if not _begins_carpet(flat, start + int(band[1]) * step, step, beside, carpet):
+        return False
+    if other_light(carpet) == carpet[0] + carpet[1] + carpet[2]:
+        return True
+    # where a carpet lies in sun and shade, a band of it may be as bright as a line
+    middle = np.uintp(start + int(0.5 * (band[0] + band[1]) + 0.5) * step)
+    return not is_carpet(float(flat[middle]), float(flat[middle + ONE]), float(flat[middle + TWO]), carpet)
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _begins_carpet(flat: UInt8Array, at: int, outwards: int, beside: int, carpet: FloatArray) -> bool:
+    """Whether carpet begins within `FLANK` pixels beyond a band's end: blur takes some of them, boards bound others."""
+    for away in range(FLANK - 1, FLANK + 1):
+        if _is_carpet_at(flat, at + away * outwards, outwards, beside, carpet):
+            return True
+    return False
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -64,10 +117,7 @@ def line_bands(
         step, beside = (3, 3 * width) if by_row else (3 * width, 3)
         for at in range(max(stride // 2, 1), lines - 1, stride):
             start = 3 * at * width if by_row else 3 * at
-            place = start
-            for i in range(length):
-                light[i] = int(flat[np.uintp(place)]) + int(flat[np.uintp(place + 2)])
-                place += step
+            _read(flat, start, step, length, light)
             i = variable(FLANK)
             while i < length - FLANK - 1 and count < bands.shape[0]:
                 ground = 0.5 * (light[i - 3] + light[i - 2])
@@ -78,19 +128,114 @@ def line_bands(
                 if end < 0.0:
                     i += 1
                     continue
-                first, last = int(begin) - FLANK, int(end) + FLANK
-                middle = int(0.5 * (begin + end) + 0.5)
-                if (
-                    first >= 1
-                    and last + 1 < length
-                    and _is_carpet_at(flat, start + first * step, step, beside, carpet)
-                    and _is_carpet_at(flat, start + last * step, step, beside, carpet)
-                    and not _is_carpet_at(flat, start + middle * step, step, beside, carpet)
-                ):
+                is_inside = begin >= FLANK + 1 and end + FLANK + 2 < length
+                if is_inside and _is_line(flat, start, step, beside, (begin, end), carpet):
                     along = 0.5 * (begin + end)
                     bands[count, 0], bands[count, 1] = (along, float(at)) if by_row else (float(at), along)
                     bands[count, 2], bands[count, 3] = (1.0 if by_row else 0.0), end - begin
                     count += 1
+                i = int(end) + 2
+    return count
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _on_floor(lens: FloatArray, frame: FloatArray, u: float, v: float) -> tuple[float, float, bool]:
+    """Return where a pixel shows the floor, from below the camera, and whether it does; frame as of `pose_frame`."""
+    right, down = slopes_at(lens, u, v)
+    right, down = right * lens[0] / frame[12], down * lens[1] / frame[13]
+    up = frame[6] - right * frame[7] - down * frame[8]
+    if up > -MIN_DOWN:
+        return 0.0, 0.0, False
+    scale = -frame[11] / up
+    x = (frame[0] - right * frame[1] - down * frame[2]) * scale
+    return x, (frame[3] - right * frame[4] - down * frame[5]) * scale, True
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _length_m(lens: FloatArray, frame: FloatArray, by_row: bool, at: int, begin: float, end: float) -> float:
+    """How long a piece of a row or column is on the floor; -1 where it does not lie there."""
+    u, v = (begin, float(at)) if by_row else (float(at), begin)
+    x, y, is_floor = _on_floor(lens, frame, u, v)
+    u, v = (end, float(at)) if by_row else (float(at), end)
+    x2, y2, is_floor_too = _on_floor(lens, frame, u, v)
+    return math.sqrt((x - x2) ** 2 + (y - y2) ** 2) if is_floor and is_floor_too else -1.0
+
+
+@compiled(fastmath=True, error_model="numpy")
+def line_points(
+    image: UInt8Array, lens: FloatArray, p: FloatArray, carpet: FloatArray, look: LineLook, points: FloatArray
+) -> int:
+    """Find the middles of lines whatever the pose, along some rows and columns.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        BGR.
+    lens : (L,) float64
+        See `prediction.predict`.
+    p : (7,) float64
+        Tilt, roll, height and focal length count: they determine the width of a line.
+    carpet : (5,) or (8,) float64
+        As `carpet_look` returns.
+    look : LineLook
+        What counts as a line.
+    points : (P, 3) float64
+        Result: pixels u, v, and 1 where a row was read, 0 a column.
+
+    Returns
+    -------
+    int
+        How many.
+    """
+    height, width = image.shape[0], image.shape[1]
+    flat = image.reshape(-1)
+    light, frame = np.empty(max(height, width), np.int64), np.empty(16)
+    pose_frame(p, lens, frame)
+    count = variable(0)
+    least, most = MIN_WIDTHS * look.width_m, look.max_widths * look.width_m
+    for turn in range(2):
+        by_row = turn == 1
+        lines, length = (height, width) if by_row else (width, height)
+        step, beside = (3, 3 * width) if by_row else (3 * width, 3)
+        for at in range(look.stride // 2, lines, look.stride):
+            if at < 1 or at > lines - 2:
+                continue
+            i = variable(FLANK)
+            if lens[BENT] == 0.0:
+                # a straight horizon: no line is above it
+                if by_row:
+                    is_seen = _on_floor(lens, frame, 0.0, at)[2] or _on_floor(lens, frame, width - 1.0, at)[2]
+                    if not is_seen:
+                        continue
+                else:
+                    i = max(i, int(lens[3] + frame[13] * math.tan(p[3]) - math.tan(p[4]) * (at - lens[2])) + 2)
+            start = 3 * at * width if by_row else 3 * at
+            _read(flat, start, step, length, light)
+            while i < length - FLANK - 1 and count < points.shape[0]:
+                ground = 0.5 * (light[i - 3] + light[i - 2])
+                if light[i] - ground < look.min_step:
+                    i += 1
+                    continue
+                pixel_m = _length_m(lens, frame, by_row, at, i - 0.5, i + 0.5)
+                if pixel_m <= 0.0:
+                    i += 1
+                    continue
+                # nearer to the camera a pixel is less of the floor than where the band begins
+                widest_px = min(int(2.0 * most / pixel_m + BLUR_PX), length)
+                begin, end = _half_height(light, i, length, ground, widest_px)
+                if end < 0.0:
+                    i += 1
+                    continue
+                wide_px, wide_m = end - begin, _length_m(lens, frame, by_row, at, begin, end)
+                is_wide_enough = wide_m * (wide_px + 1.0) >= least * wide_px
+                is_narrow_enough = wide_m * (wide_px - BLUR_PX) <= most * wide_px
+                is_inside = begin >= FLANK + 1 and end + FLANK + 2 < length
+                if is_inside and wide_m > 0.0 and is_wide_enough and is_narrow_enough:
+                    if _is_line(flat, start, step, beside, (begin, end), carpet):
+                        along = 0.5 * (begin + end)
+                        points[count, 0], points[count, 1] = (along, float(at)) if by_row else (float(at), along)
+                        points[count, 2] = 1.0 if by_row else 0.0
+                        count += 1
                 i = int(end) + 2
     return count
 

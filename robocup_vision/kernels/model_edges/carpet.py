@@ -25,6 +25,8 @@ MIN_GREEN, MIN_OTHER = 0.03, 0.05
 PATCHES, SAME_LIGHT = 60, 0.4
 # sum of the channels from which on a pixel has a tone; in a dark hall so much of the mean
 MIN_LIGHT, DARK_RATIO = 60.0, 0.5
+# of the carpet's saturation, what is left of it beside something white; blue's or red's part of grey light
+MIN_SATURATION, GREY = 0.5, 1.0 / 3.0
 # numbers that describe a carpet, see `carpet_look`; of one in sun and shade
 CARPET, LIT_CARPET = 5, 8
 # of a paint: shadows leave less than half of it, blur mixes the background in, lamps have a tint
@@ -221,8 +223,15 @@ def other_light(carpet: FloatArray) -> float:
 
 
 @compiled(fastmath=True, error_model="numpy")
-def is_carpet(b: float, g: float, r: float, carpet: FloatArray, noise_ratio: float = 1.0) -> bool:
-    """Return whether a colour is the carpet's, somewhat brighter or darker; its noise is so much of a pixel's."""
+def is_carpet(
+    b: float,
+    g: float,
+    r: float,
+    carpet: FloatArray,
+    noise_ratio: float = 1.0,
+    min_saturation: float = MIN_SATURATION,
+) -> bool:
+    """Return whether a colour is the carpet's, somewhat brighter, darker or paler, with so much of a pixel's noise."""
     light, known = b + g + r, carpet[0] + carpet[1] + carpet[2]
     other = other_light(carpet)
     if light < 1.0 or known < 1.0 or light < 0.45 * min(known, other) or light > 1.6 * max(known, other):
@@ -240,7 +249,12 @@ def is_carpet(b: float, g: float, r: float, carpet: FloatArray, noise_ratio: flo
         lead = 0.5 * light * (1.0 - blue - red - max(blue, red))
         if g - max(b, r) < lead - 2.0 * noise_ratio * carpet[3]:
             return False
-    return bool(abs(b / light - blue) < slack and abs(r / light - red) < slack)
+    # white that lens, demosaicing and chroma subsampling mix in takes saturation, but neither hue nor light
+    to_blue, to_red = blue - GREY, red - GREY
+    grey_blue, grey_red = b / light - GREY, r / light - GREY
+    saturation = (grey_blue * to_blue + grey_red * to_red) / max(to_blue * to_blue + to_red * to_red, 1e-9)
+    saturation = max(saturation, min(min_saturation * max(known / light, 1.0), 1.0))
+    return bool(abs(grey_blue - saturation * to_blue) < slack and abs(grey_red - saturation * to_red) < slack)
 
 
 def carpet_mask(image: UInt8Array, carpet: FloatArray) -> BoolArray:
@@ -260,8 +274,12 @@ def carpet_mask(image: UInt8Array, carpet: FloatArray) -> BoolArray:
         blue, red = blue + share * to_blue, red + share * to_red
         lead = image[..., 1] - np.maximum(image[..., 0], image[..., 2]).astype(np.float64)
         is_lit &= lead >= 0.5 * level * (1.0 - blue - red - np.maximum(blue, red)) - 2.0 * carpet[3]
-    is_blue, is_red = (np.abs(image[..., c] / level - share) < slack for c, share in ((0, blue), (2, red)))
-    return np.asarray(is_lit & is_blue & is_red)
+    to_blue, to_red = blue - GREY, red - GREY
+    grey_blue, grey_red = image[..., 0] / level - GREY, image[..., 2] / level - GREY
+    saturation = (grey_blue * to_blue + grey_red * to_red) / np.maximum(to_blue**2 + to_red**2, 1e-9)
+    saturation = np.maximum(saturation, np.clip(MIN_SATURATION * known / level, MIN_SATURATION, 1.0))
+    is_hue = (np.abs(grey_blue - saturation * to_blue) < slack) & (np.abs(grey_red - saturation * to_red) < slack)
+    return np.asarray(is_lit & is_hue)
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -8,6 +8,7 @@ import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor
+from robocup_vision.kernels.model_edges.bands import MAX_WIDTHS, LineLook, line_points
 from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
 from robocup_vision.kernels.model_edges.conclude import covariance_with_prior, gained_nats, pose_alone, position_std
 from robocup_vision.kernels.model_edges.refine import moved, propose, refine
@@ -25,7 +26,7 @@ from robocup_vision.kernels.model_edges.tables import (
     Scene,
     UInt8Array,
 )
-from robocup_vision.kernels.model_edges.verdict import LineLook, explained, judge, line_points
+from robocup_vision.kernels.model_edges.verdict import explained, judge
 
 MODES = 5  # looked at before giving up
 NO_FIT = -1e9  # worth of a mode that cannot be fitted
@@ -225,7 +226,8 @@ def _assess(
     seen, missing, upright, hidden = judge(image, fit.carpet, settings, room, count, step)
     moved(prior, z, fit.unknowns)
     least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * light
-    look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, settings.point_stride)
+    max_widths = max(MAX_WIDTHS, settings.max_line_widths)
+    look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, max_widths, settings.point_stride)
     number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, room.points)
     silent, lens = scene.field.silent, scene.lens
     right, neutral = explained(room, number, count, step, spacing_px, settings.gate_px, silent, lens, fit.unknowns)

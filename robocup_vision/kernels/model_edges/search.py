@@ -81,13 +81,14 @@ def _borders_rightly(
             return False
     if place != ON_FLOOR:
         return True
-    outer = first - gap - 1 if kind == RIDGE else first - 2
+    # cameras blur colours over more pixels than light: what borders on the edge shows at the far end of a window
+    outer = first - gap - FLANK_PX if kind == RIDGE else first - inner - 1
     before = _mean_of_three(flat, origin + advance * outer, beside)
     if not is_carpet(before[0], before[1], before[2], carpet):
         return False
     if kind == EDGE:
         return True
-    after = _mean_of_three(flat, origin + advance * (first + inner + gap), beside)
+    after = _mean_of_three(flat, origin + advance * (first + inner + gap + FLANK_PX - 1), beside)
     return bool(is_carpet(after[0], after[1], after[2], carpet))
 
 

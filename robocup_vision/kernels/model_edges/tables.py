@@ -217,7 +217,7 @@ class Room(NamedTuple):
     reach_px : (M,) float64
         How far each sample is searched for.
     points : (P, 3) float64
-        Line points, see `verdict.line_points`.
+        Line points, see `bands.line_points`.
     information : (7, 7) float64
         Of the measurements alone, by the standard normal unknowns.
     gradient : (7,) float64

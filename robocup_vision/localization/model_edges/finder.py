@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -123,6 +123,7 @@ class EdgeFinder:
         self._uprights = prepare_uprights(field, self._bank)
         self._sights = np.zeros((MAX_SIGHTINGS, SIGHT))
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
+        self._candidates = replace(s.candidates, of_rms=s.candidates.of_rms / scale)
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         self._room_m2rad = math.tau * float(np.prod(high - low))
         self._covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
@@ -291,7 +292,7 @@ class EdgeFinder:
         if not answers:
             return NotLocated(f"no pose on the field explains what is in view; by the likeliest: {likeliest}")
         probabilities = posterior(
-            [log_weight(one.evidence, s.candidates) + self._log_prior(one.estimate.pose, near) for one in answers]
+            [log_weight(one.evidence, self._candidates) + self._log_prior(one.estimate.pose, near) for one in answers]
         )
         order = accepted(probabilities, s.candidates)
         if not order:
@@ -319,7 +320,7 @@ class EdgeFinder:
             answer, evidence = self._fit(frame, proposal), follower.evidence
             if evidence.inliers >= s.min_inliers:
                 end = self._end(answer)
-                ends.append((log_weight(evidence, s.candidates) + self._log_prior(end, near), end))
+                ends.append((log_weight(evidence, self._candidates) + self._log_prior(end, near), end))
         ends.sort(key=lambda one: -one[0])
         return self._first_apart(
             (pose for weight, pose in ends if weight > ends[0][0] - s.max_log_likelihood_drop), s.weighed

@@ -22,6 +22,7 @@ from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.alone import frame_alone
+from robocup_vision.kernels.model_edges.bands import MAX_WIDTHS, LineLook, line_points
 from robocup_vision.kernels.model_edges.carpet import CARPET, LIT_CARPET, carpet_look
 from robocup_vision.kernels.model_edges.follow import MODES, brightness, follow, prepare
 from robocup_vision.kernels.model_edges.tables import (
@@ -37,7 +38,6 @@ from robocup_vision.kernels.model_edges.tables import (
     Scene,
     empty_room,
 )
-from robocup_vision.kernels.model_edges.verdict import LineLook, line_points
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
 from robocup_vision.localization.model_edges.field_edges import field_edges, telling_features
 from robocup_vision.localization.model_edges.settings import EdgeSettings
@@ -331,7 +331,7 @@ class EdgeFollower:
         tilt_rad, roll_rad : float
             How the camera is held.
         points : (P, 3) float64
-            Result, as `kernels.model_edges.verdict.line_points` gives it.
+            Result, as `kernels.model_edges.bands.line_points` gives it.
 
         Returns
         -------
@@ -343,7 +343,7 @@ class EdgeFollower:
         held[TILT], held[ROLL], held[HEIGHT] = tilt_rad, roll_rad, camera.height_m
         usual = float(self.edges.channels[0, 3]) * brightness(carpet)
         step = max(0.5 * numbers.min_ratio * usual, 5 * float(carpet[3]))
-        look = LineLook(step, numbers.line_width_m, max(numbers.point_stride // 2, 2))
+        look = LineLook(step, numbers.line_width_m, MAX_WIDTHS, max(numbers.point_stride // 2, 2))
         count = int(line_points(frame, self.lens, held, carpet, look, points))
         wide = points[:count][self._widths_px(points[:count], tilt_rad, roll_rad) >= self.settings.min_paint_px]
         if len(wide) >= self.settings.min_paint_points:

@@ -19,12 +19,12 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.model_edges.align import Alignment, align_all, slopes_of
+from robocup_vision.kernels.model_edges.bands import LineLook, line_points
 from robocup_vision.kernels.model_edges.carpet import carpet_look, carpet_mask
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
 from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.sightings import SIGHT
 from robocup_vision.kernels.model_edges.tables import HEIGHT, ROLL, TILT, UNKNOWNS
-from robocup_vision.kernels.model_edges.verdict import LineLook, line_points
 from robocup_vision.localization.model_edges.bank import with_walls
 from robocup_vision.localization.model_edges.candidates import CandidateSettings
 from robocup_vision.localization.model_edges.finder import THOROUGH, EdgeFinder
@@ -42,8 +42,8 @@ class WideSettings:
 
     # of the ordinary step of a line: what is thinner than a pixel shows but a part of it
     step_ratio: float = 0.25
-    # times the width in the field file, that lines are looked for in
-    line_widths: tuple[float, ...] = (1.0, 2.0, 3.5)
+    # times the width in the field file, up to which a band is a line: two tapes side by side, or blur, make it wide
+    max_line_widths: float = 3.5
     # columns between those in which the carpet's end is looked for, and rows of carpet that it has below it
     column_stride: int = 4
     carpet_rows: int = 3
@@ -174,20 +174,15 @@ class WideFinder(EdgeFinder):
         return likes
 
     def _line_points(self, frame: UInt8Array, carpet: FloatArray) -> FloatArray:
-        """(N, 3) float64: line points of all widths, as `line_points` gives them, no two within three pixels."""
+        """(N, 3) float64: line points of all widths, as `line_points` gives them."""
         wide, follower, camera = self._wide, self.follower, self.follower.camera
         held = np.zeros(UNKNOWNS)
         held[TILT], held[ROLL], held[HEIGHT] = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
         usual = follower.numbers.min_ratio * float(follower.edges.channels[0, 3]) * brightness(carpet)
         step = max(wide.step_ratio * usual, 5 * float(carpet[3]))
-        found = []
-        for width in wide.line_widths:
-            look = LineLook(step, width * follower.numbers.line_width_m, 2)
-            found.append(self._points[: line_points(frame, follower.lens, held, carpet, look, self._points)].copy())
-        points = np.vstack(found)
-        cells = np.floor(points[:, :2] / 3.0)
-        _, first = np.unique(cells[:, 0] * frame.shape[0] + cells[:, 1], return_index=True)
-        return np.ascontiguousarray(points[np.sort(first)])
+        look = LineLook(step, follower.numbers.line_width_m, wide.max_line_widths, 2)
+        count = line_points(frame, follower.lens, held, carpet, look, self._points)
+        return self._points[:count].copy()
 
     def _carpet_ends(self, frame: UInt8Array, carpet: FloatArray, top: int) -> FloatArray:
         """(N, 3) float64: pixels u, v and 0 of the carpet's upper end in some columns, below row `top`."""

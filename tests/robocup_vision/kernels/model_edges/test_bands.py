@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from robocup_vision.kernels.model_edges.bands import line_bands
+from field_models import load_field
+from robocup_vision.camera import FisheyeCamera
+from robocup_vision.camera.lens_table import lens_table
+from robocup_vision.geometry import Pose2
+from robocup_vision.kernels.model_edges.bands import MAX_WIDTHS, LineLook, line_bands, line_points
+from robocup_vision.kernels.model_edges.carpet import carpet_look
+from robocup_vision.localization.lines.line_map import LineMap
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.scene import Scene
 
 CARPET = np.array([45.0, 125.0, 42.0, 1.0, 0.8])
 GLARE = np.array([135.0, 187.0, 142.0])
@@ -46,3 +54,23 @@ def test_a_sunny_patch_of_carpet_is_no_band():
     assert not len(found(image.astype(np.uint8), LIT))
     image[:, 50:60] = 235.0
     assert len(found(image.astype(np.uint8), LIT))
+
+
+@pytest.mark.parametrize("pose", [Pose2(4.0, 2.0, 0.6), Pose2(0.5, 0.4, 2.4), Pose2(-6.5, -3.5, -2.0)])
+def test_a_fisheye_s_line_points_lie_on_lines_near_and_far(pose):
+    field, height_m, tilt_rad = load_field("msl_18x12"), 0.8, -0.2
+    camera = FisheyeCamera((304, 400), (165.0, 165.0), (151.5, 199.5), height_m, tilt_rad=tilt_rad)
+    frame = np.clip(render_pinhole(camera, Scene(field), pose, supersample=3), 0, 255).astype(np.uint8)
+    held, carpet, points = np.zeros(7), np.zeros(5), np.zeros((600, 3))
+    held[3], held[5] = tilt_rad, height_m
+    carpet_look(frame, 160, carpet)
+    look = LineLook(STEP, field.line_width_m, MAX_WIDTHS, STRIDE)
+    count = line_points(frame, lens_table(camera), held, carpet, look, points)
+    floor = camera.pixel_to_floor(points[:count, :2])
+    range_m = np.hypot(*floor.T)
+    # a pixel of a far line is longer than the line is wide
+    slack_m = field.line_width_m / 2 + range_m**2 / height_m / 165.0
+    off_m = np.abs(LineMap(field).rough_distance_m(pose.transform(floor)))
+    assert np.mean(off_m < slack_m) > 0.95
+    assert count > 25
+    assert np.percentile(range_m, 10) < 3.0

@@ -94,6 +94,26 @@ def test_a_carpet_in_sun_and_shade_has_the_tones_between_both_and_no_grey_is_one
         assert not is_carpet(grey, grey, grey, carpet, 1.0 / 3.0)
 
 
+@pytest.mark.parametrize("saturation", [0.5, 0.8, 1.0, 1.6])
+@pytest.mark.parametrize("light", [0.9, 1.0, 1.3])
+def test_a_pale_or_deep_tone_of_the_carpet_s_hue_is_carpet_and_plain_only_if_it_is_as_green(saturation, light):
+    carpet = np.array([*CARPET, 1.5, 0.5])
+    grey = CARPET.mean()
+    shown = light * (grey + saturation * (CARPET - grey))
+    assert is_carpet(*shown.tolist(), carpet)
+    assert is_carpet(*shown.tolist(), carpet, 1.0, 1.0) == (saturation >= 0.7)
+    assert carpet_mask(np.clip(shown, 0, 255).astype(np.uint8)[None, None], carpet).all()
+    # another hue as far from grey
+    assert not is_carpet(*(light * (grey + saturation * (CARPET[[2, 0, 1]] - grey))).tolist(), carpet)
+
+
+@pytest.mark.parametrize("light", [0.5, 0.7])
+def test_what_is_darker_than_the_carpet_and_grey_is_none(light):
+    carpet = np.array([*CARPET, 1.5, 0.5])
+    grey = light * CARPET.mean()
+    assert not is_carpet(grey, 1.1 * grey, grey, carpet)
+
+
 def test_a_carpet_of_one_tone_has_no_other_light():
     assert other_light(np.array([*CARPET, 1.0, 0.5])) == pytest.approx(CARPET.sum())
     assert other_light(np.array([*CARPET, 1.0, 0.5, *GLARE])) == pytest.approx(GLARE.sum())

@@ -71,6 +71,18 @@ def test_the_foot_of_a_band_of_few_pixels_is_not_found_too_far_outside(width_px)
     assert abs(np.mean(errors_px)) < 0.12
 
 
+@pytest.mark.parametrize("angle_deg", [0.0, 35.0, 90.0])
+@pytest.mark.parametrize(("kind", "width_px"), [(RIDGE, 2.0), (EDGE, 10.0)])
+def test_colours_that_chroma_subsampling_smears_beside_a_line_are_carpet(angle_deg, kind, width_px):
+    frame, normal = stripe(math.radians(angle_deg), 0.0, width_px)
+    light, *chroma = cv2.split(cv2.cvtColor(frame, cv2.COLOR_BGR2YCrCb))
+    quarters = [cv2.resize(one, (104, 80), interpolation=cv2.INTER_AREA) for one in chroma]
+    smeared = [cv2.resize(one, (208, 160), interpolation=cv2.INTER_LINEAR) for one in quarters]
+    found = look_at(cv2.cvtColor(cv2.merge([light, *smeared]), cv2.COLOR_YCrCb2BGR), normal, kind, width_px)
+    assert found.candidates[0] >= 1
+    assert found.offset_px[0, 0] == pytest.approx(0.0 if kind == RIDGE else -width_px / 2, abs=0.4)
+
+
 def test_a_stripe_that_has_no_carpet_on_one_side_is_no_line():
     frame, normal = stripe(0.0, 0.0, 2.0)
     assert look_at(frame, normal, RIDGE, 2.0).candidates[0] >= 1
@@ -79,7 +91,7 @@ def test_a_stripe_that_has_no_carpet_on_one_side_is_no_line():
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 20.0, 44.0, 90.0, 130.0, -60.0])
-@pytest.mark.parametrize("shown_px", [5.0, 7.0])
+@pytest.mark.parametrize("shown_px", [6.0, 7.0])
 def test_a_line_of_another_width_is_found_by_its_middle_in_a_second_look(angle_deg, shown_px):
     frame, normal = stripe(math.radians(angle_deg), 1.7, shown_px)
     assert look_at(frame, normal, RIDGE, 2.0).candidates[0] == 0
