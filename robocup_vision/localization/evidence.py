@@ -1,9 +1,10 @@
 """One verdict on a mirror camera's pose: the likelihood ratio of what a frame shows against clutter.
 
-Each bearing of the floor's outline is in one of few states, and so is each floor sample that shows a line or should
-show one. A state has a probability if the pose is right, in each of two conditions (clear, rough), and one if it is not
-(clutter's best fit, a wrong place). The logarithms of the probabilities add up, divided by how many samples err alike;
-the likeliest condition of either side counts. What is hidden is nearly as likely in either case, and so hardly counts.
+Each bearing of the floor's outline is in one of a few states, and so is each floor sample that shows a line or should
+show one. A state has one probability for a right pose in each of two conditions (clear, rough), and one for a wrong
+pose in each of two (the best fit to clutter, a wrong place). The logarithms of the probabilities are summed and divided
+by the number of samples with correlated errors. The likeliest condition of each side counts. A hidden sample is nearly
+as likely on both sides, and so counts little.
 
 The probabilities are data: `evidence.toml`, which `robocup-vision fit-evidence` writes.
 """
@@ -30,13 +31,13 @@ from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.outline_model import OutlineFit
 from robocup_vision.perception.polar_view import PolarView
 
-# a pose's log odds by the lines, asked only where the outline leaves something open
+# a pose's log odds by the lines, computed only where the outline does not decide
 LineOdds = Callable[[Pose2], float]
 
 OUTLINE_STATES = ("agrees", "off", "hidden", "beyond", "no floor")
 LINE_STATES = ("on a line", "floor instead of a line", "line elsewhere")
 CONDITIONS = 2
-# so near to a line's middle, in line widths, a sample is on it; so near, it is nothing but line
+# distances from a line's middle, in line widths, within which a sample is on the line, and wholly on it
 _NEAR_WIDTHS, _WITHIN_WIDTHS = 1.2, 0.25
 
 
@@ -60,15 +61,10 @@ class _EvidenceFile(StrictStruct):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Likelihoods:
-    """Probabilities of the states of one cue's samples.
+    """Probabilities of the states of one cue's samples."""
 
-    Parameters
-    ----------
-    log_p : (2 CONDITIONS, S) float64
-        Their logarithms by the conditions of a right pose, then of a wrong one, divided by the number of samples that
-        err alike.
-    """
-
+    #: (2 CONDITIONS, S) float64: logarithms, for the conditions of a right pose, then for those of a wrong one, divided
+    #: by the number of samples whose errors are correlated
     log_p: FloatArray
 
     @classmethod
@@ -84,22 +80,14 @@ class Likelihoods:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEvidence:
-    """What decides whether a pose is believed.
+    """Probabilities and thresholds that decide whether a pose is accepted."""
 
-    Parameters
-    ----------
-    outline, lines : Likelihoods
-        Of the states `OUTLINE_STATES` and `LINE_STATES`.
-    min_log_odds : float
-        What a pose must have: against clutter, and against every other candidate.
-    sure_log_odds, sure_log_odds_at_prior : float
-        By the outline alone, what leads the likeliest wrong fit as a pose must lead other candidates: from the first
-        guess, and from near a prior. With more nothing else is looked at.
-    """
-
+    #: of the states `OUTLINE_STATES` and `LINE_STATES`
     outline: Likelihoods
     lines: Likelihoods
-    min_log_odds: float
+    min_log_odds: float  #: smallest accepted: against clutter, and against every other candidate
+    #: by the outline alone, log odds from which no other candidate is examined: for a fit from the first guess, and for
+    #: one from a prior. They exceed the likeliest wrong fit's by `min_log_odds`.
     sure_log_odds: float
     sure_log_odds_at_prior: float
 
@@ -156,21 +144,13 @@ def default_evidence() -> PoseEvidence:
 
 
 class OutlineTally(NamedTuple):
-    """What an outline says of a pose.
+    """Evidence of an outline on a pose."""
 
-    Parameters
-    ----------
-    log_odds : float
-        By the outline alone.
-    counts : (5,) int64
-        Bearings in each state.
-    """
-
-    log_odds: float
-    counts: Int64Array
+    log_odds: float  #: by the outline alone
+    counts: Int64Array  #: (5,) int64: bearings in each state
 
     def reason(self, log_odds: float) -> str:
-        """Say what was missing, given the log odds by all evidence."""
+        """Name the missing evidence, given the log odds by all evidence."""
         visible = int(self.counts.sum() - self.counts[HIDDEN])
         return f"{self.counts[AGREES]} of {visible} visible bearings agree with walls, odds {odds_text(log_odds)}"
 
@@ -186,21 +166,11 @@ def odds_text(log_odds: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class OutlineEvidence:
-    """Counts what an outline shows of a pose, and weighs it.
-
-    Parameters
-    ----------
-    view : PolarView
-        Where the floor samples lie.
-    unit_px : float
-        A pixel of the paper's image, see `OutlineModel`.
-    likelihoods : Likelihoods
-        Of `OUTLINE_STATES`.
-    """
+    """Counts the states of an outline's bearings by a pose, and weighs them."""
 
     view: PolarView
-    unit_px: float
-    likelihoods: Likelihoods
+    unit_px: float  #: a pixel of the paper's image, see `OutlineModel`
+    likelihoods: Likelihoods  #: of `OUTLINE_STATES`
 
     @cached_property
     def _is_shown(self) -> UInt8Array:
@@ -224,17 +194,7 @@ class OutlineEvidence:
 
 
 class LineEvidence:
-    """Counts which floor samples show lines where a pose has them, and weighs that.
-
-    Parameters
-    ----------
-    line_map : LineMap
-        The field's lines.
-    view : PolarView
-        Where the floor samples lie.
-    likelihoods : Likelihoods
-        Of `LINE_STATES`.
-    """
+    """Counts the states of floor samples on lines by a pose, and weighs them."""
 
     def __init__(self, line_map: LineMap, view: PolarView, likelihoods: Likelihoods) -> None:
         self._map, self._floor_m, self._likelihoods = line_map, view.floor_m, likelihoods

@@ -1,4 +1,4 @@
-"""Which of the two halves: a frame that does not tell allows a pose and its half turn; goals of two colours decide.
+"""Decides in which half of the field a robot is: a pose and its half turn look alike but for goals of two colours.
 
 Where the goals look as with red and blue swapped, nothing is decided: the half would be the wrong one.
 """
@@ -35,15 +35,7 @@ _SAME_POSE = 1e-6
 
 
 def in_both_halves(estimate: PoseEstimate, near: Pose2 | None = None) -> PoseEstimate:
-    """Return the estimate of a frame that does not tell the halves apart: each candidate with its half turn beside it.
-
-    Parameters
-    ----------
-    estimate : PoseEstimate
-        With the half turns of none, some or all of its candidates among them.
-    near : Pose2, optional
-        As in `nearer_half`.
-    """
+    """Return an estimate with the half turn of each candidate added, where it is not among the candidates yet."""
     candidates: list[Pose2] = []
     for pose in estimate.candidates:
         turned = pose.half_turn()
@@ -63,48 +55,23 @@ def nearer_half(estimate: PoseEstimate, near: Pose2 | None) -> PoseEstimate:
 
 @dataclass(frozen=True, slots=True)
 class GoalSideSettings:
-    """When the goals' colours decide which half it is.
+    """When the goals' colours decide which half it is."""
 
-    Parameters
-    ----------
-    min_votes : int
-        Votes of one side that decide: fewer may be clutter.
-    majority : float
-        How far they must outnumber the other side's: then clutter alone hardly turns the field.
-    min_hue_difference : float
-        Difference in (B - R)/(B + G + R) from which two goals count as differently coloured.
-    table_size : int
-        Image radii tabulated over inverse range: so many that their steps stay below a pixel.
-    channels : SwappedChannelsSettings
-        When the goals show that red and blue are swapped.
-    """
-
-    min_votes: int = 4
-    majority: float = 2
+    min_votes: int = 4  #: fewest votes of one side that decide: fewer may be clutter
+    majority: float = 2  #: ratio to the votes of the other side from which they decide: clutter alone seldom reaches it
+    #: difference in (B - R)/(B + G + R) from which two goals count as differently coloured
     min_hue_difference: float = 0.2
-    table_size: int = 1024
-    channels: SwappedChannelsSettings = SwappedChannelsSettings()
+    table_size: int = 1024  #: image radii tabulated over inverse range: their steps stay below a pixel
+    channels: SwappedChannelsSettings = SwappedChannelsSettings()  #: when the goals show that red and blue are swapped
 
 
 @dataclass(frozen=True, eq=False)
 class GoalSide:
-    """Looks at where the goals must be, and takes the half whose goals have their own colours.
+    """Reads the colours at the goals' places, and takes the half in which the goals have their own colours."""
 
-    Parameters
-    ----------
-    field : Field
-        Has the places and colours of the goals.
-    camera : OmniCamera
-        Its height must be known, since goals are upright.
-    mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
-    settings : GoalSideSettings, optional
-        When the colours decide.
-    """
-
-    field: Field
-    camera: OmniCamera
-    mask: npt.NDArray[np.uint8] | None = None
+    field: Field  #: has the places and colours of the goals
+    camera: OmniCamera  #: its height must be known, since goals are upright
+    mask: npt.NDArray[np.uint8] | None = None  #: (H, W) uint8: non-zero pixels are never looked at
     settings: GoalSideSettings = GoalSideSettings()
 
     @cached_property
@@ -153,12 +120,8 @@ class GoalSide:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            The frame the estimate comes from.
         estimate : PoseEstimate
             With its half turn among the candidates.
-        colors : Colors
-            The frame's colours.
         prior : Pose2, optional
             Orders the candidates where the goals do not decide.
 
@@ -187,7 +150,7 @@ class GoalSide:
         return vote_goal_colors(frame, at, *self._points, self._projection, palette, self._hidden)
 
     def _is_doubtful(self, own: int, swapped: int, colors: Colors) -> bool:
-        """Whether the votes leave open that red and blue are swapped: they go by white, which may be some paint."""
+        """Whether red and blue may be swapped by the votes: their white reference may be the paint of another thing."""
         settings = self.settings.channels
         if colors.swap_distance < settings.min_distance:
             return False

@@ -55,27 +55,16 @@ def require_bounded(field: Field) -> None:
 
 @dataclass(frozen=True, slots=True)
 class OutlineSettings:
-    """Settings of `OutlineFitter`; "units" are 1/86 of the usable image radius.
-
-    Parameters
-    ----------
-    noise, search, camera : OutlineNoise, OutlineSearchSettings, OutlineCameraSettings
-        See there.
-    scales, prior_scales : tuple of float
-        Widths of the redescending weights, units: from the first guess down to the edges' own accuracy, and from a
-        prior.
-    max_std_m : float
-        A pose more uncertain than this is refused.
-    sliding_std_m : float
-        A fit more uncertain than this is checked by a search: it may slide along the field's sides.
-    """
+    """Settings of `OutlineFitter`; "units" are 1/86 of the usable image radius."""
 
     noise: OutlineNoise = OutlineNoise()
     search: OutlineSearchSettings = OutlineSearchSettings()
     camera: OutlineCameraSettings = OutlineCameraSettings()
+    #: widths of the redescending weights, units: from the first guess down to the edges' own accuracy, and from a prior
     scales: tuple[float, ...] = (8.0, 5.0, 3.0, 2.0, 1.0)
     prior_scales: tuple[float, ...] = (2.0,)
-    max_std_m: float = 0.05
+    max_std_m: float = 0.05  #: a pose more uncertain than this is refused
+    #: a fit more uncertain than this is checked by a search: it may slide along the field's sides
     sliding_std_m: float = 0.008
 
 
@@ -83,29 +72,17 @@ class OutlineSettings:
 class OutlineFitter:
     """Fits a measured floor outline to a field's walls.
 
-    Parameters
-    ----------
-    field : Field
-        Its floor must be bounded by walls or boards.
-    camera : OmniCamera
-        The camera.
-    view : PolarView
-        Defines the bearings of the outline.
-    settings : OutlineSettings, optional
-        Of the fit and the search.
-    evidence : PoseEvidence, optional
-        What decides whether a pose is believed; default: as it comes with the package.
-
     Raises
     ------
     ArgumentError
         If nothing bounds the field's floor.
     """
 
-    field: Field
+    field: Field  #: its floor must be bounded by walls or boards
     camera: OmniCamera
-    view: PolarView
+    view: PolarView  #: defines the bearings of the outline
     settings: OutlineSettings = OutlineSettings()
+    #: what decides whether a pose is believed; default: as it comes with the package
     evidence: PoseEvidence = dataclasses.field(default_factory=default_evidence)
 
     def __post_init__(self) -> None:

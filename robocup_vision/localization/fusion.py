@@ -77,8 +77,6 @@ def largest_group(estimates: Sequence[PoseEstimate], prior: PoseEstimate | None)
 
     Parameters
     ----------
-    estimates : sequence of PoseEstimate
-        Of one body at one moment.
     prior : PoseEstimate or None
         Decides between groups as large as each other that are of different places.
     """

@@ -28,12 +28,6 @@ class MirrorLocalizer:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    camera : OmniCamera
-        The camera.
-    view : PolarView
-        Its floor samples.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
     use_lines : bool

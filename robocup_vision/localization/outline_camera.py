@@ -25,15 +25,7 @@ _POSE, _LEAN = slice(0, 3), slice(5, 7)
 
 @dataclass(frozen=True, eq=False)
 class OutlineCamera:
-    """Asks an outline whether its camera looks otherwise than the file says, and fits that where it does.
-
-    Parameters
-    ----------
-    model : OutlineModel
-        What the outline is compared with.
-    settings : OutlineCameraSettings
-        When to ask, and what to believe.
-    """
+    """Asks an outline whether its camera looks otherwise than the file says, and fits that where it does."""
 
     model: OutlineModel
     settings: OutlineCameraSettings
@@ -45,8 +37,6 @@ class OutlineCamera:
         ----------
         fit : OutlineFit
             Of an upright body.
-        radius_px : (K,) float64
-            The outline.
         """
         model, gate = self.model, self.settings.lean_gate
         # most bodies stand upright most of the time: then one look does

@@ -28,28 +28,16 @@ _UNITS = 86.0
 
 @dataclass(frozen=True, slots=True)
 class OutlineNoise:
-    """How a measured outline errs; "units" are 1/86 of the usable image radius.
+    """How a measured outline errs; "units" are 1/86 of the usable image radius."""
 
-    Parameters
-    ----------
-    edge_px : float
-        Standard deviation of a bearing's edge.
-    systematic_px, systematic_bearings : float, int
-        Error of the camera file, which no image shows, common to so many bearings (an eighth of the circle).
-    few_groups : float
-        Factor on the covariance: a sandwich covariance from some forty groups of bearings comes out low.
-    last_scale_px : float
-        Width of the weights in the last step of a fit.
-    inlier : float
-        Residual of an inlier, units.
-    """
-
-    edge_px: float = 0.15
+    edge_px: float = 0.15  #: standard deviation of a bearing's edge
+    #: error of the camera file, which no image shows, common to so many bearings (an eighth of the circle)
     systematic_px: float = 0.02
     systematic_bearings: int = 20
+    #: factor on the covariance: a sandwich covariance from some forty groups of bearings comes out low
     few_groups: float = 1.7
-    last_scale_px: float = 1.0
-    inlier: float = 1.5
+    last_scale_px: float = 1.0  #: width of the weights in the last step of a fit
+    inlier: float = 1.5  #: residual of an inlier, units
 
     @property
     def systematic_px2(self) -> float:
@@ -59,98 +47,54 @@ class OutlineNoise:
 
 @dataclass(frozen=True, slots=True)
 class OutlineCameraSettings:
-    """When an outline's camera leans, or is doubted; "units" are 1/86 of the usable image radius.
+    """When an outline's camera leans, or is doubted; "units" are 1/86 of the usable image radius."""
 
-    Parameters
-    ----------
-    sway_std_rad : float
-        Standard deviation of pitch and roll of a body that moves, as in `lines.nearby`.
-    lean_gate : float
-        Squared Mahalanobis distance from upright of a lean that is one: 99.9 % for two dimensions.
-    open_scales : tuple of float
-        Widths of the redescending weights, units, where pose and lean are fitted together from a prior: a body that
-        brakes hard moves far boards by two units.
-    max_open_std_m : float
-        A fit of pose and lean that leaves the position more open is none: a far field lies open in some direction
-        before it is known how the body leans.
-    center_std_units, tilt_std_rad : float
-        Of centre and tilt in a camera file that is doubted.
-    min_gain, alike_bearings : float
-        Gain per independent bearing by which another centre and tilt must explain the outline better, and how many
-        neighbouring bearings err alike.
-    """
-
-    sway_std_rad: float = 0.01
+    sway_std_rad: float = 0.01  #: standard deviation of pitch and roll of a body that moves, as in `lines.nearby`
+    #: squared Mahalanobis distance from upright of a lean that is one: 99.9 % for two dimensions
     lean_gate: float = 13.8
+    #: widths of the redescending weights, units, where pose and lean are fitted together from a prior: a body that
+    #: brakes hard moves far boards by two units
     open_scales: tuple[float, ...] = (4.0, 2.0, 1.0)
+    #: a fit of pose and lean that leaves the position more open is none: a far field lies open in some direction before
+    #: it is known how the body leans
     max_open_std_m: float = 0.15
+    #: of centre and tilt in a camera file that is doubted
     center_std_units: float = 0.5
     tilt_std_rad: float = 0.004
+    #: gain per independent bearing by which another centre and tilt must explain the outline better, and how many
+    #: neighbouring bearings err alike
     min_gain: float = 8.0
     alike_bearings: float = 3.0
 
 
 class OutlineFit(NamedTuple):
-    """A pose fitted to an outline; a tuple, as one is made in each frame.
+    """A pose fitted to an outline; a tuple, as one is made in each frame."""
 
-    Parameters
-    ----------
-    pose : (float, float, float)
-        x, y, theta.
-    covariance : (3, 3) float64
-        Of the pose.
-    cost : float
-        Truncated mean cost, 0 (all fits) to 1 (nothing fits).
-    inlier_ratio, rms_px : float
-        Bearings that agree, of those that show an edge and a wall, and their root mean square residual.
-    along_m : float
-        Largest standard deviation of the position.
-    residual_px, predicted_px : (K,) float64
-        As the lines of `fit_upright`.
-    lean_rad : (float, float)
-        Turns of the body about x, ahead, and y, left, about its foot.
-    lean_gain : float
-        What a lean would explain of an upright body's fit, see `doubts_of_camera`.
-    file_gain : float or None
-        What another centre and tilt of the camera would explain; None where not asked yet.
-    """
-
-    pose: Vector
-    covariance: FloatArray
-    cost: float
+    pose: Vector  #: x, y, theta
+    covariance: FloatArray  #: (3, 3) float64: of the pose
+    cost: float  #: truncated mean cost, 0 (all fits) to 1 (nothing fits)
+    #: bearings that agree, of those that show an edge and a wall, and their root mean square residual
     inlier_ratio: float
     rms_px: float
-    along_m: float
+    along_m: float  #: largest standard deviation of the position
+    #: (K,) float64: as the lines of `fit_upright`
     residual_px: FloatArray
     predicted_px: FloatArray
-    lean_rad: tuple[float, float] = (0.0, 0.0)
-    lean_gain: float = 0.0
+    lean_rad: tuple[float, float] = (0.0, 0.0)  #: turns of the body about x, ahead, and y, left, about its foot
+    lean_gain: float = 0.0  #: what a lean would explain of an upright body's fit, see `doubts_of_camera`
+    #: what another centre and tilt of the camera would explain; None where not asked yet
     file_gain: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineModel:
-    """Walls, camera and bearings of an outline, as the compiled loops take them.
+    """Walls, camera and bearings of an outline, as the compiled loops take them."""
 
-    Parameters
-    ----------
-    field : Field
-        Its floor is bounded by walls or boards.
-    camera : OmniCamera
-        The camera.
-    view : PolarView
-        Defines the bearings.
-    noise : OutlineNoise
-        Of the outline.
-    doubt : OutlineCameraSettings
-        How the camera may look otherwise than its file says.
-    """
-
-    field: Field
+    field: Field  #: its floor is bounded by walls or boards
     camera: OmniCamera
-    view: PolarView
+    view: PolarView  #: defines the bearings
     noise: OutlineNoise
-    doubt: OutlineCameraSettings = OutlineCameraSettings()
+    doubt: OutlineCameraSettings = OutlineCameraSettings()  #: how the camera may look otherwise than its file says
 
     @cached_property
     def unit_px(self) -> float:

@@ -18,48 +18,30 @@ from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 
 @dataclass(frozen=True, slots=True)
 class OutlineSearchSettings:
-    """Settings of `OutlineSearch`; "units" are 1/86 of the usable image radius.
+    """Settings of `OutlineSearch`; "units" are 1/86 of the usable image radius."""
 
-    Parameters
-    ----------
-    bank_bearings, bank_starts, bank_width : int, int, float
-        Bearings that outlines are compared at over the whole field, how many places go on, and where a difference is
-        truncated, units.
-    start_apart, fit_apart, rival_apart : float
-        Starts, fits and rivals nearer to each other, metres plus radians, are one.
-    rough_scales, coarse_scales, fine_scales : tuple of float
-        Widths of the redescending weights, units: from all starts, from the likely ones, and from what they found.
-    likely, refined : int
-        How many starts go on to `coarse_scales`, and how many of those to `fine_scales`.
-    hopeless_cost : float
-        A coarse fit costlier by so much than the best is not refined.
-    """
-
+    #: bearings that outlines are compared at over the whole field, how many places go on, and where a difference is
+    #: truncated, units
     bank_bearings: int = 80
     bank_starts: int = 30
     bank_width: float = 12.0
+    #: starts, fits and rivals nearer to each other, metres plus radians, are one
     start_apart: float = 0.15
     fit_apart: float = 0.03
     rival_apart: float = 0.05
+    #: widths of the redescending weights, units: from all starts, from the likely ones, and from what they found
     rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
     coarse_scales: tuple[float, ...] = (2.0,)
     fine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
+    #: how many starts go on to `coarse_scales`, and how many of those to `fine_scales`
     likely: int = 24
     refined: int = 8
-    hopeless_cost: float = 0.3
+    hopeless_cost: float = 0.3  #: a coarse fit costlier by so much than the best is not refined
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineSearch:
-    """Searches the whole field for the pose that an outline was seen from.
-
-    Parameters
-    ----------
-    model : OutlineModel
-        What the outline is compared with.
-    settings : OutlineSearchSettings
-        Of the search.
-    """
+    """Searches the whole field for the pose that an outline was seen from."""
 
     model: OutlineModel
     settings: OutlineSearchSettings

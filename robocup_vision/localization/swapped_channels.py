@@ -25,34 +25,19 @@ _DARKEST = 9
 
 @dataclass(frozen=True, slots=True)
 class SwappedChannelsSettings:
-    """When goals show that red and blue are swapped; lengths are in logarithms of R/G and B/G.
+    """When goals show that red and blue are swapped; lengths are in logarithms of R/G and B/G."""
 
-    Parameters
-    ----------
-    min_distance : float
-        Channels are judged where every goal's colour is so far from each goal's with red and blue swapped: paint is not
-        known better. Yellow and cyan are each other's.
-    min_ratio : float
-        Votes for the goals' own colours, of those for swapped ones, that settle it without a fit.
-    reach : float
-        A point so far from its goal's colour does not support it.
-    white_std, light_std : float
-        Standard deviations of the light: about white, where white may be that, and about neutral.
-    max_neutral : float
-        White of a stronger cast may be some paint: votes that go by it settle nothing.
-    max_light : float
-        A white of a stronger cast is some paint.
-    light_points : float
-        So many points weigh as much as one unit of log-likelihood of the light: points on one wall are not independent.
-    """
-
+    #: channels are judged where every goal's colour is so far from each goal's with red and blue swapped: paint is not
+    #: known better. Yellow and cyan are each other's.
     min_distance: float = 0.5
-    min_ratio: float = 3.0
-    reach: float = 0.6
+    min_ratio: float = 3.0  #: votes for the goals' own colours, of those for swapped ones, that settle it without a fit
+    reach: float = 0.6  #: a point so far from its goal's colour does not support it
+    #: standard deviations of the light: about white, where white may be that, and about neutral
     white_std: float = 0.2
     light_std: float = 0.3
-    max_neutral: float = 0.5
-    max_light: float = math.log(2.0)
+    max_neutral: float = 0.5  #: white of a stronger cast may be some paint: votes that go by it settle nothing
+    max_light: float = math.log(2.0)  #: a white of a stronger cast is some paint
+    #: so many points weigh as much as one unit of log-likelihood of the light: points on one wall are not independent
     light_points: float = 4.0
 
 
@@ -126,8 +111,6 @@ def swapped_nats(
         Which goal each is on, up to a half turn.
     palette : (5, 2) float64
         `Colors.goal_log_ratios`.
-    settings : SwappedChannelsSettings, optional
-        Distances.
     """
     white, paints = palette[4], palette[:4] - palette[4]
     own, swapped = (
@@ -149,8 +132,6 @@ def _support(lights: FloatArray, white: FloatArray, settings: SwappedChannelsSet
         The light under which each point would have its goal's colour.
     white : (2,) float64
         The light by white.
-    settings : SwappedChannelsSettings
-        Distances.
     """
     tried = np.vstack([np.zeros(2), white, lights])
     cost = (tried**2).sum(axis=1) / settings.light_std**2

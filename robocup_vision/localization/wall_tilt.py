@@ -22,32 +22,18 @@ from robocup_vision.perception.floor_view import FloorView
 
 @dataclass(frozen=True, slots=True)
 class WallTiltSettings:
-    """Settings of `tilt_by_walls`.
+    """Settings of `tilt_by_walls`."""
 
-    Parameters
-    ----------
-    sway_std_rad : float
-        Of the tilt, where the camera file gives no `roll_std_rad`.
-    max_stds, step_px : float
-        So far the tilt is searched, standard deviations, in steps of so many pixels.
-    noise_px : float
-        Of where the floor ends in one bearing: blur, and the step between samples.
-    signs : float
-        Independent bearings: neighbours err together.
-    min_bearings, min_support : int, float
-        Bearings in which a wall is predicted and floor ends, and the ratio of those that must agree on a tilt.
-    min_turn_px : float
-        Less is not worth another look at the floor.
-    """
-
-    sway_std_rad: float = 0.01
+    sway_std_rad: float = 0.01  #: of the tilt, where the camera file gives no `roll_std_rad`
+    #: so far the tilt is searched, standard deviations, in steps of so many pixels
     max_stds: float = 4.0
     step_px: float = 0.5
-    noise_px: float = 1.5
-    signs: float = 8.0
+    noise_px: float = 1.5  #: of where the floor ends in one bearing: blur, and the step between samples
+    signs: float = 8.0  #: independent bearings: neighbours err together
+    #: bearings in which a wall is predicted and floor ends, and the ratio of those that must agree on a tilt
     min_bearings: int = 20
     min_support: float = 0.25
-    min_turn_px: float = 1.0
+    min_turn_px: float = 1.0  #: less is not worth another look at the floor
 
 
 def tilt_by_walls(
@@ -66,14 +52,8 @@ def tilt_by_walls(
         Of the camera as held so far.
     edge_px : (K,) float64
         Where the floor ends at each bearing, as `radius_px`; NaN where none is seen.
-    walls : (W, 4) float64
-        Feet of the walls, field frame, metres.
-    estimate : PoseEstimate
-        The robot on the field.
     camera : PinholeCamera
         As held so far.
-    settings : WallTiltSettings, optional
-        Of the search.
     """
     pose, (std_x, std_y, _) = estimate.pose, estimate.std
     predicted = wall_px(walls, pose, view)

@@ -17,8 +17,6 @@ class AnglesLocalizer(FrameByFrame):
     ----------
     field : Field
         With goals of posts and a bar, in colours of a hue.
-    camera : PinholeCamera
-        The camera.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:

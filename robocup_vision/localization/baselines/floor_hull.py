@@ -29,56 +29,27 @@ _UNITS = 86.0
 
 @dataclass(frozen=True, slots=True)
 class HullSettings:
-    """Settings of `HullFitter`; "units" are 1/86 of the usable image radius, a pixel of the paper's image.
+    """Settings of `HullFitter`; "units" are 1/86 of the usable image radius, a pixel of the paper's image."""
 
-    Parameters
-    ----------
-    min_piece_ratio : float
-        Pieces of floor with less than this part of all floor are something green elsewhere.
-    min_points : int
-        Corners of the hull that must lie on walls.
-    iterations, converged : int, float
-        The paper's steps 6 and 7 are repeated so often, or until the pose changes by less.
-    inlier : float
-        Residual of an inlier, units.
-    min_inlier_ratio, max_std_m : float
-        A worse fit, or a less certain pose, is refused.
-    min_elongation : float
-        A floor's principal axis is undefined where the moments along and across it are closer than this.
-    margin_px : int
-        A point nearer to the end of the view is not taken for the floor's edge.
-    max_range_ratio : float
-        Floor reaches at most so many times as far as the field is long.
-    """
-
+    #: smaller pieces of floor, as a fraction of all floor, are green things outside the field
     min_piece_ratio: float = 0.05
-    min_points: int = 8
+    min_points: int = 8  #: corners of the hull that must lie on walls
+    #: most repetitions of the paper's steps 6 and 7, and the change of the pose that ends them
     iterations: int = 30
     converged: float = 1e-9
-    inlier: float = 1.5
+    inlier: float = 1.5  #: greatest residual of an inlier, units
+    #: a worse fit, or a less certain pose, is refused
     min_inlier_ratio: float = 0.3
     max_std_m: float = 0.10
+    #: a floor's principal axis is undefined where the moments along and across it are closer than this
     min_elongation: float = 1.05
-    margin_px: int = 2
-    max_range_ratio: float = 1.2
+    margin_px: int = 2  #: a point nearer to the end of the view is not taken for the floor's edge
+    max_range_ratio: float = 1.2  #: greatest range of floor, in lengths of the field
 
 
 @dataclass(frozen=True, eq=False)
 class HullFitter:
     """Fits the convex hull of a frame's floor to a field's walls.
-
-    Parameters
-    ----------
-    field : Field
-        Its floor must be bounded by walls or boards, and longer than wide.
-    camera : OmniCamera
-        The camera.
-    mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
-    colors : ColorTable, optional
-        Classifies the floor; without it each frame's colours are learnt from the frame itself.
-    settings : HullSettings, optional
-        Of the fit.
 
     Raises
     ------
@@ -86,9 +57,10 @@ class HullFitter:
         If nothing bounds the floor, it has no principal axis, or the mask's size is not the camera's.
     """
 
-    field: Field
+    field: Field  #: its floor must be bounded by walls or boards, and longer than wide
     camera: OmniCamera
-    mask: UInt8Array | None = None
+    mask: UInt8Array | None = None  #: (H, W) uint8: non-zero pixels are never looked at
+    #: classifies the floor; without it each frame's colours are learnt from the frame itself
     colors: ColorTable | None = None
     settings: HullSettings = HullSettings()
 

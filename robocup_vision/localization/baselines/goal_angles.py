@@ -38,19 +38,12 @@ _JOINT_WIDTH = 0.12
 
 @dataclass(frozen=True, slots=True)
 class GoalAxes:
-    """Images of the three axes as the regression lines give them.
+    """Images of the three axes as the regression lines give them."""
 
-    Parameters
-    ----------
-    left, right : (float, float)
-        Posts: u = at + lean * v.
-    bar : (float, float)
-        Bar: v = at + lean * u.
-    """
-
+    #: posts: u = at + lean * v
     left: tuple[float, float]
     right: tuple[float, float]
-    bar: tuple[float, float]
+    bar: tuple[float, float]  #: bar: v = at + lean * u
 
     def pixels(self, height: int) -> FloatArray:
         """(6, 2) float64: two points of the left post (lower first), of the right post, of the bar (left first)."""
@@ -70,14 +63,9 @@ class GoalAxes:
 
 @dataclass(frozen=True, slots=True)
 class GoalAngles:
-    """The paper's position information, radians: between the planes through the camera and the three axes (eqs. 1-6).
+    """The paper's angles between the planes through the camera and the three axes, radians (eqs. 1-6)."""
 
-    Parameters
-    ----------
-    gamma, phi_right, phi_left : float
-        Between the posts' planes, and between each post's plane and the bar's.
-    """
-
+    #: between the posts' planes, and between each post's plane and the bar's
     gamma: float
     phi_right: float
     phi_left: float
@@ -172,7 +160,7 @@ def _runs(line: UInt8Array) -> npt.NDArray[np.int64]:
 
 
 def _regular(runs: list[tuple[int, int, int]]) -> FloatArray:
-    """Place and middle (M, 2) of those runs, given by place, first and last pixel, that are about as wide as most."""
+    """Place and middle (M, 2) of those runs, given by place, first and last pixel, whose width is near the median."""
     place, first, last = np.array(runs, dtype=np.float64).reshape(-1, 3).T
     width = last - first + 1
     usual = float(np.median(width)) if len(width) else 0.0
@@ -187,17 +175,10 @@ def _regress(points: FloatArray) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class GoalSighting:
-    """A camera placed by a goal's angles.
+    """A camera placed by a goal's angles."""
 
-    Parameters
-    ----------
-    estimate : PoseEstimate
-        The camera's foot on the floor and the heading of its optical axis.
-    tilt_rad, roll_rad : float
-        How it is held, by the direction in which both posts rise.
-    """
-
-    estimate: PoseEstimate
+    estimate: PoseEstimate  #: the camera's foot on the floor and the heading of its optical axis
+    #: of the camera, by the direction in which both posts rise
     tilt_rad: float
     roll_rad: float
 
@@ -249,7 +230,7 @@ class GoalAnglesEstimator:
         return found if isinstance(found, NotLocated) else found.estimate
 
     def sight(self, frame: UInt8Array) -> GoalSighting | NotLocated:
-        """Locate the camera as `locate` does, and tell how it is held."""
+        """Locate the camera as `locate` does, with its tilt and roll."""
         masks = hue_masks(np.asarray(cv2.bilateralFilter(frame, 5, 30, 3), np.uint8), self._families)
         regions = [(color, region) for color, mask in masks.items() if (region := goal_region(mask)) is not None]
         for color, region in sorted(regions, key=lambda item: -np.count_nonzero(item[1])):

@@ -20,8 +20,6 @@ class HullLocalizer(FrameByFrame):
     ----------
     field : Field
         Its floor must be bounded, and longer than wide.
-    camera : OmniCamera
-        The camera.
     view : PolarView
         Not used: the published method reads the whole floor mask.
     mask : (H, W) uint8, optional

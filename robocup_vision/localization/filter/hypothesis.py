@@ -1,6 +1,6 @@
 """One mode of the pose: a Gaussian that odometry moves and frames update.
 
-It is over the pose, over the present common error of the frames, and over what odometry gets wrong that lasts.
+Its state is the pose, the present common error of the frames, and the slip and the lasting gain errors of odometry.
 """
 
 from __future__ import annotations
@@ -32,22 +32,13 @@ _SEEN = np.hstack([np.eye(3), np.eye(3), np.zeros((3, _STATE - 6))])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseMeasurement:
-    """A pose that a frame allows.
+    """A pose that a frame allows."""
 
-    Parameters
-    ----------
-    pose : Pose2
-        The robot in the field frame.
-    bias, white : (3, 3) float64
-        The frame measures pose + bias + white noise: covariances of both.
-    half_known : bool
-        The frame does not allow its half turn.
-    """
-
-    pose: Pose2
+    pose: Pose2  #: the robot in the field frame
+    #: (3, 3) float64: covariances of bias and white noise; the frame measures pose + bias + white noise
     bias: FloatArray
     white: FloatArray
-    half_known: bool
+    half_known: bool  #: whether the frame excludes its half turn
 
     @classmethod
     def of(cls, pose: Pose2, covariance: FloatArray, half_known: bool, bias_ratio: float) -> PoseMeasurement | None:
@@ -73,48 +64,24 @@ class PoseMeasurement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseMode:
-    """A pose modulo the half turn about the field's centre, followed through time.
+    """A pose modulo the half turn about the field's centre, followed through time."""
 
-    Parameters
-    ----------
-    pose : Pose2
-        In the more probable half.
-    hidden : (8,) float64
-        The bias error of the frames, field frame, m, m and rad; the slip, robot frame: x, y, theta; the odometry's
-        lasting errors of way and turn. The latter two in standard deviations.
-    covariance : (11, 11) float64
-        Of pose and hidden.
-    bias : (3, 3) float64
-        Covariance of the bias, of the best of the last frames that agreed, before anything was known of it.
-    bias_kept : float
-        How much of it the motion since the last of these frames has left.
-    log_weight : float
-        Logarithm of the probability.
-    half_log_odds : float
-        ln(p / (1 - p)) for the pose against its half turn; never negative.
-    agrees : bool
-        With the last frame.
-    agreed_s : float
-        When a frame last agreed with it.
-    reported_half : int
-        The half that the last frame with a known half measured: this one (1) or the other (-1); 0: none yet.
-    half_reported_s : float
-        When.
-    inlier_ratio, residual_px : float
-        Of the last frame that agreed.
-    """
-
-    pose: Pose2
+    pose: Pose2  #: in the more probable half
+    #: (8,) float64: the bias error of the frames, field frame, m, m and rad; the slip, robot frame: x, y, theta; the
+    #: odometry's lasting errors of way and turn. The latter two in standard deviations.
     hidden: FloatArray
-    covariance: FloatArray
+    covariance: FloatArray  #: (11, 11) float64: of pose and hidden
+    #: (3, 3) float64: prior covariance of the bias, of the best of the last frames that agreed
     bias: FloatArray
-    bias_kept: float
-    log_weight: float
-    half_log_odds: float
-    agrees: bool
-    agreed_s: float
+    bias_kept: float  #: correlation of the bias with that of the last of these frames, after the motion since
+    log_weight: float  #: logarithm of the probability
+    half_log_odds: float  #: ln(p / (1 - p)) for the pose against its half turn; never negative
+    agrees: bool  #: whether the last frame agrees with it
+    agreed_s: float  #: when a frame last agreed with it
+    #: the half that the last frame with a known half measured: this one (1) or the other (-1); 0: none yet
     reported_half: int
-    half_reported_s: float
+    half_reported_s: float  #: when that was
+    #: of the last frame that agreed with it
     inlier_ratio: float
     residual_px: float
 
@@ -126,14 +93,6 @@ class PoseMode:
 
         Parameters
         ----------
-        measurement : PoseMeasurement
-            Where.
-        estimate : PoseEstimate
-            Of the frame.
-        t_s : float
-            When it was taken.
-        log_weight : float
-            As in the class.
         slip_std : float
             Standard deviation of the slip now, in its usual standard deviations.
         """
@@ -158,27 +117,15 @@ class PoseMode:
         )
 
     def with_gains_of(self, other: PoseMode) -> PoseMode:
-        """Return the mode with what another one knows of the odometry's lasting errors: they are the same anywhere."""
+        """Return the mode with the odometry's lasting errors as another mode estimates them: no place changes them."""
         hidden, covariance = self.hidden.copy(), self.covariance.copy()
         hidden[6:] = other.hidden[6:]
         covariance[_GAIN, _GAIN] = other.covariance[_GAIN, _GAIN]
         return replace(self, hidden=hidden, covariance=covariance)
 
     def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, errors: FrameErrors) -> PoseMode:
-        """Move the mode by odometry.
-
-        Parameters
-        ----------
-        motion : Pose2
-            In the robot's frame before, by odometry.
-        seconds : float
-            How long it took.
-        odometry : OdometryNoise
-            How it errs.
-        errors : FrameErrors
-            How long the error lasts that frames have in common.
-        """
-        # elsewhere another error comes on top, until a frame there says how large it can be
+        """Move the mode by odometry, given in the robot's frame before the motion."""
+        # at another place another error is added, until a frame there bounds it
         bias_kept = max(errors.bias_kept(motion), _MIN_KEPT)
         more_bias = (1 / bias_kept - 1) * self.bias if self.bias.trace() < _MAX_BIAS else np.zeros((3, 3))
         # the exact Gauss-Markov process: mean of the slip over the motion, and its end, given its beginning
@@ -217,10 +164,10 @@ class PoseMode:
         return replace(self, covariance=covariance)
 
     def facing(self, measurement: PoseMeasurement) -> FacedFrame:
-        """Return the mode before a frame whose bias has another covariance, and what the frame has on top.
+        """Return the mode before a frame whose bias has another covariance, and the bias that only the frame has.
 
-        What frames have in common is the error of the best one, direction by direction; what a worse one has on top is
-        its own. So frames that differ never tell how large the common error is.
+        The common error of frames is that of the best one, direction by direction. A worse frame adds an error of its
+        own, so frames that differ do not show how large the common error is.
         """
         if not self.bias.any():
             return FacedFrame(self, measurement, measurement.bias)
@@ -288,21 +235,11 @@ class PoseMode:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FacedFrame:
-    """A mode before a frame, and the frame: how far they are apart, and the mode after it.
+    """A mode before a frame, and the frame: their distance, and the mode updated by the frame."""
 
-    Parameters
-    ----------
-    mode : PoseMode
-        With the bias that it has in common with the frame.
-    measurement : PoseMeasurement
-        Of the frame.
-    on_top : (3, 3) float64
-        Covariance of the bias that the frame has beyond that.
-    """
-
-    mode: PoseMode
+    mode: PoseMode  #: with the bias that it has in common with the frame
     measurement: PoseMeasurement
-    on_top: FloatArray
+    on_top: FloatArray  #: (3, 3) float64: covariance of the bias that the frame has beyond that
 
     def distance(self, more: FloatArray | None = None) -> float:
         """Squared Mahalanobis distance, 3 degrees of freedom; `more` (3, 3) adds to the covariance."""
@@ -310,19 +247,9 @@ class FacedFrame:
         return float(offset @ np.linalg.solve(spread if more is None else spread + more, offset))
 
     def update(self, t_s: float, errors: FrameErrors, scale: float = 1.0) -> PoseMode:
-        """Update the mode as a Kalman filter does.
-
-        Parameters
-        ----------
-        t_s : float
-            When the frame was taken.
-        errors : FrameErrors
-            How frames err.
-        scale : float
-            Of the frame's noise.
-        """
+        """Return the mode after the frame, by a Kalman filter's update; `scale` multiplies the frame's white noise."""
         mode = self.mode
-        # of a mean of values each of which keeps so much of the one before: a first-order Gauss-Markov process
+        # the mean of a first-order Gauss-Markov process averages out more slowly
         repeated = min(mode.bias_kept * math.exp(-max(t_s - mode.agreed_s, 0.0) / errors.spell_s), _MAX_REPEATED)
         white = scale * (self.measurement.white + (1 + repeated) / (1 - repeated) * self.on_top)
         offset, spread = self._innovation(white)

@@ -24,27 +24,13 @@ from robocup_vision.localization.filter.settings import Half, PoseFilterSettings
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """The state of a pose filter at one time.
+    """The state of a pose filter at one time."""
 
-    Parameters
-    ----------
-    modes : tuple of PoseMode
-        Most probable first; empty while nothing is known.
-    near : Pose2 or None
-        Last estimated or expected pose: it orders poses that a frame allows equally well.
-    frame_s : float
-        Time of the last frame with a pose.
-    settings : PoseFilterSettings
-        How modes are weighed and followed.
-    half : {"own", None}
-        The half of the field in which the robot is known to begin.
-    """
-
-    modes: tuple[PoseMode, ...] = ()
-    near: Pose2 | None = None
-    frame_s: float = -math.inf
+    modes: tuple[PoseMode, ...] = ()  #: most probable first; empty while nothing is known
+    near: Pose2 | None = None  #: last estimated or expected pose: it orders poses that a frame allows equally well
+    frame_s: float = -math.inf  #: time of the last frame with a pose
     settings: PoseFilterSettings = PoseFilterSettings()
-    half: Half | None = None
+    half: Half | None = None  #: {"own", None}: the half of the field in which the robot is known to begin
 
     @property
     def is_contradicted(self) -> bool:

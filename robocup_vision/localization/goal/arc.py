@@ -27,21 +27,11 @@ _ROOM = 257  # cameras of an arc, at most: on the largest field some 140 steps
 
 @dataclass(frozen=True, eq=False)
 class GoalArc:
-    """Cameras along the arc, in order of their headings.
+    """Cameras along the arc, in order of their headings."""
 
-    Parameters
-    ----------
-    unknowns : (K, 8) float64
-        In the order of goal/geometry.py.
-    covariance : (K, 8, 8) float64
-        Of the unknowns at each heading.
-    cost : (K,) float64
-        How much worse each is than the best, in chi-square.
-    """
-
-    unknowns: FloatArray
-    covariance: FloatArray
-    cost: FloatArray
+    unknowns: FloatArray  #: (K, 8) float64: in the order of goal/geometry.py
+    covariance: FloatArray  #: (K, 8, 8) float64: of the unknowns at each heading
+    cost: FloatArray  #: (K,) float64: how much worse each is than the best, in chi-square
 
     @property
     def probability(self) -> FloatArray:
@@ -85,16 +75,10 @@ def follow_arc(
 
     Parameters
     ----------
-    model : GoalModel
-        Camera, goal and priors.
-    samples : EdgeSamples
-        Of the goal.
     start : (8,) float64
         The best fit's unknowns.
     std_m : float
         How far along the arc its place is open, one standard deviation by the covariance at that place.
-    limits : ArcLimits, optional
-        How far and how finely.
     """
     cameras = ArcCameras(np.empty((_ROOM, UNKNOWNS)), np.empty((_ROOM, UNKNOWNS, UNKNOWNS)), np.empty(_ROOM))
     priors = at_one_heading(model).priors
@@ -108,8 +92,6 @@ def open_arc(model: GoalModel, found: GoalFit, covariance: FloatArray, certain_m
 
     Parameters
     ----------
-    model, found : GoalModel, GoalFit
-        The goal and its fit.
     covariance : (8, 8) float64
         Of the fit's unknowns.
     certain_m : float
@@ -126,8 +108,6 @@ class ConstrainedArc:
 
     Parameters
     ----------
-    model : GoalModel
-        Camera, goal and priors.
     samples : FitSamples
         Of the goal, and any marks on lines.
     start : (8,) float64

@@ -20,49 +20,24 @@ _POSE = np.ix_((X, Y, HEADING), (X, Y, HEADING))
 
 @dataclass(frozen=True, eq=False)
 class LineFit:
-    """A camera fitted to goal and lines.
+    """A camera fitted to goal and lines."""
 
-    Parameters
-    ----------
-    unknowns : (8,) float64
-        In the order of goal/geometry.py.
-    covariance : (8, 8) float64
-        Of the unknowns.
-    line_ratio : float
-        Inliers among the line points.
-    residual_px : (N,) float64
-        Of the line points, pixels.
-    """
-
-    unknowns: FloatArray
-    covariance: FloatArray
-    line_ratio: float
+    unknowns: FloatArray  #: (8,) float64: in the order of goal/geometry.py
+    covariance: FloatArray  #: (8, 8) float64: of the unknowns
+    line_ratio: float  #: inliers among the line points
     residual_px: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class CameraEstimate:
-    """A camera placed by a goal, or by a goal and lines; for the goal at +x.
+    """A camera placed by a goal, or by a goal and lines; for the goal at +x."""
 
-    Parameters
-    ----------
-    unknowns : (8,) float64
-        In the order of goal/geometry.py: position, heading, tilt, roll, height among them.
-    covariance : (8, 8) float64
-        Of the unknowns.
-    sides : tuple of int
-        Which goals it can be: (1,), (-1,), or both.
-    fit : GoalFit
-        The goal's own fit.
-    lines : LineFit or None
-        The fit with lines; None: the goal alone.
-    """
-
+    #: (8,) float64: in the order of goal/geometry.py: position, heading, tilt, roll, height among them
     unknowns: FloatArray
-    covariance: FloatArray
-    sides: tuple[int, ...]
-    fit: GoalFit
-    lines: LineFit | None
+    covariance: FloatArray  #: (8, 8) float64: of the unknowns
+    sides: tuple[int, ...]  #: which goals it can be: (1,), (-1,), or both
+    fit: GoalFit  #: the goal's own fit
+    lines: LineFit | None  #: the fit with lines; None: the goal alone
 
     def estimate(self, prior: Pose2 | None = None) -> PoseEstimate:
         """Camera position on the floor and heading of the optical axis; of two candidates the prior's comes first."""
@@ -97,8 +72,6 @@ def goal_alone(candidate: Candidate, certain_m: float) -> CameraEstimate:
 
     Parameters
     ----------
-    candidate : Candidate
-        The goal.
     certain_m : float
         Where the position is less certain (one standard deviation), the covariance is that of the goal's whole arc.
     """

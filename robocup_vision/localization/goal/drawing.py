@@ -25,61 +25,33 @@ from robocup_vision.perception.goal_region import carpet_mask
 
 @dataclass(frozen=True, slots=True)
 class DrawingSettings:
-    """How lines are drawn and compared with the picture.
+    """How lines are drawn and compared with the picture."""
 
-    Parameters
-    ----------
-    blur_px : float
-        Of the drawn lines: a small camera's optics and chip, one standard deviation.
-    max_gap_m : float
-        Points of one line lie nearer together; two farther apart are of two lines.
-    max_levels : float
-        Grey levels over the mean that count: brighter paint, or a ball, weighs no more.
-    border_px : int
-        Of the carpet that is left out, where something else begins.
-    pixels_for_one : float
-        Neighbouring pixels err together: so many count for one measurement.
-    steps, halvings : int
-        Steps to either side of a heading, and how often they are halved.
-    loose_step : float
-        First step in the directions that the samples determine least, standard deviations.
-    max_spread : float
-        Mean square by which the light along single lines, weighed by their drawing, may differ from that along all:
-        paint is the same everywhere. A sixth of the drawing on bare carpet, at a wrong place, makes a fifth.
-    drawn_to_px : float
-        What drawn lines are off as a whole for each direction searched: by lens, blur and paint that the drawing leaves
-        out.
-    """
-
-    blur_px: float = 0.75
-    max_gap_m: float = 0.07
-    max_levels: float = 40.0
-    border_px: int = 5
-    pixels_for_one: float = 25.0
+    blur_px: float = 0.75  #: of the drawn lines: a small camera's optics and chip, one standard deviation
+    max_gap_m: float = 0.07  #: points of one line lie nearer together; two farther apart are of two lines
+    max_levels: float = 40.0  #: grey levels over the mean that count: brighter paint, or a ball, weighs no more
+    border_px: int = 5  #: of the carpet that is left out, where something else begins
+    pixels_for_one: float = 25.0  #: neighbouring pixels err together: so many count for one measurement
+    #: steps to either side of a heading, and how often they are halved
     steps: int = 5
     halvings: int = 4
-    loose_step: float = 0.5
+    loose_step: float = 0.5  #: first step in the directions that the samples determine least, standard deviations
+    #: what drawn lines are off as a whole for each direction searched: by lens, blur and paint that the drawing leaves
+    #: out
     drawn_to_px: float = 0.15
+    #: mean square by which the light along single lines, weighed by their drawing, may differ from that along all:
+    #: paint is the same everywhere. A sixth of the drawing on bare carpet, at a wrong place, makes a fifth.
     max_spread: float = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """The camera on an arc whose drawn lines agree best with the picture.
+    """The camera on an arc whose drawn lines agree best with the picture."""
 
-    Parameters
-    ----------
-    likelihood : float
-        Logarithm, over that of no lines at all.
-    unknowns, covariance : (8,), (8, 8) float64
-        Of the camera.
-    shown_ratio : float
-        Of the drawing, by what its pixels tell, the part along lines that are at least half as bright as the rest.
-    """
-
-    likelihood: float
+    likelihood: float  #: logarithm, over that of no lines at all
     unknowns: FloatArray
     covariance: FloatArray
+    #: of the drawing, by what its pixels tell, the part along lines that are at least half as bright as the rest
     shown_ratio: float
 
 
@@ -92,8 +64,6 @@ class LineDrawing:
         BGR.
     pen : LinePen
         The field's lines, see `line_pen`.
-    settings : DrawingSettings, optional
-        How lines are drawn and compared.
     """
 
     def __init__(
@@ -149,8 +119,6 @@ class LineDrawing:
 
         Parameters
         ----------
-        model : GoalModel
-            Camera, goal and priors.
         samples : FitSamples
             Of the goal, and any marks on lines.
         start : (8,) float64
@@ -220,10 +188,6 @@ def line_pen(points: FloatArray, line_width_m: float, settings: DrawingSettings 
     ----------
     points : (N, 2) float64
         Along the lines, one line after the other, field frame, metres.
-    line_width_m : float
-        Of the paint.
-    settings : DrawingSettings, optional
-        How lines are drawn.
     """
     apart_m = np.linalg.norm(np.diff(points, axis=0), axis=1)
     starts = np.array([0, *(np.flatnonzero(apart_m > settings.max_gap_m) + 1), len(points)])

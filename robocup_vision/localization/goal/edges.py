@@ -31,47 +31,26 @@ _NO_MASK = np.empty((0, 0), np.uint8)
 
 @dataclass(frozen=True, slots=True)
 class EdgeSampleSettings:
-    """Where edges are sampled.
+    """Where edges are sampled."""
 
-    Parameters
-    ----------
-    spacing_px : float
-        Between samples on an edge: nearer ones have common noise.
-    max_samples : int
-        Of one edge: more cost time and hardly improve a fit.
-    paint_depth_px : float
-        How far inside an edge there must be paint of the goal's colour.
-    foot_towards : (float, float, float)
-        Colour difference (BGR) paint - carpet at a foot. Greenness finds the carpet: brightness steps at sun patches
-        and lines as well.
-    """
-
-    spacing_px: float = 2.0
-    max_samples: int = 40
-    paint_depth_px: float = 3.0
+    spacing_px: float = 2.0  #: between samples on an edge: nearer ones have common noise
+    max_samples: int = 40  #: of one edge: more cost time and hardly improve a fit
+    paint_depth_px: float = 3.0  #: how far inside an edge there must be paint of the goal's colour
+    #: colour difference (BGR) paint - carpet at a foot. Greenness finds the carpet: brightness steps at sun patches and
+    #: lines as well.
     foot_towards: tuple[float, float, float] = (0.5, -1.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeAppearance:
-    """Appearance of the edges between paint and its surroundings.
+    """Appearance of the edges between paint and its surroundings."""
 
-    Parameters
-    ----------
-    towards : (3,) float64
-        Colour difference (BGR) paint - surroundings that every edge agrees with in sign.
-    glare : float
-        Samples whose paint is brighter than this and half washed white are dropped.
-    grey : float
-        How much of the difference in brightness counts, see `kernels.goal.edges.measure_edges`.
-    paint : (H, W) uint8 or None
-        Mask of the paint, perhaps of reduced size: edges and feet count only where paint is just inside. None:
-        anywhere.
-    """
-
+    #: (3,) float64: colour difference (BGR) paint - surroundings that every edge agrees with in sign
     towards: FloatArray
-    glare: float
-    grey: float
+    glare: float  #: samples whose paint is brighter than this and half washed white are dropped
+    grey: float  #: how much of the difference in brightness counts, see `kernels.goal.edges.measure_edges`
+    #: (H, W) uint8: mask of the paint, perhaps of reduced size: edges and feet count only where paint is just inside.
+    #: None: anywhere.
     paint: npt.NDArray[np.uint8] | None = None
 
 
@@ -81,37 +60,22 @@ def _none() -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class EdgeSamples:
-    """Measured edges in ideal pixels (without distortion), for `kernels.goal.fit.fit_goal`.
+    """Measured edges in ideal pixels (without distortion), for `kernels.goal.fit.fit_goal`."""
 
-    Parameters
-    ----------
-    edge : (N,) int64
-        Which silhouette edge each sample belongs to (order of goal/geometry.py).
-    uv : (N, 2) float64
-        Where it was found.
-    foot_post, foot_at : (M,) int64
-        Post (0 left, 1 right) of each foot sample, and its index into `FOOT_OFFSETS`.
-    foot_uv, foot_direction : (M, 2) float64
-        Where the paint ends, and along which direction that was measured.
-    sigma : (N + M + L,) float64
-        Noise of all, pixels.
-    expected : (6,) int64
-        How many samples each edge has inside the image, found or not, less those in glare.
-    mark_m : (L, 2) float64
-        Floor points on the field's lines, field frame, metres.
-    mark_uv, mark_direction : (L, 2) float64
-        Where the line was seen near each, and along which direction that was measured.
-    """
-
-    edge: npt.NDArray[np.int64]
-    uv: FloatArray
+    edge: npt.NDArray[np.int64]  #: (N,) int64: which silhouette edge each sample belongs to (order of goal/geometry.py)
+    uv: FloatArray  #: (N, 2) float64: where it was found
+    #: (M,) int64: post (0 left, 1 right) of each foot sample, and its index into `FOOT_OFFSETS`
     foot_post: npt.NDArray[np.int64]
     foot_at: npt.NDArray[np.int64]
+    #: (M, 2) float64: where the paint ends, and along which direction that was measured
     foot_uv: FloatArray
     foot_direction: FloatArray
-    sigma: FloatArray
+    sigma: FloatArray  #: (N + M + L,) float64: noise of all, pixels
+    #: (6,) int64: how many samples each edge has inside the image, found or not, less those in glare
     expected: npt.NDArray[np.int64]
+    #: (L, 2) float64: floor points on the field's lines, field frame, metres
     mark_m: FloatArray = field(default_factory=_none)
+    #: (L, 2) float64: where the line was seen near each, and along which direction that was measured
     mark_uv: FloatArray = field(default_factory=_none)
     mark_direction: FloatArray = field(default_factory=_none)
 
@@ -198,18 +162,10 @@ def measure(
     ----------
     image : (H, W, 3) uint8
         BGR.
-    camera, view : PinholeCamera, IdealView
-        The camera, and the same without distortion.
-    shape : GoalShape
-        The goal.
     unknowns : (8,) float64
         Places of the search, in the order of goal/geometry.py.
     reach_px : float
         Length of the search to both sides.
-    appearance : EdgeAppearance
-        Of the paint.
-    settings : EdgeSampleSettings, optional
-        Where edges are sampled.
 
     Returns
     -------

@@ -52,53 +52,29 @@ from robocup_vision.localization.goal.geometry import (
 
 @dataclass(frozen=True, slots=True)
 class GoalFitSettings:
-    """Settings of the fit of a camera to one goal.
+    """Settings of the fit of a camera to one goal."""
 
-    Parameters
-    ----------
-    inlier_px : float
-        An edge sample nearer than this to the fit's edge agrees with it; a foot sample within twice that.
-    foot_weight : float
-        Weight of a foot sample beside an edge sample: feet alone separate the two branches of a plane's picture,
-        and are few.
-    max_deviation : float
-        Standard deviations that a prior may be off.
-    edge_error_px, foot_error_px : float
-        What an edge or a foot as a whole may be off, however many samples it has: paint, shading, posts that are no
-        perfect cylinders.
-    sample_error_px : float
-        Noise of one sample beside its measured one.
-    upright_std_rad : float
-        Roll of a camera whose file does not state it: robots hold it roughly upright.
-    known_angle_std_rad : float
-        Tilt and roll of a camera whose file states them.
-    reaches_px : (float, float)
-        Length of the search for edges in the second and the last round; the first one is an argument of `refine`.
-    near_ratio : float
-        Inliers after the first round from which the second is left out.
-    bloom_std_white_px, bloom_std_hue_px : float
-        How far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly.
-    built_error_m : float
-        What white goals are built, and stand on their line, to.
-    min_height_std_m, min_log_focal_std : float
-        Lines calibrate height and focal length better than most camera files: beside them priors are no tighter.
-    edges : EdgeSampleSettings
-        Where edges are sampled.
-    """
-
+    #: an edge sample nearer than this to the fit's edge agrees with it; a foot sample within twice that
     inlier_px: float = 0.5
+    #: weight of a foot sample beside an edge sample: feet alone separate the two branches of a plane's picture, and are
+    #: few
     foot_weight: float = 3.0
-    max_deviation: float = 3.5
+    max_deviation: float = 3.5  #: standard deviations that a prior may be off
+    #: what an edge or a foot as a whole may be off, however many samples it has: paint, shading, posts that are no
+    #: perfect cylinders
     edge_error_px: float = 0.075
     foot_error_px: float = 0.25
-    sample_error_px: float = 0.05
-    upright_std_rad: float = 0.1
-    known_angle_std_rad: float = 0.01
+    sample_error_px: float = 0.05  #: noise of one sample beside its measured one
+    upright_std_rad: float = 0.1  #: roll of a camera whose file does not state it: robots hold it roughly upright
+    known_angle_std_rad: float = 0.01  #: tilt and roll of a camera whose file states them
+    #: length of the search for edges in the second and the last round; the first one is an argument of `refine`
     reaches_px: tuple[float, float] = (2.0, 1.5)
-    near_ratio: float = 0.95
+    near_ratio: float = 0.95  #: inliers after the first round from which the second is left out
+    #: how far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly
     bloom_std_white_px: float = 0.7
     bloom_std_hue_px: float = 0.15
-    built_error_m: float = 0.01
+    built_error_m: float = 0.01  #: what white goals are built, and stand on their line, to
+    #: lines calibrate height and focal length better than most camera files: beside them priors are no tighter
     min_height_std_m: float = 0.02
     min_log_focal_std: float = 0.02
     edges: EdgeSampleSettings = EdgeSampleSettings()
@@ -106,30 +82,19 @@ class GoalFitSettings:
 
 @dataclass(frozen=True, slots=True)
 class GoalModel:
-    """Goal, camera and priors in the form the kernels take them.
+    """Goal, camera and priors in the form the kernels take them."""
 
-    Parameters
-    ----------
-    shape, view : GoalShape, IdealView
-        The goal at +x, and the camera without distortion.
-    prior, weight : (8,) float64
-        Expected unknowns, and their inverse variances.
-    settings : GoalFitSettings, optional
-        Of the fit.
-    scene, priors : GoalScene, FitPriors
-        Goal and camera, and priors, as the kernels take them.
-    tightness : (8,) float64
-        Inverse standard deviations of the priors, 0 where there is none or the unknown is fixed.
-    """
-
+    #: the goal at +x, and the camera without distortion
     shape: GoalShape
     view: IdealView
+    #: (8,) float64: expected unknowns, and their inverse variances
     prior: FloatArray
     weight: FloatArray
     settings: GoalFitSettings = GoalFitSettings()
 
     scene: GoalScene = field(init=False)
     priors: FitPriors = field(init=False)
+    #: (8,) float64: inverse standard deviations of the priors, 0 where there is none or the unknown is fixed
     tightness: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -169,29 +134,13 @@ def beside_lines(model: GoalModel) -> GoalModel:
 
 @dataclass(frozen=True, eq=False)
 class GoalFit:
-    """A goal found and fitted, for the goal at +x.
+    """A goal found and fitted, for the goal at +x."""
 
-    Parameters
-    ----------
-    unknowns : (8,) float64
-        See goal_geometry.
-    information : (8, 8) float64
-        Inverse covariance of the unknowns, priors included.
-    samples : EdgeSamples
-        What was measured last.
-    residual_px : (N + M,) float64
-        Of its edge samples and foot samples.
-    edge_ratio : (6,) float64
-        Inliers among the expected samples of each silhouette edge.
-    settings : GoalFitSettings
-        Of the fit.
-    """
-
-    unknowns: FloatArray
-    information: FloatArray
-    samples: EdgeSamples
-    residual_px: FloatArray
-    edge_ratio: FloatArray
+    unknowns: FloatArray  #: (8,) float64: see goal_geometry
+    information: FloatArray  #: (8, 8) float64: inverse covariance of the unknowns, priors included
+    samples: EdgeSamples  #: what was measured last
+    residual_px: FloatArray  #: (N + M,) float64: of its edge samples and foot samples
+    edge_ratio: FloatArray  #: (6,) float64: inliers among the expected samples of each silhouette edge
     settings: GoalFitSettings
 
     @cached_property

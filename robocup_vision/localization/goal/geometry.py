@@ -29,22 +29,13 @@ EDGES = 6
 
 @dataclass(frozen=True, slots=True)
 class GoalShape:
-    """Posts and bar of the goal at +x, all cylinders of one radius, metres.
+    """Posts and bar of the goal at +x, all cylinders of one radius, metres."""
 
-    Parameters
-    ----------
-    line_x_m : float
-        Field x of the posts' axes, positive.
-    width_m, height_m : float
-        Between the posts' axes, and of the bar's axis.
-    radius_m : float
-        Of posts and bar.
-    """
-
-    line_x_m: float
+    line_x_m: float  #: field x of the posts' axes, positive
+    #: between the posts' axes, and of the bar's axis
     width_m: float
     height_m: float
-    radius_m: float
+    radius_m: float  #: of posts and bar
 
     @property
     def post_y_m(self) -> tuple[float, float]:
@@ -75,13 +66,7 @@ def goal_shape(field: Field) -> GoalShape:
 
 @dataclass(frozen=True, slots=True)
 class IdealView:
-    """The camera's focal length and centre without distortion: all the fit needs of it.
-
-    Parameters
-    ----------
-    focal_px, center_px : (float, float)
-        In u and v.
-    """
+    """The camera's focal length and centre without distortion: all the fit needs of it."""
 
     focal_px: tuple[float, float]
     center_px: tuple[float, float]
@@ -92,8 +77,6 @@ def silhouette_normals(shape: GoalShape, unknowns: npt.ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    shape : GoalShape
-        The goal.
     unknowns : (..., 8) float64
         See the constants of this module; the camera must stand outside the cylinders.
     """
@@ -132,8 +115,6 @@ def foot_points(shape: GoalShape, unknowns: npt.ArrayLike, offsets: npt.ArrayLik
 
     Parameters
     ----------
-    shape : GoalShape
-        The goal.
     unknowns : (..., 8) float64
         Only the position counts.
     offsets : (K,) float64

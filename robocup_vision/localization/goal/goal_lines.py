@@ -48,64 +48,32 @@ from robocup_vision.localization.lines.line_map import LineMap
 
 @dataclass(frozen=True, slots=True)
 class GoalLineSettings:
-    """Settings of the fit of a goal of a hue and the lines around it.
+    """Settings of the fit of a goal of a hue and the lines around it."""
 
-    Parameters
-    ----------
-    spacing_px : float
-        Between places on a line.
-    min_width_px : float
-        Lines that look narrower are left out: even those thinner than a pixel count, averaged along themselves.
-    clear_px : float
-        Between the edges of two lines; where they come nearer, both are left out.
-    along_px : float
-        Stretch of line over which one place is averaged.
-    reaches_px, scales_px : tuple of float
-        How far from its predicted place a line is searched for, at most, and the loss's scale, round by round.
-    reach_stds, min_reach_px : float, float
-        Lines are searched as far as the camera is uncertain, in standard deviations, plus this much.
-    marks : MarkModel
-        What a line looks like at one place, and how often one is seen.
-    white_line_error_px : float
-        Error of all places together on fields whose goals are white: their cameras' lenses are known less exactly.
-    paint_error_m : float
-        How exactly lines are painted.
-    min_evidence : float
-        Log odds of lines against clutter from which lines count.
-    same_m : float
-        Fits nearer to each other are one.
-    max_starts : int
-        Cameras along the goal's arc that are tried beside the goal's own.
-    reach_on_arc_stds : float
-        How far along the arc, by the fit's own uncertainty, drawn lines may move it.
-    min_drawn_evidence : float
-        Log odds of drawn lines that must be reached where too few places show a line.
-    certain_m : float
-        A goal that leaves its camera's position more uncertain than this is searched along its arc.
-    iterations : int
-        Steps of each round.
-    reweighting : Reweighting
-        How edges that contradict the rest lose weight: the border of a lamp's streak along a bar, say.
-    """
-
-    spacing_px: float = 6.0
+    spacing_px: float = 6.0  #: between places on a line
+    #: lines that look narrower are left out: even those thinner than a pixel count, averaged along themselves
     min_width_px: float = 0.15
-    clear_px: float = 2.5
-    along_px: float = 3.0
+    clear_px: float = 2.5  #: between the edges of two lines; where they come nearer, both are left out
+    along_px: float = 3.0  #: stretch of line over which one place is averaged
+    #: how far from its predicted place a line is searched for, at most, and the loss's scale, round by round
     reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
     scales_px: tuple[float, ...] = (3.0, 1.5, 1.0)
+    #: lines are searched as far as the camera is uncertain, in standard deviations, plus this much
     reach_stds: float = 3.0
     min_reach_px: float = 1.5
-    marks: MarkModel = MarkModel()
+    marks: MarkModel = MarkModel()  #: what a line looks like at one place, and how often one is seen
+    #: error of all places together on fields whose goals are white: their cameras' lenses are known less exactly
     white_line_error_px: float = 1.0
-    paint_error_m: float = 0.003
-    min_evidence: float = 5.0
-    same_m: float = 0.2
-    max_starts: int = 3
-    reach_on_arc_stds: float = 2.5
-    min_drawn_evidence: float = 6.0
+    paint_error_m: float = 0.003  #: how exactly lines are painted
+    min_evidence: float = 5.0  #: log odds of lines against clutter from which lines count
+    same_m: float = 0.2  #: fits nearer to each other are one
+    max_starts: int = 3  #: cameras along the goal's arc that are tried beside the goal's own
+    reach_on_arc_stds: float = 2.5  #: how far along the arc, by the fit's own uncertainty, drawn lines may move it
+    min_drawn_evidence: float = 6.0  #: log odds of drawn lines that must be reached where too few places show a line
+    #: a goal that leaves its camera's position more uncertain than this is searched along its arc
     certain_m: float = 0.06
-    iterations: int = 4
+    iterations: int = 4  #: steps of each round
+    #: how edges that contradict the rest lose weight: the border of a lamp's streak along a bar, say
     reweighting: Reweighting = Reweighting()
 
 
@@ -125,17 +93,7 @@ _Fitted = tuple[float, LineFit, FitSamples]
 
 
 class GoalLines:
-    """Fits goals of a hue and the lines of one field together.
-
-    Parameters
-    ----------
-    lines : LineMap
-        Of the field.
-    camera : PinholeCamera
-        The camera.
-    settings : GoalLineSettings, optional
-        How lines are found and fitted.
-    """
+    """Fits goals of a hue and the lines of one field together."""
 
     def __init__(self, lines: LineMap, camera: PinholeCamera, settings: GoalLineSettings = GoalLineSettings()) -> None:
         self._settings, self._camera = settings, camera

@@ -41,8 +41,6 @@ class GoalPicture:
         Masks are made of a frame reduced by so much.
     families : dict of str to (float, float)
         Hues of the field's goals, see `perception.goal_color.hue_families`.
-    colors : GoalColorSettings
-        How paint is told.
     silhouettes : SilhouetteSearch
         Marks edges.
     shaded : float
@@ -114,11 +112,6 @@ class GoalPicture:
 
         Its colours are brighter than carpet, and lamps add light: where a post is dark, somebody stands before it.
         White light adds to all colours alike: what has more of another colour than of the hue's is no paint.
-
-        Parameters
-        ----------
-        color : str
-            The hue's name.
         """
         if color in self._washable:
             return self._washable[color]

@@ -35,26 +35,16 @@ _AROUND = np.ones((3, 3), np.uint8)
 
 @dataclass(frozen=True, slots=True)
 class PriorSettings:
-    """How well a prior pose is known, and what counts as half a goal near it.
+    """How well a prior pose is known, and what counts as half a goal near it."""
 
-    Parameters
-    ----------
-    std_m, std_rad : float
-        Standard deviations of the prior's position and heading: odometry over a few seconds.
-    min_samples : int
-        Edge samples of a post or a bar that is there.
-    min_element_ratio, min_edge_ratio : float
-        Inliers among the expected samples that a post or the bar, and each edge of a post, has if it is there.
-    max_strips : int
-        Strips that are tried as posts.
-    """
-
+    #: standard deviations of the prior's position and heading: odometry over a few seconds
     std_m: float = 0.4
     std_rad: float = 0.15
-    min_samples: int = 6
+    min_samples: int = 6  #: edge samples of a post or a bar that is there
+    #: inliers among the expected samples that a post or the bar, and each edge of a post, has if it is there
     min_element_ratio: float = 0.45
     min_edge_ratio: float = 0.2
-    max_strips: int = 6
+    max_strips: int = 6  #: strips that are tried as posts
 
 
 def find_half_goal(
@@ -64,15 +54,9 @@ def find_half_goal(
 
     Parameters
     ----------
-    search : GoalSearch
-        Field and camera.
-    picture : GoalPicture
-        Of this search.
     prior : Pose2
         Where to look. It is not part of the information of what is found: a filter that the prior comes from may
         update with the result.
-    settings : PriorSettings, optional
-        How well the prior is known.
     """
     best: Candidate | None = None
     for proposal in search.proposals(picture):

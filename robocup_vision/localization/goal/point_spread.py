@@ -22,20 +22,11 @@ _HALVED = {"linear": ((-2, 0.125), (-1, 0.125), (0, 0.375), (1, 0.375)), "neares
 
 
 class PointSpread(NamedTuple):
-    """A point spread along one axis of the picture.
+    """A point spread along one axis of the picture."""
 
-    Parameters
-    ----------
-    mixed : float
-        Share of each neighbour in a pixel.
-    lens_px : float
-        Standard deviation of what the lens spreads.
-    halved : str
-        How a channel at half the resolution is spread over the pixels: "linear" or "nearest"; empty: it is whole.
-    """
-
-    mixed: float
-    lens_px: float
+    mixed: float  #: share of each neighbour in a pixel
+    lens_px: float  #: standard deviation of what the lens spreads
+    #: how a channel at half the resolution is spread over the pixels: "linear" or "nearest"; empty: it is whole
     halved: str = ""
 
     @property

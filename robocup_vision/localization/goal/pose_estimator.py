@@ -23,21 +23,7 @@ from robocup_vision.localization.lines.line_map import LineMap
 
 @dataclass(frozen=True, slots=True)
 class GoalSettings:
-    """Settings of `GoalPoseEstimator`.
-
-    Parameters
-    ----------
-    search : SearchSettings
-        How goals are found.
-    fit : GoalFitSettings
-        How a camera is fitted to one.
-    lines : GoalLineSettings
-        How lines are fitted together with it.
-    verdict : VerdictSettings
-        Which of several it is, and when it is one.
-    prior : PriorSettings
-        How well a prior pose is known.
-    """
+    """Settings of `GoalPoseEstimator`."""
 
     search: SearchSettings = field(default_factory=SearchSettings)
     fit: GoalFitSettings = field(default_factory=GoalFitSettings)
@@ -57,8 +43,6 @@ class GoalPoseEstimator:
         Pan, tilt and roll may be unknown.
     use_lines : bool
         Fit the field's lines together with the goal wherever they are in view.
-    settings : GoalSettings, optional
-        Of search, fit and verdict.
 
     Raises
     ------

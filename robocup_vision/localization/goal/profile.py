@@ -57,57 +57,32 @@ _OFFSETS = EDGES + 2  # what whole edges and feet are off
 
 @dataclass(frozen=True, slots=True)
 class ProfileSettings:
-    """Which pixels are taken, what is known of paint before, and when the fit counts.
+    """Which pixels are taken, what is known of paint before, and when the fit counts."""
 
-    Parameters
-    ----------
-    pieces, max_lines : int
-        Pieces of a member, enough to see one that is hidden, and most rows (bar: columns) of each.
-    outside_px, inside_px : float
-        Of background and of paint beside an edge: wider than the point spread.
-    clear_of_corners_px : float
-        Left out at corners and feet, where two members blur into each other.
-    saturated : int
-        Level from which a pixel shines: a chip's response bends there.
-    light_std : float
-        Prior on how the paint's light changes across a member, grey levels.
-    steps : int
-        Of the fit, the first with a typical point spread.
-    every : int
-        Of the rows and columns, one in so many is taken for the point spread and for all steps but the last.
-    cut : float
-        Squared residuals over what the noise lets expect, at which a section counts a quarter.
-    move_std_px : float
-        Prior on an edge's move: the edges' fit is right to a pixel. All edges together move no farther.
-    max_std_px : float
-        Noise from which a piece's edge is left out: it is less certain than the edges' fit.
-    edge_error_px, foot_error_px : float
-        Error that whole edges and feet have in common, beside their noise.
-    common : float
-        Of a piece's variance, what its whole edge has in common (feet: twice that): half, as the errors of rendered
-        goals have it.
-    min_samples : int
-        Edges that must be measured: more than the unknowns.
-    freedom, trusted : float
-        Unknowns that the goal's edges determine, and how many samples the noise of their own is trusted as.
-    """
-
+    #: pieces of a member, enough to see one that is hidden, and most rows (bar: columns) of each
     pieces: int = 6
     max_lines: int = 8
+    #: of background and of paint beside an edge: wider than the point spread
     outside_px: float = 3.0
     inside_px: float = 4.5
-    clear_of_corners_px: float = 1.8
-    saturated: int = 246
-    light_std: float = 30.0
-    steps: int = 3
+    clear_of_corners_px: float = 1.8  #: left out at corners and feet, where two members blur into each other
+    saturated: int = 246  #: level from which a pixel shines: a chip's response bends there
+    light_std: float = 30.0  #: prior on how the paint's light changes across a member, grey levels
+    steps: int = 3  #: of the fit, the first with a typical point spread
+    #: of the rows and columns, one in so many is taken for the point spread and for all steps but the last
     every: int = 3
-    cut: float = 9.0
+    cut: float = 9.0  #: squared residuals over what the noise lets expect, at which a section counts a quarter
+    #: prior on an edge's move: the edges' fit is right to a pixel. All edges together move no farther.
     move_std_px: float = 1.0
-    max_std_px: float = 0.6
+    max_std_px: float = 0.6  #: noise from which a piece's edge is left out: it is less certain than the edges' fit
+    #: error that whole edges and feet have in common, beside their noise
     edge_error_px: float = 0.03
     foot_error_px: float = 0.06
+    #: of a piece's variance, what its whole edge has in common (feet: twice that): half, as the errors of rendered
+    #: goals have it
     common: float = 0.5
-    min_samples: int = 10
+    min_samples: int = 10  #: edges that must be measured: more than the unknowns
+    #: unknowns that the goal's edges determine, and how many samples the noise of their own is trusted as
     freedom: int = 5
     trusted: float = 2.0
 
@@ -158,8 +133,6 @@ class _SectionFit:
 
     Parameters
     ----------
-    image, camera, model, appearance, settings
-        See `polish`.
     start : (8,) float64
         The camera, right to a pixel.
     """
@@ -382,14 +355,6 @@ def polish(
     ----------
     image : (H, W, 3) uint8
         BGR.
-    camera, model : PinholeCamera, GoalModel
-        See `refine`.
-    found : GoalFit
-        What `refine` found.
-    appearance : EdgeAppearance
-        Of the paint.
-    settings : ProfileSettings, optional
-        Which pixels are taken, what is known before, and when the fit counts.
     """
     sections = _SectionFit(image, camera, model, found.unknowns, appearance, settings)
     alone = sections.samples() if sections.count >= settings.min_samples and sections.fit() else None

@@ -51,51 +51,25 @@ _START_SCALES = np.full(8, 100.0)
 
 @dataclass(frozen=True, slots=True)
 class SearchSettings:
-    """Settings of the search for goals in a frame.
+    """Settings of the search for goals in a frame."""
 
-    Parameters
-    ----------
-    width_px : int
-        Frames are searched for goals of a hue at about this width: posts of the leagues' goals are still 3 px wide
-        there from the far end of the field.
-    glare : float
-        Samples brighter than this, of paint half washed white, are dropped.
-    clear_score : float
-        Score from which nothing better will come: edges of clutter agree with a goal in half of their places at most.
-    rival_ratio : float
-        Score, relative to such a goal's, from which the other branch may be the right one.
-    obliquenesses : tuple of float
-        Further starts, in units of the first fit's obliqueness.
-    min_score : float
-        Candidates below are dropped.
-    exact_nats : float
-        What edges of a silhouette tell that all lie where they are due to a fraction of a pixel: more than that they
-        are there, in nats.
-    same_m : float
-        Fits nearer to each other are one.
-    edge_on_m : float
-        Nearer to the goal's plane one post hides the other, and the bar falls together with both.
-    shaded : float
-        Paint of a goal, even in its own shade, is no darker than this part of the carpet.
-    beyond_m : float
-        A robot may stand so far outside the carpet that the field file is sure of.
-    white_pairs, hue_pairs : int
-        Pairs of posts that are tried: white ones among clutter, and ones of a hue.
-    colors, strips : GoalColorSettings, StripSettings
-        How paint and posts are found.
-    """
-
+    #: frames are searched for goals of a hue at about this width: posts of the leagues' goals are still 3 px wide there
+    #: from the far end of the field
     width_px: int = 208
-    glare: float = 235.0
+    glare: float = 235.0  #: samples brighter than this, of paint half washed white, are dropped
+    #: score from which nothing better will come: edges of clutter agree with a goal in half of their places at most
     clear_score: float = 0.8
-    rival_ratio: float = 0.7
-    obliquenesses: tuple[float, ...] = (-1.0, 0.0)
-    min_score: float = 0.3
+    rival_ratio: float = 0.7  #: score, relative to such a goal's, from which the other branch may be the right one
+    obliquenesses: tuple[float, ...] = (-1.0, 0.0)  #: further starts, in units of the first fit's obliqueness
+    min_score: float = 0.3  #: candidates below are dropped
+    #: what edges of a silhouette tell that all lie where they are due to a fraction of a pixel: more than that they are
+    #: there, in nats
     exact_nats: float = 100.0
-    same_m: float = 0.03
-    edge_on_m: float = 0.2
-    shaded: float = 0.5
-    beyond_m: float = 0.5
+    same_m: float = 0.03  #: fits nearer to each other are one
+    edge_on_m: float = 0.2  #: nearer to the goal's plane one post hides the other, and the bar falls together with both
+    shaded: float = 0.5  #: paint of a goal, even in its own shade, is no darker than this part of the carpet
+    beyond_m: float = 0.5  #: a robot may stand so far outside the carpet that the field file is sure of
+    #: pairs of posts that are tried: white ones among clutter, and ones of a hue
     white_pairs: int = 14
     hue_pairs: int = 6
     colors: GoalColorSettings = GoalColorSettings()
@@ -104,30 +78,14 @@ class SearchSettings:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A goal that may be in the picture.
+    """A goal that may be in the picture."""
 
-    Parameters
-    ----------
-    fit : GoalFit
-        For the goal at +x.
-    sides : tuple of int
-        Which goals it can be: (1,), (-1,), or both.
-    model : GoalModel
-        What it was fitted with.
-    appearance : EdgeAppearance
-        Of its edges.
-    nats : float
-        Log-likelihood ratio of the goal to clutter, by which several are ordered.
-    is_clear : bool
-        Whether its edges agree so well that no other needs to be looked for.
-    """
-
-    fit: GoalFit
-    sides: tuple[int, ...]
-    model: GoalModel
+    fit: GoalFit  #: for the goal at +x
+    sides: tuple[int, ...]  #: which goals it can be: (1,), (-1,), or both
+    model: GoalModel  #: what it was fitted with
     appearance: EdgeAppearance
-    nats: float
-    is_clear: bool
+    nats: float  #: log-likelihood ratio of the goal to clutter, by which several are ordered
+    is_clear: bool  #: whether its edges agree so well that no other needs to be looked for
 
 
 class Proposal(NamedTuple):
@@ -152,8 +110,6 @@ class GoalSearch:
         With goals of posts and a bar.
     camera : PinholeCamera
         Pan, tilt and roll may be unknown.
-    settings, fit_settings : SearchSettings, GoalFitSettings, optional
-        Of the search, and of the fits.
 
     Raises
     ------
@@ -269,12 +225,8 @@ class GoalSearch:
 
         Parameters
         ----------
-        picture : GoalPicture
-            Of this search.
         sides : tuple of int
             Which goals it can be.
-        unknowns : (8,) float64
-            The camera.
         """
         mask = picture.washable(self._color_of(sides))
         corners = project(self.colored_model.view, unknowns, self.shape.corners)

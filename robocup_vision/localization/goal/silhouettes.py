@@ -40,48 +40,26 @@ _MIN_PAINT = 75
 
 @dataclass(frozen=True, slots=True)
 class SilhouetteSettings:
-    """Settings of the search by silhouettes.
+    """Settings of the search by silhouettes."""
 
-    Parameters
-    ----------
-    width_cells : int
-        Of the small picture: the posts of the farthest goal are two cells wide there.
-    place_cells, tilt_cells, column_cells : float
-        Steps of the bank: so far each moves ends of the silhouette, as edges may lie a cell or two beside it.
-    large_ratio : float
-        Goals wider than this part of a picture are looked for in one of half the size.
-    max_bearing_rad : float
-        Bearings from a goal that looks small differ by no more.
-    blur_px : float
-        Edges are sharper than this many pixels nowhere, and noise is.
-    edge_ratio : float
-        An edge is this many times steeper than half of the picture is.
-    min_step : float
-        And at least so many levels from pixel to pixel but one, whatever the picture.
-    there_ratio, nearby_ratio : float
-        Of a goal's silhouette, what has an edge exactly there, and in a neighbouring cell.
-    painted_ratio : float
-        Of posts and bar, what has kept its hue.
-    settled, proposed : int
-        Places that are settled, and cameras that are proposed.
-    apart_m, apart_rad : float
-        Cameras nearer to each other than both are one.
-    """
-
-    width_cells: int = 104
+    width_cells: int = 104  #: of the small picture: the posts of the farthest goal are two cells wide there
+    #: steps of the bank: so far each moves ends of the silhouette, as edges may lie a cell or two beside it
     place_cells: float = 3.0
     tilt_cells: float = 2.9
     column_cells: float = 1.5
-    large_ratio: float = 0.5
-    max_bearing_rad: float = 0.2
-    blur_px: float = 0.8
-    edge_ratio: float = 4.0
-    min_step: float = 4.0
+    large_ratio: float = 0.5  #: goals wider than this part of a picture are looked for in one of half the size
+    max_bearing_rad: float = 0.2  #: bearings from a goal that looks small differ by no more
+    blur_px: float = 0.8  #: edges are sharper than this many pixels nowhere, and noise is
+    edge_ratio: float = 4.0  #: an edge is this many times steeper than half of the picture is
+    min_step: float = 4.0  #: and at least so many levels from pixel to pixel but one, whatever the picture
+    #: of a goal's silhouette, what has an edge exactly there, and in a neighbouring cell
     there_ratio: float = 0.45
     nearby_ratio: float = 0.35
-    painted_ratio: float = 0.5
+    painted_ratio: float = 0.5  #: of posts and bar, what has kept its hue
+    #: places that are settled, and cameras that are proposed
     settled: int = 30
     proposed: int = 12
+    #: cameras nearer to each other than both are one
     apart_m: float = 0.1
     apart_rad: float = 0.03
 
@@ -115,14 +93,10 @@ class SilhouetteSearch:
 
     Parameters
     ----------
-    model : GoalModel
-        The goal and the camera's priors.
     camera : PinholeCamera
         Pan, tilt and roll may be unknown.
     extent_m : (2,) float64
         Greatest |x| and |y| at which a camera can stand.
-    settings : SilhouetteSettings, optional
-        Of the search.
     """
 
     def __init__(
@@ -212,8 +186,6 @@ class SilhouetteSearch:
 
         Parameters
         ----------
-        gradients : Gradients
-            See `gradients`.
         paint, carpet : (H, W) uint8
             Masks of `picture`, perhaps of reduced size.
         """

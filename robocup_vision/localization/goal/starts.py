@@ -107,14 +107,8 @@ def bar_rows(
     ----------
     paint : (h, w) uint8
         Bright where paint is.
-    scale : float
-        Frame pixels per pixel of `paint`.
-    model : GoalModel
-        Camera and goal.
     p : (8,) float64
         Unknowns from the posts alone.
-    most : int
-        How many to return.
     """
     foot_left, top_left, top_right, foot_right = project(model.view, p, model.shape.corners)
     up_left, up_right = top_left - foot_left, top_right - foot_right

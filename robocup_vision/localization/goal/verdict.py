@@ -25,30 +25,18 @@ from robocup_vision.localization.lines.line_map import LineMap
 
 @dataclass(frozen=True, slots=True)
 class VerdictSettings:
-    """Settings of `GoalVerdict`.
+    """Settings of `GoalVerdict`."""
 
-    Parameters
-    ----------
-    max_candidates : int
-        Candidates that are fitted together with lines, the likeliest first.
-    min_nats : float
-        Log-likelihood ratio from which a goal is accepted. Rendered half goals and boxes reach 230, whole goals in
-        heavy glare 289 and more.
-    min_line_nats : float
-        Lines that are not seen count no less: paint wears off, and others stand on it.
-    confirming_ratio : float
-        Of what all lines would tell that are due, what a clear goal needs for no other to be tried.
-    min_washable : float
-        Of each post and the bar, what must be paint of the goal, washed white or not: else somebody stands before it.
-    correlation_nats : float
-        Neighbouring samples of an edge or line share their errors: differences between cameras count in this unit.
-    """
-
-    max_candidates: int = 6
+    max_candidates: int = 6  #: candidates that are fitted together with lines, the likeliest first
+    #: log-likelihood ratio from which a goal is accepted. Rendered half goals and boxes reach 230, whole goals in heavy
+    #: glare 289 and more.
     min_nats: float = 260.0
-    min_line_nats: float = -30.0
+    min_line_nats: float = -30.0  #: lines that are not seen count no less: paint wears off, and others stand on it
+    #: of what all lines would tell that are due, what a clear goal needs for no other to be tried
     confirming_ratio: float = 0.75
+    #: of each post and the bar, what must be paint of the goal, washed white or not: else somebody stands before it
     min_washable: float = 0.9
+    #: neighbouring samples of an edge or line share their errors: differences between cameras count in this unit
     correlation_nats: float = 15.0
 
 
@@ -57,12 +45,8 @@ class GoalVerdict:
 
     Parameters
     ----------
-    search : GoalSearch
-        Field and camera.
     line_map : LineMap or None
         The field's lines; None: goals alone.
-    settings, line_settings : VerdictSettings, GoalLineSettings, optional
-        When a goal counts, and how lines are fitted.
     """
 
     def __init__(
@@ -137,12 +121,8 @@ def with_spread(
     ----------
     best : CameraEstimate
         The camera; among the others.
-    judged : list of (float, CameraEstimate)
-        Cameras with their log-likelihood ratios.
     near_m : float
         Cameras farther away are other answers.
-    correlation_nats : float
-        See `VerdictSettings`.
     """
     near = [(nats, c) for nats, c in judged if math.dist(c.unknowns[:2], best.unknowns[:2]) <= near_m]
     nats = np.array([one for one, _ in near])

@@ -29,32 +29,19 @@ from robocup_vision.perception.line_points import LinePoints
 
 @dataclass(frozen=True, slots=True)
 class LineFitSettings:
-    """Settings of the fit in pixels.
+    """Settings of the fit in pixels."""
 
-    Parameters
-    ----------
-    min_noise_px : float
-        No single point is better than this, however smooth the picture.
-    hidden_shift : float
-        A wrong centre or tilt shifts whole stretches of line together. The pose takes up most of such a shift, the
-        residuals keep the rest: the shift is taken to be this many times what the stretches are off by on average.
-    correlation_m : float
-        Length of floor over which neighbours along a line have common errors of lens, carpet and paint.
-    max_steps, max_halvings : int
-        Gauss-Newton steps, and how often one is halved.
-    inlier_px : float
-        A point within this many pixels of a line agrees with a pose.
-    min_points : int
-        Fewer agreeing points determine no pose.
-    """
-
-    min_noise_px: float = 0.1
+    min_noise_px: float = 0.1  #: no single point is better than this, however smooth the picture
+    #: a wrong centre or tilt shifts whole stretches of line together. The pose takes up most of such a shift, the
+    #: residuals keep the rest: the shift is taken to be this many times what the stretches are off by on average.
     hidden_shift: float = 2.0
+    #: length of floor over which neighbours along a line have common errors of lens, carpet and paint
     correlation_m: float = 0.5
+    #: Gauss-Newton steps, and how often one is halved
     max_steps: int = 15
     max_halvings: int = 4
-    inlier_px: float = 3.0
-    min_points: int = 18
+    inlier_px: float = 3.0  #: a point within this many pixels of a line agrees with a pose
+    min_points: int = 18  #: fewer agreeing points determine no pose
 
 
 def seen_points(points: LinePoints, line_map: LineMap) -> SeenPoints:
@@ -89,16 +76,8 @@ def refine_by_lines(
 
     Parameters
     ----------
-    pose : Pose2
-        Where to start.
-    points : LinePoints
-        As seen in one frame.
-    line_map : LineMap
-        Of the field.
     start_px : float
         Residuals well beyond this are ignored from the first step on.
-    settings : LineFitSettings, optional
-        Of the fit.
     """
     low, high = line_map.extent_m
     points = points.take(np.hypot(*points.floor_m.T) <= np.hypot(*(high - low)))

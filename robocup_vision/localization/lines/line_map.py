@@ -20,21 +20,11 @@ _FAR = 255
 
 @dataclass(frozen=True, eq=False)
 class NearestLine:
-    """What of the field's lines lies nearest to each of N points.
+    """What of the field's lines lies nearest to each of N points."""
 
-    Parameters
-    ----------
-    distance_m : (N,) float64
-        To the line's centre, never negative.
-    normal : (N, 2) float64
-        Unit vector from the line towards the point, field frame.
-    index : (N,) int64
-        Which line, or, from `len(field.lines)` on, which arc.
-    """
-
-    distance_m: FloatArray
-    normal: FloatArray
-    index: npt.NDArray[np.int64]
+    distance_m: FloatArray  #: (N,) float64: to the line's centre, never negative
+    normal: FloatArray  #: (N, 2) float64: unit vector from the line towards the point, field frame
+    index: npt.NDArray[np.int64]  #: (N,) int64: which line, or, from `len(field.lines)` on, which arc
 
 
 class LineMap:

@@ -28,49 +28,35 @@ _BY_CHANCE = "{} line points lie near lines of the best pose no better than by c
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """Settings of `LinePoseEstimator`.
-
-    Parameters
-    ----------
-    search, fit : LineSearchSettings, LineFitSettings
-        Of its stages.
-    min_rough_ratio, min_inlier_ratio : float
-        Of all line points, those that must lie on lines of the pose: as the search leaves it, and refined in pixels.
-    min_carpet_ratio, min_carpet_ratio_at_prior : float
-        The same of those points that lie on the field's carpet by that pose, or on its lines: what stands around the
-        field, people and shelves, is neither for nor against it; of a pose refined from a prior.
-    few_points, min_nats_of_few : int, float
-        So few line points come to lie near some lines by chance, evenly over the whole gate: the log-likelihood ratio a
-        point against that, which they must have for a pose that is found without a prior. Rendered frames have 1.0 and
-        more; photographs by a rough calibration less, but they have a thousand points.
-    chance_stds : float
-        Residuals of points evenly over the gate have a mean square of a third of the gate's: however many points there
-        are, theirs must be lower by so many standard deviations of that mean.
-    rival_ratio, rival_excess : float
-        The runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing.
-    min_support : float
-        Of the lines that a pose predicts on floor in plain sight, this fraction must have been seen.
-    max_std_m, max_std_rad : float
-        A pose more uncertain than this is refused.
-    max_followed_m, max_followed_rad : float
-        A pose that is followed moves no farther from where it was expected: half of what separates two modes of the
-        search at the usual distances of lines.
-    """
+    """Settings of `LinePoseEstimator`."""
 
     search: LineSearchSettings = LineSearchSettings()
     fit: LineFitSettings = LineFitSettings()
+    #: of all line points, those that must lie on lines of the pose: as the search leaves it, and refined in pixels
     min_rough_ratio: float = 0.4
     min_inlier_ratio: float = 0.5
+    #: the same of those points that lie on the field's carpet by that pose, or on its lines: what stands around the
+    #: field, people and shelves, is neither for nor against it; of a pose refined from a prior
     min_carpet_ratio: float = 0.7
     min_carpet_ratio_at_prior: float = 0.75
+    #: so few line points come to lie near some lines by chance, evenly over the whole gate: the log-likelihood ratio a
+    #: point against that, which they must have for a pose that is found without a prior. Rendered frames have 1.0 and
+    #: more; photographs by a rough calibration less, but they have a thousand points.
     few_points: int = 300
     min_nats_of_few: float = 0.5
+    #: residuals of points evenly over the gate have a mean square of a third of the gate's: however many points there
+    #: are, theirs must be lower by so many standard deviations of that mean
     chance_stds: float = 2.0
+    #: the runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing
     rival_ratio: float = 1.35
     rival_excess: float = 0.15
+    #: of the lines that a pose predicts on floor in plain sight, this fraction must have been seen
     min_support: float = 0.75
+    #: a pose more uncertain than this is refused
     max_std_m: float = 0.25
     max_std_rad: float = math.radians(8.0)
+    #: a pose that is followed moves no farther from where it was expected: half of what separates two modes of the
+    #: search at the usual distances of lines
     max_followed_m: float = 0.3
     max_followed_rad: float = math.radians(10.0)
 
@@ -80,14 +66,10 @@ class LinePoseEstimator:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     camera : FloorCamera
         Takes the frames.
     mask : (H, W) array, optional
         Non-zero pixels are never looked at.
-    settings : LineSettings, optional
-        Of search and fit.
     """
 
     def __init__(
@@ -140,8 +122,6 @@ class LinePoseEstimator:
         ----------
         frame : (H, W, 3) uint8, or LinePoints
             BGR image, or the line points already found in it.
-        start : Pose2
-            Where to begin.
 
         Returns
         -------

@@ -21,65 +21,37 @@ from robocup_vision.perception.line_points import LinePoints
 
 @dataclass(frozen=True, slots=True)
 class LineSearchSettings:
-    """Settings of the global search by line points.
+    """Settings of the global search by line points."""
 
-    Parameters
-    ----------
-    patch_m, max_points : float, int
-        One point counts for each patch of floor, so that a near line does not outvote a far one; patches grow until no
-        more points than this are left.
-    points_per_patch : int
-        A line crosses a patch in at least so many points: fewer weigh less, they may be specks.
-    window_px : int
-        A line crosses a square of so many pixels in as many points; with fewer than half of them, a point is a speck.
-    min_points : int
-        Fewer patches show less than about 2 m of line, which fits in many places of any field.
-    grid_step_m, grid_step_rad : float
-        Of the grid of poses.
-    max_starts : int
-        Poses of the grid that are refined.
-    scales_m : tuple of float
-        Scale of the loss, step by step.
-    same_m, same_rad : float
-        Two refined poses closer than this are one mode.
-    inlier_px : float
-        A point within this many pixels of a line agrees with a pose.
-    noise_px : float
-        The search lets a camera be off by this much; the refinement is finer.
-    """
-
+    #: one point counts for each patch of floor, so that a near line does not outvote a far one; patches grow until no
+    #: more points than this are left
     patch_m: float = 0.12
     max_points: int = 150
+    #: a line crosses a patch in at least so many points: fewer weigh less, they may be specks
     points_per_patch: int = 3
+    #: a line crosses a square of so many pixels in as many points; with fewer than half of them, a point is a speck
     window_px: int = 9
-    min_points: int = 18
+    min_points: int = 18  #: fewer patches show less than about 2 m of line, which fits in many places of any field
+    #: of the grid of poses
     grid_step_m: float = 0.2
     grid_step_rad: float = math.radians(5.0)
-    max_starts: int = 24
+    max_starts: int = 24  #: poses of the grid that are refined
+    #: scale of the loss, step by step
     scales_m: tuple[float, ...] = (0.25, 0.25, 0.2, 0.16, 0.13, 0.1, 0.08, 0.06, 0.06, 0.06)
+    #: two refined poses closer than this are one mode
     same_m: float = 0.15
     same_rad: float = math.radians(4.0)
-    inlier_px: float = 3.0
-    noise_px: float = 2.0
+    inlier_px: float = 3.0  #: a point within this many pixels of a line agrees with a pose
+    noise_px: float = 2.0  #: the search lets a camera be off by this much; the refinement is finer
 
 
 @dataclass(frozen=True, slots=True)
 class LineCandidate:
-    """One pose that explains the line points.
+    """One pose that explains the line points."""
 
-    Parameters
-    ----------
-    pose : Pose2
-        Robot in the field frame.
-    cost : float
-        Mean robust loss of the points, lower is better; comparable within one frame.
-    inlier_ratio : float
-        Of the points, one per patch of floor, those that lie on a line.
-    """
-
-    pose: Pose2
-    cost: float
-    inlier_ratio: float
+    pose: Pose2  #: robot in the field frame
+    cost: float  #: mean robust loss of the points, lower is better; comparable within one frame
+    inlier_ratio: float  #: of the points, one per patch of floor, those that lie on a line
 
 
 def search_by_lines(
@@ -92,14 +64,10 @@ def search_by_lines(
 
     Parameters
     ----------
-    points : LinePoints
-        As seen in one frame.
     line_map : LineMap
         Of the field. On a point-symmetric one only one of each two poses half a turn apart is searched and returned.
     max_candidates : int
         At most so many distinct poses.
-    settings : LineSearchSettings, optional
-        Of the search.
 
     Returns
     -------

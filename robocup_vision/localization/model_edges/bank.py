@@ -23,17 +23,7 @@ _BEACON_WEIGHT, _POST_WEIGHT = 8.0, 2.0
 
 
 def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_step_rad: float) -> Bank:
-    """Prepare a bank; on a field whose halves look alike, of one half only.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    camera : PinholeCamera
-        What looks.
-    spacing_m, heading_step_rad : float
-        Between neighbouring poses.
-    """
+    """Prepare a bank; on a field whose halves look alike, of one half only."""
     half_x, half_y = field.length_m / 2 + 0.2, field.width_m / 2 + 0.2
     low_x = -half_x if field.shows_half else 0.0
     columns = np.arange(low_x + spacing_m / 2, half_x, spacing_m)
@@ -102,15 +92,7 @@ def _distances(points_m: FloatArray, origin_m: FloatArray, shape: tuple[int, ...
 
 
 def prepare_uprights(field: Field, bank: Bank) -> Uprights:
-    """Prepare what `kernels.model_edges.sightings` looks for: coloured posts, and beacons of two coloured bands.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    bank : Bank
-        Of the field.
-    """
+    """Prepare what `kernels.model_edges.sightings` looks for: coloured posts, and beacons of two coloured bands."""
     places: list[list[float]] = []
     paint: list[list[int]] = []
     sizes: list[list[float]] = []

@@ -59,28 +59,14 @@ def log_weight(evidence: Evidence, settings: CandidateSettings) -> float:
 
 
 def posterior(log_weights: Sequence[float]) -> FloatArray:
-    """Return the probability of each pose, (N,) float64; the rest, up to 1, is the probability that none is right.
-
-    Parameters
-    ----------
-    log_weights : sequence of float
-        As `log_weight` returns them.
-    """
+    """Return the probability of each pose, (N,) float64; the rest, up to 1, is the probability that none is right."""
     weights = np.append(np.asarray(log_weights, dtype=np.float64), 0.0)
     weights = np.exp(weights - weights.max())
     return np.asarray(weights[:-1] / weights.sum())
 
 
 def accepted(probabilities: FloatArray, settings: CandidateSettings) -> list[int]:
-    """Return which poses are the answer, the most probable first; none where too much is left open.
-
-    Parameters
-    ----------
-    probabilities : (N,) float64
-        As `posterior` returns them.
-    settings : CandidateSettings
-        How many, and how sure together.
-    """
+    """Return which poses are the answer, the most probable first; none where too much is left open."""
     order = np.argsort(-probabilities)[: settings.max_candidates].tolist()
     total = 0.0
     for number, index in enumerate(order, 1):

@@ -81,18 +81,11 @@ class Evidence(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What is made of a fit.
+    """What is made of a fit."""
 
-    Parameters
-    ----------
-    reason : str or None
-        Why it is rejected; None where it is accepted.
-    log_likelihood_ratio : float
-        Logarithm of how much likelier the frame is if the pose is right. A frame that shows little says little: what
-        agrees with a pose without fixing it is neutral, and a few samples speak against it only by what contradicts it.
-    """
-
-    reason: str | None
+    reason: str | None  #: why it is rejected; None where it is accepted
+    #: logarithm of how much likelier the frame is if the pose is right. A frame that shows little says little: what
+    #: agrees with a pose without fixing it is neutral, and a few samples speak against it only by what contradicts it.
     log_likelihood_ratio: float
 
 
@@ -101,10 +94,6 @@ def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.
 
     Parameters
     ----------
-    evidence : Evidence
-        Of the frame.
-    settings : EdgeSettings
-        Thresholds.
     prior_log_odds : float
         Logarithm of the odds that the prior is right, by the frames before.
     """

@@ -30,8 +30,6 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
 
     Parameters
     ----------
-    field : Field
-        The field.
     lines_end_m : float
         Farther than this beyond its outer lines, what looks like a line is none of its.
     """
@@ -128,11 +126,6 @@ def telling_features(edges: FieldEdges) -> BoolArray:
     """Return which edges of a field show which half of it they are in: half a turn on there is none of their looks.
 
     A camera tells paints apart by their colours, not by their brightness.
-
-    Parameters
-    ----------
-    edges : FieldEdges
-        As `field_edges` returns them.
 
     Returns
     -------

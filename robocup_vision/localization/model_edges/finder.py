@@ -94,15 +94,7 @@ THOROUGH = FinderSettings(
 
 
 class EdgeFinder:
-    """Proposes poses all over the field and lets the follower's fit and verdict decide.
-
-    Parameters
-    ----------
-    follower : EdgeFollower
-        For the same field and camera.
-    settings : FinderSettings
-        How.
-    """
+    """Proposes poses all over the field and lets the follower's fit and verdict decide."""
 
     def __init__(self, follower: EdgeFollower, settings: FinderSettings | None = None) -> None:
         self.follower = follower
@@ -259,8 +251,6 @@ class EdgeFinder:
             BGR, of the camera's size.
         proposals : iterable of Pose2
             Whoever proposes them.
-        near : Pose2, optional
-            As in `find`.
         """
         s, follower = self.settings, self.follower
         self._is_same_frame = False

@@ -52,55 +52,26 @@ _OPEN_STD = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseLikelihood:
-    """Evidence of one frame alone on a pose, as a Gaussian in information form.
+    """Evidence of one frame alone on a pose, as a Gaussian in information form."""
 
-    Parameters
-    ----------
-    about : Pose2
-        Where it was worked out.
-    information : (3, 3) float64
-        Of x_m, y_m, theta_rad; may be singular.
-    gradient : (3,) float64
-        Of the log-likelihood there.
-    """
-
-    about: Pose2
-    information: FloatArray
-    gradient: FloatArray
+    about: Pose2  #: where it was worked out
+    information: FloatArray  #: (3, 3) float64: of x_m, y_m, theta_rad; may be singular
+    gradient: FloatArray  #: (3,) float64: of the log-likelihood there
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FollowedCamera:
-    """A frame followed: the camera's foot and the heading of its axis, by the frame and the prior together.
+    """A frame followed: the camera's foot and the heading of its axis, by the frame and the prior together."""
 
-    Parameters
-    ----------
-    estimate : PoseEstimate
-        The camera's pose.
-    likelihood : PoseLikelihood
-        Of the same, without the prior.
-    file_camera : PinholeCamera
-        As in its file.
-    camera_unknowns : (float, float, float, float)
-        Tilt and roll (rad), height (m) and logarithm of the focal length's scale in this frame.
-    camera_covariance : (4, 4) float64
-        Of these.
-    evidence : Evidence
-        What the verdict was based on.
-    others : tuple of Pose2
-        Further candidates, the likeliest first.
-    tells_half : bool
-        Whether edges were found that the field's other half has not.
-    """
-
-    estimate: PoseEstimate
-    likelihood: PoseLikelihood
+    estimate: PoseEstimate  #: the camera's pose
+    likelihood: PoseLikelihood  #: of the same, without the prior
     file_camera: PinholeCamera
+    #: tilt and roll (rad), height (m) and logarithm of the focal length's scale in this frame
     camera_unknowns: tuple[float, float, float, float]
-    camera_covariance: FloatArray
-    evidence: Evidence
-    others: tuple[Pose2, ...] = ()
-    tells_half: bool = False
+    camera_covariance: FloatArray  #: (4, 4) float64: of these
+    evidence: Evidence  #: what the verdict was based on
+    others: tuple[Pose2, ...] = ()  #: further candidates, the likeliest first
+    tells_half: bool = False  #: whether edges were found that the field's other half has not
 
     @property
     def measurement(self) -> PoseEstimate:
@@ -155,21 +126,12 @@ class FollowedCamera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FollowerState:
-    """What is carried from frame to frame.
+    """What is carried from frame to frame."""
 
-    Parameters
-    ----------
-    sway : (2, 4) float64
-        How far tilt, roll, height and focal length were off those at rest, and the variances of that.
-    last_pose : Pose2 or None
-        The camera's.
-    log_odds : float
-        That it was right.
-    """
-
+    #: (2, 4) float64: how far tilt, roll, height and focal length were off those at rest, and the variances of that
     sway: FloatArray
-    last_pose: Pose2 | None
-    log_odds: float
+    last_pose: Pose2 | None  #: the camera's
+    log_odds: float  #: that it was right
 
 
 def _edge_points(pixels: FloatArray, status: Int64Array) -> EdgePoints:
@@ -177,17 +139,7 @@ def _edge_points(pixels: FloatArray, status: Int64Array) -> EdgePoints:
 
 
 class EdgeFollower:
-    """Follows one camera on one field.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    camera : PinholeCamera
-        As in its file.
-    settings : EdgeSettings
-        How.
-    """
+    """Follows one camera on one field."""
 
     def __init__(self, field: Field, camera: PinholeCamera, settings: EdgeSettings | None = None) -> None:
         self.field, self.camera = field, camera
@@ -424,10 +376,6 @@ class EdgeFollower:
         ----------
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
-        prior : PoseEstimate
-            Of the camera's foot and axis.
-        dt_s : float
-            Time since the last frame.
         modes : int
             How many places near the prior may be looked at before giving up.
         is_proposal : bool

@@ -59,10 +59,6 @@ class SecondLook:
         ----------
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
-        prior : PoseEstimate
-            Of the camera's foot and axis.
-        dt_s : float
-            Time since the last frame.
         before : FollowerState
             Of the follower of whole frames, before it saw this one.
         first : FollowedCamera or NotLocated

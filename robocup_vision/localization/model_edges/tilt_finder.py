@@ -84,12 +84,8 @@ class TiltFinder(EdgeFinder):
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     camera : PinholeCamera
         Its tilt is not asked for.
-    settings : TiltSettings, optional
-        How.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera, settings: TiltSettings = TiltSettings()) -> None:

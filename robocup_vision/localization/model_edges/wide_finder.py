@@ -72,10 +72,6 @@ class WideFinder(EdgeFinder):
         The pitch; boards or walls bound it.
     camera : PinholeCamera
         Of the whole frames.
-    edges : EdgeSettings
-        Of the follower.
-    settings : WideSettings, optional
-        How.
     """
 
     def __init__(
