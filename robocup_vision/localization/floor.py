@@ -37,7 +37,7 @@ from robocup_vision.localization.outline_model import (
     OutlineNoise,
 )
 from robocup_vision.localization.outline_search import OutlineSearch, OutlineSearchSettings
-from robocup_vision.localization.wall_ranges import wall_px
+from robocup_vision.localization.walls import wall_px
 from robocup_vision.perception.polar_view import PolarView
 
 # of a pose's three unknowns each takes one

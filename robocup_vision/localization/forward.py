@@ -29,7 +29,7 @@ class GoalLocalizer(FrameByFrame):
     half of one is none, while lines tell tilt and place of most pictures. Else lines alone count near a prior only.
     """
 
-    def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None = None) -> None:
+    def __init__(self, field: Field, camera: PinholeCamera) -> None:
         self._field, self._camera = field, camera
         self._goal = GoalPoseEstimator(field, camera)
         self._has_lines = bool(len(field.lines) + len(field.arcs))

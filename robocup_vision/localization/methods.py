@@ -119,18 +119,18 @@ def make_mirror_localizer(
         If the method does not fit the field.
     """
     if method.is_baseline:
-        return _baseline("hull_localizer.HullLocalizer")(field, camera, view, mask)
+        return _baseline("floor_hull.HullLocalizer")(field, camera, mask)
     assert not isinstance(camera, PinholeCamera)
     return MirrorLocalizer(field, camera, view, mask, use_lines=method.name == "field")
 
 
-def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera, mask: UInt8Array | None) -> Localizer:
+def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera) -> Localizer:
     """Make the localiser of a pinhole camera; raises as `make_mirror_localizer` does."""
     if method.is_baseline:
-        return _baseline("angles_localizer.AnglesLocalizer")(field, camera)
+        return _baseline("goal_angles.AnglesLocalizer")(field, camera)
     if method.name == "goal":
-        return GoalLocalizer(field, camera, mask)
-    return EdgeLocalizer(_with_features(field, method.name), camera, mask)
+        return GoalLocalizer(field, camera)
+    return EdgeLocalizer(_with_features(field, method.name), camera)
 
 
 def _with_features(field: Field, name: str) -> Field:
@@ -151,10 +151,8 @@ def _baseline(name: str) -> Callable[..., Localizer]:
     return cast("Callable[..., Localizer]", getattr(importlib.import_module(f"{_BASELINES}.{module}"), maker))
 
 
-def calibrated_localizer(
-    localizer: Localizer, method: Method, field: Field, camera: PinholeCamera, mask: UInt8Array | None
-) -> Localizer:
+def calibrated_localizer(localizer: Localizer, method: Method, field: Field, camera: PinholeCamera) -> Localizer:
     """Return the localiser of another calibration of a pinhole camera; what the one before follows is kept."""
     if isinstance(localizer, EdgeLocalizer):
         return localizer.with_camera(camera)
-    return make_pinhole_localizer(method, field, camera, mask)
+    return make_pinhole_localizer(method, field, camera)

@@ -29,8 +29,7 @@ from robocup_vision.localization.swapped_channels import (
     log_ratios_at,
     swapped_nats,
 )
-from robocup_vision.localization.wall_ranges import wall_px
-from robocup_vision.localization.wall_tilt import tilt_by_walls
+from robocup_vision.localization.walls import tilt_by_walls, wall_px
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.balls.learned import LearnedBallFinder, is_learned
 from robocup_vision.perception.balls.patterned import PatternedBallFinder
@@ -82,7 +81,7 @@ class PinholePipeline(FramePipeline):
         panelled = [goal for goal in field.goals if goal.kind != "posts"]
         tells = len({goal.color for goal in panelled}) == 2
         self._goal_points = goal_points(field) if tells else (np.empty((0, 3)), np.empty(0))
-        self._localizer = make_pinhole_localizer(method, field, camera, self._mask)
+        self._localizer = make_pinhole_localizer(method, field, camera)
         self._floors = _floors_of(field, camera, self._mask, options)
         # as the camera was held in the last frame
         self._floor = self._floors.for_camera(camera) if camera.known_orientation else None
@@ -99,7 +98,7 @@ class PinholePipeline(FramePipeline):
         other = copy(self)
         other.camera = camera
         other._floors = _floors_of(self.field, camera, self._mask, self._options)
-        other._localizer = calibrated_localizer(self._localizer, self._options.method, self.field, camera, self._mask)
+        other._localizer = calibrated_localizer(self._localizer, self._options.method, self.field, camera)
         if self._patterned is not None:
             other._patterned = PatternedBallFinder(self.field, camera, self._mask)
         if self._learned is not None:

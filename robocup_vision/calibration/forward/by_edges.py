@@ -31,7 +31,7 @@ from robocup_vision.calibration.starts import JsonForm, StartTrials
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.model_edges.candidates import CandidateSettings, log_weight
+from robocup_vision.localization.model_edges.evidence import CandidateSettings, log_weight
 from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
 from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.localization.model_edges.settings import EdgeSettings

@@ -20,8 +20,9 @@ from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.color_table import ColorTable, build_color_table, learn_colors
-from robocup_vision.perception.polar_view import PolarView
+from robocup_vision.localization.field_half import GoalSide
+from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization, pose_of
+from robocup_vision.perception.color_table import ColorTable
 
 # a pixel of the paper's 256 x 220 image is this fraction of the usable radius
 _UNITS = 86.0
@@ -60,8 +61,6 @@ class HullFitter:
     field: Field  #: its floor must be bounded by walls or boards, and longer than wide
     camera: OmniCamera
     mask: UInt8Array | None = None  #: (H, W) uint8: non-zero pixels are never looked at
-    #: classifies the floor; without it each frame's colours are learnt from the frame itself
-    colors: ColorTable | None = None
     settings: HullSettings = HullSettings()
 
     def __post_init__(self) -> None:
@@ -74,10 +73,6 @@ class HullFitter:
             raise ArgumentError(f"mask must be ({height}, {width}), got {self.mask.shape}")
         if self._model.elongation < self.settings.min_elongation:
             raise ArgumentError(f"method 'hull' needs a floor that is longer than wide, '{self.field.name}' is square")
-
-    @cached_property
-    def _polar(self) -> PolarView:
-        return PolarView(self.camera, mask=self.mask)
 
     @cached_property
     def _model(self) -> _Moments:
@@ -131,23 +126,6 @@ class HullFitter:
         # the outermost pixel shows wall as well, and counts as wall
         floor = np.asarray(cv2.dilate(floor, _disc(1)), dtype=np.uint8)
         return _without_specks(floor & usable, self.settings.min_piece_ratio)
-
-    def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
-        """Locate the robot by one frame (H, W, 3) uint8 BGR.
-
-        Of the two candidates, half a turn apart, the one nearer to the prior comes first.
-        """
-        table = self.colors
-        if table is None:
-            learnt = learn_colors(self._polar.sample(frame), self._polar.valid, self.field)
-            if learnt is None:
-                return NotLocated("no floor is found around the robot to learn its colour from")
-            table = build_color_table(learnt)
-        found = self.locate_floor(self.floor_mask(frame, table))
-        if isinstance(found, NotLocated) or prior is None:
-            return found
-        near, far = (sum(candidate.error_to(prior)) for candidate in found.candidates)
-        return found.half_turn() if far < near else found
 
     def locate_floor(self, floor: UInt8Array) -> PoseEstimate | NotLocated:
         """Locate the robot by a floor mask (H, W) uint8, non-zero where floor is seen (Steps 2 to 7)."""
@@ -226,6 +204,22 @@ class HullFitter:
             return NotLocated("the part of the floor's hull in view does not fix the pose in every direction")
         rms = float(np.sqrt(np.mean(fit.residual_px[is_inlier] ** 2)))
         return PoseEstimate(pose, covariance, ratio, rms, (pose, pose.half_turn()))
+
+
+class HullLocalizer(FrameByFrame):
+    """Satisfies `Localizer`; method "hull" of a mirror camera: the published fit of the whole floor mask."""
+
+    def __init__(self, field: Field, camera: OmniCamera, mask: UInt8Array | None) -> None:
+        self._hull = HullFitter(field, camera, mask)
+        self._half = GoalSide(field, camera, mask)
+
+    def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
+        """See `Localizer.locate`."""
+        assert evidence.table is not None
+        pose = self._hull.locate_floor(self._hull.floor_mask(evidence.frame, evidence.table))
+        if isinstance(pose, PoseEstimate):
+            pose = self._half.choose(evidence.frame, pose, evidence.table.colors, pose_of(prior))
+        return Localization(pose, evidence.camera)
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import GoalShape, goal_shape
+from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization, pose_of
 from robocup_vision.perception.goal_color import hue_families, hue_masks
 
 GRID_M = 0.01  # paper, section 3.3 (1)
@@ -287,3 +288,23 @@ class GoalAnglesEstimator:
             seen = math.atan2(float(np.cross(axis, towards) @ up), float(axis @ towards))
             headings.append(math.atan2(post_y - y, self._shape.line_x_m - x) - seen)
         return math.atan2(sum(math.sin(h) for h in headings), sum(math.cos(h) for h in headings))
+
+
+class AnglesLocalizer(FrameByFrame):
+    """Satisfies `Localizer`; method "angles" of a pinhole camera. The tilt may be unknown."""
+
+    def __init__(self, field: Field, camera: PinholeCamera) -> None:
+        self._angles = GoalAnglesEstimator(field, camera)
+
+    def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
+        """See `Localizer.locate`; of two candidates, the one nearer to the prior comes first."""
+        camera = evidence.camera
+        assert isinstance(camera, PinholeCamera)
+        found = self._angles.sight(evidence.frame)
+        if isinstance(found, NotLocated):
+            return Localization(found, camera)
+        oriented = camera.with_orientation(camera.pan_rad or 0.0, found.tilt_rad, found.roll_rad)
+        estimate, near = found.estimate.seen_from(oriented.camera_in_robot.inverse()), pose_of(prior)
+        if near is not None and len(estimate.candidates) > 1:
+            estimate = min((estimate, estimate.half_turn()), key=lambda one: sum(one.pose.error_to(near)))
+        return Localization(estimate, oriented)

@@ -9,20 +9,25 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arguments import as_pose
+from robocup_vision.arrays import FloatArray
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
-from robocup_vision.localization.filter.floor_bound import FloorBound
+from robocup_vision.localization.filter.hypothesis import PoseMode
 from robocup_vision.localization.filter.mixture import Mixture
 from robocup_vision.localization.filter.settings import Half, PoseFilterSettings
 
 __all__ = ["FrameErrors", "Hypothesis", "OdometryNoise", "PoseFilter", "PoseFilterSettings"]
 
 _ORIGIN = Pose2(0.0, 0.0, 0.0)
+# a point is moved this far past the floor's edge, inwards
+_INSIDE_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +49,42 @@ class _Moment:
         if self.estimate is None:
             return ()
         return tuple(value for pose in self.estimate.candidates for value in (pose.x_m, pose.y_m, pose.theta_rad))
+
+
+class FloorBound:
+    """Moves modes beyond the walls to the nearest floor: walls and boards stop a robot, whatever odometry says."""
+
+    def __init__(self, field: Field) -> None:
+        self._field = field if field.is_bounded else None
+        first = field.floor_polygon
+        self._first, self._edge = first, np.roll(first, -1, axis=0) - first
+
+    def nearest(self, x_m: float, y_m: float) -> FloatArray | None:
+        """Return the nearest place (2,) on the floor, None if this one is."""
+        field = self._field
+        if field is None or field.is_on_floor(x_m, y_m):
+            return None
+        point = np.array([x_m, y_m])
+        along = ((point - self._first) * self._edge).sum(axis=1) / (self._edge**2).sum(axis=1)
+        feet = self._first + np.clip(along, 0.0, 1.0)[:, None] * self._edge
+        foot = feet[int(np.argmin(np.hypot(*(feet - point).T)))]
+        # inwards from a side or a corner, whichever way the floor is there
+        for angle in np.arange(8) * (np.pi / 4):
+            inside = foot + _INSIDE_M * np.array([np.cos(angle), np.sin(angle)])
+            if field.is_on_floor(*inside.tolist()):
+                return np.asarray(inside)
+        return np.asarray(foot)
+
+    def keep(self, mode: PoseMode) -> PoseMode:
+        """Return the mode on the floor, as uncertain as it was wrong."""
+        place = self.nearest(mode.pose.x_m, mode.pose.y_m)
+        if place is None:
+            return mode
+        off = place - (mode.pose.x_m, mode.pose.y_m)
+        covariance = mode.covariance.copy()
+        covariance[:2, :2] += np.outer(off, off)
+        pose = Pose2(float(place[0]), float(place[1]), mode.pose.theta_rad)
+        return replace(mode, pose=pose, covariance=covariance)
 
 
 class PoseFilter:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -70,18 +70,13 @@ class EdgeSamples:
     #: (M, 2) float64: where the paint ends, and along which direction that was measured
     foot_uv: FloatArray
     foot_direction: FloatArray
-    sigma: FloatArray  #: (N + M + L,) float64: noise of all, pixels
+    sigma: FloatArray  #: (N + M,) float64: noise of edges and feet, pixels
     #: (6,) int64: how many samples each edge has inside the image, found or not, less those in glare
     expected: npt.NDArray[np.int64]
-    #: (L, 2) float64: floor points on the field's lines, field frame, metres
-    mark_m: FloatArray = field(default_factory=_none)
-    #: (L, 2) float64: where the line was seen near each, and along which direction that was measured
-    mark_uv: FloatArray = field(default_factory=_none)
-    mark_direction: FloatArray = field(default_factory=_none)
 
     @property
     def for_fit(self) -> FitSamples:
-        """The samples as the kernels take them."""
+        """The samples as the kernels take them, without marks on lines."""
         return FitSamples(
             self.edge,
             self.uv,
@@ -89,9 +84,9 @@ class EdgeSamples:
             self.foot_at,
             self.foot_uv,
             self.foot_direction,
-            self.mark_m,
-            self.mark_uv,
-            self.mark_direction,
+            _none(),
+            _none(),
+            _none(),
             self.sigma,
         )
 

@@ -246,7 +246,6 @@ def without(samples: EdgeSamples, edge: int) -> EdgeSamples:
 def without_element(samples: EdgeSamples, element: int) -> EdgeSamples:
     """Drop the edges and the foot of the left post (0) or the right one (1), or the bar (2)."""
     kept, feet = samples.edge // 2 != element, samples.foot_post != element
-    marks = np.ones(len(samples.mark_m), bool)
     return replace(
         samples,
         edge=samples.edge[kept],
@@ -255,7 +254,7 @@ def without_element(samples: EdgeSamples, element: int) -> EdgeSamples:
         foot_at=samples.foot_at[feet],
         foot_uv=np.ascontiguousarray(samples.foot_uv[feet]),
         foot_direction=np.ascontiguousarray(samples.foot_direction[feet]),
-        sigma=samples.sigma[np.concatenate([kept, feet, marks])],
+        sigma=samples.sigma[np.concatenate([kept, feet])],
     )
 
 
@@ -303,7 +302,7 @@ def refine(
 
 
 def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> FloatArray:
-    """Signed residuals (N + M + L,), pixels."""
+    """Signed residuals (N + M,), pixels."""
     return sample_residuals(model, samples.for_fit, unknowns)
 
 

@@ -72,7 +72,7 @@ def starts(model: GoalModel, left: Strip, right: Strip) -> Iterator[FloatArray]:
         yield p
 
 
-def rotated(model: GoalModel, unknowns: FloatArray, obliqueness: float = -1.0) -> FloatArray:
+def rotated(model: GoalModel, unknowns: FloatArray, obliqueness: float) -> FloatArray:
     """Rotate a camera about the goal's middle to `obliqueness` times its own: the picture stays nearly the same.
 
     -1 is the mirror branch that the picture of a plane always allows.

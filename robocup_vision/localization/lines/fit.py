@@ -26,6 +26,9 @@ from robocup_vision.kernels.lines.pose_fit import (
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LinePoints
 
+# residuals well beyond this are ignored from the first step on
+_START_PX = 8.0
+
 
 @dataclass(frozen=True, slots=True)
 class LineFitSettings:
@@ -50,8 +53,8 @@ def seen_points(points: LinePoints, line_map: LineMap) -> SeenPoints:
     return SeenPoints(np.array(points.floor_m), np.array(points.floor_per_px), line_map.lines, line_map.arcs)
 
 
-def _room(count: int) -> PointRows:
-    """Return arrays for so many measured line points."""
+def _empty_rows(count: int) -> PointRows:
+    """Return arrays for the measurements of this number of line points."""
     return PointRows(np.empty(count), np.empty((count, 3)), np.empty((count, 2)), np.empty(count, dtype=np.int64))
 
 
@@ -68,24 +71,16 @@ def refine_by_lines(
     pose: Pose2,
     points: LinePoints,
     line_map: LineMap,
-    *,
-    start_px: float = 8.0,
     settings: LineFitSettings = LineFitSettings(),
 ) -> PoseEstimate | NotLocated:
-    """Refine a pose by line points, with residuals in pixels across the lines.
-
-    Parameters
-    ----------
-    start_px : float
-        Residuals well beyond this are ignored from the first step on.
-    """
+    """Refine a pose by line points, with residuals in pixels across the lines."""
     low, high = line_map.extent_m
     points = points.take(np.hypot(*points.floor_m.T) <= np.hypot(*(high - low)))
     if len(points) < settings.min_points:
         return NotLocated(f"only {len(points)} line points")
-    unknowns, rows = pose.array.copy(), _room(len(points))
+    unknowns, rows = pose.array.copy(), _empty_rows(len(points))
     rules = PointFitRules(settings.min_noise_px, settings.max_steps, settings.max_halvings)
-    scale = fit_points(unknowns, seen_points(points, line_map), np.array(points.weight), start_px, rules, rows)
+    scale = fit_points(unknowns, seen_points(points, line_map), np.array(points.weight), _START_PX, rules, rows)
     if not math.isfinite(scale):
         return NotLocated("the lines in view do not fix the pose")
     return _estimate(unknowns, rows, scale, points, settings)
@@ -132,6 +127,6 @@ def _estimate(
 
 def residuals_px(pose: Pose2, points: LinePoints, line_map: LineMap) -> FloatArray:
     """Return how far line points lie off the lines by a pose, (N,) float64, px, never negative."""
-    rows = _room(len(points))
+    rows = _empty_rows(len(points))
     measure_points(pose.array, seen_points(points, line_map), rows)
     return rows.residual

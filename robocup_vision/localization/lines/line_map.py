@@ -14,8 +14,9 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.lines.lines import DistanceTable, nearest_lines
 from robocup_vision.kernels.lines.rough_distances import count_marks_near_lines
 
-# the table's value at `truncate_m` and beyond
-_FAR = 255
+# cell of the distance table, a fraction of a coarse search's step; distance at which the table is truncated, and its
+# value there
+CELL_M, _TRUNCATE_M, _FAR = 0.05, 0.4, 255
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,22 +29,10 @@ class NearestLine:
 
 
 class LineMap:
-    """Distances to the lines of one field.
+    """Distances to the lines of one field, which needs at least one line or arc."""
 
-    Parameters
-    ----------
-    field : Field
-        The pitch; needs at least one line or arc.
-    cell_m : float
-        Cell of the distance table; the quarter of a metre a coarse search steps by should be many of them.
-    truncate_m : float
-        Distance at which the table is cut off.
-    """
-
-    def __init__(self, field: Field, cell_m: float = 0.05, truncate_m: float = 0.4) -> None:
+    def __init__(self, field: Field) -> None:
         self.field = field
-        self.cell_m = cell_m
-        self.truncate_m = truncate_m
         self.lines = read_only(np.ascontiguousarray(field.lines))
         self.arcs = read_only(np.ascontiguousarray(field.arcs))
 
@@ -57,39 +46,24 @@ class LineMap:
     def table_origin_m(self) -> FloatArray:
         """(2,) float64: field point at the centre of the table's first cell."""
         points = self.field.line_points(0.1)
-        return np.asarray(points.min(axis=0) - self.truncate_m if len(points) else np.zeros(2))
+        return np.asarray(points.min(axis=0) - _TRUNCATE_M if len(points) else np.zeros(2))
 
     @cached_property
     def table(self) -> npt.NDArray[np.uint8]:
-        """(rows, columns) uint8: truncated distance at cell centres, rows along y, `truncate_m` being 255."""
+        """(rows, columns) uint8: truncated distance at cell centres, rows along y; 255: truncated."""
         points = self.field.line_points(0.1)
-        top = points.max(axis=0) + self.truncate_m if len(points) else np.zeros(2)
-        columns, rows = np.ceil((top - self.table_origin_m) / self.cell_m).astype(int) + 1
+        top = points.max(axis=0) + _TRUNCATE_M if len(points) else np.zeros(2)
+        columns, rows = np.ceil((top - self.table_origin_m) / CELL_M).astype(int) + 1
         x, y = np.meshgrid(np.arange(columns), np.arange(rows))
-        cells = np.stack([x.ravel(), y.ravel()], axis=1) * self.cell_m + self.table_origin_m
-        units = np.minimum(self.nearest(cells).distance_m / self.truncate_m, 1.0) * _FAR
+        cells = np.stack([x.ravel(), y.ravel()], axis=1) * CELL_M + self.table_origin_m
+        units = np.minimum(self.nearest(cells).distance_m / _TRUNCATE_M, 1.0) * _FAR
         return np.round(units).astype(np.uint8).reshape(rows, columns)
-
-    def rough_distance_m(self, points_m: npt.ArrayLike) -> FloatArray:
-        """Look up the truncated distance (...,) of field points (..., 2), bilinear; `truncate_m` outside the table."""
-        points = np.asarray(points_m, dtype=np.float64)
-        at = (points - self.table_origin_m) / self.cell_m
-        rows, columns = self.table.shape
-        x, y = at[..., 0], at[..., 1]
-        inside = (x >= 0) & (y >= 0) & (x <= columns - 1) & (y <= rows - 1)
-        ix = np.clip(np.where(inside, x, 0).astype(int), 0, columns - 2)
-        iy = np.clip(np.where(inside, y, 0).astype(int), 0, rows - 2)
-        fx, fy = x - ix, y - iy
-        t = self.table
-        near = t[iy, ix] * (1 - fx) + t[iy, ix + 1] * fx
-        far = t[iy + 1, ix] * (1 - fx) + t[iy + 1, ix + 1] * fx
-        return np.where(inside, (near * (1 - fy) + far * fy) * self.truncate_m / _FAR, self.truncate_m)
 
     @cached_property
     def distances(self) -> DistanceTable:
         """The table as compiled loops take it."""
         x_m, y_m = self.table_origin_m.tolist()
-        return DistanceTable(self.table, (x_m, y_m), self.cell_m, _FAR)
+        return DistanceTable(self.table, (x_m, y_m), CELL_M, _FAR)
 
     def nearest(self, points_m: npt.ArrayLike) -> NearestLine:
         """Exact nearest lines of field points (N, 2), metres."""
@@ -103,9 +77,7 @@ class LineMap:
         """
         at = pose.x_m, pose.y_m, pose.theta_rad
         return int(
-            count_marks_near_lines(
-                marks, mark, floor_m, near_m, at, self.lines, self.arcs, self.distances, self.truncate_m
-            )
+            count_marks_near_lines(marks, mark, floor_m, near_m, at, self.lines, self.arcs, self.distances, _TRUNCATE_M)
         )
 
     def counts(self, points_m: FloatArray, is_on_line: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

@@ -15,7 +15,7 @@ import numpy as np
 from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.lines.lines import PoseGrid, refine_line_poses, score_pose_grid
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.lines.line_map import CELL_M, LineMap
 from robocup_vision.perception.line_points import LinePoints
 
 
@@ -152,7 +152,7 @@ def one_per_patch(
 
 def _best_of_grid(floor_m: FloatArray, line_map: LineMap, settings: LineSearchSettings) -> FloatArray:
     """Distinct best poses (K, 3) of the grid over the field, K <= `max_starts`."""
-    cell = line_map.cell_m
+    cell = CELL_M
     step = round(settings.grid_step_m / cell)
     low, high = line_map.extent_m
     count_x, count_y = (np.floor((high - low) / (step * cell)).astype(int) + 1).tolist()

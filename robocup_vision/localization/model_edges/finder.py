@@ -16,7 +16,7 @@ from robocup_vision.kernels.model_edges.align import LEFT_BEHIND, Alignment, ali
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
 from robocup_vision.kernels.model_edges.sightings import MAX_SIGHTINGS, NOD_RAD, SIGHT, Horizon, poses_around, sightings
 from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights
-from robocup_vision.localization.model_edges.candidates import CandidateSettings, accepted, log_weight, posterior
+from robocup_vision.localization.model_edges.evidence import CandidateSettings, accepted, log_weight, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
 

@@ -39,7 +39,6 @@ class EdgeLocalizer:
         self,
         field: Field,
         camera: PinholeCamera,
-        mask: UInt8Array | None = None,
         settings: EdgeSettings | None = None,
     ) -> None:
         self.follower = EdgeFollower(field, camera, settings)

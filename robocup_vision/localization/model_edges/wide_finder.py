@@ -26,7 +26,7 @@ from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.sightings import SIGHT
 from robocup_vision.kernels.model_edges.tables import HEIGHT, ROLL, TILT, UNKNOWNS
 from robocup_vision.localization.model_edges.bank import with_walls
-from robocup_vision.localization.model_edges.candidates import CandidateSettings
+from robocup_vision.localization.model_edges.evidence import CandidateSettings
 from robocup_vision.localization.model_edges.finder import THOROUGH, EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.second_look import copy_of, smaller_camera

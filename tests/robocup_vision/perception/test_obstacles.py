@@ -14,7 +14,7 @@ from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.wall_ranges import wall_range_m
+from robocup_vision.localization.walls import wall_range_m
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.obstacles import ObstacleFinder, join_places
 from robocup_vision.perception.polar_view import PolarView

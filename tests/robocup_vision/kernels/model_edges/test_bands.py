@@ -70,7 +70,7 @@ def test_a_fisheye_s_line_points_lie_on_lines_near_and_far(pose):
     range_m = np.hypot(*floor.T)
     # a pixel of a far line is longer than the line is wide
     slack_m = field.line_width_m / 2 + range_m**2 / height_m / 165.0
-    off_m = np.abs(LineMap(field).rough_distance_m(pose.transform(floor)))
+    off_m = LineMap(field).nearest(pose.transform(floor)).distance_m
     assert np.mean(off_m < slack_m) > 0.95
     assert count > 25
     assert np.percentile(range_m, 10) < 3.0

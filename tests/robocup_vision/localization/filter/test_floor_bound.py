@@ -8,7 +8,7 @@ from hypothesis import given
 from strategies import numbers
 
 from field_models import load_field
-from robocup_vision.localization.filter.floor_bound import FloorBound
+from robocup_vision.localization.filter.pose_filter import FloorBound
 
 WALLED = [load_field(name) for name in ("ssl_2001", "ssl_division_b")]
 

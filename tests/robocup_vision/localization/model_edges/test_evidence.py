@@ -5,8 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robocup_vision.localization.model_edges.candidates import CandidateSettings, accepted, log_weight, posterior
-from robocup_vision.localization.model_edges.evidence import Evidence
+from robocup_vision.localization.model_edges.evidence import (
+    CandidateSettings,
+    Evidence,
+    accepted,
+    log_weight,
+    posterior,
+)
 
 GOOD = Evidence(100, 100, 80, 0, 20, 80, 0.2, 3.0, 40, 40, 5, 0.02, 8, 4.0)
 

@@ -9,8 +9,7 @@ from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.wall_ranges import wall_range_m
-from robocup_vision.localization.wall_tilt import WallTiltSettings, tilt_by_walls
+from robocup_vision.localization.walls import WallTiltSettings, tilt_by_walls, wall_range_m
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.vision import Vision
 from sim2d.rendering.goal.scenes import CLEAR_SHOT
