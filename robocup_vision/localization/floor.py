@@ -40,7 +40,7 @@ from robocup_vision.localization.outline_search import OutlineSearch, OutlineSea
 from robocup_vision.localization.walls import wall_px
 from robocup_vision.perception.polar_view import PolarView
 
-# of a pose's three unknowns each takes one
+# one a pose's unknown
 _MIN_EDGES = 3
 _OPEN = "the part of the floor's edge in view does not fix the pose in every direction"
 
@@ -82,7 +82,7 @@ class OutlineFitter:
     camera: OmniCamera
     view: PolarView  #: defines the bearings of the outline
     settings: OutlineSettings = OutlineSettings()
-    #: what decides whether a pose is believed; default: as it comes with the package
+    #: decides whether a pose is accepted; default: as it comes with the package
     evidence: PoseEvidence = dataclasses.field(default_factory=default_evidence)
 
     def __post_init__(self) -> None:
@@ -90,12 +90,12 @@ class OutlineFitter:
 
     @cached_property
     def model(self) -> OutlineModel:
-        """What an outline is compared with."""
+        """The model of outlines."""
         return OutlineModel(self.field, self.camera, self.view, self.settings.noise, self.settings.camera)
 
     @cached_property
     def search(self) -> OutlineSearch:
-        """Of the whole field."""
+        """The search over the whole field."""
         return OutlineSearch(self.model, self.settings.search)
 
     @cached_property
@@ -222,7 +222,7 @@ class OutlineFitter:
         if isinstance(found, NotLocated):
             return found, _nothing(radius_px)
         if prior is not None and not self.fixes_pose(found):
-            # found as an upright body sees it: one that moves may lean, and on a far field that is half a metre
+            # the search assumes an upright body: a moving one may lean, which on a large field moves it by half a metre
             leaning = self._camera.leaning((found.pose,), radius_px)
             if leaning is None:
                 return NotLocated("the floor's edge does not fix the pose of a body that may lean"), _nothing(radius_px)
@@ -237,7 +237,7 @@ class OutlineFitter:
         return self.fixes_pose(fit) and self.weigh(fit, floor_column).log_odds >= log_odds
 
     def _answer(self, fit: OutlineFit, radius_px: FloatArray) -> tuple[PoseEstimate | NotLocated, FloatArray]:
-        """Return what a believed fit gives, with the camera's centre and tilt fitted where the outline asks for it."""
+        """Return the estimate of an accepted fit, with the camera's centre and tilt fitted where needed."""
         estimate = self._judge(fit, self.settings.max_std_m)
         if isinstance(estimate, NotLocated):
             return estimate, _nothing(radius_px)
@@ -263,7 +263,7 @@ class OutlineFitter:
         return fits[best]
 
     def _judge(self, fit: OutlineFit, max_std_m: float) -> PoseEstimate | NotLocated:
-        """Return the estimate of a fit that is believed, if it is a place on the field and fixed in every direction."""
+        """Return the estimate of an accepted fit, if it is a place on the field and fixed in every direction."""
         if fit.along_m > max_std_m:
             return NotLocated(_OPEN)
         x, y, theta = fit.pose

@@ -25,8 +25,9 @@ from robocup_vision.localization.model_edges.tilt_finder import TiltFinder
 class GoalLocalizer(FrameByFrame):
     """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown.
 
-    Where it is, and goals are white, the lines come first: a white goal among clutter is looked for far longer, and
-    half of one is none, while lines tell tilt and place of most pictures. Else lines alone count near a prior only.
+    With an unknown tilt and white goals the lines come first: they show tilt and place of most pictures, while the
+    search for a white goal among clutter takes far longer and needs the whole goal. Otherwise lines alone count near a
+    prior only.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:

@@ -19,7 +19,7 @@ from robocup_vision.localization.localizer import FrameEvidence, Localization, p
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.polar_view import PolarView
 
-# lines near the last pose are followed; the whole field is searched so often for what else explains them
+# lines near the last pose are followed; the whole field is searched for other explanations at this interval
 _SEARCH_AGAIN_S = 1.0
 
 
@@ -88,13 +88,13 @@ class MirrorLocalizer:
         return Localization(NotLocated(reason), camera)
 
     def _line_odds(self, evidence: FrameEvidence) -> LineOdds | None:
-        """Return what weighs poses by the lines in the frame's samples."""
+        """Return a function of a pose's log odds by the lines in the frame's samples."""
         if self._line_evidence is None or evidence.marks is None:
             return None
         return partial(self._line_evidence.log_odds, marks=evidence.marks)
 
     def _line_points(self, frame: UInt8Array, lines: LinePoseEstimator) -> LinePoints:
-        """Find the line points of the frame that is looked at, once."""
+        """Find the line points of the current frame, once."""
         if self._points is None:
             self._points = lines.finder.find(frame)
         return self._points
@@ -102,7 +102,7 @@ class MirrorLocalizer:
     def _closed_by_lines(
         self, evidence: FrameEvidence, start: Pose2, estimate: PoseEstimate, walls: FloatArray
     ) -> tuple[PoseEstimate, FloatArray]:
-        """Return what nearby lines tell where the outline leaves the position of a body that may lean open."""
+        """Return the pose by nearby lines where the outline leaves the position of a body that may lean open."""
         if self._lines is None:
             return estimate, walls
         followed = self._lines.follow(self._line_points(evidence.frame, self._lines), start)
@@ -123,12 +123,12 @@ class MirrorLocalizer:
             if followed:
                 return followed
         found = lines.locate(points)
-        # where the search contradicts the expected pose, the frames that follow are searched, too: they decide
+        # where the search contradicts the expected pose, the following frames are searched, too: they decide
         self._searched_s = t_s if found and (start is None or lines.is_near(found, start)) else None
         return found
 
     def _doubt(self, pose: Pose2, evidence: FrameEvidence) -> str | None:
-        """Return what speaks against a pose that lines alone give, where walls are to be seen, too; None: nothing."""
+        """Return the outline's contradiction to a pose by lines alone; None where there is none, or no walls."""
         if self._outline is None:
             return None
         tally = self._outline.weigh_pose(pose, evidence.edge_px, evidence.floor_column)

@@ -1,8 +1,8 @@
-"""What an outline tells besides the pose: that the body leans, or that centre and tilt are not as in the camera's file.
+"""Fits what an outline shows besides the pose: the lean of the body, or errors of centre and tilt in the camera file.
 
 A degree of lean moves a wall's foot that is seen 2 m away from 0.2 m above the floor by a third of a metre. Where the
-walls of both sides and of an end are in view, the lean is told apart from every motion: it turns them against each
-other. So is a centre or a tilt that is off.
+walls of both sides and of an end are in view, the lean differs from every motion: it turns them against each other. So
+does an error of centre or tilt.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _POSE, _LEAN = slice(0, 3), slice(5, 7)
 
 @dataclass(frozen=True, eq=False)
 class OutlineCamera:
-    """Asks an outline whether its camera looks otherwise than the file says, and fits that where it does."""
+    """Fits the lean of the body, or centre and tilt of the camera, where an outline contradicts the camera file."""
 
     model: OutlineModel
     settings: OutlineCameraSettings
@@ -39,7 +39,7 @@ class OutlineCamera:
             Of an upright body.
         """
         model, gate = self.model, self.settings.lean_gate
-        # most bodies stand upright most of the time: then one look does
+        # most bodies stand upright most of the time
         if fit.lean_gain < gate:
             return fit
         outline = model.outline(radius_px, np.array([model.unit_px]))
@@ -68,7 +68,7 @@ class OutlineCamera:
             summary, unknowns, covariance, residual, predicted = fitted
             if not summary.along_m <= self.settings.max_open_std_m:
                 continue
-            # where a direction is not told at all, rounding makes its variance anything
+            # where a direction is not observed at all, rounding decides its variance
             own = covariance[_POSE, _POSE]
             if not (np.isfinite(own).all() and np.all(np.linalg.eigvalsh(own) > 0)):
                 continue
@@ -99,11 +99,11 @@ class OutlineCamera:
         return replace(estimate, pose=pose, covariance=own, candidates=(pose, pose.half_turn())), predicted
 
     def _scene(self, fit: OutlineFit) -> WallScene:
-        """Return the walls as the body of a fit sees them: what a lean explains is not the file's error."""
+        """Return the walls as the leaning body of a fit sees them: the lean is not an error of the file."""
         return kernels.turned_scene(self.model.scene, *fit.lean_rad, True) if any(fit.lean_rad) else self.model.scene
 
     def _file_gain(self, fit: OutlineFit, radius_px: FloatArray) -> float:
-        """Return what another centre and tilt would explain beyond the fit of a body that leans."""
+        """Return the gain of another centre and tilt over the fit of a leaning body."""
         model = self.model
         outline = model.outline(radius_px, model.scales(()))
         return kernels.doubts_of_camera(

@@ -1,6 +1,6 @@
-"""What a floor's outline is compared with: the field's walls, the camera's curve and the scales of the comparison.
+"""The model of a floor's outline: the field's walls, the camera's curve and the scales of the residuals.
 
-The fit, the search and the checks of the camera share it.
+The fit, the search and the checks of the camera use it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robocup_vision.kernels.walls.doubted_camera import CameraDoubt, UprightRule
 from robocup_vision.kernels.walls.fit import Vector
 from robocup_vision.perception.polar_view import PolarView
 
-# how well a centre or a tilt is known that is not doubted
+# standard deviations of a centre and a tilt that are taken as known
 _SURE_PX, _SURE_RAD = 1e-6, 1e-6
 # a pixel of the paper's 256 x 220 image is this fraction of the usable radius
 _UNITS = 86.0
@@ -47,22 +47,22 @@ class OutlineNoise:
 
 @dataclass(frozen=True, slots=True)
 class OutlineCameraSettings:
-    """When an outline's camera leans, or is doubted; "units" are 1/86 of the usable image radius."""
+    """When an outline shows a lean or an error of the camera file; "units" are 1/86 of the usable image radius."""
 
-    sway_std_rad: float = 0.01  #: standard deviation of pitch and roll of a body that moves, as in `lines.nearby`
-    #: squared Mahalanobis distance from upright of a lean that is one: 99.9 % for two dimensions
+    sway_std_rad: float = 0.01  #: standard deviation of pitch and roll of a moving body
+    #: squared Mahalanobis distance from upright from which a lean is accepted: 99.9 % for two dimensions
     lean_gate: float = 13.8
     #: widths of the redescending weights, units, where pose and lean are fitted together from a prior: a body that
     #: brakes hard moves far boards by two units
     open_scales: tuple[float, ...] = (4.0, 2.0, 1.0)
-    #: a fit of pose and lean that leaves the position more open is none: a far field lies open in some direction before
-    #: it is known how the body leans
+    #: greatest standard deviation of the position in a fit of pose and lean: on a large field an unknown lean leaves
+    #: some direction open
     max_open_std_m: float = 0.15
-    #: of centre and tilt in a camera file that is doubted
+    #: standard deviations of centre and tilt where the camera file may be wrong
     center_std_units: float = 0.5
     tilt_std_rad: float = 0.004
-    #: gain per independent bearing by which another centre and tilt must explain the outline better, and how many
-    #: neighbouring bearings err alike
+    #: least gain per independent bearing by another centre and tilt, and the number of neighbouring bearings with
+    #: correlated errors
     min_gain: float = 8.0
     alike_bearings: float = 3.0
 
@@ -94,7 +94,7 @@ class OutlineModel:
     camera: OmniCamera
     view: PolarView  #: defines the bearings
     noise: OutlineNoise
-    doubt: OutlineCameraSettings = OutlineCameraSettings()  #: how the camera may look otherwise than its file says
+    doubt: OutlineCameraSettings = OutlineCameraSettings()  #: errors of the camera file, and the body's lean
 
     @cached_property
     def unit_px(self) -> float:
@@ -177,7 +177,7 @@ class OutlineModel:
         lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
         told = fit_upright(start, radius_px, scales, self._rules, lines, covariance)
         pose, bearings, cost, inlier_ratio, rms_px, along_m, by_lean, by_file = told
-        # so that nobody has to copy it
+        # estimates take a read-only array without a copy
         covariance.setflags(write=False)
         residual, predicted = lines
         fit = OutlineFit(

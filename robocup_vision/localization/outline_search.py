@@ -20,12 +20,11 @@ from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 class OutlineSearchSettings:
     """Settings of `OutlineSearch`; "units" are 1/86 of the usable image radius."""
 
-    #: bearings that outlines are compared at over the whole field, how many places go on, and where a difference is
-    #: truncated, units
+    #: bearings of the bank's outlines, number of places that are fitted, and truncation of a difference, units
     bank_bearings: int = 80
     bank_starts: int = 30
     bank_width: float = 12.0
-    #: starts, fits and rivals nearer to each other, metres plus radians, are one
+    #: starts, fits and rivals nearer to each other, metres plus radians, count as one
     start_apart: float = 0.15
     fit_apart: float = 0.03
     rival_apart: float = 0.05
@@ -33,10 +32,10 @@ class OutlineSearchSettings:
     rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
     coarse_scales: tuple[float, ...] = (2.0,)
     fine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
-    #: how many starts go on to `coarse_scales`, and how many of those to `fine_scales`
+    #: number of starts fitted with `coarse_scales`, and of those fitted with `fine_scales`
     likely: int = 24
     refined: int = 8
-    hopeless_cost: float = 0.3  #: a coarse fit costlier by so much than the best is not refined
+    hopeless_cost: float = 0.3  #: greatest excess of a coarse fit's cost over the best one's for it to be refined
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +91,7 @@ class OutlineSearch:
 
     @property
     def _px_per_level(self) -> float:
-        """What a level of the bank's outlines is."""
+        """Pixels of one level of the bank's outlines."""
         return self.settings.bank_width * self.model.unit_px / int(wall_search.WIDEST)
 
     @cached_property

@@ -27,17 +27,19 @@ _DARKEST = 9
 class SwappedChannelsSettings:
     """When goals show that red and blue are swapped; lengths are in logarithms of R/G and B/G."""
 
-    #: channels are judged where every goal's colour is so far from each goal's with red and blue swapped: paint is not
-    #: known better. Yellow and cyan are each other's.
+    #: least distance of every goal's colour from each goal's with red and blue swapped, as paint is not known better.
+    #: Yellow and cyan are each other's.
     min_distance: float = 0.5
-    min_ratio: float = 3.0  #: votes for the goals' own colours, of those for swapped ones, that settle it without a fit
+    min_ratio: float = (
+        3.0  #: ratio of votes for the goals' own colours to those for swapped ones that decides without a fit
+    )
     reach: float = 0.6  #: a point so far from its goal's colour does not support it
     #: standard deviations of the light: about white, where white may be that, and about neutral
     white_std: float = 0.2
     light_std: float = 0.3
-    max_neutral: float = 0.5  #: white of a stronger cast may be some paint: votes that go by it settle nothing
-    max_light: float = math.log(2.0)  #: a white of a stronger cast is some paint
-    #: so many points weigh as much as one unit of log-likelihood of the light: points on one wall are not independent
+    max_neutral: float = 0.5  #: votes by a white reference of a stronger cast do not decide: it may be another paint
+    max_light: float = math.log(2.0)  #: a white reference of a stronger cast is another paint
+    #: points for one unit of log-likelihood: points on one wall are not independent
     light_points: float = 4.0
 
 
@@ -124,7 +126,7 @@ def swapped_nats(
 
 
 def _support(lights: FloatArray, white: FloatArray, settings: SwappedChannelsSettings) -> float:
-    """Return how many points agree under one light, less what that light costs, for the best light.
+    """Return the number of points that agree under the best light, less that light's cost.
 
     Parameters
     ----------

@@ -64,16 +64,16 @@ def wall_px(walls: FloatArray, robot: Pose2, view: PolarView | FloorView) -> Flo
 class WallTiltSettings:
     """Settings of `tilt_by_walls`."""
 
-    sway_std_rad: float = 0.01  #: of the tilt, where the camera file gives no `roll_std_rad`
-    #: so far the tilt is searched, standard deviations, in steps of so many pixels
+    sway_std_rad: float = 0.01  #: standard deviation of the tilt, where the camera file gives no `roll_std_rad`
+    #: range of the search, standard deviations of the tilt, and its step
     max_stds: float = 4.0
     step_px: float = 0.5
-    noise_px: float = 1.5  #: of where the floor ends in one bearing: blur, and the step between samples
-    signs: float = 8.0  #: independent bearings: neighbours err together
+    noise_px: float = 1.5  #: noise of the floor's end in one bearing: blur, and the step between samples
+    signs: float = 8.0  #: number of independent bearings: errors of neighbours are correlated
     #: bearings in which a wall is predicted and floor ends, and the ratio of those that must agree on a tilt
     min_bearings: int = 20
     min_support: float = 0.25
-    min_turn_px: float = 1.0  #: less is not worth another look at the floor
+    min_turn_px: float = 1.0  #: smallest change of tilt that is returned, by its shift of the picture
 
 
 def tilt_by_walls(
@@ -108,12 +108,12 @@ def tilt_by_walls(
         return None
     shifts = np.arange(-reach, reach + settings.step_px, settings.step_px)
     agree = np.exp(-0.5 * ((past[known] - shifts[:, None]) / settings.noise_px) ** 2).mean(axis=1)
-    # a fiftieth agrees by chance
+    # a fiftieth of the bearings agrees by chance
     score = settings.signs * np.log(agree + 0.02) - 0.5 * (shifts / sway_px) ** 2
     best = int(np.argmax(score))
     if agree[best] < settings.min_support:
         return None
-    # what the pose may be off towards the walls moves their feet, too
+    # an error of the pose towards the walls moves their feet, too
     c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
     step_m = math.hypot(c * std_x, s * std_y)
     moved = wall_px(walls, Pose2(pose.x_m + step_m * c, pose.y_m + step_m * s, pose.theta_rad), view)

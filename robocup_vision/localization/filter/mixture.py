@@ -1,8 +1,8 @@
 """The mixture of the pose filter: all modes at one time, and how a frame changes their weights.
 
-A frame agrees with a mode or it does not. If it does not, it is an error by that mode. Errors come in spells: a
-two-state Markov chain gives the probability of an error, and of a repeated error. So many frames within a moment do not
-count as independent measurements.
+A frame that does not agree with a mode is an error by that mode. Errors come in spells: a two-state Markov chain gives
+the probability of an error, and of a repeated error, so frames shortly after each other do not count as independent
+measurements.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Mixture:
         fresh = -math.expm1(-since_s / errors.spell_s)
         matches = [_match(mode, measurements, settings) for mode in self.modes]
         is_exact = any(match is not None and match.excess <= 1 for match in matches)
-        # a near miss weighs less beside a measurement that agrees; beside a near miss, only a new mode gains
+        # a near miss weighs less beside an exact match; without an exact match only a new mode gains weight
         miss = math.log(settings.near_miss_rate)
         modes: list[PoseMode] = []
         if any(matches):
@@ -138,7 +138,7 @@ class Mixture:
         return replace(mode, half_log_odds=odds)
 
     def _half_log_odds(self, measurement: PoseMeasurement) -> float:
-        """Log odds of a new mode's half, by where the robot was last, was expected, or is known to begin."""
+        """Log odds of a new mode's half, by the robot's last, expected or known first place."""
         odds = 0.0
         if self.near is not None:
             turned = _apart(measurement.pose.half_turn(), self.near) < _apart(measurement.pose, self.near)

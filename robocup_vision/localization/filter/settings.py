@@ -23,17 +23,16 @@ class PoseFilterSettings:
         A value is out of its range.
     """
 
-    #: squared Mahalanobis distance of a measurement that agrees with a mode: chi-square with 3 degrees of freedom, 99.9
-    #: %
+    #: squared Mahalanobis distance of a measurement that agrees with a mode: 99.9 % of chi-square with 3 dimensions
     gate: float = 16.27
-    #: up to this many gates a measurement may be less exact than its covariance; this fraction of them is. It then
-    #: counts for less.
+    #: a measurement up to this many gates away may be less exact than its covariance, as this fraction of them is: it
+    #: then counts less
     near_miss: float = 9.0
     near_miss_rate: float = 0.1
     #: squared Mahalanobis distance below which two modes are merged: nearer than a standard deviation they are one
     merge_distance: float = 1.0
     min_probability: float = 1e-4  #: a mode of a smaller probability is not followed
-    max_modes: int = 8  #: modes that are followed at most: bounds the time of an update
+    max_modes: int = 8  #: greatest number of modes: bounds the time of an update
     #: largest odds of a field half. However many frames agree, somebody may have turned the robot round.
     max_half_odds: float = 9999.0
     #: odds that the robot is in the half of the pose that `expect` names: it stands there in 4 of 5 cases
@@ -41,13 +40,13 @@ class PoseFilterSettings:
     #: standard deviations of the velocity of a shove or of spinning wheels
     shove_mps: float = 0.5
     shove_rps: float = 3.0
-    #: odometry that is faster is no motion: counters that overflow, a message lost. The defaults are beyond every
-    #: league's robots. Nothing is moved by it; modes widen by what the robot may have done, three standard deviations
-    #: of which are these.
+    #: odometry that is faster is no motion: counters that overflow, a message lost. The defaults exceed the
+    #: speeds of every league's robots. Such odometry moves no mode; modes widen by a motion of which these speeds are
+    #: three standard deviations.
     max_speed_mps: float = 6.0
     max_turn_rps: float = 30.0
-    jitter_s: float = 0.02  #: odometry and its time may be so far apart
-    #: a mode whose position has a larger standard deviation is deleted: it is no position any more
+    jitter_s: float = 0.02  #: greatest delay between odometry and its time
+    #: a mode whose position has a larger standard deviation is deleted
     lost_std_m: float = 0.5
     min_frame_s: float = 1e-3  #: frames closer together than this count as taken at the same time
     history_s: float = 1.0  #: a frame that is later than this is not used

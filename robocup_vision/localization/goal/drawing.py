@@ -1,4 +1,4 @@
-"""How well all field lines, drawn as a camera would see them, agree with the picture: along the arc of a goal far off.
+"""Compares all field lines, drawn as a camera would see them, with the picture, along the arc of a goal far away.
 
 Far lines run into each other: a circle seen flat is two bright spots on the line through it, and no ridge of its own.
 Drawn together they still look like nothing else, and pixel by pixel they determine where on its arc a camera stands.
@@ -27,19 +27,20 @@ from robocup_vision.perception.goal_region import carpet_mask
 class DrawingSettings:
     """How lines are drawn and compared with the picture."""
 
-    blur_px: float = 0.75  #: of the drawn lines: a small camera's optics and chip, one standard deviation
-    max_gap_m: float = 0.07  #: points of one line lie nearer together; two farther apart are of two lines
-    max_levels: float = 40.0  #: grey levels over the mean that count: brighter paint, or a ball, weighs no more
-    border_px: int = 5  #: of the carpet that is left out, where something else begins
-    pixels_for_one: float = 25.0  #: neighbouring pixels err together: so many count for one measurement
+    blur_px: float = 0.75  #: standard deviation of the drawn lines' blur: a small camera's optics and chip
+    max_gap_m: float = 0.07  #: greatest distance between neighbouring points of one line
+    max_levels: float = (
+        40.0  #: grey levels over the mean at which light is cut off: brighter paint, or a ball, weighs no more
+    )
+    border_px: int = 5  #: width of the carpet's border that is left out: other things mix into it
+    pixels_for_one: float = 25.0  #: number of pixels that count as one measurement: errors of neighbours are correlated
     #: steps to either side of a heading, and how often they are halved
     steps: int = 5
     halvings: int = 4
     loose_step: float = 0.5  #: first step in the directions that the samples determine least, standard deviations
-    #: what drawn lines are off as a whole for each direction searched: by lens, blur and paint that the drawing leaves
-    #: out
+    #: common error of all drawn lines for each direction searched: of lens, blur and paint that the drawing leaves out
     drawn_to_px: float = 0.15
-    #: mean square by which the light along single lines, weighed by their drawing, may differ from that along all:
+    #: greatest mean squared difference, weighted by the drawing, between the light along single lines and along all:
     #: paint is the same everywhere. A sixth of the drawing on bare carpet, at a wrong place, makes a fifth.
     max_spread: float = 0.2
 
@@ -48,10 +49,10 @@ class DrawingSettings:
 class Drawn:
     """The camera on an arc whose drawn lines agree best with the picture."""
 
-    likelihood: float  #: logarithm, over that of no lines at all
+    likelihood: float  #: log-likelihood ratio to no lines at all
     unknowns: FloatArray
     covariance: FloatArray
-    #: of the drawing, by what its pixels tell, the part along lines that are at least half as bright as the rest
+    #: fraction of the drawing, by its pixels' weight, along lines that are at least half as bright as the rest
     shown_ratio: float
 
 

@@ -33,8 +33,8 @@ _NO_MASK = np.empty((0, 0), np.uint8)
 class EdgeSampleSettings:
     """Where edges are sampled."""
 
-    spacing_px: float = 2.0  #: between samples on an edge: nearer ones have common noise
-    max_samples: int = 40  #: of one edge: more cost time and hardly improve a fit
+    spacing_px: float = 2.0  #: between samples on an edge: the noise of nearer ones is correlated
+    max_samples: int = 40  #: of one edge: more take time and hardly improve a fit
     paint_depth_px: float = 3.0  #: how far inside an edge there must be paint of the goal's colour
     #: colour difference (BGR) paint - carpet at a foot. Greenness finds the carpet: brightness steps at sun patches and
     #: lines as well.
@@ -48,7 +48,7 @@ class EdgeAppearance:
     #: (3,) float64: colour difference (BGR) paint - surroundings that every edge agrees with in sign
     towards: FloatArray
     glare: float  #: samples whose paint is brighter than this and half washed white are dropped
-    grey: float  #: how much of the difference in brightness counts, see `kernels.goal.edges.measure_edges`
+    grey: float  #: how much of the difference in brightness counts, see `EdgeLook`
     #: (H, W) uint8: mask of the paint, perhaps of reduced size: edges and feet count only where paint is just inside.
     #: None: anywhere.
     paint: npt.NDArray[np.uint8] | None = None
@@ -71,7 +71,7 @@ class EdgeSamples:
     foot_uv: FloatArray
     foot_direction: FloatArray
     sigma: FloatArray  #: (N + M,) float64: noise of edges and feet, pixels
-    #: (6,) int64: how many samples each edge has inside the image, found or not, less those in glare
+    #: (6,) int64: samples of each edge inside the image, found or not, without those in glare
     expected: npt.NDArray[np.int64]
 
     @property

@@ -60,11 +60,11 @@ class GoalFitSettings:
     #: few
     foot_weight: float = 3.0
     max_deviation: float = 3.5  #: standard deviations that a prior may be off
-    #: what an edge or a foot as a whole may be off, however many samples it has: paint, shading, posts that are no
-    #: perfect cylinders
+    #: common error of a whole edge or foot, however many samples it has: paint, shading, posts that are no perfect
+    #: cylinders
     edge_error_px: float = 0.075
     foot_error_px: float = 0.25
-    sample_error_px: float = 0.05  #: noise of one sample beside its measured one
+    sample_error_px: float = 0.05  #: noise of one sample in addition to the measured one
     upright_std_rad: float = 0.1  #: roll of a camera whose file does not state it: robots hold it roughly upright
     known_angle_std_rad: float = 0.01  #: tilt and roll of a camera whose file states them
     #: length of the search for edges in the second and the last round; the first one is an argument of `refine`
@@ -73,8 +73,9 @@ class GoalFitSettings:
     #: how far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly
     bloom_std_white_px: float = 0.7
     bloom_std_hue_px: float = 0.15
-    built_error_m: float = 0.01  #: what white goals are built, and stand on their line, to
-    #: lines calibrate height and focal length better than most camera files: beside them priors are no tighter
+    built_error_m: float = 0.01  #: standard deviation of how white goals are built and placed
+    #: least standard deviations of the priors beside lines, which show height and focal length better than most camera
+    #: files
     min_height_std_m: float = 0.02
     min_log_focal_std: float = 0.02
     edges: EdgeSampleSettings = EdgeSampleSettings()
@@ -125,7 +126,7 @@ def goal_model(
 
 
 def beside_lines(model: GoalModel) -> GoalModel:
-    """Limit the priors on height and focal length to what they tell beside lines."""
+    """Widen the priors on height and focal length where lines are fitted, too."""
     weight = model.weight.copy()
     weight[HEIGHT] = min(weight[HEIGHT], model.settings.min_height_std_m**-2)
     weight[LOG_FOCAL] = min(weight[LOG_FOCAL], model.settings.min_log_focal_std**-2)
@@ -136,7 +137,7 @@ def beside_lines(model: GoalModel) -> GoalModel:
 class GoalFit:
     """A goal found and fitted, for the goal at +x."""
 
-    unknowns: FloatArray  #: (8,) float64: see goal_geometry
+    unknowns: FloatArray  #: (8,) float64: in the order of goal/geometry.py
     information: FloatArray  #: (8, 8) float64: inverse covariance of the unknowns, priors included
     samples: EdgeSamples  #: what was measured last
     residual_px: FloatArray  #: (N + M,) float64: of its edge samples and foot samples
@@ -163,7 +164,7 @@ def agreement(samples: EdgeSamples, residual_px: FloatArray, settings: GoalFitSe
     n, limit, weight = len(samples.edge), settings.inlier_px, settings.foot_weight
     score = np.maximum(0.0, 1.0 - (residual_px / limit) ** 2)
     score[n:] = weight * np.maximum(0.0, 1.0 - (residual_px[n:] / (2 * limit)) ** 2)
-    # a foot may be hidden: its absence does not count against the goal as its presence counts for it
+    # a foot may be hidden: its absence counts less against the goal than its presence for it
     return float(score.sum() / (int(samples.expected.sum()) + weight * max(len(score) - n, len(FOOT_OFFSETS))))
 
 
@@ -218,7 +219,7 @@ def covariance_of(model: GoalModel, information: FloatArray) -> FloatArray:
 
 
 def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -> EdgeSamples:
-    """Let the samples' noise include what their edge as a whole may be off."""
+    """Add the common error of each whole edge and foot to the samples' noise."""
     errors = (settings.sample_error_px, settings.edge_error_px, settings.foot_error_px)
     sigma = np.empty(len(samples.sigma))
     weigh_samples(samples.edge, samples.foot_post, samples.sigma, errors, sigma)
@@ -226,7 +227,7 @@ def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -
 
 
 def as_built(model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSamples:
-    """Let the samples' noise include how exactly goals are built and placed, which whole edges and feet share."""
+    """Add the errors with which goals are built and placed, common to whole edges and feet, to the samples' noise."""
     distance_m = math.hypot(model.shape.line_x_m - p[X], p[Y])
     shared_px = model.settings.built_error_m * model.view.focal_px[0] / distance_m
     per_edge = np.bincount(samples.edge, minlength=EDGES)[samples.edge]
@@ -281,7 +282,7 @@ def refine(
     ):
         near = np.count_nonzero(np.abs(residual) < settings.inlier_px)
         if reach == second_px and near > settings.near_ratio * len(residual):
-            continue  # near enough for the last one
+            continue  # within reach of the last round
         measured = measure(image, camera, model.view, model.shape, p, reach, appearance, settings.edges)
         if measured is None or len(measured.edge) < 12:
             return None

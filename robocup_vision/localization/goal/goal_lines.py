@@ -51,7 +51,7 @@ class GoalLineSettings:
     """Settings of the fit of a goal of a hue and the lines around it."""
 
     spacing_px: float = 6.0  #: between places on a line
-    #: lines that look narrower are left out: even those thinner than a pixel count, averaged along themselves
+    #: lines that look narrower are left out; those thinner than a pixel are averaged along themselves
     min_width_px: float = 0.15
     clear_px: float = 2.5  #: between the edges of two lines; where they come nearer, both are left out
     along_px: float = 3.0  #: stretch of line over which one place is averaged
@@ -62,14 +62,14 @@ class GoalLineSettings:
     reach_stds: float = 3.0
     min_reach_px: float = 1.5
     marks: MarkModel = MarkModel()  #: what a line looks like at one place, and how often one is seen
-    #: error of all places together on fields whose goals are white: their cameras' lenses are known less exactly
+    #: common error of all places on fields with white goals: their cameras' lenses are calibrated less exactly
     white_line_error_px: float = 1.0
     paint_error_m: float = 0.003  #: how exactly lines are painted
-    min_evidence: float = 5.0  #: log odds of lines against clutter from which lines count
-    same_m: float = 0.2  #: fits nearer to each other are one
+    min_evidence: float = 5.0  #: least log odds of lines against clutter
+    same_m: float = 0.2  #: fits nearer to each other count as one
     max_starts: int = 3  #: cameras along the goal's arc that are tried beside the goal's own
     reach_on_arc_stds: float = 2.5  #: how far along the arc, by the fit's own uncertainty, drawn lines may move it
-    min_drawn_evidence: float = 6.0  #: log odds of drawn lines that must be reached where too few places show a line
+    min_drawn_evidence: float = 6.0  #: least log odds of drawn lines where too few places show a line
     #: a goal that leaves its camera's position more uncertain than this is searched along its arc
     certain_m: float = 0.06
     iterations: int = 4  #: steps of each round
@@ -117,9 +117,9 @@ class GoalLines:
         return [CameraEstimate(one.unknowns, one.covariance, goal.sides, found, one) for _, one, _ in fits]
 
     def nats(self, frame: npt.NDArray[np.uint8], model: GoalModel, p: FloatArray) -> tuple[float, float]:
-        """Log-likelihood ratio of what a camera (8,) has in view where lines are due, if they are there, to clutter.
+        """Log-likelihood ratio of lines to clutter at the places where a camera (8,) predicts them, and its maximum.
 
-        The second value is what it would be were all of them seen exactly there.
+        The maximum is reached where all of them are seen exactly at their places.
         """
         reach = self._settings.reaches_px[-1]
         due, is_seen = self._look_from(frame, model, p, np.zeros((len(p), len(p))), MarkReach(0.0, reach, reach))

@@ -40,8 +40,8 @@ class PriorSettings:
     #: standard deviations of the prior's position and heading: odometry over a few seconds
     std_m: float = 0.4
     std_rad: float = 0.15
-    min_samples: int = 6  #: edge samples of a post or a bar that is there
-    #: inliers among the expected samples that a post or the bar, and each edge of a post, has if it is there
+    min_samples: int = 6  #: least edge samples of a visible post or bar
+    #: least inliers among the expected samples of a visible post or bar, and of each edge of a visible post
     min_element_ratio: float = 0.45
     min_edge_ratio: float = 0.2
     max_strips: int = 6  #: strips that are tried as posts

@@ -65,24 +65,25 @@ class ProfileSettings:
     #: of background and of paint beside an edge: wider than the point spread
     outside_px: float = 3.0
     inside_px: float = 4.5
-    clear_of_corners_px: float = 1.8  #: left out at corners and feet, where two members blur into each other
-    saturated: int = 246  #: level from which a pixel shines: a chip's response bends there
+    clear_of_corners_px: float = (
+        1.8  #: distance from corners and feet that is left out: two members blur into each other there
+    )
+    saturated: int = 246  #: grey level from which a pixel is saturated
     light_std: float = 30.0  #: prior on how the paint's light changes across a member, grey levels
     steps: int = 3  #: of the fit, the first with a typical point spread
-    #: of the rows and columns, one in so many is taken for the point spread and for all steps but the last
+    #: stride of the rows and columns taken for the point spread and for all steps but the last
     every: int = 3
-    cut: float = 9.0  #: squared residuals over what the noise lets expect, at which a section counts a quarter
+    cut: float = 9.0  #: ratio of squared residuals to their expectation at which a section has a quarter of its weight
     #: prior on an edge's move: the edges' fit is right to a pixel. All edges together move no farther.
     move_std_px: float = 1.0
     max_std_px: float = 0.6  #: noise from which a piece's edge is left out: it is less certain than the edges' fit
-    #: error that whole edges and feet have in common, beside their noise
+    #: common error of whole edges and feet, in addition to their noise
     edge_error_px: float = 0.03
     foot_error_px: float = 0.06
-    #: of a piece's variance, what its whole edge has in common (feet: twice that): half, as the errors of rendered
-    #: goals have it
+    #: fraction of a piece's variance that is common to its whole edge (feet: twice that), as measured on rendered goals
     common: float = 0.5
     min_samples: int = 10  #: edges that must be measured: more than the unknowns
-    #: unknowns that the goal's edges determine, and how many samples the noise of their own is trusted as
+    #: unknowns that the goal's edges determine, and the weight of the edges' own noise, in samples
     freedom: int = 5
     trusted: float = 2.0
 
@@ -189,7 +190,7 @@ class _SectionFit:
         return bool(np.isfinite(self.p).all())
 
     def samples(self) -> EdgeSamples | None:
-        """Return what each piece of an edge and each foot tells, as the fit of a goal takes it."""
+        """Return each piece of an edge and each foot as a sample of the fit of a goal."""
         settings, pieces = self._settings, MEMBERS * self._settings.pieces
         due = _due(self._camera, self._model, self.p[None, :8], settings.clear_of_corners_px)
         if due is None:
@@ -303,7 +304,7 @@ class _SectionFit:
             return False
         step = np.linalg.solve(normal, right)
         self.p = self.p + step
-        # what the sections tell from there
+        # the evidence at the new place
         a, b = (self._jacobian @ step).T
         aa, ab, bb = evidence.T[:3]
         evidence[:, 3] -= aa * a + ab * b

@@ -57,18 +57,20 @@ class SearchSettings:
     #: from the far end of the field
     width_px: int = 208
     glare: float = 235.0  #: samples brighter than this, of paint half washed white, are dropped
-    #: score from which nothing better will come: edges of clutter agree with a goal in half of their places at most
+    #: score from which the search ends: edges of clutter agree with a goal in half of their places at most
     clear_score: float = 0.8
     rival_ratio: float = 0.7  #: score, relative to such a goal's, from which the other branch may be the right one
     obliquenesses: tuple[float, ...] = (-1.0, 0.0)  #: further starts, in units of the first fit's obliqueness
     min_score: float = 0.3  #: candidates below are dropped
-    #: what edges of a silhouette tell that all lie where they are due to a fraction of a pixel: more than that they are
-    #: there, in nats
+    #: evidence, nats, of edges of a silhouette that all lie at their places to a fraction of a pixel, in addition to
+    #: that of their presence
     exact_nats: float = 100.0
-    same_m: float = 0.03  #: fits nearer to each other are one
-    edge_on_m: float = 0.2  #: nearer to the goal's plane one post hides the other, and the bar falls together with both
+    same_m: float = 0.03  #: fits nearer to each other count as one
+    edge_on_m: float = (
+        0.2  #: least distance from the goal's plane: nearer, one post hides the other and the bar coincides with both
+    )
     shaded: float = 0.5  #: paint of a goal, even in its own shade, is no darker than this part of the carpet
-    beyond_m: float = 0.5  #: a robot may stand so far outside the carpet that the field file is sure of
+    beyond_m: float = 0.5  #: a robot may stand this far outside the carpet that the field file guarantees
     #: pairs of posts that are tried: white ones among clutter, and ones of a hue
     white_pairs: int = 14
     hue_pairs: int = 6
@@ -305,7 +307,7 @@ class GoalSearch:
                 if known or not math.isfinite(cost):
                     continue
                 off = residuals(model, straight.samples, other)
-                # edges that already lie so far off will not come back; those of a goal beyond doubt stay where they are
+                # edges this far off do not converge any more; the fit of a clear goal stays as it is
                 if not are_mostly_within(off, 2 * model.settings.inlier_px) or (
                     straight.score > self.settings.clear_score
                     and agreement(straight.samples, off, model.settings) < self.settings.rival_ratio * straight.score
@@ -315,5 +317,5 @@ class GoalSearch:
                 if turned is not None:
                     found.append(turned)
             if max(f.score for f in found) > self.settings.clear_score:
-                break  # a better bar will not come
+                break  # no other bar row fits better
         return sorted(found, key=lambda f: -f.score)

@@ -43,23 +43,23 @@ class SilhouetteSettings:
     """Settings of the search by silhouettes."""
 
     width_cells: int = 104  #: of the small picture: the posts of the farthest goal are two cells wide there
-    #: steps of the bank: so far each moves ends of the silhouette, as edges may lie a cell or two beside it
+    #: steps of the bank, by how far each moves ends of the silhouette: edges may lie a cell or two beside it
     place_cells: float = 3.0
     tilt_cells: float = 2.9
     column_cells: float = 1.5
     large_ratio: float = 0.5  #: goals wider than this part of a picture are looked for in one of half the size
     max_bearing_rad: float = 0.2  #: bearings from a goal that looks small differ by no more
-    blur_px: float = 0.8  #: edges are sharper than this many pixels nowhere, and noise is
-    edge_ratio: float = 4.0  #: an edge is this many times steeper than half of the picture is
-    min_step: float = 4.0  #: and at least so many levels from pixel to pixel but one, whatever the picture
-    #: of a goal's silhouette, what has an edge exactly there, and in a neighbouring cell
+    blur_px: float = 0.8  #: blur before gradients are taken: no edge is sharper, but noise is
+    edge_ratio: float = 4.0  #: ratio of an edge's gradient to the picture's median gradient
+    min_step: float = 4.0  #: least difference of an edge, grey levels over two pixels, whatever the picture
+    #: fraction of a goal's silhouette with an edge exactly there, and in a neighbouring cell
     there_ratio: float = 0.45
     nearby_ratio: float = 0.35
-    painted_ratio: float = 0.5  #: of posts and bar, what has kept its hue
+    painted_ratio: float = 0.5  #: fraction of posts and bar that has kept its hue
     #: places that are settled, and cameras that are proposed
     settled: int = 30
     proposed: int = 12
-    #: cameras nearer to each other than both are one
+    #: cameras nearer to each other than both count as one
     apart_m: float = 0.1
     apart_rad: float = 0.03
 

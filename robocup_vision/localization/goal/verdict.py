@@ -31,12 +31,12 @@ class VerdictSettings:
     #: log-likelihood ratio from which a goal is accepted. Rendered half goals and boxes reach 230, whole goals in heavy
     #: glare 289 and more.
     min_nats: float = 260.0
-    min_line_nats: float = -30.0  #: lines that are not seen count no less: paint wears off, and others stand on it
-    #: of what all lines would tell that are due, what a clear goal needs for no other to be tried
+    min_line_nats: float = -30.0  #: least log-likelihood ratio of lines: paint wears off, and others stand on it
+    #: fraction of the greatest evidence of all predicted lines from which a clear goal ends the search
     confirming_ratio: float = 0.75
-    #: of each post and the bar, what must be paint of the goal, washed white or not: else somebody stands before it
+    #: least fraction of each post and the bar that is the goal's paint, washed white or not: others hide the rest
     min_washable: float = 0.9
-    #: neighbouring samples of an edge or line share their errors: differences between cameras count in this unit
+    #: unit of differences between cameras: errors of neighbouring samples of an edge or line are correlated
     correlation_nats: float = 15.0
 
 
@@ -98,13 +98,13 @@ class GoalVerdict:
         if self._lines is not None:
             cameras += self._lines.join(picture.frame, model, goal)
         for one in cameras:
-            # whom posts and bar do not show in full has somebody before them
+            # posts and a bar that are not visible in full are hidden by somebody
             is_whole = search.washable(picture, one.sides, one.unknowns).min() >= self._settings.min_washable
             if is_whole and search.is_possible(model, one.unknowns):
                 yield one
 
     def _nats(self, picture: GoalPicture, candidate: Candidate, camera: CameraEstimate) -> tuple[float, bool]:
-        """Log-likelihood ratio of goal and lines, where a camera has them, to clutter; whether lines leave no doubt."""
+        """Log-likelihood ratio of goal and lines, where a camera has them, to clutter; whether lines confirm it."""
         nats = self._search.nats(picture, candidate, camera.unknowns)
         if self._lines is None:
             return nats, True

@@ -34,9 +34,9 @@ _START_PX = 8.0
 class LineFitSettings:
     """Settings of the fit in pixels."""
 
-    min_noise_px: float = 0.1  #: no single point is better than this, however smooth the picture
-    #: a wrong centre or tilt shifts whole stretches of line together. The pose takes up most of such a shift, the
-    #: residuals keep the rest: the shift is taken to be this many times what the stretches are off by on average.
+    min_noise_px: float = 0.1  #: least noise of a single point, however smooth the picture
+    #: a wrong centre or tilt shifts whole stretches of line. The pose absorbs most of such a shift, the residuals keep
+    #: the rest: the shift is estimated as this many times the mean residual of the stretches.
     hidden_shift: float = 2.0
     #: length of floor over which neighbours along a line have common errors of lens, carpet and paint
     correlation_m: float = 0.5

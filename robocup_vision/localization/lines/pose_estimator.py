@@ -32,31 +32,31 @@ class LineSettings:
 
     search: LineSearchSettings = LineSearchSettings()
     fit: LineFitSettings = LineFitSettings()
-    #: of all line points, those that must lie on lines of the pose: as the search leaves it, and refined in pixels
+    #: least fraction of all line points on lines of the pose: as the search leaves it, and refined in pixels
     min_rough_ratio: float = 0.4
     min_inlier_ratio: float = 0.5
-    #: the same of those points that lie on the field's carpet by that pose, or on its lines: what stands around the
-    #: field, people and shelves, is neither for nor against it; of a pose refined from a prior
+    #: the same of the points on the field's carpet or lines by that pose, found without and with a prior: people and
+    #: shelves around the field are neither for nor against it
     min_carpet_ratio: float = 0.7
     min_carpet_ratio_at_prior: float = 0.75
-    #: so few line points come to lie near some lines by chance, evenly over the whole gate: the log-likelihood ratio a
-    #: point against that, which they must have for a pose that is found without a prior. Rendered frames have 1.0 and
-    #: more; photographs by a rough calibration less, but they have a thousand points.
+    #: with fewer line points, the least log-likelihood ratio a point against points evenly over the gate: a few lie
+    #: near some lines by chance. Rendered frames have 1.0 and more; photographs by a rough calibration have less, but a
+    #: thousand points.
     few_points: int = 300
     min_nats_of_few: float = 0.5
-    #: residuals of points evenly over the gate have a mean square of a third of the gate's: however many points there
-    #: are, theirs must be lower by so many standard deviations of that mean
+    #: points evenly over the gate have a mean square of a third of the gate's: that of the residuals must be lower by
+    #: this many standard deviations of the mean
     chance_stds: float = 2.0
     #: the runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing
     rival_ratio: float = 1.35
     rival_excess: float = 0.15
-    #: of the lines that a pose predicts on floor in plain sight, this fraction must have been seen
+    #: least fraction of the lines predicted on visible floor that were seen
     min_support: float = 0.75
     #: a pose more uncertain than this is refused
     max_std_m: float = 0.25
     max_std_rad: float = math.radians(8.0)
-    #: a pose that is followed moves no farther from where it was expected: half of what separates two modes of the
-    #: search at the usual distances of lines
+    #: greatest distance of a followed pose from the expected one: half the distance between two modes of the search at
+    #: the usual distances of lines
     max_followed_m: float = 0.3
     max_followed_rad: float = math.radians(10.0)
 

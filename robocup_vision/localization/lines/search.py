@@ -42,7 +42,7 @@ class LineSearchSettings:
     same_m: float = 0.15
     same_rad: float = math.radians(4.0)
     inlier_px: float = 3.0  #: a point within this many pixels of a line agrees with a pose
-    noise_px: float = 2.0  #: the search lets a camera be off by this much; the refinement is finer
+    noise_px: float = 2.0  #: noise of the search, which a camera's calibration error may reach; the refinement is finer
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from robocup_vision.localization.model_edges.field_edges import MIN_CHROMA
 _CELL_M = 0.04
 _MARGIN_M = 0.6  # of the table of distances beyond the outer lines
 _CUT_OFF_M = 1.2
-# in line points: of bearing and size of a beacon, and of a post
+# weights of bearing and size of a beacon, and of a post, in line points
 _BEACON_WEIGHT, _POST_WEIGHT = 8.0, 2.0
 
 
@@ -72,7 +72,7 @@ def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_
 
 
 def with_walls(bank: Bank, field: Field) -> Bank:
-    """Return a bank of the same poses, with distances from all that bounds the floor, and no uprights."""
+    """Return a bank of the same poses, with distances from the floor's walls, and no uprights."""
     steps = [
         np.linspace(row[:2], row[2:], 2 + math.ceil(2 * math.dist(row[:2], row[2:]) / _CELL_M)) for row in field.walls
     ]

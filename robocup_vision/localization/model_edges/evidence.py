@@ -1,9 +1,11 @@
 """Decides whether a frame confirms a pose, and weighs poses found without a prior against each other.
 
-Hidden is neutral on the floor, where robots stand before lines, and counts a little against it higher up; missing
-counts against it. The pose must explain the line points that are there, and the measurements must tell something: a
-pose that only repeats its prior is not located. What leaves a direction open is accepted where the rest tells enough,
-with the covariance of what is left.
+Hidden samples are neutral on the floor, where robots stand before lines, and count a little against a pose higher up;
+missing ones count against it. The pose must explain the line points in view, and gain information on its prior. A
+fit that leaves a direction open is accepted where the other evidence suffices, with a covariance that says so.
+
+Many poses of a field explain a picture well. Their posterior is a conditional logit over all poses that were fitted,
+with one more outcome: the right pose is not among them.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ class Evidence(NamedTuple):
 
     @property
     def in_words(self) -> str:
-        """What a frame shows of what the pose predicts in it."""
+        """The samples that a frame shows of those that the pose predicts."""
         places = f"{self.found:.0f} of {self.found + self.missing:.0f} visible places on edges are found"
         hidden = self.looked_for - self.found - self.missing
         hidden_too = f" ({hidden:.0f} more are hidden)" if hidden >= 1 else ""
@@ -55,7 +57,7 @@ class Evidence(NamedTuple):
         return self._log_odds(settings, self._against(settings))[0]
 
     def _log_odds(self, settings: EdgeSettings, against: float) -> tuple[float, float]:
-        """Logarithm of the odds, and the same whatever the picture leaves open."""
+        """Logarithm of the odds, and the same without the penalty for an open position."""
         s = settings
         whatever_is_open = s.odds_at_all + s.odds_of_edge * self.edges - against
         open_ = s.odds_against_open + s.odds_against_std * min(self.position_std_m, 0.5)
@@ -68,12 +70,12 @@ class Evidence(NamedTuple):
             + s.odds_against_hidden * self.hidden_upright / (self.found_upright + self.hidden_upright + 4.0)
             + s.odds_against_unexplained * (self.points - self.explained) / (self.points + 4.0)
             + s.odds_against_distance * self.prior_distance2
-            # of fewer samples than a picture alone must show it says less
+            # with few inliers the residuals say less
             + s.odds_against_rms * self.rms_px * min(self.inliers / s.min_inliers, 1.0)
         )
 
     def contradiction(self, settings: EdgeSettings) -> str | None:
-        """Return what in the frame contradicts the pose, None where nothing does."""
+        """Return the frame's contradiction to the pose, None where there is none."""
         s = settings
         if self.found_ratio < s.min_found_ratio and self.missing > 0:
             return f"too many edges are missing: {self.in_words}"
@@ -86,11 +88,11 @@ class Evidence(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What is made of a fit."""
+    """The verdict on a fit."""
 
     reason: str | None  #: why it is rejected; None where it is accepted
-    #: logarithm of how much likelier the frame is if the pose is right. A frame that shows little says little: what
-    #: agrees with a pose without fixing it is neutral, and a few samples speak against it only by what contradicts it.
+    #: of the frame for a right and for a wrong pose. A frame that agrees with a pose without fixing it is neutral, and
+    #: a few samples count against it only by contradictions.
     log_likelihood_ratio: float
 
 
@@ -126,24 +128,24 @@ def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.
 
 @dataclass(frozen=True, slots=True)
 class CandidateSettings:
-    """Weights of what a fit shows, and what is done with the posterior.
+    """Weights of a fit's evidence, and thresholds on the posterior.
 
     The weights were fitted to 530 pictures of development sequences (four_legged_2007 and spl_2020).
     """
 
-    # of the fraction missing where carpet shows instead
+    # weight of the fraction missing where carpet shows instead
     of_missing: float = -35.7
-    # of the fraction found of all that were looked for: a pose that hides much explains little
+    # weight of the fraction found of all predicted samples: a pose that hides much explains little
     of_found: float = 4.24
-    # of the fraction of line points left unexplained
+    # weight of the fraction of line points left unexplained
     of_unexplained: float = -27.1
-    # of the inliers' root mean square, pixels of a picture 208 wide: wrong poses leave larger residuals
+    # weight of the inliers' root mean square, pixels of a picture 208 wide: wrong poses leave larger residuals
     of_rms: float = -5.79
-    # of each edge of the field that is found
+    # weight of each edge of the field that is found
     of_edge: float = 0.71
-    # of the logarithm of the position's standard deviation, metres: what fits everywhere explains nothing
+    # weight of the logarithm of the position's standard deviation, metres: a picture that fits everywhere shows little
     of_std: float = -1.26
-    # of the outcome that none is right
+    # weight of the outcome that none is right
     of_none: float = 6.76
     # smallest probability of a pose that is the answer alone, and of several together that are candidates. Of 1661
     # frames of development walks 0.4 % are answered wrongly and 64 % rightly; at 0.94 0.6 and 65 %
@@ -174,7 +176,7 @@ def posterior(log_weights: Sequence[float]) -> FloatArray:
 
 
 def accepted(probabilities: FloatArray, settings: CandidateSettings) -> list[int]:
-    """Return which poses are the answer, the most probable first; none where too much is left open."""
+    """Return the indices of the accepted poses, the most probable first; none where none is probable enough."""
     order = np.argsort(-probabilities)[: settings.max_candidates].tolist()
     total = 0.0
     for number, index in enumerate(order, 1):

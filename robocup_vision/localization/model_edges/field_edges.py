@@ -17,21 +17,21 @@ Bgr = tuple[float, float, float]
 MIN_CHROMA = 60.0
 # a paint whose every channel is so light is white
 _MIN_WHITE = 150.0
-# of white, grey and black things before an unknown background: their step is seldom all of it
+# step of white, grey and black things before an unknown background, as a fraction of that before carpet
 _PLAIN_STEP = 0.5
 # farther than any camera sees, and flatter than any pixel
 _FAR_M, _FLAT_M = 1000.0, 1e-6
 
 
 def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
-    """Gather what a camera may see of a field.
+    """Gather the edges of a field that a camera may see.
 
     Channel 0 is that of lines: blue and red together, in which green carpet is dark.
 
     Parameters
     ----------
     lines_end_m : float
-        Farther than this beyond its outer lines, what looks like a line is none of its.
+        Things that look like lines farther than this beyond its outer lines are not the field's.
     """
     carpet = np.array(COLOR_NAMES["green"], dtype=np.float64)
     channels: list[list[float]] = []
@@ -88,7 +88,7 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
                 foot(panel[:2], panel[2:], goal.height_m, between(color(goal.color), carpet))
             paint, top_m = before_anything(goal.color), goal.height_m
             if field.is_bounded and field.wall_color != goal.color:
-                # what is above the boards is not known
+                # the background above the boards is not known
                 paint = between(color(goal.color), color(field.wall_color))
                 top_m = min(top_m, field.wall_height_m)
             for outward in (-1.0, 1.0):
@@ -123,7 +123,7 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
 
 
 def telling_features(edges: FieldEdges) -> BoolArray:
-    """Return which edges of a field show which half of it they are in: half a turn on there is none of their looks.
+    """Return which edges of a field show its half: the half turn of such an edge is no edge of the same looks.
 
     A camera tells paints apart by their colours, not by their brightness.
 

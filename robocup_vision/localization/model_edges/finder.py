@@ -28,58 +28,58 @@ class FinderSettings:
     # grid of the bank. The steps of aligning must reach from one node to the next; a spacing is a whole number of cells
     spacing_m: float = 0.24
     heading_step_rad: float = math.radians(6.0)
-    # scored by all points; aligned; fitted; weighed against each other. Of 430 frames of development walks (plain,
-    # blurred, rolling, lens; four_legged_2007 and spl_2020) half as many more of each find the same 266
+    # numbers of poses scored by all points, aligned, fitted, and compared with each other. Of 430 frames of development
+    # walks (plain, blurred, rolling, lens; four_legged_2007 and spl_2020) half as many more of each find the same 266
     scored: int = 600
     aligned: int = 100
     fitted: int = 8
     weighed: int = 6
-    # most proposals by beacons and posts, metres between them along a circle about one
+    # most proposals by beacons and posts, and the distance between them on a circle about one
     max_upright_poses: int = 400
     step_m: float = 0.2
-    # so many of them, the likeliest, are aligned in all steps
+    # number of the likeliest poses that are aligned in all steps
     likely: int = 16
-    # where that gives no answer, for a camera that nods so much: standard deviations of its sway
+    # tilts that are searched where this gives no answer, in standard deviations of the sway
     nods: tuple[float, ...] = (-1.5, 1.5)
-    # fewer inliers are no fit
+    # least inliers of a fit
     min_inliers: int = 6
-    # a proposal that misses more line points than the best one by more than that is not fitted
+    # greatest excess of missed line points over the best proposal's for a proposal to be fitted
     max_more_missed: float = 6.0
-    # a pose whose log-likelihood after the first fit is lower than the best one's by more than that is dropped
+    # greatest difference of a pose's log-likelihood after the first fit from the best one's
     max_log_likelihood_drop: float = 4.0
-    # of these, so many of the likeliest with their half turns too, where the halves of the field differ
+    # number of the likeliest whose half turns are compared, too, where the halves of the field differ
     turned: int = 2
-    # how far apart two proposals are at least; two answers nearer than that are one
+    # proposals and answers nearer to each other count as one
     apart_m: float = 0.2
     apart_rad: float = math.radians(6.0)
     # steps of aligning: scale of the robust weight, pixels of a picture 208 wide
     gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0)
-    # of a pose of the bank, as the prior of its alignment
+    # standard deviations of a pose of the bank, as the prior of its alignment
     near_m: float = 0.12
     near_rad: float = math.radians(3.5)
-    # of a proposal, as the prior of its fit
+    # standard deviations of a proposal, as the prior of its fit
     std_m: float = 0.10
     std_rad: float = math.radians(3.5)
-    # fits from where the last one points to without its prior, until it moves by no more than that
+    # most fits from the last one's result without its prior, and the motions that end them
     settling: int = 2
     settled_m: float = 0.02
     settled_rad: float = math.radians(0.5)
-    # greatest standard deviation of an answer's position: without a prior the next picture will do better
+    # greatest standard deviation of an answer's position: a following picture may show more
     max_std_m: float = 0.10
-    # of a bearing bin whose paint is wrong, in line points
+    # cost of a bearing bin whose paint is wrong, in line points
     upright_weight: float = 0.25
-    # of where a camera is found that got lost, about where it was believed to be; in so many of such cases it is near
+    # standard deviations of a lost camera's pose about the last one, and the fraction of lost cameras that are near it
     lost_std_m: float = 0.5
     lost_std_rad: float = 0.5
     near_ratio: float = 0.5
-    # line points in use, and how far away they may be, in metres
+    # most line points, and their greatest range
     points: int = 60
     max_range_m: float = 6.0
-    # whether one of the poses is the right one
+    # weights that decide whether one of the poses is right
     candidates: CandidateSettings = CandidateSettings()
 
 
-# where a frame tells little, nothing is spared
+# for frames that show little: larger searches
 THOROUGH = FinderSettings(
     scored=2000,
     aligned=200,
@@ -139,18 +139,18 @@ class EdgeFinder:
         return np.asarray(np.sqrt(self._covariance.diagonal()))
 
     def propose(self, frame: UInt8Array) -> list[Pose2]:
-        """Poses of the camera worth a fit, the likeliest first."""
+        """Propose poses of the camera to fit, the likeliest first."""
         return self._likeliest(self._aligned_poses(frame, 0.0))
 
     def _likeliest(self, aligned: FloatArray) -> list[Pose2]:
-        """Of poses and costs (N, 4), the poses that cost little more than the best and are apart, the best first."""
+        """Return, of poses with costs (N, 4), distinct ones whose costs are near the least, the best first."""
         costs = aligned[:, 3]
         likely = aligned[costs <= costs.min(initial=math.inf) + self.settings.max_more_missed]
         poses = (Pose2(*pose) for pose in likely[np.argsort(likely[:, 3], kind="stable"), :3].tolist())
         return self._first_apart(poses, self.settings.fitted)
 
     def _aligned_poses(self, frame: UInt8Array, nod_rad: float) -> FloatArray:
-        """Poses aligned with what is in view of a camera that nods by so much: (N, 4), with the cost in line points."""
+        """Align poses with a frame of a camera that nods by an angle: (N, 4), poses and costs in line points."""
         s, follower, camera = self.settings, self.follower, self.follower.camera
         tilt, roll = (camera.tilt_rad or 0.0) + nod_rad, camera.roll_rad or 0.0
         horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt)
@@ -176,13 +176,13 @@ class EdgeFinder:
         poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
         align_likeliest(self._bank, how, seen, s.upright_weight, starts, s.likely, poses, costs)
         sway, _ = follower.sway_std_rad
-        # the nod is weighed as one from rest
+        # the prior of the tilt is about rest, not about the nod
         costs += 0.5 * ((poses[:, 3] + nod_rad) ** 2 - poses[:, 3] ** 2) / (sway * sway)
         ended = costs < 0.5 * LEFT_BEHIND
         return np.column_stack([poses[ended, :3], costs[ended]])
 
     def _first_apart(self, poses: Iterable[Pose2], count: int) -> list[Pose2]:
-        """Return the first of some poses that are not what one before them is; up to so many."""
+        """Return the first distinct poses, at most this number."""
         chosen: list[Pose2] = []
         for pose in poses:
             if not any(self._is_same(pose, other) for other in chosen):
@@ -196,7 +196,7 @@ class EdgeFinder:
         return self._is_near(pose, other) or (self._has_twins and self._is_near(pose.half_turn(), other))
 
     def _is_near(self, pose: Pose2, other: Pose2) -> bool:
-        # most are far apart: their headings need not be asked for
+        # most are far apart: saves comparing their headings
         if math.hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) >= self.settings.apart_m:
             return False
         return abs(wrap_angle(pose.theta_rad - other.theta_rad)) < self.settings.apart_rad
@@ -209,7 +209,7 @@ class EdgeFinder:
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
         near : Pose2, optional
-            Where the camera may be near, or may be not: where it was believed to be until it got lost.
+            The last pose of a lost camera, which may be near it.
         """
         turned = [] if near is None else self._turned(near)
         if not self.settings.nods:
@@ -218,12 +218,12 @@ class EdgeFinder:
         answer = self.judge(frame, [*turned, *self._likeliest(aligned)], near)
         if answer or not len(aligned):
             return answer
-        # a body that nods sees far lines elsewhere than the bank: all is weighed again, with poses by other nods
+        # the bank does not match far lines of a nodding body: poses by other tilts are compared, too
         nods = [self._aligned_poses(frame, ratio * self.follower.sway_std_rad[0]) for ratio in self.settings.nods]
         return self.judge(frame, self._likeliest(np.vstack([aligned, *nods])), near)
 
     def _turned(self, near: Pose2) -> list[Pose2]:
-        """Poses at a place, turned as far as a lost robot's heading may be off, as far apart as fits bridge."""
+        """Return poses at a place with headings over a lost robot's error, in steps that a fit converges over."""
         s = self.settings
         steps = math.ceil(s.lost_std_rad / (2 * s.std_rad))
         return [near.compose(Pose2(0.0, 0.0, 2 * s.std_rad * k)) for k in range(-steps, steps + 1)]
@@ -249,8 +249,6 @@ class EdgeFinder:
         ----------
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
-        proposals : iterable of Pose2
-            Whoever proposes them.
         """
         s, follower = self.settings, self.follower
         self._is_same_frame = False
@@ -303,7 +301,7 @@ class EdgeFinder:
         return best_answer.with_candidates(others)
 
     def _places(self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None) -> list[Pose2]:
-        """Poses that the fits of proposals end at, the likeliest first."""
+        """Return the results of the proposals' fits, the likeliest first."""
         s, follower = self.settings, self.follower
         ends: list[tuple[float, Pose2]] = []
         for proposal in proposals:
@@ -317,11 +315,11 @@ class EdgeFinder:
         )
 
     def _end(self, answer: FollowedCamera | NotLocated) -> Pose2:
-        """Where the last fit ended by the frame alone; with its prior where it was not accepted."""
+        """Return the result of the last fit, by the frame alone; with the prior where it was not accepted."""
         return answer.measured_pose if answer else self.follower.pose
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
-        """Fit one pose by the frame alone: fit again from where the frame points to, as a proposal is no evidence."""
+        """Fit one pose by the frame alone: repeat the fit from its result, as a proposal is no evidence."""
         s = self.settings
         answer = self._fit(frame, pose)
         for _ in range(s.settling):
@@ -336,7 +334,7 @@ class EdgeFinder:
         return answer.without_prior() if answer else answer
 
     def contradiction(self, frame: UInt8Array, pose: Pose2) -> str | None:
-        """Return what in a frame contradicts a pose after a fit, None where nothing does: see `Evidence`."""
+        """Return the contradiction of a frame to a pose after a fit, None where there is none: see `Evidence`."""
         self._fit(frame, pose)
         self.follower.forget()
         return self.follower.evidence.contradiction(self.follower.settings)

@@ -44,17 +44,17 @@ from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 _MAX_SAMPLES = 600
 _MAX_POINTS = 400
-# rows and columns between those in which lines are looked for, where none are
+# stride of the rows and columns that are read for lines, on a field without lines
 _NEVER = 1_000_000
-# of what a frame leaves open, m and rad
+# greatest standard deviation of a measurement in any direction, m and rad
 _OPEN_STD = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseLikelihood:
-    """Evidence of one frame alone on a pose, as a Gaussian in information form."""
+    """Likelihood of a pose by one frame alone, as a Gaussian in information form."""
 
-    about: Pose2  #: where it was worked out
+    about: Pose2  #: where it was linearised
     information: FloatArray  #: (3, 3) float64: of x_m, y_m, theta_rad; may be singular
     gradient: FloatArray  #: (3,) float64: of the log-likelihood there
 
@@ -68,16 +68,16 @@ class FollowedCamera:
     file_camera: PinholeCamera
     #: tilt and roll (rad), height (m) and logarithm of the focal length's scale in this frame
     camera_unknowns: tuple[float, float, float, float]
-    camera_covariance: FloatArray  #: (4, 4) float64: of these
-    evidence: Evidence  #: what the verdict was based on
+    camera_covariance: FloatArray  #: (4, 4) float64: of `camera_unknowns`
+    evidence: Evidence  #: the basis of the verdict
     others: tuple[Pose2, ...] = ()  #: further candidates, the likeliest first
     tells_half: bool = False  #: whether edges were found that the field's other half has not
 
     @property
     def measurement(self) -> PoseEstimate:
-        """Estimate of the camera's pose by the frame alone; almost none in directions that it leaves open.
+        """Estimate of the camera's pose by the frame alone.
 
-        In a direction in which the frame is less certain than `_OPEN_STD` the fit stays as it is, with that error.
+        In directions in which the frame is less certain than `_OPEN_STD` it is the fit, with that error.
         """
         pose, covariance = self._by_frame_alone()
         ratio, rms = self.estimate.inlier_ratio, self.estimate.residual_px
@@ -85,7 +85,7 @@ class FollowedCamera:
 
     @property
     def measured_pose(self) -> Pose2:
-        """The pose of `measurement`, at a part of its cost."""
+        """The pose of `measurement`, faster."""
         return self._by_frame_alone()[0]
 
     def _by_frame_alone(self) -> tuple[Pose2, FloatArray]:
@@ -126,12 +126,12 @@ class FollowedCamera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FollowerState:
-    """What is carried from frame to frame."""
+    """The state that is carried from frame to frame."""
 
-    #: (2, 4) float64: how far tilt, roll, height and focal length were off those at rest, and the variances of that
+    #: (2, 4) float64: deviations of tilt, roll, height and focal length from those at rest, and their variances
     sway: FloatArray
     last_pose: Pose2 | None  #: the camera's
-    log_odds: float  #: that it was right
+    log_odds: float  #: of the last pose being right
 
 
 def _edge_points(pixels: FloatArray, status: Int64Array) -> EdgePoints:
@@ -150,14 +150,13 @@ class EdgeFollower:
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
         if not len(field.lines) + len(field.arcs):
-            # lines in view are none of a field that has none, wherever the camera is
             self.numbers = self.numbers._replace(point_stride=_NEVER)
-        # what lies far from a search's proposal is another one's, and from a prior that frames before support clutter:
-        # matches lost robots for twice the time where it was looked for
+        # edges far from a search's proposal belong to another one, and those far from a prior that frames before
+        # support are clutter: matches lost robots for twice the time where these were searched
         near = self.numbers._replace(view_sigmas=0.0, bent_ratio=0.0)
         # the odds by which places of a search are compared were found with every sample counted in full
         proposed = near._replace(stray_ratio=0.0)
-        # no other mode is so near that large residuals would tell of it
+        # no other mode is near enough to cause large residuals
         followed = near._replace(clear_rms_px=math.inf)
         self._plain_numbers, self._proposed_numbers, self._followed_numbers = plain((self.numbers, proposed, followed))
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
@@ -177,9 +176,9 @@ class EdgeFollower:
         self._sway = np.zeros((2, 4))
         self.hold(camera)
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
-        # what is handed over at each call is plain, see `plain`
+        # arguments of each call are plain, see `plain`
         self._plain = plain((self._scene, self._prior, self._room, self._fit))
-        # views of what the loops write: of what is not the pose
+        # views of the fit's results other than the pose
         self._fitted_camera, self._fitted_variances = self._fit.unknowns[3:], self._fit.covariance.diagonal()[3:]
         self._keep, self._dt_s = np.zeros(4), -1.0
         self._last_pose: Pose2 | None = None
@@ -193,16 +192,16 @@ class EdgeFollower:
         other.state = self.state
         if self._knows_paint:
             other._show_paint(self._paint_ratio)
-        # what is carried is how far the body was off its rest
+        # the carried state is the body's deviation from its rest
         other._sway[0] += self._camera_prior[0] - other._camera_prior[0]
         other._sway[0, 3] = 0.0
         other._sway[1, 3] = other._camera_prior[1, 3] ** 2
         return other
 
     def hold(self, camera: PinholeCamera) -> None:
-        """Take the camera for held at rest as `camera` is: by its tilt, roll and height, and how well they are known.
+        """Take tilt, roll and height of `camera`, and their standard deviations, as those at rest.
 
-        What is carried from frame to frame is how far it was off that; it is no less known than what is told now.
+        The deviation carried from frame to frame is at most as uncertain as these.
         """
         self.camera = camera = self.camera.held_as(camera)
         self.sway_std_rad = tilt_std, roll_std = camera.sway_std_rad(self.settings.sway_std_rad)
@@ -224,7 +223,7 @@ class EdgeFollower:
         return tilt, roll
 
     def likelihood_under(self, std: FloatArray) -> PoseLikelihood:
-        """Return the last fit's likelihood, with another prior of the camera about what it was fitted to be.
+        """Return the last fit's likelihood, with another prior of the camera about the fitted values.
 
         Parameters
         ----------
@@ -242,7 +241,7 @@ class EdgeFollower:
 
     @property
     def evidence(self) -> Evidence:
-        """What the last fit was judged by, whether it was accepted or not."""
+        """The evidence of the last fit, whether it was accepted or not."""
         return Evidence(*self._fit.figures.tolist())
 
     @property
@@ -257,7 +256,7 @@ class EdgeFollower:
 
     @property
     def state(self) -> FollowerState:
-        """What the frames so far leave behind; may be set to what those of another follower of this camera left."""
+        """The state after the frames so far; may be set to that of another follower of this camera."""
         return FollowerState(self._sway.copy(), self._last_pose, self._log_odds)
 
     @state.setter
@@ -265,23 +264,23 @@ class EdgeFollower:
         self._sway[:], self._last_pose, self._log_odds = state.sway, state.last_pose, state.log_odds
 
     def edge_points(self) -> EdgePoints:
-        """Return where the last fit predicts the field's edges, and what its frame shows there."""
+        """Return the edges that the last fit predicts, and their states in its frame."""
         return self.edge_points_when_asked()()
 
     def edge_points_when_asked(self) -> Callable[[], EdgePoints]:
-        """Return what returns `edge_points` of this fit, also when other frames have been followed."""
+        """Return a function that returns `edge_points` of this fit, also after other frames."""
         count = int(self._fit.figures[0])
         return partial(_edge_points, self._room.samples.uv[:count].copy(), self._room.found.status[:count].copy())
 
     def find_line_points(self, frame: UInt8Array, tilt_rad: float, roll_rad: float, points: FloatArray) -> int:
-        """Find points on lines whatever the pose, and learn by them how bright these pictures show white paint.
+        """Find points on lines without a pose, and learn the brightness of white paint from them.
 
         Parameters
         ----------
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
         tilt_rad, roll_rad : float
-            How the camera is held.
+            Of the camera.
         points : (P, 3) float64
             Result, as `kernels.model_edges.bands.line_points` gives it.
 
@@ -305,7 +304,7 @@ class EdgeFollower:
         return count
 
     def _widths_px(self, points: FloatArray, tilt_rad: float, roll_rad: float) -> FloatArray:
-        """How wide (N,) a line looks at points (N, 3) of `line_points`, across the row or column that was read."""
+        """Return a line's width (N,) in pixels at points (N, 3) of `line_points`, along the row or column read."""
         camera = self.camera.with_orientation(0.0, tilt_rad, roll_rad)
         range2 = ((camera.pixel_to_floor(points[:, :2]) - camera.viewpoint_m[:2]) ** 2).sum(axis=1)
         away = np.sqrt(range2 + camera.height_m**2)
@@ -314,7 +313,7 @@ class EdgeFollower:
         return np.asarray(np.where(by_row, camera.focal_px[0], camera.focal_px[1]) * np.nan_to_num(angle))
 
     def _show_paint(self, ratio: float) -> None:
-        """Expect white paint to rise above the carpet by so much of what the nominal colours do."""
+        """Expect this ratio of white paint's step from the carpet to that of the nominal colours."""
         ratio = min(max(ratio, self.settings.min_paint_ratio), 1.0)
         self._knows_paint = True
         if abs(ratio - self._paint_ratio) < self.settings.same_paint_ratio:
@@ -327,7 +326,7 @@ class EdgeFollower:
         self._plain = plain((self._scene, self._prior, self._room, self._fit))
 
     def forget_paint(self) -> None:
-        """Forget how bright the pictures show white paint."""
+        """Forget the brightness of white paint."""
         self._show_paint(1.0)
         self._knows_paint = False
 
@@ -377,11 +376,11 @@ class EdgeFollower:
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
         modes : int
-            How many places near the prior may be looked at before giving up.
+            Greatest number of places near the prior that are examined.
         is_proposal : bool
-            Whether the prior is a search's proposal, whose fit is compared with others, and nothing that is known.
+            Whether the prior is a search's proposal, whose fit is compared with others.
         is_same_frame : bool
-            Whether the last call was of this frame and tilt at rest, too: the carpet is not looked at again.
+            Whether the last call was of this frame and tilt at rest, too: the carpet's colour is kept.
         """
         if dt_s != self._dt_s:
             self._pass_time(dt_s)

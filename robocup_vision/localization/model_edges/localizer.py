@@ -24,11 +24,11 @@ from robocup_vision.localization.model_edges.second_look import SecondLook
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.localization.model_edges.wide_finder import WideFinder
 
-# or what makes them when they are asked for
+# or a function that makes them
 _Points = EdgePoints | Callable[[], EdgePoints]
 # between frames without times
 _USUAL_STEP_S = 1 / 30
-# a head's pan is known no better, nor a prior's heading
+# least error of a head's pan and of a prior's heading
 _MIN_PAN_STD_RAD = math.radians(0.1)
 
 
@@ -110,7 +110,7 @@ class EdgeLocalizer:
         return Localization(pose, oriented, None, measurement, seen, answer.camera_covariance, tells_half)
 
     def _hold(self, camera: PinholeCamera) -> None:
-        """Take the camera for held at rest as joints or sensors say in this frame."""
+        """Take the camera's orientation at rest as joints or sensors measure it in this frame."""
         if camera is self._held or camera.is_held_as(self._held):
             return
         if camera.height_m != self._held.height_m:
@@ -124,7 +124,7 @@ class EdgeLocalizer:
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate
     ) -> tuple[FollowedCamera | NotLocated, _Points | None]:
-        """Follow by the frame, or by a second look that tells more; with the edges where that located the camera."""
+        """Follow by the frame, or by a second look that shows more; with its edges where it is the answer."""
         before, dt_s = self.follower.state, self._passed(evidence.t_s)
         answer = first = self.follower.follow(evidence.frame, near, dt_s)
         points: _Points | None = None
@@ -148,10 +148,10 @@ class EdgeLocalizer:
         before: FollowerState,
         first: FollowedCamera | NotLocated,
     ) -> tuple[FollowedCamera | NotLocated, _Points]:
-        """Follow a frame that does not confirm its prior as if the robot had slipped: by a prior that is no surer.
+        """Follow a frame that does not confirm its prior, by a wider prior, as if the robot had slipped.
 
-        Either the frames before are right and this one says little, or this one is right: the odds are compared. One
-        that says as well that the robot slipped is no evidence for the prior.
+        Either the frames before are right and this one shows little, or this one is right: the odds are compared. A
+        frame that also confirms a slipped robot is no evidence for the prior.
         """
         follower = self.follower
         after, points = follower.state, follower.edge_points_when_asked()
@@ -167,7 +167,7 @@ class EdgeLocalizer:
         return first, points
 
     def _was_near(self, t_s: float | None, lately_s: float) -> bool:
-        """Whether the camera was located so lately; without times, in the last look."""
+        """Whether the camera was located within this time; without times, in the last look."""
         if t_s is None or self._located_s is None:
             return self._was_located
         return 0.0 <= t_s - self._located_s < lately_s
@@ -175,8 +175,8 @@ class EdgeLocalizer:
     def _search_beside(self, evidence: FrameEvidence, near: PoseEstimate) -> FollowedCamera | NotLocated:
         """Search for a camera whose prior is not confirmed: all over the field only where it may be lost.
 
-        Where the prior goes on from the look before, and is no wider than a search's own proposals, it is one: it is
-        fitted and judged as they are, which bounds what a look takes. If that is no answer the next look searches.
+        A prior that continues the last look, and is no wider than a search's proposals, is fitted and judged as one of
+        them, which bounds the time of a look. If that is no answer the next look searches.
         """
         state, finder = self.follower.state, self._made_finder()
         goes_on = self._was_located and state.last_pose is not None
@@ -215,7 +215,7 @@ class EdgeLocalizer:
         return self.follower.field, self.follower.camera, self.follower.settings
 
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
-        """Search for a goal: its pose by all edges where they confirm it, by the goal alone where they do not know.
+        """Search for a goal: its pose by all edges where they confirm it, by the goal alone where they do not decide.
 
         Glare whitens posts, and a goal before an unknown wall shows little else: the goal's own verdict is made for
         that. Where carpet shows instead of the field's lines, or lines where the pose has none, it was no goal.
@@ -239,7 +239,7 @@ class EdgeLocalizer:
         return PoseEstimate(prior, np.diag([s.prior_std_m, s.prior_std_m, s.prior_std_rad]) ** 2, 1.0, 0.0)
 
     def _widened(self, near: PoseEstimate) -> PoseEstimate:
-        """Return a prior that is no surer than one of which only the pose is given."""
+        """Return a prior at least as wide as one of which only the pose is given."""
         return PoseEstimate(near.pose, near.covariance + self._as_estimate(near.pose).covariance, 1.0, 0.0)
 
     def _passed(self, t_s: float | None) -> float:

@@ -1,8 +1,8 @@
 """Looks at a frame again that confirms no pose, or next to none: for lines of other widths, and in smaller copies.
 
-A line may be two tapes side by side, or worn. A blurred one is a slope as wide as the blur, and no edge at the frame's
-own size: a search of a few pixels sees too little of the step, and takes what it borders on for another thing than
-carpet. In a copy that is so many times smaller the blur is as many times shorter.
+A line may be two tapes side by side, or worn. A blurred one is a slope as wide as the blur: a search of a few pixels
+sees too little of the step, and takes its border for something other than carpet. In a smaller copy the blur is
+shorter by the same factor.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 
 class SecondLook:
-    """Follows where the first look does not: bright bands of any width may be lines, in smaller copies at last.
+    """Follows where the first look does not: bright bands of any width may be lines, in smaller copies, too.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class SecondLook:
         first : FollowedCamera or NotLocated
             Of the first look: an answer must leave the position clearly less open.
         may_compare : bool
-            Whether smaller copies are asked, too, while what confirms a pose leaves the position open.
+            Whether smaller copies are examined, too, while an accepted answer leaves the position open.
         """
         settings = self._settings
         answer: FollowedCamera | NotLocated = NotLocated("no second look at the frame confirms a pose")

@@ -16,18 +16,18 @@ DESIGN_WIDTH_PX = 208.0
 class EdgeSettings:
     """Settings of the follower. Lengths are pixels of a picture 208 wide, unless a line says otherwise."""
 
-    # between samples, 208 and 640 pixels wide: neighbours add little, and time grows with their number
+    # distance between samples in pictures 208 and 640 pixels wide: neighbours add little, and take time
     spacing_px: float = 5.0
     wide_spacing_px: float = 12.0
-    # of the fit: what samples of an edge share is not averaged out by more of them, but for the noise of a blurred one
+    # samples of the fit: more do not average out the common error of an edge, but the noise of a blurred one
     ample_samples: float = 70.0
-    # the mode is chosen by fewer, so many times as far apart: they are searched for farther
+    # samples by which the mode is chosen are this many times as far apart: their searches are longer
     coarser: float = 2.0
-    # of the prior, that an edge is looked for in
+    # search for an edge, in standard deviations of the prior; margin; bound
     reach_sigmas: float = 3.0
     extra_px: float = 2.0
     max_reach_px: float = 45.0
-    # of the expected step: carpets and paints differ, shadows halve the light
+    # least ratio of a step to the expected one: carpets and paints differ, shadows halve the light
     min_ratio: float = 0.4
     # how far white paint rises above the carpet, relative to what the nominal colours do, is learnt where lines look so
     # wide that blur leaves their middle, at so many points at least; smaller ratios are noise's, and differences
@@ -35,49 +35,50 @@ class EdgeSettings:
     min_paint_points: int = 8
     min_paint_ratio: float = 0.3
     same_paint_ratio: float = 0.05
-    # noise of one sample, and of the offset that all samples of an edge share (lens, paint, tape measure), in pixels of
-    # any picture; samples on rendered edges scatter by 0.03 to 0.15
+    # noise of one sample, and of the offset that is common to all samples of an edge (lens, paint, tape measure), in
+    # pixels of any picture; samples on rendered edges scatter by 0.03 to 0.15
     sigma_px: float = 0.15
     shared_px: float = 0.2
-    # of the samples found, those of another thing than their edge: of what stands before it, or crosses it. Of edges
+    # fraction of the samples found that lie on another thing, which stands before their edge or crosses it. Of edges
     # with 1, 2, 3, 4 samples found by true priors (512 frames of development walks, 208 pixels wide) mean squared
     # offsets were 0.66, 0.20, 0.14, 0.01 square pixels more than the noise; this gives 0.63, 0.19, 0.06, 0.02
     stray_ratio: float = 0.3
-    # gate of the last steps, in robust standard deviations of the residuals, and how many these are
+    # gate of the last steps, in robust standard deviations of the residuals, and the number of these steps
     sharp_gates: float = 3.5
     sharp_steps: int = 2
-    # of an inlier, pixels of any picture
+    # gate of an inlier, pixels of any picture
     gate_px: float = 2.5
     # weight of the squared distance from the prior where modes are chosen, in samples
     prior_ratio: float = 0.3
-    # a mode that fails so few of the samples is not doubted
+    # no further hypotheses are drawn once a mode fails fewer of the samples
     enough: float = 0.2
-    # how far candidates are looked for anew around a fit, pixels of any picture
+    # range of the second search for candidates, around a fit, pixels of any picture
     again_px: float = 5.0
     # rows and columns between those that are read for line points
     point_stride_px: float = 8.0
-    # what looks like a line, so far beyond the field's outer lines, is none of its
+    # things that look like lines this far beyond the field's outer lines are none
     lines_end_m: float = math.inf
-    # of the prior's heading: what is so far beside the picture by the prior is looked for in it
+    # edges this far beside the picture, in standard deviations of the prior's heading, are searched in it
     view_sigmas: float = 2.0
-    # of the way of a mode's pose from the prior, in pixels, that the mode is searched for at first: derivatives at the
-    # prior are not better
+    # first search of a mode, as a fraction of its distance from the prior in pixels: the accuracy of derivatives at the
+    # prior
     bent_ratio: float = 0.4
     # hypotheses of which the mode is chosen
     hypotheses: int = 100
-    # verdict: smallest number of inliers, and where the frames before support the prior: two may agree by chance; their
-    # fraction of the visible samples, fraction of line points explained
+    # verdict: least number of inliers, and where the frames before support the prior: two may agree by chance; least
+    # fraction of the visible samples found, and of the line points explained
     min_inliers: int = 12
     min_inliers_followed: int = 3
     min_found_ratio: float = 0.5
-    # found on edges that the field's other half has not, from which a frame tells the half: two may agree by chance
+    # least samples found on edges that the field's other half lacks for a frame to show the half: two may agree by
+    # chance
     min_telling: int = 3
     min_explained_ratio: float = 0.7
     min_points: int = 6
     # greatest squared distance from the prior, all six or seven unknowns: 0.01 % of right ones are farther
     max_prior_distance2: float = 27.9
-    # of a prior and of where the same frame finds a robot that slipped, up to which both are one place: chi-square with
-    # 3 degrees of freedom, 99.9 %
+    # greatest squared distance at which a prior and the pose of a slipped robot by the same frame are one place: 99.9 %
+    # of chi-square with 3 degrees of freedom
     max_same_distance2: float = 16.27
     # modes near one prior are compared by these: logarithm of the inliers, fractions, squared distance from the prior,
     # residuals (px)
@@ -97,7 +98,7 @@ class EdgeSettings:
     odds_against_distance: float = 0.23
     odds_against_rms: float = 2.95
     # a picture that leaves the pose open agrees with wrong ones, too: greatest standard deviation of the position (m),
-    # less what the pose gained on its prior (nats). Found on 650 pictures of development walks: of 2550 wrong priors
+    # less the information gained on the prior (nats). Found on 650 pictures of development walks: of 2550 wrong priors
     # 1 % are accepted, as by the standard deviation alone, and of 1250 right ones 2 % more
     odds_against_open: float = 1.7
     odds_against_std: float = 4.0
@@ -105,12 +106,12 @@ class EdgeSettings:
     # the same for a search's proposal, by the standard deviation alone
     odds_against_proposed_std: float = 8.6
     min_log_odds: float = 0.0
-    # a frame's odds count for those after it, but not more than so much, and for so long: neighbouring frames err alike
+    # bound and time constant of a frame's odds in those after it: errors of neighbouring frames are correlated
     max_log_odds: float = 5.0
     odds_memory_s: float = 0.5
     # a frame with lower log-odds does not support the pose
     min_supporting_log_odds: float = 0.1
-    # faster than any robot drives, or turns its head: a prior farther off than that is not the last answer moved on
+    # greatest speeds of a robot and its head: a prior farther from the last answer does not continue it
     max_speed_mps: float = 4.0
     max_turn_radps: float = 10.0
     # fractions of missing samples and unexplained line points, and residuals (pixels of any picture), up to which no
@@ -122,35 +123,37 @@ class EdgeSettings:
     attitude_memory_s: float = 0.12
     # of tilt and roll where the camera file gives no `roll_std_rad`
     sway_std_rad: float = 0.02
-    # times the width in the field file, up to which a band is a line: 0 asks for that width, sharply; the second is for
-    # frames that confirm nothing so: two tapes side by side, or blur, make a line so wide
+    # greatest width of a line, in widths by the field file; 0: exactly that width. The second is for frames that
+    # otherwise confirm nothing: two tapes side by side, or blur, make a line this wide
     max_line_widths: float = 0.0
     max_doubted_line_widths: float = 3.5
     # whether the carpet may have two tones: in the sun, bleached by glare, and in the shade
     in_sun_and_shade: bool = False
     # height rises and falls with the gait
     height_memory_s: float = 0.12
-    # a frame that confirms nothing is looked at again so many times smaller, for it may be blurred; at least this wide
+    # a frame that confirms nothing may be blurred: it is examined again reduced by these factors, to this width at
+    # least
     copy_factors: tuple[int, ...] = (1, 2, 3)
     min_copy_px: int = 200
-    # an answer that leaves the position open by so much, by the frame alone, is looked for again where walls or boards
-    # bound the field: their feet, in such copies, lie beside the lines; and by how much the second must be better
+    # standard deviation of the position, by the frame alone, from which the frame is examined again where walls or
+    # boards bound the field: their feet in such copies lie beside the lines; and the ratio that the second must reach
     open_m: float = 0.1
     less_open: float = 0.7
-    # a search by the bank that found nothing is not repeated so soon: frames so close together show the same
+    # least time between searches by the bank that found nothing: frames closer together show the same
     search_again_s: float = 0.1
-    # a camera located so lately is probably near its prior still: odometry that is a tenth off errs by 20 cm at 1 m/s
+    # a camera located within this time is probably near its prior: odometry with an error of a tenth is off by 20 cm at
+    # 1 m/s
     near_s: float = 2.0
     # of the prior where only a pose is given
     prior_std_m: float = 0.15
     prior_std_rad: float = 0.1
 
     def for_doubted_frames(self) -> EdgeSettings:
-        """Return the settings for a frame that confirmed nothing: it may be blurred, or its lines be wider."""
+        """Return the settings for a frame that confirmed nothing: it may be blurred, or its lines wider."""
         return replace(self, max_line_widths=self.max_doubted_line_widths, ample_samples=math.inf)
 
     def for_proposals(self) -> EdgeSettings:
-        """Return the settings for a proposal's fit: what it gained on the proposal is no evidence."""
+        """Return the settings for a proposal's fit: information gained on the proposal is no evidence."""
         against_std = self.odds_against_proposed_std
         return replace(self, odds_against_open=0.0, odds_against_std=against_std, odds_of_nat=0.0)
 

@@ -1,8 +1,8 @@
 """Finds a pinhole camera whose tilt nobody knows, by the lines of one frame.
 
-The carpet's lines say how the camera is tilted: no line is wider than it looks, so none lies farther below the horizon
-than its width allows, and the horizon lies above them all. Between these bounds banks of poses are scored tilt by tilt;
-the likeliest poses are moved to the lines with tilt and roll as unknowns, then fitted and judged as `EdgeFinder` does.
+The carpet's lines bound the tilt: a line's width in the picture limits its distance below the horizon, and the horizon
+lies above all lines. Between these bounds banks of poses are scored for each tilt. The likeliest poses are aligned with
+the lines with tilt and roll as unknowns, then fitted and accepted as in `EdgeFinder`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from robocup_vision.localization.model_edges.finder import THOROUGH, EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
-# clearly beyond the outer lines is so far off them
+# distance beyond the outer lines from which no line is the field's
 _BEYOND_M = 0.3
 _NO_SIGHTS = np.zeros((0, SIGHT))
 
@@ -36,31 +36,31 @@ _NO_SIGHTS = np.zeros((0, SIGHT))
 class TiltSettings:
     """How a camera of unknown tilt is found. Settings were chosen on rendered frames of white goals."""
 
-    # below this fraction of the frame the carpet's colour is learnt: a camera that looks up sees floor there alone
+    # the carpet's colour is learnt below this fraction of the frame: a camera that looks up sees floor only there
     carpet_top: float = 0.4
-    # columns and rows between those that are read for bands, as a fraction of the width; the widest band, of the width
+    # stride of the columns and rows that are read for bands, and the widest band, as fractions of the picture's width
     stride_ratio: float = 0.025
     widest_ratio: float = 0.1
-    # of a line's usual step
+    # least step of a line, as a fraction of the usual one
     step_ratio: float = 0.25
     min_bands: int = 16
-    # of a row where the carpet reaches across the frame
+    # least fraction of carpet in a row where it reaches across the frame
     min_share: float = 0.5
-    # of the bands, those that may be none of lines; so much wider than painted a line may look
+    # fraction of the bands that may not be lines, and greatest ratio of a line's width to the painted one
     strays: float = 0.1
     slack: float = 1.4
-    # tilts of the banks, radians; what they may be at all
+    # step between the banks' tilts, and their range
     step_rad: float = 0.03
     range_rad: tuple[float, float] = (-0.9, 0.35)
-    # of each bank: what is scored in full, what is moved to the lines
+    # numbers of each bank's poses that are scored in full, and aligned with the lines
     scored: int = 400
     aligned: int = 24
-    # standard deviations of tilt and roll: about a bank's, where poses are moved to the lines; about those, in the fit
+    # standard deviations of tilt and roll about a bank's in aligning, and about the aligned ones in the fit
     bank_std_rad: tuple[float, float] = (0.03, 0.04)
     fit_std_rad: float = 0.015
-    # of these deviations and those of a proposed place, what is left about where a fit ended
+    # factor on these deviations, and on those of a proposed place, about the result of a fit
     settling_ratio: float = 0.3
-    # what is known of the tilt, and of the roll where the camera file does not say
+    # priors of the tilt, and of the roll where the camera file has none
     tilt_std_rad: float = 0.5
     roll_std_rad: float = 0.1
     # a neck that nods moves the camera up and down
@@ -82,10 +82,7 @@ class HeldPose(Pose2):
 class TiltFinder(EdgeFinder):
     """Proposes poses and tilts by the lines of a frame.
 
-    Parameters
-    ----------
-    camera : PinholeCamera
-        Its tilt is not asked for.
+    The camera's own tilt is not used.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera, settings: TiltSettings = TiltSettings()) -> None:
@@ -141,7 +138,7 @@ class TiltFinder(EdgeFinder):
             poses, costs = self._aligned[:kept], self._costs[:kept]
             align_all(self._bank, how, self._seen, 0.0, np.ascontiguousarray(starts[:kept, :3]), poses, costs)
             for cost, (x, y, theta, nod, sway) in zip(costs.tolist(), poses.tolist(), strict=True):
-                # what the bank's tilt was is no evidence
+                # the bank's tilt is no evidence
                 bare = cost - 0.5 * (nod / std[3]) ** 2
                 found.append((bare, HeldPose(x, y, theta, float(tilt) + nod, roll + sway)))
         found.sort(key=lambda one: one[0])
@@ -149,7 +146,7 @@ class TiltFinder(EdgeFinder):
         return self._first_apart(likely, s.fitted)
 
     def _carpet_top(self, frame: UInt8Array) -> int:
-        """Row down to which less than half of each row is carpet: the horizon is no lower."""
+        """Return the row down to which less than half of each row is carpet: the horizon is not below it."""
         tilts, height = self._tilts, frame.shape[0]
         carpet = np.zeros(LIT_CARPET)
         carpet_look(frame, int(tilts.carpet_top * height), carpet)
@@ -170,7 +167,7 @@ class TiltFinder(EdgeFinder):
         return self._bands[:count]
 
     def _tilt_bounds(self, bands: FloatArray, top: int) -> tuple[float, float]:
-        """Between which tilts a camera sees these bands as lines, on a carpet up to row `top` at least."""
+        """Return the least and greatest tilt at which these bands are lines, on a carpet up to row `top` at least."""
         tilts, camera = self._tilts, self.follower.camera
         (fu, fv), (cu, cv) = camera.focal_px, camera.center_px
         aside = (bands[:, 0] - cu) / fu
@@ -186,13 +183,13 @@ class TiltFinder(EdgeFinder):
         return HeldPose(pose.x_m, pose.y_m, pose.theta_rad, *self.follower.tilt_roll_rad)
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
-        # what a fit ended at is near: looked for no farther, its edges are not taken for their neighbours
+        # the result of a fit is near: a shorter search does not take neighbouring edges for its own
         self._nearness = self._tilts.settling_ratio
         answer = super()._settle(frame, pose)
         self._nearness = 1.0
         if not answer:
             return answer
-        # nor is the tilt that the last fit began at evidence
+        # nor is the start of the last fit's tilt evidence
         return replace(answer, likelihood=self.follower.likelihood_under(self._known_std)).without_prior()
 
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:

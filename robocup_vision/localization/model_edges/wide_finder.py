@@ -1,8 +1,8 @@
-"""Finds a camera without a prior where its own frame tells too little: in a smaller copy, by boards and lines together.
+"""Finds a camera without a prior where its frame shows too little: in a smaller copy, by boards and lines together.
 
-A robot that moves blurs its far lines, a line may be two tapes side by side, and few of them are in view. A copy is
-several times sharper in its own pixels; the feet of boards are long, and lie behind every outer line. What is then seen
-is often one corner of four: several candidates are the answer.
+A moving robot blurs its far lines, a line may be two tapes side by side, and few lines are in view. A copy is several
+times sharper in its own pixels. The feet of boards are long, and lie beyond every outer line. Often one of four corners
+is seen: the answer then has several candidates.
 """
 
 from __future__ import annotations
@@ -40,26 +40,26 @@ _NO_SIGHTS = np.zeros((0, SIGHT))
 class WideSettings:
     """How a camera is found in a smaller copy. Settings were chosen on rendered frames of boards in motion blur."""
 
-    # of the ordinary step of a line: what is thinner than a pixel shows but a part of it
+    # least step of a line, as a fraction of the ordinary one: a line thinner than a pixel shows only a part of it
     step_ratio: float = 0.25
-    # times the width in the field file, up to which a band is a line: two tapes side by side, or blur, make it wide
+    # greatest width of a line, in widths by the field file: two tapes side by side, or blur, make it wide
     max_line_widths: float = 3.5
-    # columns between those in which the carpet's end is looked for, and rows of carpet that it has below it
+    # stride of the columns in which the carpet's end is searched, and rows of carpet below an end
     column_stride: int = 4
     carpet_rows: int = 3
-    # of a place where the carpet ends, in line points: robots and the ball end it, too
+    # weight of a place where the carpet ends, in line points: robots and the ball end it, too
     wall_weight: float = 0.5
-    # such places are off a board by so much: metres, and pixels
+    # noise of such places: metres, and pixels
     wall_off_m: float = 0.1
     wall_off_px: float = 3.0
-    # places whose likes at the floor's other corners are weighed, too
+    # number of places that are compared with their equivalents at the floor's other corners
     repeated: int = 4
-    # of the proposals
+    # numbers of proposals fitted, and compared with each other
     fitted: int = 24
     weighed: int = 12
-    # answers at most, for a floor has so many corners; where halves look alike, half of them and their half turns
+    # most candidates, one a corner of the floor; where halves look alike, half of them and their half turns
     corners: int = 4
-    # of answers together: no photograph of another thing has more than 0.05
+    # least probability of the candidates together: no photograph of another thing has more than 0.05
     min_together: float = 0.9
 
 
@@ -142,13 +142,13 @@ class WideFinder(EdgeFinder):
         return self._first_apart((Pose2(*poses[k, :3].tolist()) for k in np.argsort(costs)), s.fitted)
 
     def _places(self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None) -> list[Pose2]:
-        """Poses that the fits of proposals end at, and what looks like the likeliest at the floor's other corners."""
+        """Return the results of the proposals' fits, and equivalents of the likeliest at the floor's other corners."""
         places = super()._places(frame, proposals, near)
         repeated = [like for pose in places[: self._wide.repeated] for like in self._likes(pose)]
         return self._first_apart([*places, *repeated], len(places) + len(repeated))
 
     def _likes(self, pose: Pose2) -> list[Pose2]:
-        """Poses at which the other corners of the floor lie as the nearest corner ahead does; those on the floor."""
+        """Return the poses on the floor that see its other corners where this one sees the nearest corner ahead."""
         field = self.follower.field
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
@@ -188,7 +188,7 @@ class WideFinder(EdgeFinder):
         is_floor = carpet_mask(frame[top:, columns], carpet).astype(np.uint8)
         if len(is_floor) <= wide.carpet_rows:
             return np.zeros((0, 3))
-        # rows at which so many of carpet begin
+        # rows at which a run of carpet begins
         runs = np.min([is_floor[k : len(is_floor) - wide.carpet_rows + k] for k in range(wide.carpet_rows)], axis=0)
         first = runs.argmax(axis=0)
         # carpet up to the horizon ends at no board
@@ -197,7 +197,7 @@ class WideFinder(EdgeFinder):
         return np.asarray(pixels[ends], dtype=np.float64)
 
     def _walls_off(self, poses: FloatArray, slopes: FloatArray, pixel_rad: float) -> FloatArray:
-        """(M,) float64: ends of the carpet that lie off the walls by each of the poses (M, 5), each up to 1."""
+        """(M,) float64: robust costs of the distances between the carpet's ends and the walls, for poses (M, 5)."""
         wide, camera, walls = self._wide, self.follower.camera, self._walls
         x, y, theta = (poses[:, k : k + 1] for k in range(3))
         tilt, roll = (camera.tilt_rad or 0.0) + poses[:, 3:4], (camera.roll_rad or 0.0) + poses[:, 4:5]
@@ -219,5 +219,5 @@ class WideFinder(EdgeFinder):
 
 
 def smallest_copy(camera: PinholeCamera, edges: EdgeSettings) -> int:
-    """Return how many times smaller the smallest copy of a frame is that the second look makes."""
+    """Return the factor of the smallest copy of a frame in the second look."""
     return max(k for k in edges.copy_factors if k == 1 or camera.size_px[0] >= k * edges.min_copy_px)
