@@ -25,9 +25,9 @@ from robocup_vision.localization.model_edges.tilt_finder import TiltFinder
 class GoalLocalizer(FrameByFrame):
     """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown.
 
-    With an unknown tilt and white goals the lines come first: they show tilt and place of most pictures, while the
-    search for a white goal among clutter takes far longer and needs the whole goal. Otherwise lines alone count near a
-    prior only.
+    With an unknown tilt and halves of the field that look alike the lines come first: they show tilt and place of most
+    pictures, while the search for a white goal among clutter takes far longer and needs the whole goal. Otherwise the
+    lines are searched where no goal is found, and count near a prior only.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:

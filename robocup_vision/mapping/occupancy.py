@@ -174,7 +174,7 @@ class FreeSpaceMap:
         Returns
         -------
         (N, N) int8
-            `kernels.occupancy.HIT` (the paper's O), CROSSED (not O) or SILENT.
+            `HIT` (the paper's O), `CROSSED` (not O) or `SILENT` of the kernel.
         """
         model = self._model(sensor)
         discs = self._discs(mask)

@@ -100,7 +100,7 @@ class FloorColor:
         return np.asarray(floor - background - 0.5 * (outside / 0.2) ** 2)
 
     def densities(self, white: PaintColor) -> tuple[FloatArray, FloatArray]:
-        """Numbers (6, S) float64 of the floor's and white's densities over brightness, for `kernels.floor_colors`."""
+        """Numbers (6, S) float64 of the floor's and white's densities over brightness, for `kernels.floor.colors`."""
         level = np.arange(255 * int(kernel.FINE) + 1) / kernel.FINE
         log_level = np.log(np.maximum(level, 0.5) / self.level)
         red_ratio = np.interp(log_level, LEVELS, self.red_ratio)
