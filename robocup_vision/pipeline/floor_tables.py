@@ -22,10 +22,10 @@ from robocup_vision.perception.free_space import FREE_RATIO, FloorMarking, FreeS
 _STEP_RAD, _STEP_LOG = math.radians(2.0), 0.02
 # a camera beside the robot's centre moves about it where a head is panned: steps of its place, metres
 _STEP_M = 0.004
-# so many are kept of a head's orientations: one that looks all around takes some forty pans, which share most of their
-# tables, one that nods by 20 degrees up and down some sixty tilts and rolls; of cameras of unknown tilt those that a
-# body's sway takes
-_MOST_HELD, _MOST = 128, 5
+# tables that are kept of a head of known tilt: one that looks all around takes some forty pans, which share most of
+# their tables, one that nods by 20 degrees up and down some sixty tilts and rolls; and of a camera of unknown tilt:
+# those that a body's sway takes
+_MAX_TABLES, _MAX_TABLES_UNKNOWN_TILT = 128, 5
 
 _Steps = tuple[int, ...]
 
@@ -68,7 +68,7 @@ class FloorTables:
 
 
 class FloorTableCache:
-    """Makes the parts that measure the floor, and keeps them.
+    """Makes the parts that measure the floor, and keeps those that were used last.
 
     Parameters
     ----------
@@ -107,9 +107,8 @@ class FloorTableCache:
         """
         steps = self._steps(camera)
         made = self._made.pop(steps) if steps in self._made else self._make(steps)
-        # the last used one is the last to go
         self._made[steps] = made
-        if len(self._made) > (_MOST_HELD if self._camera.known_orientation else _MOST):
+        if len(self._made) > (_MAX_TABLES if self._camera.known_orientation else _MAX_TABLES_UNKNOWN_TILT):
             del self._made[next(iter(self._made))]
         return made
 

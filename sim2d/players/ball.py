@@ -19,6 +19,11 @@ from robocup_vision.team.message import BallSighting
 from sim2d.players.team_talk import TeamTalk
 from sim2d.robot_link import Point
 
+# of a ball in the robot's mouth, along each axis
+_MOUTH_STD_M = 0.01
+# of a ball beyond the floor: its bearing is no better than a pixel of a small head's frame, its errors depend on others
+_MIN_BEARING_STD_RAD, _MAX_CORRELATION = 0.005, 0.99
+
 
 @dataclass(frozen=True, slots=True)
 class BallMemorySettings:
@@ -139,12 +144,6 @@ def is_in_sight(free_space: FreeSpace, place: Point) -> bool:
     off = np.abs(np.remainder(free_space.bearing_rad - math.atan2(place[1], place[0]) + math.pi, math.tau) - math.pi)
     nearest = int(np.argmin(off))
     return bool(off[nearest] < math.radians(5) and free_space.range_m[nearest] >= math.hypot(*place))
-
-
-# of a ball in the robot's mouth, along each axis
-_MOUTH_STD_M = 0.01
-# of a ball beyond the floor: its bearing is no better than a pixel of a small head's frame, its errors depend on others
-_MIN_BEARING_STD_RAD, _MAX_CORRELATION = 0.005, 0.99
 
 
 @dataclass(frozen=True, slots=True)

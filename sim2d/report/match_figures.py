@@ -22,6 +22,8 @@ from sim2d.world.state import Event, WorldState
 
 # a robot has the ball if no other is nearer to it and the gap between them is no larger than this
 _REACH_M = 0.05
+# more digits than any figure is accurate to, fewer than different processors agree on
+_DIGITS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,10 +128,6 @@ class MatchLog:
             tuple(log.figures for log in self._robots),
             tuple(fault for log in self._robots for fault in log.fault_figures),
         )
-
-
-# more digits than any figure is accurate to, fewer than different processors agree on
-_DIGITS = 6
 
 
 def match_json(

@@ -22,6 +22,12 @@ from robocup_vision.perception.markings.settings import MarkingSettings
 from robocup_vision.perception.markings.straight import Straight, scale_m
 
 Held = TypeVar("Held", OmniCamera, PinholeCamera)
+# width of a square of the picture whose points have correlated errors
+_SQUARE_PX = 24.0
+# stripes of fewer points tell nothing
+_MIN_POINTS = 4
+# of the square of a standard normal number
+_MEDIAN_CHI2 = 0.4549
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +54,7 @@ class FloorErrors:
         camera : OmniCamera or PinholeCamera
             As the frame, or else its file, says that it is held.
         settings : MarkingSettings
-            See there: what is taken where neither says how well.
+            What is assumed where neither says how well.
         held_covariance : (4, 4) float64, optional
             Of a forward camera's tilt, roll, height and logarithm of the focal length.
         """
@@ -116,14 +122,6 @@ def _tilted(camera: OmniCamera, error: FloatArray) -> OmniCamera:
         return camera
     (x, y), (about_x, about_y) = camera.tilt_rad, error.tolist()
     return replace(camera, viewpoint_height_m=camera.height_m, tilt_rad=(x + about_x, y + about_y))
-
-
-# width of a square of the picture whose points have correlated errors
-_SQUARE_PX = 24.0
-# stripes of fewer points tell nothing
-_MIN_POINTS = 4
-# of the square of a standard normal number
-_MEDIAN_CHI2 = 0.4549
 
 
 def slow_error_px(points: LinePoints, lines: list[Straight], settings: MarkingSettings) -> float:
