@@ -92,7 +92,7 @@ def test_a_head_that_nods_finds_its_tables_again():
 
 
 def test_no_more_are_kept_than_said(monkeypatch):
-    monkeypatch.setattr(floor_tables, "_MOST_HELD", 3)
+    monkeypatch.setattr(floor_tables, "_MAX_TABLES", 3)
     floors = floors_of(CAMERA)
     made = [floors.for_camera(CAMERA.with_orientation(0.2 * turn, -0.17, 0.0)) for turn in (0, 1, 2, 0, 3)]
     # the one that was used longest ago went first
