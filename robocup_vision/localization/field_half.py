@@ -133,7 +133,7 @@ class GoalSide:
         """
         right, wrong, own, swapped = self._vote(frame, estimate.pose, colors) if self.is_able else _NO_VOTES
         decides = max(right, wrong, swapped) >= self.settings.min_votes
-        if decides and self._is_doubtful(own, swapped, colors) and self._are_swapped(frame, estimate.pose, colors):
+        if decides and self._may_be_swapped(own, swapped, colors) and self._are_swapped(frame, estimate.pose, colors):
             return SwappedChannels(SWAPPED_BY_GOALS)
         most = max(right, wrong)
         if most >= self.settings.min_votes and most >= self.settings.majority * min(right, wrong):
@@ -149,7 +149,7 @@ class GoalSide:
         at, palette = (pose.x_m, pose.y_m, pose.theta_rad), colors.goal_palette
         return vote_goal_colors(frame, at, *self._points, self._projection, palette, self._hidden)
 
-    def _is_doubtful(self, own: int, swapped: int, colors: Colors) -> bool:
+    def _may_be_swapped(self, own: int, swapped: int, colors: Colors) -> bool:
         """Whether red and blue may be swapped by the votes: their white reference may be the paint of another thing."""
         settings = self.settings.channels
         if colors.swap_distance < settings.min_distance:

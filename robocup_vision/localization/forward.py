@@ -75,5 +75,5 @@ class GoalLocalizer(FrameByFrame):
 
 
 def _seen(found: FollowedCamera, estimate: PoseEstimate, camera: PinholeCamera) -> Localization:
-    oriented = found.as_held(camera)
+    oriented = found.as_fitted(camera)
     return Localization(estimate.seen_from(oriented.camera_in_robot.inverse()), oriented)

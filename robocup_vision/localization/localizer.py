@@ -71,8 +71,8 @@ class Localization(NamedTuple):
         Where edges of the field were predicted and what the frame shows there, or what returns that, now or later;
         None: the localiser predicts none.
     held_covariance : (4, 4) float64 or None
-        Of the camera's tilt and roll (rad), height (m) and the logarithm of its focal length, where the frame told
-        them; None: it did not.
+        Of the camera's tilt and roll (rad), height (m) and the logarithm of its focal length, where the frame
+        shows them; None: it does not.
     tells_half : bool
         Whether the frame itself shows which half of the field it is. Else each candidate's half turn is one, too.
     """

@@ -41,7 +41,7 @@ class Method:
         Whether a pinhole camera's tilt must be known.
     by_edges : bool
         Whether it goes by edges: it takes the prior's covariance as a factor of its answer, and tilt, roll and height
-        of a pinhole camera may be told frame by frame.
+        of a pinhole camera may be given frame by frame.
     is_baseline : bool
         Whether it is a published method, kept for comparison.
     needs_map : bool

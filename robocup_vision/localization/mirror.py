@@ -81,10 +81,10 @@ class MirrorLocalizer:
             reason = estimate.reason
         if self._lines is not None:
             estimate = self._by_lines(self._lines, evidence, start)
-            doubt = self._doubt(estimate.pose, evidence) if isinstance(estimate, PoseEstimate) else estimate.reason
-            if isinstance(estimate, PoseEstimate) and doubt is None:
+            conflict = estimate.reason if isinstance(estimate, NotLocated) else self._conflict(estimate.pose, evidence)
+            if isinstance(estimate, PoseEstimate) and conflict is None:
                 return Localization(self._half.choose(frame, estimate, colors, start), camera)
-            reason = f"{reason}; by lines: {doubt}" if reason else str(doubt)
+            reason = f"{reason}; by lines: {conflict}" if reason else str(conflict)
         return Localization(NotLocated(reason), camera)
 
     def _line_odds(self, evidence: FrameEvidence) -> LineOdds | None:
@@ -106,7 +106,7 @@ class MirrorLocalizer:
         if self._lines is None:
             return estimate, walls
         followed = self._lines.follow(self._line_points(evidence.frame, self._lines), start)
-        if not followed or self._doubt(followed.pose, evidence) is not None:
+        if not followed or self._conflict(followed.pose, evidence) is not None:
             return estimate, walls
         if followed.std[:2].max() >= estimate.std[:2].max():
             return estimate, walls
@@ -127,7 +127,7 @@ class MirrorLocalizer:
         self._searched_s = t_s if found and (start is None or lines.is_near(found, start)) else None
         return found
 
-    def _doubt(self, pose: Pose2, evidence: FrameEvidence) -> str | None:
+    def _conflict(self, pose: Pose2, evidence: FrameEvidence) -> str | None:
         """Return the outline's contradiction to a pose by lines alone; None where there is none, or no walls."""
         if self._outline is None:
             return None

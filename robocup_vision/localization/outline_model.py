@@ -94,7 +94,7 @@ class OutlineModel:
     camera: OmniCamera
     view: PolarView  #: defines the bearings
     noise: OutlineNoise
-    doubt: OutlineCameraSettings = OutlineCameraSettings()  #: errors of the camera file, and the body's lean
+    file_errors: OutlineCameraSettings = OutlineCameraSettings()  #: errors of the camera file, and the body's lean
 
     @cached_property
     def unit_px(self) -> float:
@@ -147,14 +147,14 @@ class OutlineModel:
     @cached_property
     def lean_doubt(self) -> CameraDoubt:
         """A body that may lean, whose camera is as its file says."""
-        return CameraDoubt(self.noise.edge_px, _SURE_PX, self.doubt.sway_std_rad, True)
+        return CameraDoubt(self.noise.edge_px, _SURE_PX, self.file_errors.sway_std_rad, True)
 
     @cached_property
     def file_doubt(self) -> CameraDoubt:
         """A camera whose centre and tilt may be off its file."""
-        # without a viewpoint's height a tilt cannot be told
-        tilt_std_rad = self.doubt.tilt_std_rad if self.camera.height_m is not None else _SURE_RAD
-        return CameraDoubt(self.noise.edge_px, self.doubt.center_std_units * self.unit_px, tilt_std_rad, False)
+        # without a viewpoint's height a tilt cannot be observed
+        tilt_std_rad = self.file_errors.tilt_std_rad if self.camera.height_m is not None else _SURE_RAD
+        return CameraDoubt(self.noise.edge_px, self.file_errors.center_std_units * self.unit_px, tilt_std_rad, False)
 
     @cached_property
     def _rules(self) -> UprightRules:
@@ -175,8 +175,8 @@ class OutlineModel:
     def fit(self, start: Vector, radius_px: FloatArray, scales: FloatArray) -> tuple[OutlineFit, int]:
         """Fit an upright body's pose, from a start x, y, theta, to an outline (K,); with the number of its bearings."""
         lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
-        told = fit_upright(start, radius_px, scales, self._rules, lines, covariance)
-        pose, bearings, cost, inlier_ratio, rms_px, along_m, by_lean, by_file = told
+        fitted = fit_upright(start, radius_px, scales, self._rules, lines, covariance)
+        pose, bearings, cost, inlier_ratio, rms_px, along_m, by_lean, by_file = fitted
         # estimates take a read-only array without a copy
         covariance.setflags(write=False)
         residual, predicted = lines

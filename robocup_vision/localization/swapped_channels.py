@@ -68,8 +68,8 @@ def log_ratios_at(frame: UInt8Array, pixels: FloatArray, shown: BoolArray) -> Fl
         Which of them are read.
     """
     u, v = np.rint(pixels[shown]).astype(int).T
-    around = np.arange(-1, 2)
-    patches = frame[v[:, None, None] + around[:, None], u[:, None, None] + around]
+    steps = np.arange(-1, 2)
+    patches = frame[v[:, None, None] + steps[:, None], u[:, None, None] + steps]
     blue, green, red = np.log(patches.sum(axis=(1, 2), dtype=np.int64) + _DARKEST).T
     return np.stack([red - green, blue - green], axis=1)
 

@@ -83,8 +83,8 @@ class Mixture:
         modes: list[PoseMode] = []
         if any(matches):
             for mode, match in zip(self.modes, matches, strict=True):
-                worth = _log_chance(mode.agrees, match is not None, fresh, errors.outlier_rate)
-                weighed = replace(mode, log_weight=mode.log_weight + worth, agrees=match is not None)
+                log_chance = _log_chance(mode.agrees, match is not None, fresh, errors.outlier_rate)
+                weighed = replace(mode, log_weight=mode.log_weight + log_chance, agrees=match is not None)
                 if match is not None:
                     weighed = self._follow(weighed, match, estimate, t_s, errors)
                     if is_exact and match.excess > 1:
@@ -92,9 +92,9 @@ class Mixture:
                 modes.append(weighed)
         else:
             # a new error by all modes, or the robot is elsewhere
-            worth = math.log(fresh * errors.outlier_rate)
+            log_chance = math.log(fresh * errors.outlier_rate)
             for rank, mode in enumerate(self.modes):
-                modes.append(replace(mode, log_weight=mode.log_weight + worth, agrees=mode.agrees and rank > 0))
+                modes.append(replace(mode, log_weight=mode.log_weight + log_chance, agrees=mode.agrees and rank > 0))
         if not is_exact:
             for measurement in measurements:
                 new = self._new_mode(measurement, len(measurements), estimate, t_s, odometry)

@@ -34,14 +34,14 @@ _INSIDE_M = 1e-6
 class _Moment:
     """A step of odometry, or a frame, and the mixture after it.
 
-    `odometry_pose` is by odometry alone; `is_doubted`: how the robot moved up to here is not known.
+    `odometry_pose` is by odometry alone; `is_motion_unknown`: how the robot moved up to here is not known.
     """
 
     t_s: float
     odometry_pose: Pose2
     estimate: PoseEstimate | None
     mixture: Mixture
-    is_doubted: bool = False
+    is_motion_unknown: bool = False
 
     @property
     def key(self) -> tuple[float, ...]:
@@ -244,7 +244,7 @@ class PoseFilter:
         later = self._moments[at:]
         del self._moments[at:]
         # within a motion that is doubted both of its parts are
-        new = replace(new, is_doubted=bool(later) and later[0].is_doubted)
+        new = replace(new, is_motion_unknown=bool(later) and later[0].is_motion_unknown)
         for moment in (new, *later):
             self._moments.append(self._after(self._moments[-1], moment))
 
@@ -297,8 +297,8 @@ class PoseFilter:
             at -= 1
         then = self._moments[at - 1]
         if at < len(self._moments) and then.t_s < t_s:
-            is_doubted = self._moments[at].is_doubted
-            then = self._after(then, _Moment(t_s, odometry_pose, None, then.mixture, is_doubted))
+            is_motion_unknown = self._moments[at].is_motion_unknown
+            then = self._after(then, _Moment(t_s, odometry_pose, None, then.mixture, is_motion_unknown))
         if not then.mixture.modes:
             return None
         best = then.mixture.hypotheses[0]
@@ -347,10 +347,10 @@ class PoseFilter:
         if seconds > 0.0 or moment.odometry_pose != before.odometry_pose:
             motion = before.odometry_pose.inverse().compose(moment.odometry_pose)
             mixture = mixture.move(motion, seconds, self.odometry_noise, self.frame_errors)
-        if moment.is_doubted:
+        if moment.is_motion_unknown:
             mixture = mixture.widen(seconds)
         if moment.estimate is not None:
             mixture = mixture.update(moment.estimate, moment.t_s, self.odometry_noise, self.frame_errors)
         if self._bound is not None:
             mixture = mixture.changed(self._bound.keep)
-        return _Moment(moment.t_s, moment.odometry_pose, moment.estimate, mixture, moment.is_doubted)
+        return _Moment(moment.t_s, moment.odometry_pose, moment.estimate, mixture, moment.is_motion_unknown)

@@ -22,7 +22,7 @@ from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
 
 # scale of the robust loss in each iteration, pixels: samples on an arc are good already
 _SCALES, _CONSTRAINED_SCALES = np.full(4, 0.3), np.full(3, 0.5)
-_ROOM = 257  # cameras of an arc, at most: on the largest field some 140 steps
+_MAX_CAMERAS = 257  # cameras of an arc, at most: on the largest field some 140 steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,9 @@ def follow_arc(
     std_m : float
         How far along the arc its place is open, one standard deviation by the covariance at that place.
     """
-    cameras = ArcCameras(np.empty((_ROOM, UNKNOWNS)), np.empty((_ROOM, UNKNOWNS, UNKNOWNS)), np.empty(_ROOM))
+    cameras = ArcCameras(
+        np.empty((_MAX_CAMERAS, UNKNOWNS)), np.empty((_MAX_CAMERAS, UNKNOWNS, UNKNOWNS)), np.empty(_MAX_CAMERAS)
+    )
     priors = at_one_heading(model).priors
     begin, end = trace_arc(model.scene, samples.for_fit, priors, _SCALES, start, std_m, limits, cameras)
     unknowns, covariance, cost = (part[begin:end] for part in cameras)

@@ -74,9 +74,9 @@ class LineDrawing:
         settings: DrawingSettings = DrawingSettings(),
     ) -> None:
         self._settings = settings
-        around = (AROUND, AROUND)
+        window = (AROUND, AROUND)
         self._picture: DrawnPicture | None = None
-        closed = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones(around, np.uint8))
+        closed = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones(window, np.uint8))
         border = np.ones((settings.border_px, settings.border_px), np.uint8)
         carpet = np.asarray(cv2.erode(closed, border), np.uint8)
         rows = np.flatnonzero(carpet.any(axis=1))
@@ -162,9 +162,9 @@ class LineDrawing:
         likelihood: float,
     ) -> FloatArray | None:
         """Covariance (8, 8) at a place on an arc, by how far the drawing moves with the camera; axes (K, K) to try."""
-        around = [arc.camera(place) for axis in axes for place in (at - axis, at + axis)]
-        cameras = np.array([found[0] for found in around if found is not None])
-        if len(cameras) < len(around):
+        neighbours = [arc.camera(place) for axis in axes for place in (at - axis, at + axis)]
+        cameras = np.array([found[0] for found in neighbours if found is not None])
+        if len(cameras) < len(neighbours):
             return None
         length = 2 * np.diag(axes)
         along = (cameras[1::2] - cameras[::2]).T / length

@@ -171,9 +171,13 @@ def measure(
     points = np.empty((2 * EDGES + 2 * feet, 2))
     if not goal_points(goal_scene(shape, view), unknowns, points):
         return None
-    room = EDGES * settings.max_samples + feet
+    capacity = EDGES * settings.max_samples + feet
     found = FoundEdges(
-        np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, 2)), np.empty(room), np.empty(EDGES, np.int64)
+        np.empty(capacity, np.int64),
+        np.empty((capacity, 2)),
+        np.empty((capacity, 2)),
+        np.empty(capacity),
+        np.empty(EDGES, np.int64),
     )
     due = DueEdges(from_ideal(camera, points), feet, settings.spacing_px, settings.max_samples, reach_px)
     look = EdgeLook(

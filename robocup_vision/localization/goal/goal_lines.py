@@ -165,15 +165,15 @@ class GoalLines:
         self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
     ) -> list[tuple[FloatArray, FloatArray]]:
         """Cameras on the arc: the goal's own, and those that lines confirm best."""
-        settings, held = self._settings, at_one_heading(model)
+        settings, fixed = self._settings, at_one_heading(model)
         how_far = MarkReach(settings.reach_stds, settings.min_reach_px, settings.reaches_px[0])
         seen = self._look(frame, model, arc.unknowns, arc.covariance, how_far)
         scales = np.full(settings.iterations, settings.scales_px[1])
         cameras, evidence = arc.unknowns.copy(), np.empty(len(arc.cost))
         fit_marked(
-            held.scene,
+            fixed.scene,
             found.samples.for_fit,
-            held.priors,
+            fixed.priors,
             scales,
             seen,
             self._model,
@@ -271,9 +271,11 @@ class GoalLines:
         how_far: MarkReach,
     ) -> SeenMarks:
         """Look for lines where each of some cameras (K, 8), with covariances (K, 8, 8), predicts them."""
-        room = len(cameras) * len(self._points)
-        places = MarkPlaces(np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room))
-        reach, bounds = np.empty(room), np.empty(len(cameras) + 1, np.int64)
+        capacity = len(cameras) * len(self._points)
+        places = MarkPlaces(
+            np.empty((capacity, 2)), np.empty((capacity, 2)), np.empty((capacity, 2)), np.empty(capacity)
+        )
+        reach, bounds = np.empty(capacity), np.empty(len(cameras) + 1, np.int64)
         n = due_marks(
             self._points,
             self._directions,

@@ -24,7 +24,7 @@ _HALVED = {"linear": ((-2, 0.125), (-1, 0.125), (0, 0.375), (1, 0.375)), "neares
 class PointSpread(NamedTuple):
     """A point spread along one axis of the picture."""
 
-    mixed: float  #: share of each neighbour in a pixel
+    mixed: float  #: weight of each neighbour in a pixel
     lens_px: float  #: standard deviation of what the lens spreads
     #: how a channel at half the resolution is spread over the pixels: "linear" or "nearest"; empty: it is whole
     halved: str = ""
@@ -66,17 +66,17 @@ def step_response(spread: PointSpread) -> FloatArray:
     """Light of a step in even and odd pixels behind it, and its derivative: (2, K, 2), `PER_PX` entries to a pixel."""
     at = np.arange(-_REACH_PX * PER_PX, _REACH_PX * PER_PX + 1) / PER_PX
     light, density = np.zeros_like(at), np.zeros_like(at)
-    for offset, share in ((-1, spread.mixed), (0, 1 - 2 * spread.mixed), (1, spread.mixed)):
-        before, behind = (_blurred(at - offset + half, spread.lens_px) for half in (-0.5, 0.5))
-        light += share * (behind[0] - before[0])
-        density += share * (behind[1] - before[1])
+    for offset, weight in ((-1, spread.mixed), (0, 1 - 2 * spread.mixed), (1, spread.mixed)):
+        before, after = (_blurred(at - offset + half, spread.lens_px) for half in (-0.5, 0.5))
+        light += weight * (after[0] - before[0])
+        density += weight * (after[1] - before[1])
     if not spread.halved:
         response = np.stack([light, density], axis=-1)
         return np.stack([response, response])
     parities = []
     for sign in (1, -1):
-        parts = [(share, at + sign * offset) for offset, share in _HALVED[spread.halved]]
-        parities.append([sum(share * np.interp(where, at, f) for share, where in parts) for f in (light, density)])
+        parts = [(weight, at + sign * offset) for offset, weight in _HALVED[spread.halved]]
+        parities.append([sum(weight * np.interp(where, at, f) for weight, where in parts) for f in (light, density)])
     return np.ascontiguousarray(np.moveaxis(np.array(parities), 1, 2))
 
 

@@ -153,14 +153,14 @@ class _SectionFit:
         self.count = 0
         if due is None:
             return
-        room = MEMBERS * settings.pieces * settings.max_lines * 2 + 40
+        capacity = MEMBERS * settings.pieces * settings.max_lines * 2 + 40
         self.sections = Sections(
-            np.empty((room * 14, CHANNELS + 1)),
-            np.zeros(room + 1, np.int64),
-            np.empty((room, 3)),
-            np.empty(room, np.int64),
-            np.empty(room, np.int64),
-            np.empty(room, np.int64),
+            np.empty((capacity * 14, CHANNELS + 1)),
+            np.zeros(capacity + 1, np.int64),
+            np.empty((capacity, 3)),
+            np.empty(capacity, np.int64),
+            np.empty(capacity, np.int64),
+            np.empty(capacity, np.int64),
             np.empty(MEMBERS * settings.pieces + 2),
         )
         picture = SectionPicture(image, np.array([appearance.towards, _BRIGHTNESS]), settings.saturated)
@@ -171,7 +171,7 @@ class _SectionFit:
         self._spreads = [[TYPICAL] * CHANNELS, [TYPICAL] * CHANNELS]
         self._variance = np.full((2, CHANNELS), _FIRST_STD**2)
         self._few = [np.flatnonzero(self._axis == axis)[:: settings.every].copy() for axis in (0, 1)]
-        self._told, self._misfit = np.empty((count, CHANNELS, 5)), np.empty((count, CHANNELS))
+        self._line_evidence, self._misfit = np.empty((count, CHANNELS, 5)), np.empty((count, CHANNELS))
         weight = np.where(np.isinf(model.weight), 1e12, model.weight)
         errors = [settings.edge_error_px] * EDGES + [settings.foot_error_px] * 2
         self._weight = np.concatenate([weight, np.array(errors) ** -2])
@@ -195,10 +195,10 @@ class _SectionFit:
         due = _due(self._camera, self._model, self.p[None, :8], settings.clear_of_corners_px)
         if due is None:
             return None
-        told = np.zeros((pieces + 2, 5))
-        np.add.at(told, self.piece, self._evidence)
-        information = told[:, [0, 2]] + settings.move_std_px**-2
-        move = told[:, 3:] / information
+        by_piece = np.zeros((pieces + 2, 5))
+        np.add.at(by_piece, self.piece, self._evidence)
+        information = by_piece[:, [0, 2]] + settings.move_std_px**-2
+        move = by_piece[:, 3:] / information
         move[:pieces] += self.p[8 : 8 + EDGES].reshape(MEMBERS, 2).repeat(settings.pieces, axis=0)
         move[pieces:, 1] += self.p[8 + EDGES :]
         variance = 1 / information
@@ -277,7 +277,7 @@ class _SectionFit:
     def _measure(self, every: int) -> FloatArray:
         """Return what sections, one in so many, tell of their edges where the camera has them now: (S, 5)."""
         a, b, c, d = (self._response(spread) for axis in self._spreads for spread in axis)
-        fit_sections(self.sections, every, (a, b, c, d), self._variance, self._told, self._misfit)
+        fit_sections(self.sections, every, (a, b, c, d), self._variance, self._line_evidence, self._misfit)
         axis, misfit = self._axis[::every], self._misfit[::every]
         for one in (0, 1):
             if np.any(axis == one):
@@ -288,7 +288,7 @@ class _SectionFit:
         variance = self._variance[axis]
         weight = 1 / (variance * shared[axis] * (1 + misfit / (variance * self._settings.cut)) ** 2)
         evidence = np.zeros((self.count, 5))
-        evidence[::every] = (self._told[::every] * weight[:, :, None]).sum(axis=1)
+        evidence[::every] = (self._line_evidence[::every] * weight[:, :, None]).sum(axis=1)
         return evidence
 
     def _move(self, every: int) -> bool:

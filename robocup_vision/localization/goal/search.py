@@ -233,9 +233,9 @@ class GoalSearch:
         mask = picture.washable(self._color_of(sides))
         corners = project(self.colored_model.view, unknowns, self.shape.corners)
         pixels = (from_ideal(self.camera, corners) + 0.5) / picture.factor - 0.5
-        share = np.empty(3)
-        mean_along(mask, np.ascontiguousarray(pixels[:-1]), np.ascontiguousarray(pixels[1:]), share)
-        return share / 255
+        painted = np.empty(3)
+        mean_along(mask, np.ascontiguousarray(pixels[:-1]), np.ascontiguousarray(pixels[1:]), painted)
+        return painted / 255
 
     def _color_of(self, sides: tuple[int, ...]) -> str:
         color = next(goal.color for goal in self.field.goals if goal.side == sides[0])

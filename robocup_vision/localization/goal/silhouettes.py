@@ -229,8 +229,10 @@ class SilhouetteSearch:
         (rows, columns), ratio = edges.levels.shape, self.settings.painted_ratio
         size = (columns, rows)
         painted = cv2.resize(paint, size, interpolation=cv2.INTER_AREA) > _MIN_PAINT
-        share = min(max(float(painted.mean()), 0.02), ratio)
-        nats = np.where(painted, math.log(ratio / share), math.log((1 - ratio) / (1 - share))).astype(np.float32)
+        background = min(max(float(painted.mean()), 0.02), ratio)
+        nats = np.where(painted, math.log(ratio / background), math.log((1 - ratio) / (1 - background))).astype(
+            np.float32
+        )
         green = np.asarray(cv2.resize(carpet, size, interpolation=cv2.INTER_NEAREST), np.uint8)
         return Evidence(*edges, nats, green)
 
@@ -242,6 +244,6 @@ class SilhouetteSearch:
         for direction in range(_DIRECTIONS):
             there = np.count_nonzero(levels & (1 << direction)) / levels.size
             nearby = np.count_nonzero(levels & (16 << direction)) / levels.size - there
-            share = np.maximum([1 - there - nearby, nearby, there], 0.01)
-            nats[direction] = np.log(of_goal / share)
+            background = np.maximum([1 - there - nearby, nearby, there], 0.01)
+            nats[direction] = np.log(of_goal / background)
         return nats

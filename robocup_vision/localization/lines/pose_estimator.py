@@ -184,14 +184,14 @@ class LinePoseEstimator:
 
     def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
         """Refine in pixels the candidates that the search does not separate, and take the best if it is alone."""
-        doubtful = [
+        similar = [
             c.pose for c in found if c.cost <= self.settings.rival_ratio * found[0].cost + self.settings.rival_excess
         ]
-        if len(doubtful) == 1:
-            return doubtful[0]
+        if len(similar) == 1:
+            return similar[0]
         thin = one_per_patch(points, math.inf, self.settings.search)
-        answers = [refine_by_lines(pose, thin, self.line_map, settings=self.settings.fit) for pose in doubtful]
-        poses = [answer.pose if answer else pose for answer, pose in zip(answers, doubtful, strict=True)]
+        answers = [refine_by_lines(pose, thin, self.line_map, settings=self.settings.fit) for pose in similar]
+        poses = [answer.pose if answer else pose for answer, pose in zip(answers, similar, strict=True)]
         ranked = sorted((self._pixel_loss(pose, thin), i) for i, pose in enumerate(poses))
         ranked = [(loss, i) for loss, i in ranked if self._support(poses[i], points) >= self.settings.min_support]
         if not ranked:

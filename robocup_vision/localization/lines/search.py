@@ -129,8 +129,8 @@ def has_continuation(pixels: FloatArray, settings: LineSearchSettings = LineSear
     window = settings.window_px
     spots = np.zeros((int(v.max()) + 1, int(u.max()) + 1), dtype=np.uint8)
     spots[v, u] = 1
-    around = cv2.boxFilter(spots, cv2.CV_16S, (window, window), normalize=False, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(2 * around[v, u] > window)
+    neighbours = cv2.boxFilter(spots, cv2.CV_16S, (window, window), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(2 * neighbours[v, u] > window)
 
 
 def one_per_patch(

@@ -93,8 +93,8 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
                 top_m = min(top_m, field.wall_height_m)
             for outward in (-1.0, 1.0):
                 y = outward * goal.width_m / 2
-                for x, is_back, room_m in ((goal.line_x_m, 0.0, goal.width_m), (goal.back_x_m, 1.0, goal.depth_m)):
-                    corners.append([x, y, 0.0, top_m, paint, next(features), outward, is_back, room_m])
+                for x, is_back, clear_m in ((goal.line_x_m, 0.0, goal.width_m), (goal.back_x_m, 1.0, goal.depth_m)):
+                    corners.append([x, y, 0.0, top_m, paint, next(features), outward, is_back, clear_m])
         elif goal.kind == "posts":
             half = goal.width_m / 2
             for y in (-half, half):

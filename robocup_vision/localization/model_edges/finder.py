@@ -113,11 +113,11 @@ class EdgeFinder:
         self._half_m = (field.length_m / 2 + 0.2, field.width_m / 2 + 0.2)
         self._aligned, self._costs = np.zeros((most, 5)), np.zeros(most)
         self._uprights = prepare_uprights(field, self._bank)
-        self._sights = np.zeros((MAX_SIGHTINGS, SIGHT))
+        self._sightings = np.zeros((MAX_SIGHTINGS, SIGHT))
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
         self._candidates = replace(s.candidates, of_rms=s.candidates.of_rms / scale)
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
-        self._room_m2rad = math.tau * float(np.prod(high - low))
+        self._searched_m2rad = math.tau * float(np.prod(high - low))
         self._covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
         self._gates_px = np.array(s.gates_px) * max(1.0, 0.5 * (1.0 + scale))
 
@@ -159,8 +159,8 @@ class EdgeFinder:
         upright_bins(frame, lens, horizon, self._bank.paints, self._bank.half_view_rad, seen)
         number = floor_places(self._points, count, lens, tilt, roll, camera.height_m, s.max_range_m, self._rows)
         level = Horizon(horizon, camera.height_m, NOD_RAD * camera.focal_px[1])
-        many = sightings(frame, lens, level, seen, self._bank.half_view_rad, self._uprights, self._sights)
-        sights = self._sights[:many]
+        many = sightings(frame, lens, level, seen, self._bank.half_view_rad, self._uprights, self._sightings)
+        seen_uprights = self._sightings[:many]
         if number < 3 and seen[:, -1].sum() < 2:
             return np.empty((0, 4))
         score_bank(self._bank, self._rows, number, seen, 0.0, self._scores)
@@ -168,10 +168,10 @@ class EdgeFinder:
         kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
         slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
         pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-        how = Alignment(slopes, tilt, roll, camera.height_m, self._near_std, pixel_rad, self._gates_px, sights)
+        how = Alignment(slopes, tilt, roll, camera.height_m, self._near_std, pixel_rad, self._gates_px, seen_uprights)
         tried = self._tried
         tried[:kept] = self._starts[:kept, :3]
-        kept += poses_around(sights, camera.focal_px[0], self._half_m, s.step_m, tried[kept:])
+        kept += poses_around(seen_uprights, camera.focal_px[0], self._half_m, s.step_m, tried[kept:])
         starts = tried[:kept]
         poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
         align_likeliest(self._bank, how, seen, s.upright_weight, starts, s.likely, poses, costs)
@@ -236,7 +236,7 @@ class EdgeFinder:
         away_m, turned_rad = pose.error_to(near, symmetric=self._has_twins)
         density = math.exp(-0.5 * ((away_m / s.lost_std_m) ** 2 + (turned_rad / s.lost_std_rad) ** 2))
         density /= math.sqrt(math.tau) ** 3 * s.lost_std_m**2 * s.lost_std_rad
-        return math.log(1 - s.near_ratio + s.near_ratio * density * self._room_m2rad)
+        return math.log(1 - s.near_ratio + s.near_ratio * density * self._searched_m2rad)
 
     def judge(
         self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None

@@ -54,7 +54,7 @@ _OPEN_STD = 1.0
 class PoseLikelihood:
     """Likelihood of a pose by one frame alone, as a Gaussian in information form."""
 
-    about: Pose2  #: where it was linearised
+    reference: Pose2  #: where it was linearised
     information: FloatArray  #: (3, 3) float64: of x_m, y_m, theta_rad; may be singular
     gradient: FloatArray  #: (3,) float64: of the log-likelihood there
 
@@ -89,9 +89,9 @@ class FollowedCamera:
         return self._by_frame_alone()[0]
 
     def _by_frame_alone(self) -> tuple[Pose2, FloatArray]:
-        covariance, about, known = np.empty((3, 3)), self.likelihood.about, self.likelihood
+        covariance, reference, known = np.empty((3, 3)), self.likelihood.reference, self.likelihood
         x, y, turn = frame_alone(known.information, known.gradient, _OPEN_STD, covariance)
-        return Pose2(about.x_m + x, about.y_m + y, about.theta_rad + turn), covariance
+        return Pose2(reference.x_m + x, reference.y_m + y, reference.theta_rad + turn), covariance
 
     def without_prior(self) -> FollowedCamera:
         """Return the answer with the estimate by the frame alone."""
@@ -102,7 +102,7 @@ class FollowedCamera:
         estimate = replace(self.estimate, candidates=(self.estimate.pose, *others))
         return replace(self, others=others, estimate=estimate)
 
-    def as_held(self, camera: PinholeCamera) -> PinholeCamera:
+    def as_fitted(self, camera: PinholeCamera) -> PinholeCamera:
         """Return the robot's camera as it was held and focused in this frame."""
         tilt_rad, roll_rad, height_m, log_focal = self.camera_unknowns
         (fu, fv), scale = self.file_camera.focal_px, math.exp(log_focal)
@@ -161,7 +161,7 @@ class EdgeFollower:
         self._plain_numbers, self._proposed_numbers, self._followed_numbers = plain((self.numbers, proposed, followed))
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
-        self._room = empty_room(_MAX_SAMPLES, _MAX_POINTS)
+        self._buffers = empty_room(_MAX_SAMPLES, _MAX_POINTS)
         self._fit = Fit(
             np.zeros(UNKNOWNS),
             np.zeros((UNKNOWNS, UNKNOWNS)),
@@ -177,7 +177,7 @@ class EdgeFollower:
         self.hold(camera)
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
         # arguments of each call are plain, see `plain`
-        self._plain = plain((self._scene, self._prior, self._room, self._fit))
+        self._plain = plain((self._scene, self._prior, self._buffers, self._fit))
         # views of the fit's results other than the pose
         self._fitted_camera, self._fitted_variances = self._fit.unknowns[3:], self._fit.covariance.diagonal()[3:]
         self._keep, self._dt_s = np.zeros(4), -1.0
@@ -208,8 +208,8 @@ class EdgeFollower:
         self._camera_prior[0, :3] = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
         at_rest = self._sway[1, :3] >= self._camera_prior[1, :3] ** 2
         self._camera_prior[1, :3] = tilt_std, roll_std, camera.height_std_m
-        told, carried = self._camera_prior[1, :3] ** 2, self._sway[1, :3]
-        self._sway[1, :3] = np.where(at_rest, told, np.minimum(carried, told))
+        known, carried = self._camera_prior[1, :3] ** 2, self._sway[1, :3]
+        self._sway[1, :3] = np.where(at_rest, known, np.minimum(carried, known))
 
     @property
     def painted_edges(self) -> FieldEdges:
@@ -233,7 +233,7 @@ class EdgeFollower:
         root, open_ = self._prior.root, np.diag(self._prior.root) > 0.0
         inverse = np.linalg.inv(root[np.ix_(open_, open_)])
         information = np.zeros((UNKNOWNS, UNKNOWNS))
-        information[np.ix_(open_, open_)] = inverse.T @ self._room.information[np.ix_(open_, open_)] @ inverse
+        information[np.ix_(open_, open_)] = inverse.T @ self._buffers.information[np.ix_(open_, open_)] @ inverse
         rest = information[3:, 3:] + np.diag(std**-2.0)
         cross = information[:3, 3:]
         marginal = information[:3, :3] - cross @ np.linalg.solve(rest, cross.T)
@@ -270,7 +270,7 @@ class EdgeFollower:
     def edge_points_when_asked(self) -> Callable[[], EdgePoints]:
         """Return a function that returns `edge_points` of this fit, also after other frames."""
         count = int(self._fit.figures[0])
-        return partial(_edge_points, self._room.samples.uv[:count].copy(), self._room.found.status[:count].copy())
+        return partial(_edge_points, self._buffers.samples.uv[:count].copy(), self._buffers.found.status[:count].copy())
 
     def find_line_points(self, frame: UInt8Array, tilt_rad: float, roll_rad: float, points: FloatArray) -> int:
         """Find points on lines without a pose, and learn the brightness of white paint from them.
@@ -289,13 +289,13 @@ class EdgeFollower:
         int
             How many.
         """
-        camera, numbers, carpet, held = self.camera, self.numbers, np.zeros(CARPET), np.zeros(UNKNOWNS)
+        camera, numbers, carpet, unknowns = self.camera, self.numbers, np.zeros(CARPET), np.zeros(UNKNOWNS)
         carpet_look(frame, int(camera.center_px[1] + camera.focal_px[1] * math.tan(tilt_rad)), carpet)
-        held[TILT], held[ROLL], held[HEIGHT] = tilt_rad, roll_rad, camera.height_m
+        unknowns[TILT], unknowns[ROLL], unknowns[HEIGHT] = tilt_rad, roll_rad, camera.height_m
         usual = float(self.edges.channels[0, 3]) * brightness(carpet)
         step = max(0.5 * numbers.min_ratio * usual, 5 * float(carpet[3]))
         look = LineLook(step, numbers.line_width_m, MAX_WIDTHS, max(numbers.point_stride // 2, 2))
-        count = int(line_points(frame, self.lens, held, carpet, look, points))
+        count = int(line_points(frame, self.lens, unknowns, carpet, look, points))
         wide = points[:count][self._widths_px(points[:count], tilt_rad, roll_rad) >= self.settings.min_paint_px]
         if len(wide) >= self.settings.min_paint_points:
             columns, rows = np.rint(wide[:, :2].T).astype(np.intp)
@@ -323,7 +323,7 @@ class EdgeFollower:
         channels[channels[:, 7] > 0.0] *= (1.0, 1.0, 1.0, ratio, 1.0, 1.0, 1.0, ratio)
         channels.flags.writeable = False
         self._scene = self._scene._replace(field=self.edges._replace(channels=channels))
-        self._plain = plain((self._scene, self._prior, self._room, self._fit))
+        self._plain = plain((self._scene, self._prior, self._buffers, self._fit))
 
     def forget_paint(self) -> None:
         """Forget the brightness of white paint."""
@@ -385,7 +385,7 @@ class EdgeFollower:
         if dt_s != self._dt_s:
             self._pass_time(dt_s)
         if not self._knows_paint:
-            self.find_line_points(frame, self._camera_prior[0, 0], self._camera_prior[0, 1], self._room.points)
+            self.find_line_points(frame, self._camera_prior[0, 0], self._camera_prior[0, 1], self._buffers.points)
             self._knows_paint = True
         pose, fit = prior.pose, self._fit
         at = np.array((pose.x_m, pose.y_m, pose.theta_rad))
@@ -393,13 +393,13 @@ class EdgeFollower:
             raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
         prior_log_odds = self._prior_log_odds(prior, dt_s)
         numbers = self._followed_numbers if prior_log_odds > 0.0 else self._plain_numbers
-        scene, unknowns, room, result = self._plain
+        scene, unknowns, buffers, result = self._plain
         if not follow(
             frame,
             scene,
             unknowns,
             self._proposed_numbers if is_proposal else numbers,
-            room,
+            buffers,
             result,
             modes,
             is_same_frame,
@@ -424,9 +424,9 @@ class EdgeFollower:
         self._sway[1] = self._fitted_variances
         estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, evidence.rms_px)
         likelihood = PoseLikelihood(pose, fit.information.copy(), fit.gradient.copy())
-        held, covariance = (p[3], p[4], p[5], p[6]), fit.covariance[3:, 3:].copy()
+        camera_unknowns, covariance = (p[3], p[4], p[5], p[6]), fit.covariance[3:, 3:].copy()
         return FollowedCamera(
-            estimate, likelihood, self.camera, held, covariance, evidence, tells_half=self._shows_half()
+            estimate, likelihood, self.camera, camera_unknowns, covariance, evidence, tells_half=self._shows_half()
         )
 
     def _shows_half(self) -> bool:
@@ -434,6 +434,6 @@ class EdgeFollower:
         if self._telling is None:
             return False
         count = int(self._fit.figures[0])
-        status = self._room.found.status[:count][self._telling[self._room.samples.feature[:count]]]
+        status = self._buffers.found.status[:count][self._telling[self._buffers.samples.feature[:count]]]
         found = int(np.count_nonzero(status == FOUND))
         return found >= self.settings.min_telling and 2 * found > int(np.count_nonzero(status != UNSEEN))

@@ -104,7 +104,7 @@ class EdgeLocalizer:
         if isinstance(answer, NotLocated):
             return Localization(answer, camera, edge_points=points or self.follower.edge_points_when_asked())
         back = camera.camera_in_robot.inverse()
-        oriented, measurement = answer.as_held(camera), partial(_measurement, answer, back, camera.pan_std_rad)
+        oriented, measurement = answer.as_fitted(camera), partial(_measurement, answer, back, camera.pan_std_rad)
         seen = points or self.follower.edge_points_when_asked()
         pose, tells_half = _with_pan_error(answer.estimate.seen_from(back), camera.pan_std_rad), answer.tells_half
         return Localization(pose, oriented, None, measurement, seen, answer.camera_covariance, tells_half)

@@ -51,7 +51,7 @@ class EdgeSettings:
     # weight of the squared distance from the prior where modes are chosen, in samples
     prior_ratio: float = 0.3
     # no further hypotheses are drawn once a mode fails fewer of the samples
-    enough: float = 0.2
+    max_failed_ratio: float = 0.2
     # range of the second search for candidates, around a fit, pixels of any picture
     again_px: float = 5.0
     # rows and columns between those that are read for line points
@@ -177,7 +177,7 @@ class EdgeSettings:
             sharp_steps=self.sharp_steps,
             gate_px=self.gate_px,
             prior_ratio=self.prior_ratio,
-            enough=self.enough,
+            enough=self.max_failed_ratio,
             again_px=self.again_px,
             line_width_m=line_width_m,
             point_stride=max(4, round(self.point_stride_px * scale)),

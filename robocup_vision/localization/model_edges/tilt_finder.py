@@ -29,7 +29,7 @@ from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 # distance beyond the outer lines from which no line is the field's
 _BEYOND_M = 0.3
-_NO_SIGHTS = np.zeros((0, SIGHT))
+_NO_SIGHTINGS = np.zeros((0, SIGHT))
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class TiltSettings:
     step_ratio: float = 0.25
     min_bands: int = 16
     # least fraction of carpet in a row where it reaches across the frame
-    min_share: float = 0.5
+    min_carpet_ratio: float = 0.5
     # fraction of the bands that may not be lines, and greatest ratio of a line's width to the painted one
     strays: float = 0.1
     slack: float = 1.4
@@ -68,15 +68,15 @@ class TiltSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class HeldPose(Pose2):
+class TiltedPose(Pose2):
     """A pose of a camera with its tilt and roll."""
 
     tilt_rad: float = 0.0
     roll_rad: float = 0.0
 
-    def half_turn(self) -> HeldPose:
+    def half_turn(self) -> TiltedPose:
         """See `Pose2.half_turn`."""
-        return HeldPose(-self.x_m, -self.y_m, self.theta_rad + math.pi, self.tilt_rad, self.roll_rad)
+        return TiltedPose(-self.x_m, -self.y_m, self.theta_rad + math.pi, self.tilt_rad, self.roll_rad)
 
 
 class TiltFinder(EdgeFinder):
@@ -89,7 +89,7 @@ class TiltFinder(EdgeFinder):
         self._tilts = settings
         self._nearness = 1.0
         self._file_camera = camera
-        held = replace(
+        level = replace(
             camera,
             offset_m=(0.0, 0.0),
             pan_rad=0.0,
@@ -100,16 +100,16 @@ class TiltFinder(EdgeFinder):
         )
         # one frame must decide: all samples count
         edges = EdgeSettings(in_sun_and_shade=True, ample_samples=math.inf, lines_end_m=_BEYOND_M)
-        super().__init__(EdgeFollower(field, held, edges), THOROUGH)
+        super().__init__(EdgeFollower(field, level, edges), THOROUGH)
         self._bands = np.zeros((600, 4))
         focal = math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         roll_std = settings.roll_std_rad if camera.roll_std_rad is None else camera.roll_std_rad
         self._known_std = np.array(
-            [settings.tilt_std_rad, roll_std, held.height_std_m, max(camera.focal_std_px / focal, 1e-6)]
+            [settings.tilt_std_rad, roll_std, level.height_std_m, max(camera.focal_std_px / focal, 1e-6)]
         )
 
     def propose(self, frame: UInt8Array) -> list[Pose2]:
-        """See `EdgeFinder.propose`; these are `HeldPose`."""
+        """See `EdgeFinder.propose`; these are `TiltedPose`."""
         s, tilts, follower, camera = self.settings, self._tilts, self.follower, self.follower.camera
         top = self._carpet_top(frame)
         bands = self._line_bands(frame, top)
@@ -124,7 +124,7 @@ class TiltFinder(EdgeFinder):
         std = np.array([s.near_m, s.near_m, s.near_rad, *tilts.bank_std_rad])
         apart = np.array([s.apart_m, s.apart_rad])
         starts = np.zeros((tilts.aligned, 4))
-        found: list[tuple[float, HeldPose]] = []
+        found: list[tuple[float, TiltedPose]] = []
         roll = self._file_camera.roll_rad or 0.0
         for tilt in lowest + (np.arange(count) + 0.5) * (highest - lowest) / count:
             number = floor_places(
@@ -134,13 +134,13 @@ class TiltFinder(EdgeFinder):
                 continue
             score_bank(self._bank, self._rows, number, self._seen, 0.0, self._scores)
             kept = best_poses(self._bank, self._rows, number, self._scores, tilts.scored, apart, starts)
-            how = Alignment(slopes, tilt, roll, camera.height_m, std, pixel_rad, self._gates_px, _NO_SIGHTS)
+            how = Alignment(slopes, tilt, roll, camera.height_m, std, pixel_rad, self._gates_px, _NO_SIGHTINGS)
             poses, costs = self._aligned[:kept], self._costs[:kept]
             align_all(self._bank, how, self._seen, 0.0, np.ascontiguousarray(starts[:kept, :3]), poses, costs)
             for cost, (x, y, theta, nod, sway) in zip(costs.tolist(), poses.tolist(), strict=True):
                 # the bank's tilt is no evidence
                 bare = cost - 0.5 * (nod / std[3]) ** 2
-                found.append((bare, HeldPose(x, y, theta, float(tilt) + nod, roll + sway)))
+                found.append((bare, TiltedPose(x, y, theta, float(tilt) + nod, roll + sway)))
         found.sort(key=lambda one: one[0])
         likely = (pose for cost, pose in found if cost <= found[0][0] + s.max_more_missed)
         return self._first_apart(likely, s.fitted)
@@ -151,9 +151,9 @@ class TiltFinder(EdgeFinder):
         carpet = np.zeros(LIT_CARPET)
         carpet_look(frame, int(tilts.carpet_top * height), carpet)
         stride = max(round(tilts.stride_ratio * frame.shape[1]) // 2, 1)
-        shares = carpet_mask(frame[::stride, ::stride], carpet).mean(axis=1)
-        bare = np.flatnonzero(shares < tilts.min_share)
-        return stride * int(bare[-1] + 1) if len(bare) and bare[-1] + 1 < len(shares) else 0
+        carpet_ratios = carpet_mask(frame[::stride, ::stride], carpet).mean(axis=1)
+        bare = np.flatnonzero(carpet_ratios < tilts.min_carpet_ratio)
+        return stride * int(bare[-1] + 1) if len(bare) and bare[-1] + 1 < len(carpet_ratios) else 0
 
     def _line_bands(self, frame: UInt8Array, top: int) -> FloatArray:
         """(N, 4) float64: see `line_bands`; the carpet's colour is that below row `top`."""
@@ -180,7 +180,7 @@ class TiltFinder(EdgeFinder):
 
     def _end(self, answer: FollowedCamera | NotLocated) -> Pose2:
         pose = super()._end(answer)
-        return HeldPose(pose.x_m, pose.y_m, pose.theta_rad, *self.follower.tilt_roll_rad)
+        return TiltedPose(pose.x_m, pose.y_m, pose.theta_rad, *self.follower.tilt_roll_rad)
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         # the result of a fit is near: a shorter search does not take neighbouring edges for its own
@@ -194,10 +194,10 @@ class TiltFinder(EdgeFinder):
 
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         s, near = self.settings, self._nearness
-        if isinstance(pose, HeldPose):
+        if isinstance(pose, TiltedPose):
             std = near * self._tilts.fit_std_rad
-            about = Mounting(tilt_rad=pose.tilt_rad, roll_rad=pose.roll_rad, tilt_std_rad=std, roll_std_rad=std)
-            self.follower.hold(self.follower.camera.held(about))
+            mounting = Mounting(tilt_rad=pose.tilt_rad, roll_rad=pose.roll_rad, tilt_std_rad=std, roll_std_rad=std)
+            self.follower.hold(self.follower.camera.held(mounting))
             self.follower.forget()
         covariance = np.diag([near * s.std_m, near * s.std_m, near * s.std_rad]) ** 2
         return self.follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1, is_proposal=True)

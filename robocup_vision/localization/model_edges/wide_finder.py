@@ -33,7 +33,7 @@ from robocup_vision.localization.model_edges.second_look import copy_of, smaller
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 _QUARTER_RAD = math.pi / 2
-_NO_SIGHTS = np.zeros((0, SIGHT))
+_NO_SIGHTINGS = np.zeros((0, SIGHT))
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +116,11 @@ class WideFinder(EdgeFinder):
         horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt)
         carpet = np.zeros(5)
         carpet_look(frame, int(horizon), carpet)
-        held = (tilt, roll, camera.height_m, s.max_range_m)
+        orientation = (tilt, roll, camera.height_m, s.max_range_m)
         points = self._line_points(frame, carpet)
-        number = floor_places(points, len(points), follower.lens, *held, self._rows)
+        number = floor_places(points, len(points), follower.lens, *orientation, self._rows)
         ends = self._carpet_ends(frame, carpet, int(horizon) + 1)
-        walls = floor_places(ends, len(ends), follower.lens, *held, self._wall_rows)
+        walls = floor_places(ends, len(ends), follower.lens, *orientation, self._wall_rows)
         if min(number, walls) < 3:
             return []
         upright_bins(frame, follower.lens, horizon, self._bank.paints, self._bank.half_view_rad, self._seen)
@@ -132,7 +132,7 @@ class WideFinder(EdgeFinder):
         kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
         slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
         pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-        how = Alignment(slopes, tilt, roll, camera.height_m, self._near_std, pixel_rad, self._gates_px, _NO_SIGHTS)
+        how = Alignment(slopes, tilt, roll, camera.height_m, self._near_std, pixel_rad, self._gates_px, _NO_SIGHTINGS)
         poses, costs = self._aligned[:kept], self._costs[:kept]
         starts = np.ascontiguousarray(self._starts[:kept, :3])
         align_all(self._bank, how, self._seen, s.upright_weight, starts, poses, costs)
@@ -172,12 +172,12 @@ class WideFinder(EdgeFinder):
     def _line_points(self, frame: UInt8Array, carpet: FloatArray) -> FloatArray:
         """(N, 3) float64: line points of all widths, as `line_points` gives them."""
         wide, follower, camera = self._wide, self.follower, self.follower.camera
-        held = np.zeros(UNKNOWNS)
-        held[TILT], held[ROLL], held[HEIGHT] = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
+        p = np.zeros(UNKNOWNS)
+        p[TILT], p[ROLL], p[HEIGHT] = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
         usual = follower.numbers.min_ratio * float(follower.edges.channels[0, 3]) * brightness(carpet)
         step = max(wide.step_ratio * usual, 5 * float(carpet[3]))
         look = LineLook(step, follower.numbers.line_width_m, wide.max_line_widths, 2)
-        count = line_points(frame, follower.lens, held, carpet, look, self._points)
+        count = line_points(frame, follower.lens, p, carpet, look, self._points)
         return self._points[:count].copy()
 
     def _carpet_ends(self, frame: UInt8Array, carpet: FloatArray, top: int) -> FloatArray:
