@@ -22,10 +22,10 @@ from robocup_vision.kernels.goal.colors import MirrorProjection, Votes, vote_goa
 from robocup_vision.localization.swapped_channels import (
     SWAPPED_BY_GOALS,
     SwappedChannelsSettings,
-    are_swapped,
     goal_points,
     is_inside,
     log_ratios_at,
+    swapped_nats,
 )
 from robocup_vision.perception.color_table import Colors
 
@@ -118,12 +118,7 @@ class GoalSide:
     ) -> PoseEstimate | NotLocated:
         """Put the right half first.
 
-        Parameters
-        ----------
-        estimate : PoseEstimate
-            With its half turn among the candidates.
-        prior : Pose2, optional
-            Orders the candidates where the goals do not decide.
+        The estimate has its half turn among the candidates; the prior orders them where the goals do not decide.
 
         Returns
         -------
@@ -166,4 +161,4 @@ class GoalSide:
         inner, outer = self.camera.usable_radius_px
         shown = (radius >= inner) & (radius <= outer) & is_inside(pixels, frame, self.mask)
         log_ratios = log_ratios_at(frame, pixels, shown)
-        return are_swapped(log_ratios, sides[shown] > 0, colors.goal_log_ratios, self.settings.channels)
+        return swapped_nats(log_ratios, sides[shown] > 0, colors.goal_log_ratios, self.settings.channels) > 0.0

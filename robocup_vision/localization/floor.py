@@ -45,11 +45,11 @@ _MIN_EDGES = 3
 _OPEN = "the part of the floor's edge in view does not fix the pose in every direction"
 
 
-def require_bounded(field: Field) -> None:
+def require_bounded(field: Field, method: str = "floor") -> None:
     """Raise ArgumentError unless walls or boards bound a field's floor."""
     if not field.is_bounded:
         raise ArgumentError(
-            f"method 'floor' needs walls or boards, but the floor of '{field.name}' is not bounded (carpet)"
+            f"method '{method}' needs walls or boards, but the floor of '{field.name}' is not bounded (carpet)"
         )
 
 
@@ -117,15 +117,8 @@ class OutlineFitter:
     def first_guess(self, radius_px: FloatArray) -> Pose2 | None:
         """Pose from the outline's convex hull, taken in the image, by its centroid and principal axis (paper, step 5).
 
-        Parameters
-        ----------
-        radius_px : (K,) float64
-            Image radius of the floor's edge at each bearing, NaN where none.
-
-        Returns
-        -------
-        Pose2 or None
-            One of the two headings, or None with fewer than three points.
+        The outline (K,) is the image radius of the floor's edge at each bearing, NaN where there is none. The pose has
+        one of the two possible headings; it is None with fewer than three edges.
         """
         bearings, guess = self._guess(radius_px)
         return None if bearings < _MIN_EDGES else Pose2(*guess)

@@ -46,13 +46,10 @@ def agrees(one: PoseEstimate, other: PoseEstimate) -> bool:
 
 
 def fused(one: PoseEstimate, other: PoseEstimate) -> PoseEstimate | None:
-    """Return the estimate by two independent ones; None where no candidates of them may be of one pose.
+    """Return the estimate by two independent ones of one moment; None where no candidates of them may be of one pose.
 
-    Parameters
-    ----------
-    one, other : PoseEstimate
-        At one moment. A candidate that is the half turn of the first has its covariance turned, others have it as it
-        is. The candidates of the result are in the order of those of `one`, then of `other`.
+    A candidate that is the half turn of the first has its covariance turned, others have it unchanged. The candidates
+    of the result are in the order of those of `one`, then of `other`.
     """
     pairs = _pairs(one, other)
     if not pairs:
@@ -73,13 +70,7 @@ def fused(one: PoseEstimate, other: PoseEstimate) -> PoseEstimate | None:
 
 
 def largest_group(estimates: Sequence[PoseEstimate], prior: PoseEstimate | None) -> list[list[int]]:
-    """Return which estimates agree with each other: the largest groups of them, one where they decide.
-
-    Parameters
-    ----------
-    prior : PoseEstimate or None
-        Decides between groups as large as each other that are of different places.
-    """
+    """Return the largest groups of agreeing estimates of a body at one moment; a prior decides between equal ones."""
     groups: list[list[int]] = []
     for first in range(len(estimates)):
         group, together = [first], estimates[first]

@@ -31,13 +31,7 @@ class OutlineCamera:
     settings: OutlineCameraSettings
 
     def with_lean(self, fit: OutlineFit, radius_px: FloatArray) -> OutlineFit:
-        """Return the fit of a body that leans, as one that moves may; the fit itself where it stands upright.
-
-        Parameters
-        ----------
-        fit : OutlineFit
-            Of an upright body.
-        """
+        """Return the fit of a leaning body to an outline (K,); the fit of the upright body where it does not lean."""
         model, gate = self.model, self.settings.lean_gate
         # most bodies stand upright most of the time
         if fit.lean_gain < gate:

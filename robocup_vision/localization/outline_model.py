@@ -22,8 +22,12 @@ from robocup_vision.perception.polar_view import PolarView
 
 # standard deviations of a centre and a tilt that are taken as known
 _SURE_PX, _SURE_RAD = 1e-6, 1e-6
-# a pixel of the paper's 256 x 220 image is this fraction of the usable radius
-_UNITS = 86.0
+
+
+def paper_pixel_px(camera: OmniCamera) -> float:
+    """Return a pixel of the paper's 256 x 220 image in pixels of the camera: 1/86 of the usable image radius."""
+    inner, outer = camera.usable_radius_px
+    return max(1.0, (outer - inner) / 86.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +103,7 @@ class OutlineModel:
     @cached_property
     def unit_px(self) -> float:
         """A pixel of the paper's image."""
-        inner, outer = self.camera.usable_radius_px
-        return max(1.0, (outer - inner) / _UNITS)
+        return paper_pixel_px(self.camera)
 
     @cached_property
     def scene(self) -> kernels.WallScene:

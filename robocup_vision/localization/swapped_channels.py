@@ -56,16 +56,9 @@ def goal_points(field: Field) -> tuple[FloatArray, FloatArray]:
 
 
 def log_ratios_at(frame: UInt8Array, pixels: FloatArray, shown: BoolArray) -> FloatArray:
-    """Return logarithms of R/G and B/G, (N, 2) float64, of the 3 x 3 pixels about those of `pixels` that are shown.
+    """Return logarithms of R/G and B/G, (N, 2) float64, of the 3 x 3 BGR pixels about those of `pixels` that are shown.
 
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    pixels : (P, 2) float64
-        u, v; those shown lie a pixel from the frame's border, or farther inside.
-    shown : (P,) bool
-        Which of them are read.
+    The pixels (P, 2), u and v, that are shown (P,) lie at least a pixel inside the frame's border.
     """
     u, v = np.rint(pixels[shown]).astype(int).T
     steps = np.arange(-1, 2)
@@ -84,26 +77,13 @@ def is_inside(pixels: FloatArray, frame: UInt8Array, mask: UInt8Array | None) ->
     return np.asarray(inside)
 
 
-def are_swapped(
-    log_ratios: FloatArray,
-    is_positive: BoolArray,
-    palette: FloatArray,
-    settings: SwappedChannelsSettings = SwappedChannelsSettings(),
-) -> bool:
-    """Return whether the points fit goals whose red and blue are swapped better than the goals' own colours.
-
-    Parameters as those of `swapped_nats`.
-    """
-    return swapped_nats(log_ratios, is_positive, palette, settings) > 0.0
-
-
 def swapped_nats(
     log_ratios: FloatArray,
     is_positive: BoolArray,
     palette: FloatArray,
     settings: SwappedChannelsSettings = SwappedChannelsSettings(),
 ) -> float:
-    """Return how much better the points fit goals whose red and blue are swapped than the goals' own colours, nats.
+    """Return the log-likelihood ratio, nats, of goals with red and blue swapped to the goals' own colours.
 
     Parameters
     ----------
@@ -128,12 +108,7 @@ def swapped_nats(
 def _support(lights: FloatArray, white: FloatArray, settings: SwappedChannelsSettings) -> float:
     """Return the number of points that agree under the best light, less that light's cost.
 
-    Parameters
-    ----------
-    lights : (N, 2) float64
-        The light under which each point would have its goal's colour.
-    white : (2,) float64
-        The light by white.
+    `lights` (N, 2) give each point its goal's colour; `white` (2,) is the light by white.
     """
     tried = np.vstack([np.zeros(2), white, lights])
     cost = (tried**2).sum(axis=1) / settings.light_std**2

@@ -21,21 +21,9 @@ from robocup_vision.perception.polar_view import PolarView
 
 
 def wall_range_m(walls: FloatArray, foot: Pose2, bearing_rad: FloatArray) -> FloatArray:
-    """Return the range of the nearest wall in each direction.
+    """Return the range of the nearest wall in each direction from a foot, (K,), metres; inf where there is none.
 
-    Parameters
-    ----------
-    walls : (W, 4) float64
-        Segments x0, y0, x1, y1, field frame, metres.
-    foot : Pose2
-        Where ranges are taken from, and the direction of bearing 0; field frame.
-    bearing_rad : (K,) float64
-        Directions.
-
-    Returns
-    -------
-    (K,) float64
-        Metres; inf where no wall is met.
+    The walls (W, 4) are segments x0, y0, x1, y1 in the field frame, metres.
     """
     if not len(walls):
         return np.full(len(bearing_rad), np.inf)
@@ -84,16 +72,10 @@ def tilt_by_walls(
     camera: PinholeCamera,
     settings: WallTiltSettings = WallTiltSettings(),
 ) -> float | None:
-    """Return the camera's tilt by which the floor ends at the walls, radians; None where that tells nothing new.
+    """Return the camera's tilt by which the floor ends at the walls (W, 4), radians; None where that shows nothing new.
 
-    Parameters
-    ----------
-    view : FloorView
-        Of the camera as held so far.
-    edge_px : (K,) float64
-        Where the floor ends at each bearing, as `radius_px`; NaN where none is seen.
-    camera : PinholeCamera
-        As held so far.
+    `view` and `camera` have the tilt assumed so far; `edge_px` (K,) is the floor's end at each bearing, as `radius_px`,
+    NaN where none is seen.
     """
     pose, (std_x, std_y, _) = estimate.pose, estimate.std
     predicted = wall_px(walls, pose, view)

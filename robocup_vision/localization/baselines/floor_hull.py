@@ -21,11 +21,10 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.field_half import GoalSide
+from robocup_vision.localization.floor import require_bounded
 from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization, pose_of
+from robocup_vision.localization.outline_model import paper_pixel_px
 from robocup_vision.perception.color_table import ColorTable
-
-# a pixel of the paper's 256 x 220 image is this fraction of the usable radius
-_UNITS = 86.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +63,7 @@ class HullFitter:
     settings: HullSettings = HullSettings()
 
     def __post_init__(self) -> None:
-        if not self.field.is_bounded:
-            raise ArgumentError(
-                f"method 'hull' needs walls or boards, but the floor of '{self.field.name}' is not bounded (carpet)"
-            )
+        require_bounded(self.field, "hull")
         width, height = self.camera.size_px
         if self.mask is not None and self.mask.shape != (height, width):
             raise ArgumentError(f"mask must be ({height}, {width}), got {self.mask.shape}")
@@ -94,8 +90,7 @@ class HullFitter:
 
     @cached_property
     def _unit_px(self) -> float:
-        inner, outer = self.camera.usable_radius_px
-        return max(1.0, (outer - inner) / _UNITS)
+        return paper_pixel_px(self.camera)
 
     @cached_property
     def _view(self) -> tuple[UInt8Array, UInt8Array]:

@@ -91,10 +91,7 @@ class PoseMode:
     ) -> PoseMode:
         """Begin a mode at a frame's pose, in an unknown half.
 
-        Parameters
-        ----------
-        slip_std : float
-            Standard deviation of the slip now, in its usual standard deviations.
+        `slip_std` is the present standard deviation of the slip, in units of its usual one.
         """
         covariance = np.diag([*[0.0] * 6, *[slip_std**2] * 3, 1.0, 1.0])
         covariance[_POSE, _POSE] = measurement.bias + measurement.white

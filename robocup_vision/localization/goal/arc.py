@@ -71,14 +71,9 @@ def turned(model: GoalModel, unknowns: FloatArray, turn_rad: float) -> FloatArra
 def follow_arc(
     model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m: float, limits: ArcLimits = ArcLimits()
 ) -> GoalArc:
-    """Fit a goal's samples at headings to both sides of the best fit's, as far as they allow it.
+    """Fit a goal's samples at headings to both sides of the best fit's unknowns (8,), as far as they allow it.
 
-    Parameters
-    ----------
-    start : (8,) float64
-        The best fit's unknowns.
-    std_m : float
-        How far along the arc its place is open, one standard deviation by the covariance at that place.
+    `std_m` is the standard deviation of the place along the arc, by the covariance at the best fit.
     """
     cameras = ArcCameras(
         np.empty((_MAX_CAMERAS, UNKNOWNS)), np.empty((_MAX_CAMERAS, UNKNOWNS, UNKNOWNS)), np.empty(_MAX_CAMERAS)
@@ -90,30 +85,18 @@ def follow_arc(
 
 
 def open_arc(model: GoalModel, found: GoalFit, covariance: FloatArray, certain_m: float) -> GoalArc | None:
-    """Follow the arc of a goal that leaves its camera's position less certain than this; None where it does not.
+    """Follow the arc of a goal whose fit, with a covariance (8, 8), leaves the position less certain than `certain_m`.
 
-    Parameters
-    ----------
-    covariance : (8, 8) float64
-        Of the fit's unknowns.
-    certain_m : float
-        One standard deviation of the position, where it is greatest.
+    None where the position is certain.
     """
     std_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
     return follow_arc(model, found.samples, found.unknowns, std_m) if std_m > certain_m else None
 
 
 class ConstrainedArc:
-    """Cameras at headings near one, all else as samples have it there, or off in the directions they determine least.
+    """Cameras near the best fit (8,) at given headings, displaced in the directions that the samples determine least.
 
-    A place (1 + K,) is a turn of the heading, radians, and how far off in K such directions, standard deviations.
-
-    Parameters
-    ----------
-    samples : FitSamples
-        Of the goal, and any marks on lines.
-    start : (8,) float64
-        What they give.
+    A place (1 + K,) is a turn of the heading, radians, and displacements in K such directions, standard deviations.
     """
 
     def __init__(self, model: GoalModel, samples: FitSamples, start: FloatArray) -> None:

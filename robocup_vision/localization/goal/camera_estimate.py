@@ -41,39 +41,32 @@ class CameraEstimate:
 
     def estimate(self, prior: Pose2 | None = None) -> PoseEstimate:
         """Camera position on the floor and heading of the optical axis; of two candidates the prior's comes first."""
-        estimate = _estimate(self)
+        if self.lines is not None:
+            residual, ratio = self.lines.residual_px, self.lines.line_ratio
+        else:
+            edges = self.fit.residual_px[: len(self.fit.samples.edge)]
+            residual = edges[np.abs(edges) < self.fit.settings.inlier_px]
+            ratio = len(residual) / max(len(edges), 1)
+        covariance = self.covariance[_POSE]
+        pose = pose_of(self.unknowns)
+        estimate = PoseEstimate(
+            pose,
+            (covariance + covariance.T) / 2,
+            ratio,
+            float(np.sqrt(np.mean(residual**2))) if len(residual) else 0.0,
+            (pose,) if len(self.sides) == 1 else (pose, pose.half_turn()),
+        )
+        estimate = estimate.half_turn() if self.sides[0] < 0 else estimate
         if prior is not None and len(estimate.candidates) > 1:
             near, far = (math.hypot(c.x_m - prior.x_m, c.y_m - prior.y_m) for c in estimate.candidates)
             estimate = estimate.half_turn() if far < near else estimate
         return estimate
 
 
-def _estimate(camera: CameraEstimate) -> PoseEstimate:
-    if camera.lines is not None:
-        residual, ratio = camera.lines.residual_px, camera.lines.line_ratio
-    else:
-        edges = camera.fit.residual_px[: len(camera.fit.samples.edge)]
-        residual = edges[np.abs(edges) < camera.fit.settings.inlier_px]
-        ratio = len(residual) / max(len(edges), 1)
-    covariance = camera.covariance[_POSE]
-    pose = pose_of(camera.unknowns)
-    estimate = PoseEstimate(
-        pose,
-        (covariance + covariance.T) / 2,
-        ratio,
-        float(np.sqrt(np.mean(residual**2))) if len(residual) else 0.0,
-        (pose,) if len(camera.sides) == 1 else (pose, pose.half_turn()),
-    )
-    return estimate.half_turn() if camera.sides[0] < 0 else estimate
-
-
 def goal_alone(candidate: Candidate, certain_m: float) -> CameraEstimate:
     """Place a camera by a goal without lines.
 
-    Parameters
-    ----------
-    certain_m : float
-        Where the position is less certain (one standard deviation), the covariance is that of the goal's whole arc.
+    Where the position's standard deviation is above `certain_m`, the covariance is that of the goal's whole arc.
     """
     found, model = candidate.fit, candidate.model
     covariance = covariance_of(model, found.information)

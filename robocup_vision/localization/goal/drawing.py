@@ -57,15 +57,7 @@ class Drawn:
 
 
 class LineDrawing:
-    """Compares drawn lines with one frame.
-
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    pen : LinePen
-        The field's lines, see `line_pen`.
-    """
+    """Compares drawn lines, see `line_pen`, with one frame (H, W, 3) uint8, BGR."""
 
     def __init__(
         self,
@@ -116,24 +108,19 @@ class LineDrawing:
     def settle(
         self, model: GoalModel, samples: FitSamples, start: FloatArray, reach_rad: float, loose: int = 0
     ) -> Drawn | None:
-        """Find the heading at which the lines drawn agree best, all else as the samples have it there.
+        """Find the heading within `reach_rad` at which the drawn lines agree best, all else by the samples.
 
         Parameters
         ----------
-        samples : FitSamples
-            Of the goal, and any marks on lines.
         start : (8,) float64
-            What they give.
-        reach_rad : float
-            How far off its heading may be.
+            The samples' best fit.
         loose : int
-            In how many directions the camera is searched as well: those that the samples determine least at one
-            heading.
+            Number of further directions that are searched: those that the samples determine least at one heading.
 
         Returns
         -------
         Drawn or None
-            None where the samples determine no camera, or some of the lines are not there.
+            None where the samples determine no camera, or some of the lines are not visible.
         """
         picture = self._picture
         if picture is None:
@@ -183,13 +170,7 @@ class LineDrawing:
 
 
 def line_pen(points: FloatArray, line_width_m: float, settings: DrawingSettings = DrawingSettings()) -> LinePen:
-    """Lines of a field as they are drawn.
-
-    Parameters
-    ----------
-    points : (N, 2) float64
-        Along the lines, one line after the other, field frame, metres.
-    """
+    """Return lines to draw by points (N, 2) along them, one line after the other, field frame, metres."""
     apart_m = np.linalg.norm(np.diff(points, axis=0), axis=1)
     starts = np.array([0, *(np.flatnonzero(apart_m > settings.max_gap_m) + 1), len(points)])
     return LinePen(points, starts, float(line_width_m), stroke_table(settings.blur_px))

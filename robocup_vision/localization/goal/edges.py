@@ -107,11 +107,6 @@ def goal_scene(shape: GoalShape, view: IdealView) -> GoalScene:
     )
 
 
-def to_ideal(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
-    """Pixels (..., 2) as a lens without distortion would show them."""
-    return camera.ideal_pixels(pixels)
-
-
 def from_ideal(camera: PinholeCamera, ideal: FloatArray) -> FloatArray:
     """Image pixels (..., 2) of ideal ones."""
     if not camera.is_bent:
@@ -151,21 +146,9 @@ def measure(
     appearance: EdgeAppearance,
     settings: EdgeSampleSettings = EdgeSampleSettings(),
 ) -> EdgeSamples | None:
-    """Measure all silhouette edges and feet within `reach_px` of where `unknowns` put them.
+    """Measure silhouette edges and feet of a goal in a BGR frame, within `reach_px` of their places by `unknowns` (8,).
 
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        BGR.
-    unknowns : (8,) float64
-        Places of the search, in the order of goal/geometry.py.
-    reach_px : float
-        Length of the search to both sides.
-
-    Returns
-    -------
-    EdgeSamples or None
-        None where the goal is not in front of the camera.
+    None where the goal is not in front of the camera.
     """
     feet = 2 * len(FOOT_OFFSETS)
     points = np.empty((2 * EDGES + 2 * feet, 2))
@@ -190,7 +173,7 @@ def measure(
     )
     edges, seen_feet = sample_edges(image, due, look, found)
     last = edges + seen_feet
-    where, foot = to_ideal(camera, found.uv[:last]), found.edge[edges:last]
+    where, foot = camera.ideal_pixels(found.uv[:last]), found.edge[edges:last]
     return EdgeSamples(
         found.edge[:edges],
         where[:edges],

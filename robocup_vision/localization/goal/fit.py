@@ -156,7 +156,9 @@ class GoalFit:
     @property
     def element_ratios(self) -> tuple[float, float, float]:
         """Inlier ratios of the left post, the right post and the bar."""
-        return element_ratios(self.edge_ratio)
+        ratio = self.edge_ratio
+        left, right, bar = ratio[:2].mean(), ratio[2:4].mean(), max(ratio[BAR_TOP], ratio[BAR_TOP:].mean())
+        return float(left), float(right), float(bar)
 
 
 def agreement(samples: EdgeSamples, residual_px: FloatArray, settings: GoalFitSettings) -> float:
@@ -171,12 +173,6 @@ def agreement(samples: EdgeSamples, residual_px: FloatArray, settings: GoalFitSe
 def are_mostly_within(residual_px: FloatArray, limit_px: float) -> bool:
     """Whether their median is within the limit."""
     return bool(2 * np.count_nonzero(np.abs(residual_px) < limit_px) > len(residual_px))
-
-
-def element_ratios(ratio: FloatArray) -> tuple[float, float, float]:
-    """Inlier ratios of the left post, the right post and the bar from those of the six edges."""
-    left, right, bar = ratio[:2].mean(), ratio[2:4].mean(), max(ratio[BAR_TOP], ratio[BAR_TOP:].mean())
-    return float(left), float(right), float(bar)
 
 
 def max_prior_deviation(model: GoalModel, unknowns: FloatArray) -> float:

@@ -75,10 +75,7 @@ class IdealView:
 def silhouette_normals(shape: GoalShape, unknowns: npt.ArrayLike) -> FloatArray:
     """Outward unit normals (..., 6, 3), field frame, of the planes through the camera that touch posts and bar.
 
-    Parameters
-    ----------
-    unknowns : (..., 8) float64
-        See the constants of this module; the camera must stand outside the cylinders.
+    The camera, unknowns (..., 8), must stand outside the cylinders.
     """
     p = np.asarray(unknowns, dtype=np.float64)
     dx = shape.line_x_m - p[..., X]
@@ -111,14 +108,9 @@ def project(view: IdealView, unknowns: npt.ArrayLike, points_m: npt.ArrayLike) -
 
 
 def foot_points(shape: GoalShape, unknowns: npt.ArrayLike, offsets: npt.ArrayLike) -> FloatArray:
-    """Points (..., 2, K, 3), field frame, where the near half of each post's foot meets the floor.
+    """Points (..., 2, K, 3), field frame, where the near half of each post meets the floor, for cameras (..., 8).
 
-    Parameters
-    ----------
-    unknowns : (..., 8) float64
-        Only the position counts.
-    offsets : (K,) float64
-        Across the post as seen, -1 (its left edge) to 1.
+    The offsets (K,) are across the post as seen, from -1, its left edge, to 1.
     """
     p = np.asarray(unknowns, dtype=np.float64)
     across = np.asarray(offsets, dtype=np.float64)

@@ -33,7 +33,7 @@ from robocup_vision.kernels.goal.lines.reweighting import Reweighting, fit_rewei
 from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, open_arc
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, LineFit
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
-from robocup_vision.localization.goal.edges import from_ideal, no_samples, to_ideal
+from robocup_vision.localization.goal.edges import from_ideal, no_samples
 from robocup_vision.localization.goal.fit import (
     GoalFit,
     GoalModel,
@@ -294,7 +294,7 @@ class GoalLines:
         offset, contrast = np.empty(n), np.empty(n)
         measure_ridges(frame, start, direction, reach[:n], width, self._settings.along_px, offset, contrast)
         contrast[np.isnan(offset)] = np.nan
-        uv = np.ascontiguousarray(to_ideal(self._camera, start + direction * offset[:, None]))
+        uv = np.ascontiguousarray(self._camera.ideal_pixels(start + direction * offset[:, None]))
         return SeenMarks(bounds, marks, direction, uv, width, reach[:n], contrast)
 
     def _gathered(self, samples: FitSamples, due: SeenMarks, is_seen: npt.NDArray[np.bool_]) -> _Marked:

@@ -31,20 +31,10 @@ class PaintMasks(NamedTuple):
 
 
 class GoalPicture:
-    """One frame of the camera that goals are searched with.
+    """One BGR frame for the search for goals: masks are made of it reduced by `factor`.
 
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    factor : int
-        Masks are made of a frame reduced by so much.
-    families : dict of str to (float, float)
-        Hues of the field's goals, see `perception.goal_color.hue_families`.
-    silhouettes : SilhouetteSearch
-        Marks edges.
-    shaded : float
-        Paint in its own shade is no darker than this part of the carpet.
+    `families` are the hues of the field's goals, see `perception.goal_color.hue_families`. Paint in its own shade is no
+    darker than the fraction `shaded` of the carpet.
     """
 
     def __init__(

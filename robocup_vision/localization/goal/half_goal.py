@@ -50,13 +50,9 @@ class PriorSettings:
 def find_half_goal(
     search: GoalSearch, picture: GoalPicture, prior: Pose2, settings: PriorSettings = PriorSettings()
 ) -> Candidate | None:
-    """Fit one post and the bar, or two posts without it, under a prior pose; None where less is in view.
+    """Fit one post and the bar, or two posts without it, near a prior pose; None where less is in view.
 
-    Parameters
-    ----------
-    prior : Pose2
-        Where to look. It is not part of the information of what is found: a filter that the prior comes from may
-        update with the result.
+    The prior is not part of the information of the result: a filter that the prior comes from may update with it.
     """
     best: Candidate | None = None
     for proposal in search.proposals(picture):

@@ -34,7 +34,7 @@ from robocup_vision.kernels.goal.sections import (
     gather_sections,
     spread_cost,
 )
-from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance, EdgeSamples, from_ideal, to_ideal
+from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeAppearance, EdgeSamples, from_ideal
 from robocup_vision.localization.goal.fit import GoalFit, GoalModel, fit, residuals
 from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES, LOG_FOCAL
 from robocup_vision.localization.goal.point_spread import (
@@ -130,13 +130,7 @@ def _due(camera: PinholeCamera, model: GoalModel, p: FloatArray, clear_px: float
 
 
 class _SectionFit:
-    """The sections of one picture, and the camera that fits them.
-
-    Parameters
-    ----------
-    start : (8,) float64
-        The camera, right to a pixel.
-    """
+    """The sections of one picture, and the camera that fits them, from a start (8,) with an error below a pixel."""
 
     def __init__(
         self,
@@ -221,10 +215,10 @@ class _SectionFit:
         stands = foot_square < settings.max_std_px**2
         return EdgeSamples(
             np.ascontiguousarray(edge[good]),
-            np.ascontiguousarray(to_ideal(self._camera, uv[good])),
+            np.ascontiguousarray(self._camera.ideal_pixels(uv[good])),
             np.flatnonzero(stands),
             np.full(int(stands.sum()), len(FOOT_OFFSETS) // 2),
-            np.ascontiguousarray(to_ideal(self._camera, foot_uv[stands])),
+            np.ascontiguousarray(self._camera.ideal_pixels(foot_uv[stands])),
             np.ascontiguousarray(direction[stands]),
             np.sqrt(np.concatenate([square[good], foot_square[stands]])),
             np.bincount(edge[np.isfinite(along)], minlength=EDGES),
@@ -350,13 +344,7 @@ def polish(
     appearance: EdgeAppearance,
     settings: ProfileSettings = ProfileSettings(),
 ) -> GoalFit:
-    """Fit the sections from where the edges' fit ended; what was found, unchanged, where they do not confirm it.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        BGR.
-    """
+    """Fit the sections of a BGR frame from the edges' fit; return that unchanged where they do not confirm it."""
     sections = _SectionFit(image, camera, model, found.unknowns, appearance, settings)
     alone = sections.samples() if sections.count >= settings.min_samples and sections.fit() else None
     if alone is None or len(alone.edge) < settings.min_samples or len(np.unique(alone.edge)) < EDGES:

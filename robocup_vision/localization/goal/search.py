@@ -104,19 +104,12 @@ class Proposal(NamedTuple):
 
 
 class GoalSearch:
-    """Finds goals of one field in the frames of one camera.
-
-    Parameters
-    ----------
-    field : Field
-        With goals of posts and a bar.
-    camera : PinholeCamera
-        Pan, tilt and roll may be unknown.
+    """Finds goals of one field in the frames of one camera, whose pan, tilt and roll may be unknown.
 
     Raises
     ------
     ArgumentError
-        If the field has no such goals.
+        If the field has no goals of posts and a bar.
     """
 
     def __init__(
@@ -223,13 +216,7 @@ class GoalSearch:
         return nats + self.settings.exact_nats * score
 
     def washable(self, picture: GoalPicture, sides: tuple[int, ...], unknowns: FloatArray) -> FloatArray:
-        """Measure how much along the left post, the bar and the right post may be their paint, washed or not: (3,).
-
-        Parameters
-        ----------
-        sides : tuple of int
-            Which goals it can be.
-        """
+        """Measure the fractions (3,) of left post, bar and right post that may be paint, for a camera (8,)."""
         mask = picture.washable(self._color_of(sides))
         corners = project(self.colored_model.view, unknowns, self.shape.corners)
         pixels = (from_ideal(self.camera, corners) + 0.5) / picture.factor - 0.5

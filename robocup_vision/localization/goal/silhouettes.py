@@ -89,15 +89,7 @@ class Gradients(NamedTuple):
 
 
 class SilhouetteSearch:
-    """Proposes cameras that see a goal's silhouette.
-
-    Parameters
-    ----------
-    camera : PinholeCamera
-        Pan, tilt and roll may be unknown.
-    extent_m : (2,) float64
-        Greatest |x| and |y| at which a camera can stand.
-    """
+    """Proposes cameras that see a goal's silhouette, at |x|, |y| up to `extent_m` (2,)."""
 
     def __init__(
         self,
@@ -182,13 +174,7 @@ class SilhouetteSearch:
         return Edges(levels, self._edge_nats(levels))
 
     def propose(self, gradients: Gradients, paint: UInt8Array, carpet: UInt8Array) -> list[tuple[float, FloatArray]]:
-        """Propose cameras: evidence and unknowns (8,), the likeliest first.
-
-        Parameters
-        ----------
-        paint, carpet : (H, W) uint8
-            Masks of `picture`, perhaps of reduced size.
-        """
+        """Propose cameras: evidence and unknowns (8,), the likeliest first; the masks (H, W) may be of reduced size."""
         s = self.settings
         likely: list[tuple[float, float, float, FloatArray]] = []
         whole = self.edges(gradients)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.paint.strips import mean_along
-from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, to_ideal
+from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.localization.goal.geometry import BAR_TOP, EDGES, HEADING, HEIGHT, TILT, X, Y, project
 from robocup_vision.perception.goal_region import Strip
@@ -29,10 +29,10 @@ def strip_samples(camera: PinholeCamera, posts: Sequence[tuple[int, Strip]]) -> 
             feet.append((post, strip.axis_at(strip.foot), strip.foot))
     return EdgeSamples(
         np.array(edge),
-        to_ideal(camera, np.array(uv, dtype=np.float64)),
+        camera.ideal_pixels(np.array(uv, dtype=np.float64)),
         np.array([foot[0] for foot in feet], dtype=np.int64),
         np.full(len(feet), len(FOOT_OFFSETS) // 2, dtype=np.int64),
-        to_ideal(camera, np.array([foot[1:] for foot in feet], dtype=np.float64).reshape(-1, 2)),
+        camera.ideal_pixels(np.array([foot[1:] for foot in feet], dtype=np.float64).reshape(-1, 2)),
         np.tile([0.0, 1.0], (len(feet), 1)),
         np.array([1.0] * len(edge) + [1.5] * len(feet)),
         np.full(EDGES, 5),
@@ -101,14 +101,16 @@ def with_bar(samples: EdgeSamples, bar_px: FloatArray) -> EdgeSamples:
 def bar_rows(
     paint: npt.NDArray[np.uint8], scale: float, model: GoalModel, p: FloatArray, most: int
 ) -> list[FloatArray]:
-    """Where the bar's upper edge may be, best first: points (5, 2), ideal pixels, on the line between the posts.
+    """Propose the bar's upper edge, best first: points (5, 2), ideal pixels, on the line between the posts.
 
     Parameters
     ----------
     paint : (h, w) uint8
-        Bright where paint is.
+        Bright where paint is; `scale` frame pixels a pixel.
     p : (8,) float64
         Unknowns from the posts alone.
+    most : int
+        Greatest number of results.
     """
     foot_left, top_left, top_right, foot_right = project(model.view, p, model.shape.corners)
     up_left, up_right = top_left - foot_left, top_right - foot_right

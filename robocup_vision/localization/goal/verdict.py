@@ -41,13 +41,7 @@ class VerdictSettings:
 
 
 class GoalVerdict:
-    """Places a camera by the goals that a search has found, and the field's lines.
-
-    Parameters
-    ----------
-    line_map : LineMap or None
-        The field's lines; None: goals alone.
-    """
+    """Places a camera by the goals that a search has found, and by the field's lines unless `line_map` is None."""
 
     def __init__(
         self,
@@ -115,15 +109,7 @@ class GoalVerdict:
 def with_spread(
     best: CameraEstimate, judged: list[tuple[float, CameraEstimate]], near_m: float, correlation_nats: float
 ) -> CameraEstimate:
-    """Let a camera be as uncertain as those nearby differ that the picture hardly tells from it.
-
-    Parameters
-    ----------
-    best : CameraEstimate
-        The camera; among the others.
-    near_m : float
-        Cameras farther away are other answers.
-    """
+    """Widen the best camera's covariance by the spread of cameras within `near_m` of nearly equal likelihood."""
     near = [(nats, c) for nats, c in judged if math.dist(c.unknowns[:2], best.unknowns[:2]) <= near_m]
     nats = np.array([one for one, _ in near])
     weight = np.exp((nats - nats.max()) / correlation_nats)

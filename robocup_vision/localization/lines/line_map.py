@@ -81,21 +81,10 @@ class LineMap:
         )
 
     def counts(self, points_m: FloatArray, is_on_line: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return which line points speak for or against a pose.
+        """Return which line points (N,) count for or against a pose: those on a line or within `extent_m`.
 
-        What stands around the field, people and shelves, is neither for nor against it, unless it lies on a line.
-
-        Parameters
-        ----------
-        points_m : (N, 2) float64
-            Line points by the pose in question, field frame, metres.
-        is_on_line : (N,) bool
-            Which of them lie on a line.
-
-        Returns
-        -------
-        (N,) bool
-            Those on a line or within `extent_m`.
+        People and shelves around the field are neither for nor against a pose. The points (N, 2) are in the field frame
+        by the pose in question, metres.
         """
         low, high = self.extent_m
         within: npt.NDArray[np.bool_] = ((points_m >= low) & (points_m <= high)).all(axis=1)

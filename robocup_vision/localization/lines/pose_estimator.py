@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -62,15 +62,7 @@ class LineSettings:
 
 
 class LinePoseEstimator:
-    """Finds a robot's pose from the white lines one camera sees.
-
-    Parameters
-    ----------
-    camera : FloorCamera
-        Takes the frames.
-    mask : (H, W) array, optional
-        Non-zero pixels are never looked at.
-    """
+    """Finds a robot's pose from the white lines one camera sees; non-zero pixels of the mask (H, W) are not used."""
 
     def __init__(
         self,
@@ -88,17 +80,9 @@ class LinePoseEstimator:
         self,
         frame: npt.NDArray[np.uint8] | LinePoints,
     ) -> PoseEstimate | NotLocated:
-        """Find the pose by searching the whole field.
+        """Find the pose by a BGR frame (H, W, 3), or its line points, searching the whole field.
 
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8, or LinePoints
-            BGR image, or the line points already found in it.
-
-        Returns
-        -------
-        PoseEstimate or NotLocated
-            On a field whose lines are point-symmetric both candidates half a turn apart, `pose` first.
+        On a field whose lines are point-symmetric the estimate has both candidates half a turn apart.
         """
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         found = search_by_lines(points, self.line_map, settings=self.settings.search)
@@ -114,19 +98,10 @@ class LinePoseEstimator:
         return self._with_candidates(refined, None) if refined else refined
 
     def follow(self, frame: npt.NDArray[np.uint8] | LinePoints, start: Pose2) -> PoseEstimate | NotLocated:
-        """Find the pose near one, by the frame alone: where the search begins, and nothing more, is known beforehand.
+        """Find the pose near `start` by the frame alone: the start is no evidence.
 
-        Much faster than `locate`. What else would explain the lines is not looked for: search now and then.
-
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8, or LinePoints
-            BGR image, or the line points already found in it.
-
-        Returns
-        -------
-        PoseEstimate or NotLocated
-            As `locate`; NotLocated where the lines lead away from the start, too.
+        Much faster than `locate`. Other explanations of the lines are not searched: call `locate` now and then.
+        NotLocated where the lines lead away from the start, too.
         """
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         if len(points) < self.settings.search.min_points:
@@ -249,17 +224,6 @@ class LinePoseEstimator:
         if not self.line_map.is_point_symmetric:
             return estimate
         turned = estimate.half_turn()
-        if near is not None and _apart(turned.pose, near) < _apart(estimate.pose, near):
+        if near is not None and sum(turned.pose.error_to(near)) < sum(estimate.pose.error_to(near)):
             estimate, turned = turned, estimate
-        return PoseEstimate(
-            estimate.pose,
-            estimate.covariance,
-            estimate.inlier_ratio,
-            estimate.residual_px,
-            (estimate.pose, turned.pose),
-        )
-
-
-def _apart(pose: Pose2, other: Pose2) -> float:
-    distance, angle = pose.error_to(other)
-    return distance + angle
+        return replace(estimate, candidates=(estimate.pose, turned.pose))

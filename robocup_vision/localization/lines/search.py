@@ -60,19 +60,10 @@ def search_by_lines(
     max_candidates: int = 12,
     settings: LineSearchSettings = LineSearchSettings(),
 ) -> list[LineCandidate]:
-    """Search the whole field for poses that put the line points on the field's lines.
+    """Search the whole field for poses that put the line points on the field's lines, best first.
 
-    Parameters
-    ----------
-    line_map : LineMap
-        Of the field. On a point-symmetric one only one of each two poses half a turn apart is searched and returned.
-    max_candidates : int
-        At most so many distinct poses.
-
-    Returns
-    -------
-    list of LineCandidate
-        Best first; empty where there are too few points.
+    Of two poses half a turn apart on a point-symmetric field one is searched and returned. Empty where there are too
+    few points.
     """
     reach_m = float(np.hypot(*(line_map.extent_m[1] - line_map.extent_m[0])))
     thin = one_per_patch(points.take(has_continuation(points.pixels, settings)), reach_m, settings)

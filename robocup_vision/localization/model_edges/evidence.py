@@ -97,13 +97,7 @@ class Verdict(NamedTuple):
 
 
 def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.0) -> Verdict:
-    """Weigh a fit.
-
-    Parameters
-    ----------
-    prior_log_odds : float
-        Logarithm of the odds that the prior is right, by the frames before.
-    """
+    """Weigh a fit, given the log odds that its prior is right by the frames before."""
     s, e = settings, evidence
     contradiction, against = e.contradiction(s), e._against(s)
     odds, whatever_is_open = e._log_odds(s, against)

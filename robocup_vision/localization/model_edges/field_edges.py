@@ -26,12 +26,8 @@ _FAR_M, _FLAT_M = 1000.0, 1e-6
 def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
     """Gather the edges of a field that a camera may see.
 
-    Channel 0 is that of lines: blue and red together, in which green carpet is dark.
-
-    Parameters
-    ----------
-    lines_end_m : float
-        Things that look like lines farther than this beyond its outer lines are not the field's.
+    Channel 0 is that of lines: blue and red together, in which green carpet is dark. Things that look like lines
+    farther than `lines_end_m` beyond its outer lines are not the field's.
     """
     carpet = np.array(COLOR_NAMES["green"], dtype=np.float64)
     channels: list[list[float]] = []
@@ -123,14 +119,9 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
 
 
 def telling_features(edges: FieldEdges) -> BoolArray:
-    """Return which edges of a field show its half: the half turn of such an edge is no edge of the same looks.
+    """Return which edges (F,), by `Samples.feature`, show the field's half: their half turns are no edges.
 
-    A camera tells paints apart by their colours, not by their brightness.
-
-    Returns
-    -------
-    (F,) bool
-        By the numbers of the edges, `Samples.feature`.
+    A camera distinguishes paints by their colours, not by their brightness.
     """
     looks: list[tuple[int, object, object]] = []
 

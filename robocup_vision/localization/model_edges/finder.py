@@ -202,15 +202,7 @@ class EdgeFinder:
         return abs(wrap_angle(pose.theta_rad - other.theta_rad)) < self.settings.apart_rad
 
     def find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
-        """Locate the camera by one frame.
-
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8
-            BGR, of the camera's size.
-        near : Pose2, optional
-            The last pose of a lost camera, which may be near it.
-        """
+        """Locate the camera by one BGR frame; `near` is the last pose of a lost camera, which may be near it."""
         turned = [] if near is None else self._turned(near)
         if not self.settings.nods:
             return self.judge(frame, [*turned, *self.propose(frame)], near)
@@ -244,11 +236,6 @@ class EdgeFinder:
         """Fit every proposed pose of the camera, and return those that the frame confirms: one, or a few candidates.
 
         On a field whose halves look alike a pose stands for its half turn, too.
-
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8
-            BGR, of the camera's size.
         """
         s, follower = self.settings, self.follower
         self._is_same_frame = False

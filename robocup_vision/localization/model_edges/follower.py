@@ -225,10 +225,7 @@ class EdgeFollower:
     def likelihood_under(self, std: FloatArray) -> PoseLikelihood:
         """Return the last fit's likelihood, with another prior of the camera about the fitted values.
 
-        Parameters
-        ----------
-        std : (4,) float64
-            Of tilt, roll, height and logarithm of the focal length.
+        `std` (4,) is that of tilt, roll, height and logarithm of the focal length.
         """
         root, open_ = self._prior.root, np.diag(self._prior.root) > 0.0
         inverse = np.linalg.inv(root[np.ix_(open_, open_)])
@@ -275,19 +272,7 @@ class EdgeFollower:
     def find_line_points(self, frame: UInt8Array, tilt_rad: float, roll_rad: float, points: FloatArray) -> int:
         """Find points on lines without a pose, and learn the brightness of white paint from them.
 
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8
-            BGR, of the camera's size.
-        tilt_rad, roll_rad : float
-            Of the camera.
-        points : (P, 3) float64
-            Result, as `kernels.model_edges.bands.line_points` gives it.
-
-        Returns
-        -------
-        int
-            How many.
+        Writes `points` (P, 3) as `kernels.model_edges.bands.line_points` does, and returns their number.
         """
         camera, numbers, carpet, unknowns = self.camera, self.numbers, np.zeros(CARPET), np.zeros(UNKNOWNS)
         carpet_look(frame, int(camera.center_px[1] + camera.focal_px[1] * math.tan(tilt_rad)), carpet)

@@ -24,10 +24,7 @@ from robocup_vision.localization.model_edges.settings import EdgeSettings
 class SecondLook:
     """Follows where the first look does not: bright bands of any width may be lines, in smaller copies, too.
 
-    Parameters
-    ----------
-    field, camera, settings
-        As of `EdgeFollower`. No copy is narrower than `settings.min_copy_px`: a small frame has none but itself.
+    No copy is narrower than `EdgeSettings.min_copy_px`: a small frame has no copy but itself.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera, settings: EdgeSettings) -> None:
@@ -57,10 +54,8 @@ class SecondLook:
 
         Parameters
         ----------
-        frame : (H, W, 3) uint8
-            BGR, of the camera's size.
         before : FollowerState
-            Of the follower of whole frames, before it saw this one.
+            Of the follower of whole frames, before this frame.
         first : FollowedCamera or NotLocated
             Of the first look: an answer must leave the position clearly less open.
         may_compare : bool
@@ -92,13 +87,18 @@ class SecondLook:
     def edge_points(self) -> EdgePoints:
         """Return where the last answer predicts the field's edges, in pixels of the whole frame."""
         assert self._last is not None
-        points, per_px = self._last.edge_points(), np.divide(self._camera.size_px, self._last.camera.size_px)
-        return EdgePoints((points.pixels + 0.5) * per_px - 0.5, points.state)
+        return edge_points_in(self._camera.size_px, self._last)
 
     def _made_follower(self, factor: int) -> EdgeFollower:
         if factor not in self._followers:
             self._followers[factor] = EdgeFollower(self._field, smaller_camera(self._camera, factor), self._settings)
         return self._followers[factor]
+
+
+def edge_points_in(size_px: tuple[int, int], follower: EdgeFollower) -> EdgePoints:
+    """Return the edges that a follower of copies predicted last, in pixels of the whole frame."""
+    points, per_px = follower.edge_points(), np.divide(size_px, follower.camera.size_px)
+    return EdgePoints((points.pixels + 0.5) * per_px - 0.5, points.state)
 
 
 def copy_of(frame: UInt8Array, size_px: tuple[int, int]) -> UInt8Array:

@@ -29,7 +29,7 @@ from robocup_vision.localization.model_edges.bank import with_walls
 from robocup_vision.localization.model_edges.evidence import CandidateSettings
 from robocup_vision.localization.model_edges.finder import THOROUGH, EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
-from robocup_vision.localization.model_edges.second_look import copy_of, smaller_camera
+from robocup_vision.localization.model_edges.second_look import copy_of, edge_points_in, smaller_camera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 _QUARTER_RAD = math.pi / 2
@@ -66,12 +66,7 @@ class WideSettings:
 class WideFinder(EdgeFinder):
     """Proposes poses by lines of any width and by the feet of boards, in the smallest copy of a frame.
 
-    Parameters
-    ----------
-    field : Field
-        The pitch; boards or walls bound it.
-    camera : PinholeCamera
-        Of the whole frames.
+    Boards or walls bound the field; `camera` is that of the whole frames.
     """
 
     def __init__(
@@ -106,8 +101,7 @@ class WideFinder(EdgeFinder):
 
     def edge_points(self) -> EdgePoints:
         """Return where the last fit predicts the field's edges, in pixels of the whole frame."""
-        points, per_px = self.follower.edge_points(), np.divide(self._whole.size_px, self.follower.camera.size_px)
-        return EdgePoints((points.pixels + 0.5) * per_px - 0.5, points.state)
+        return edge_points_in(self._whole.size_px, self.follower)
 
     def propose(self, frame: UInt8Array) -> list[Pose2]:
         """See `EdgeFinder.propose`; the frame is the copy."""

@@ -9,7 +9,7 @@ import pytest
 from field_models import load_field
 from robocup_vision import NotLocated, Vision
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.model_edges.tilt_finder import HeldPose, TiltFinder
+from robocup_vision.localization.model_edges.tilt_finder import TiltedPose, TiltFinder
 from sim2d.rendering.goal.scenes import nao_camera
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Room, Scene
@@ -81,8 +81,8 @@ def test_vision_finds_half_a_goal_s_picture_and_starts_with_the_half_that_a_prio
 
 
 def test_a_held_pose_keeps_its_tilt_in_a_half_turn():
-    held = HeldPose(1.0, 2.0, 0.5, -0.2, 0.1)
-    assert held.half_turn() == HeldPose(-1.0, -2.0, 0.5 + math.pi, -0.2, 0.1)
+    held = TiltedPose(1.0, 2.0, 0.5, -0.2, 0.1)
+    assert held.half_turn() == TiltedPose(-1.0, -2.0, 0.5 + math.pi, -0.2, 0.1)
     assert held.half_turn().error_to(Pose2(1.0, 2.0, 0.5).half_turn()) == pytest.approx((0.0, 0.0))
 
 
