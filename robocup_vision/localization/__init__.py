@@ -1,1 +1,1 @@
-"""From what a frame shows to a pose on the field."""
+"""From the evidence of a frame to a pose on the field."""

@@ -1,4 +1,4 @@
-"""One verdict on a mirror camera's pose: the likelihood ratio of what a frame shows against clutter.
+"""One verdict on a mirror camera's pose: the likelihood ratio of a frame to clutter.
 
 Each bearing of the floor's outline is in one of a few states, and so is each floor sample that shows a line or should
 show one. A state has one probability for a right pose in each of two conditions (clear, rough), and one for a wrong
@@ -179,7 +179,7 @@ class OutlineEvidence:
 
     @cached_property
     def _arrays(self) -> tuple[UInt8Array, FloatArray, float, FloatArray]:
-        # copies: what is read only would be compiled for once more
+        # copies: a read-only array would be compiled for once more
         return self._is_shown, np.array(self.view.radius_px), self.unit_px, np.array(self.likelihoods.log_p)
 
     def weigh(self, fit: OutlineFit, outermost: Int64Array) -> OutlineTally:
@@ -206,7 +206,7 @@ class LineEvidence:
         self._bare_m = np.where(deep_m < 2 * width_m, _WITHIN_WIDTHS * width_m, 0.0)
 
     def counts(self, pose: Pose2, marks: UInt8Array) -> Int64Array:
-        """Count the samples in each of `LINE_STATES`, given what they all show, (K, M), as `FloorMarking.mark` says."""
+        """Count the samples in each of `LINE_STATES`, given the marks (K, M) of `FloorMarking.mark`."""
         on_line = self._map.count_near(pose, marks, LINE, self._floor_m, self._on_m)
         bare = self._map.count_near(pose, marks, FLOOR, self._floor_m, self._bare_m)
         return np.array([on_line, bare, np.count_nonzero(marks == LINE) - on_line])

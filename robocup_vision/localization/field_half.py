@@ -71,7 +71,7 @@ class GoalSide:
 
     field: Field  #: has the places and colours of the goals
     camera: OmniCamera  #: its height must be known, since goals are upright
-    mask: npt.NDArray[np.uint8] | None = None  #: (H, W) uint8: non-zero pixels are never looked at
+    mask: npt.NDArray[np.uint8] | None = None  #: (H, W) uint8: non-zero pixels are not used
     settings: GoalSideSettings = GoalSideSettings()
 
     @cached_property
@@ -88,7 +88,7 @@ class GoalSide:
     def _radius_of_q(self) -> tuple[float, FloatArray]:
         inner = self.camera.usable_radius_px[0]
         q = np.linspace(0.0, float(self.camera.floor_range.inverse_range_per_m(inner)), self.settings.table_size)
-        # zero lies inside the usable radius: what a curve does not reach is not looked at
+        # zero lies inside the usable radius, so points beyond a curve's end are not used
         return float(q[1]), np.nan_to_num(self.camera.floor_range.radius_px(q))
 
     @cached_property

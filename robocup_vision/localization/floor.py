@@ -131,7 +131,7 @@ class OutlineFitter:
         return known, (-c * x - s * y, s * x - c * y, -axis)
 
     def likeliest(self, radius_px: FloatArray) -> Pose2 | None:
-        """Return the pose that fits an outline (K,) best, believed or not; None with fewer than three edges."""
+        """Return the pose that fits an outline (K,) best, accepted or not; None with fewer than three edges."""
         fit = self.from_guess(radius_px)
         if fit is None:
             return None

@@ -29,7 +29,7 @@ class MirrorLocalizer:
     Parameters
     ----------
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are not used.
     use_lines : bool
         Weigh the lines, too, where the outline leaves something open, and search by lines alone where it does not fix
         the pose, or nothing bounds the floor. Without lines ("floor") the field must be bounded.
@@ -56,7 +56,7 @@ class MirrorLocalizer:
         if self._outline is not None and lines is not None:
             self._line_evidence = LineEvidence(lines.line_map, view, self._outline.evidence.lines)
         self._half = GoalSide(field, camera, mask)
-        self._points: LinePoints | None = None  # of the frame that is looked at
+        self._points: LinePoints | None = None  # of the current frame
         self.forget()
 
     def forget(self) -> None:

@@ -47,7 +47,7 @@ class OutlineCamera:
     def leaning(self, starts: Sequence[Vector], radius_px: FloatArray) -> OutlineFit | None:
         """Return the best fit of pose and lean together from some poses (3,); None where there is none.
 
-        Its covariance is that of a body which may lean, whether or not the outline tells that it does.
+        Its covariance is that of a body which may lean, whether or not the outline shows that it does.
         """
         best: OutlineFit | None = None
         for start in starts:

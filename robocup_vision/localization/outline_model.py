@@ -35,7 +35,8 @@ class OutlineNoise:
     """How a measured outline errs; "units" are 1/86 of the usable image radius."""
 
     edge_px: float = 0.15  #: standard deviation of a bearing's edge
-    #: error of the camera file, which no image shows, common to so many bearings (an eighth of the circle)
+    #: error of the camera file, which no image shows, and the number of bearings that have it in common (an eighth
+    #: of the circle)
     systematic_px: float = 0.02
     systematic_bearings: int = 20
     #: factor on the covariance: a sandwich covariance from some forty groups of bearings comes out low
@@ -85,8 +86,8 @@ class OutlineFit(NamedTuple):
     residual_px: FloatArray
     predicted_px: FloatArray
     lean_rad: tuple[float, float] = (0.0, 0.0)  #: turns of the body about x, ahead, and y, left, about its foot
-    lean_gain: float = 0.0  #: what a lean would explain of an upright body's fit, see `doubts_of_camera`
-    #: what another centre and tilt of the camera would explain; None where not asked yet
+    lean_gain: float = 0.0  #: gain of a lean over an upright body's fit, see `doubts_of_camera`
+    #: gain of another centre and tilt of the camera; None where not computed yet
     file_gain: float | None = None
 
 

@@ -1,4 +1,4 @@
-"""Looks for a floor's outline over the whole field: a bank of places, fitted ever more finely, and what may rival."""
+"""Searches the whole field for the pose of a floor's outline: a bank of places, fitted in ever finer steps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class OutlineSearchSettings:
     start_apart: float = 0.15
     fit_apart: float = 0.03
     rival_apart: float = 0.05
-    #: widths of the redescending weights, units: from all starts, from the likely ones, and from what they found
+    #: widths of the redescending weights, units: from all starts, from the likely ones, and from their results
     rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
     coarse_scales: tuple[float, ...] = (2.0,)
     fine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)

@@ -33,7 +33,7 @@ class SwappedChannelsSettings:
     min_ratio: float = (
         3.0  #: ratio of votes for the goals' own colours to those for swapped ones that decides without a fit
     )
-    reach: float = 0.6  #: a point so far from its goal's colour does not support it
+    reach: float = 0.6  #: distance from a goal's colour at which a point does not support it
     #: standard deviations of the light: about white, where white may be that, and about neutral
     white_std: float = 0.2
     light_std: float = 0.3

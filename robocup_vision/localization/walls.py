@@ -1,4 +1,4 @@
-"""Where a field's walls stand in a camera's view, and what their feet tell of a pinhole camera's tilt.
+"""Where a field's walls stand in a camera's view, and a pinhole camera's tilt by their feet.
 
 Half a degree of tilt moves a board 3 m from a low camera by a seventh, while lines near the robot show little of it.
 The floor ends where the walls stand: the tilt that puts most of the measured ends there is the frame's. Robots and

@@ -59,7 +59,7 @@ class HullFitter:
 
     field: Field  #: its floor must be bounded by walls or boards, and longer than wide
     camera: OmniCamera
-    mask: UInt8Array | None = None  #: (H, W) uint8: non-zero pixels are never looked at
+    mask: UInt8Array | None = None  #: (H, W) uint8: non-zero pixels are not used
     settings: HullSettings = HullSettings()
 
     def __post_init__(self) -> None:
@@ -94,7 +94,7 @@ class HullFitter:
 
     @cached_property
     def _view(self) -> tuple[UInt8Array, UInt8Array]:
-        """Pixels (H, W) where floor may be looked for, and those of them well inside that region: 1, else 0."""
+        """Pixels (H, W) where floor may be found, and those of them well inside that region: 1, else 0."""
         width, height = self.camera.size_px
         v, u = np.mgrid[:height, :width]
         radius = np.hypot(u - self.camera.center_px[0], v - self.camera.center_px[1])

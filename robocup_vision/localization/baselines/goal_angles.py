@@ -204,7 +204,7 @@ class GoalAnglesEstimator:
     ArgumentError
         If the field's goals are not of that kind.
     RobocupVisionError
-        If scikit-image, which tells regions apart, is not installed.
+        If scikit-image, which labels regions, is not installed.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera, *, closed_form: bool = False) -> None:

@@ -1,8 +1,8 @@
 """Error models of odometry and of frames, which the pose filter and its users name.
 
 Errors of successive frames are correlated: a place, a wrong calibration or a shadow has the same effect on the next
-one. What odometry gets wrong lasts, too: for a moment where wheels slip, for good where they or the carpet are not as
-they were calibrated.
+one. Errors of odometry last, too: for a moment where wheels slip, for good where wheels or carpet differ from the
+calibration.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class OdometryNoise:
 
     Slip is a first-order Gauss-Markov process in time and part of the state, so that frames correct it for the next
     moment. Its default is a little more than that of good wheels: odometry with a lasting error of a fifth (worn
-    wheels, another carpet) is then still followed with a correct covariance. Gains last: frames that correct them
-    correct all the way that comes, as well where no frame shows the pose. They are for odometry of legs, or where
-    nobody has calibrated it.
+    wheels, another carpet) is then still followed with a correct covariance. Gain errors last: frames that
+    correct them improve all later odometry, also where no frame shows the pose. They are for legged or uncalibrated
+    odometry.
 
     Parameters
     ----------

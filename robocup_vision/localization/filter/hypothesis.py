@@ -26,7 +26,7 @@ _MIN_TIMES = 1e-4
 _MAX_REPEATED, _MIN_KEPT, _MAX_BIAS = 0.9, 1e-3, 1e2
 _POSE, _BIAS, _SLIP, _GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 _STATE = 11
-# what a frame measures: the pose, and the bias on top
+# a frame measures the sum of pose and bias
 _SEEN = np.hstack([np.eye(3), np.eye(3), np.zeros((3, _STATE - 6))])
 
 

@@ -112,7 +112,7 @@ class Mixture:
         t_s: float,
         odometry: OdometryNoise,
     ) -> PoseMode:
-        """Begin a mode at a measurement that agrees with none; in the likelier half by what is known before."""
+        """Begin a mode at a measurement that agrees with none; in the half that is likelier beforehand."""
         near, settings = self.near, self.settings
         odds = self._half_log_odds(measurement)
         if odds < 0.0:

@@ -69,7 +69,7 @@ class PoseFilterSettings:
             raise ArgumentError(f"max_modes must be at least 1, got {self.max_modes!r}")
 
     def is_possible(self, odometry: Pose2, seconds: float) -> bool:
-        """Return whether a robot can move so far in this time."""
+        """Return whether a robot can move this far in this time."""
         max_s = seconds + self.jitter_s
         if math.hypot(odometry.x_m, odometry.y_m) > self.max_speed_mps * max_s:
             return False

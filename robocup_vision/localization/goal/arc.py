@@ -1,4 +1,4 @@
-"""The arc of cameras that see a goal nearly alike, and how likely each of them is.
+"""The arc of cameras whose pictures of a goal are nearly alike, and the probability of each.
 
 A goal far off fixes the distance of the camera, but hardly its angle to the goal: its picture stays the same to a
 fraction of a pixel while the camera rotates about the goal, from one branch of a plane's picture to the other. No
@@ -20,9 +20,9 @@ from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalFit, GoalModel, covariance_of, fit_samples
 from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
 
-# scale of the robust loss in each iteration, pixels: samples on an arc are good already
+# scale of the robust loss in each iteration, pixels: samples on an arc have small residuals
 _SCALES, _CONSTRAINED_SCALES = np.full(4, 0.3), np.full(3, 0.5)
-_MAX_CAMERAS = 257  # cameras of an arc, at most: on the largest field some 140 steps
+_MAX_CAMERAS = 257  # largest number of an arc: on the largest field it has some 140 steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +31,11 @@ class GoalArc:
 
     unknowns: FloatArray  #: (K, 8) float64: in the order of goal/geometry.py
     covariance: FloatArray  #: (K, 8, 8) float64: of the unknowns at each heading
-    cost: FloatArray  #: (K,) float64: how much worse each is than the best, in chi-square
+    cost: FloatArray  #: (K,) float64: chi-square above that of the best
 
     @property
     def probability(self) -> FloatArray:
-        """(K,) float64, sum 1: how likely each is, by its cost and the stretch of arc that it stands for."""
+        """(K,) float64, sum 1: of each camera, by its cost and the length of arc that it represents."""
         heading = self.unknowns[:, HEADING]
         likely = np.exp(-self.cost / 2) * (np.gradient(heading) if len(heading) > 1 else 1.0)
         return np.asarray(likely / likely.sum())

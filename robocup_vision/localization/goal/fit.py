@@ -1,4 +1,4 @@
-"""From rough posts to a camera: starts from both obliquenesses, then the direct fit to silhouette edges.
+"""Fits a camera directly to the silhouette edges of a goal, from a rough start.
 
 The measurement decides, not the solver: five unknowns (and, under priors, height, focal length and bloom) are fitted by
 Gauss-Newton to sub-pixel edges of posts, bar and feet (see kernels.goal.fit.fit_goal).

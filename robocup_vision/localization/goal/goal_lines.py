@@ -54,31 +54,31 @@ class GoalLineSettings:
     #: lines that look narrower are left out; those thinner than a pixel are averaged along themselves
     min_width_px: float = 0.15
     clear_px: float = 2.5  #: between the edges of two lines; where they come nearer, both are left out
-    along_px: float = 3.0  #: stretch of line over which one place is averaged
-    #: how far from its predicted place a line is searched for, at most, and the loss's scale, round by round
+    along_px: float = 3.0  #: length of line over which one place is averaged
+    #: longest search from a line's predicted place, and the loss's scale, round by round
     reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
     scales_px: tuple[float, ...] = (3.0, 1.5, 1.0)
-    #: lines are searched as far as the camera is uncertain, in standard deviations, plus this much
+    #: length of a search, in standard deviations of the prediction, and its margin
     reach_stds: float = 3.0
     min_reach_px: float = 1.5
-    marks: MarkModel = MarkModel()  #: what a line looks like at one place, and how often one is seen
+    marks: MarkModel = MarkModel()  #: appearance of a line at one place, and probability of seeing one
     #: common error of all places on fields with white goals: their cameras' lenses are calibrated less exactly
     white_line_error_px: float = 1.0
-    paint_error_m: float = 0.003  #: how exactly lines are painted
+    paint_error_m: float = 0.003  #: standard deviation of painted lines
     min_evidence: float = 5.0  #: least log odds of lines against clutter
     same_m: float = 0.2  #: fits nearer to each other count as one
     max_starts: int = 3  #: cameras along the goal's arc that are tried beside the goal's own
-    reach_on_arc_stds: float = 2.5  #: how far along the arc, by the fit's own uncertainty, drawn lines may move it
+    reach_on_arc_stds: float = 2.5  #: longest way along the arc by drawn lines, in standard deviations of the fit
     min_drawn_evidence: float = 6.0  #: least log odds of drawn lines where too few places show a line
     #: a goal that leaves its camera's position more uncertain than this is searched along its arc
     certain_m: float = 0.06
     iterations: int = 4  #: steps of each round
-    #: how edges that contradict the rest lose weight: the border of a lamp's streak along a bar, say
+    #: reduces the weight of edges that contradict the rest: the border of a lamp's streak along a bar, say
     reweighting: Reweighting = Reweighting()
 
 
 class _Marked(NamedTuple):
-    """A goal's samples with marks on lines, which of the places looked at they are, line widths and reaches there."""
+    """A goal's samples with marks on lines, which of the searched places are seen, line widths and searches there."""
 
     samples: FitSamples
     is_seen: npt.NDArray[np.bool_]
@@ -86,9 +86,9 @@ class _Marked(NamedTuple):
     reach: FloatArray
 
 
-_MISFIT_SCALE_PX = 0.3  # of the loss by which a goal's own edges speak against a camera
+_MISFIT_SCALE_PX = 0.3  # of the loss by which a goal's own edges contradict a camera
 
-# log-likelihood ratio; the fit; what it was fitted to
+# log-likelihood ratio; the fit; its samples
 _Fitted = tuple[float, LineFit, FitSamples]
 
 
@@ -104,7 +104,7 @@ class GoalLines:
         self._pen = line_pen(self._points, line_width_m)
 
     def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, goal: Candidate) -> list[CameraEstimate]:
-        """Fit goal and lines together: cameras of which one is right if lines are in view; none where they are not."""
+        """Fit goal and lines together: candidate cameras, none where no lines are in view."""
         found = goal.fit
         covariance = covariance_of(model, found.information)
         arc = open_arc(model, found, covariance, self._settings.certain_m)
@@ -146,7 +146,7 @@ class GoalLines:
         return settled
 
     def _drawn_alone(self, drawing: LineDrawing, model: GoalModel, found: GoalFit, arc: GoalArc) -> list[_Fitted]:
-        """Settle the goal along its arc where too few lines are seen one by one, by all of them drawn."""
+        """Settle the goal along its arc by all lines drawn, where too few are seen one by one."""
         if len(arc.cost) < 2:
             return []
         evidence = np.array([drawing.likelihood(model, p) for p in arc.unknowns]) - arc.cost / 2
@@ -191,7 +191,7 @@ class GoalLines:
         return chosen
 
     def _evidence(self, marked: _Marked, residual: FloatArray) -> float:
-        """Logarithm of how much likelier the ridges are if these lines are there than if they are clutter."""
+        """Log-likelihood ratio of the ridges being these lines to their being clutter."""
         of_marks = residual[len(residual) - len(marked.samples.mark_m) :]
         return float(mark_evidence(of_marks, marked.width, marked.reach, marked.is_seen, self._model))
 

@@ -15,7 +15,7 @@ from robocup_vision.localization.goal.silhouettes import Edges, Gradients, Silho
 from robocup_vision.perception.goal_color import GoalColorSettings, hue_masks
 from robocup_vision.perception.goal_region import carpet_mask, whiteness
 
-# of white light, colours differ by so much where a lamp or the white balance is tinted, and by the sensor's noise
+# greatest ratio of colours in white light, by tinted lamps and white balance, and their difference by noise
 _WHITE_RATIO = np.float32(1.1)
 _NOISE = np.float32(8.0)
 
@@ -101,7 +101,7 @@ class GoalPicture:
         """Mask (H, W) of what may be paint of a hue, washed by lamps or not, in the reduced frame.
 
         Its colours are brighter than carpet, and lamps add light: where a post is dark, somebody stands before it.
-        White light adds to all colours alike: what has more of another colour than of the hue's is no paint.
+        White light adds to all colours alike: a pixel with more of another colour than of the hue's is no paint.
         """
         if color in self._washable:
             return self._washable[color]

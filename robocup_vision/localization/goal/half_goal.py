@@ -97,9 +97,9 @@ def _fit_one_post(
 def _without_missing(
     model: GoalModel, constrained: GoalModel, seen: GoalFit, settings: PriorSettings
 ) -> GoalFit | None:
-    """Fit again without the posts and the bar that are not there; None where fewer than two are.
+    """Fit again without the posts and the bar that are missing; None where fewer than two are present.
 
-    A post is there by both of its edges: one alone may be that of somebody who stands before half of it.
+    A post is present if both of its edges are: one alone may be that of somebody who hides half of it.
     """
     least = seen.edge_ratio[:BAR_TOP].reshape(2, 2).min(axis=1)
     stands = np.array([*(least >= settings.min_edge_ratio), True])

@@ -25,7 +25,7 @@ class PointSpread(NamedTuple):
     """A point spread along one axis of the picture."""
 
     mixed: float  #: weight of each neighbour in a pixel
-    lens_px: float  #: standard deviation of what the lens spreads
+    lens_px: float  #: standard deviation of the lens's spread
     #: how a channel at half the resolution is spread over the pixels: "linear" or "nearest"; empty: it is whole
     halved: str = ""
 

@@ -50,14 +50,14 @@ _BRIGHTNESS = (0.114, 0.587, 0.299)  # of B, G and R: the luma of BT.601
 _SCALES = np.array([1.0, 0.5, 0.3, 0.3])  # of the robust loss in each iteration, pixels: the start is right to a pixel
 _CELLS = 8  # of even light across a member; those at its edges are the narrowest
 _STEPS = np.array([1e-4, 1e-4, 1e-5, 1e-5, 1e-5, 1e-4])  # of the camera for differences: metres, radians
-_FIRST_STD = 3.0  # of a pixel's noise, grey levels, before the picture tells
+_FIRST_STD = 3.0  # of a pixel's noise, grey levels, before it is estimated
 _MIN_VARIANCE = 0.5  # of it: grey levels are whole
 _OFFSETS = EDGES + 2  # what whole edges and feet are off
 
 
 @dataclass(frozen=True, slots=True)
 class ProfileSettings:
-    """Which pixels are taken, what is known of paint before, and when the fit counts."""
+    """Which pixels are taken, priors on the paint, and when the fit counts."""
 
     #: pieces of a member, enough to see one that is hidden, and most rows (bar: columns) of each
     pieces: int = 6
@@ -269,7 +269,7 @@ class _SectionFit:
         return bool(np.isfinite(places).all())
 
     def _measure(self, every: int) -> FloatArray:
-        """Return what sections, one in so many, tell of their edges where the camera has them now: (S, 5)."""
+        """Return the evidence of sections with a stride on their edges' places by the present camera: (S, 5)."""
         a, b, c, d = (self._response(spread) for axis in self._spreads for spread in axis)
         fit_sections(self.sections, every, (a, b, c, d), self._variance, self._line_evidence, self._misfit)
         axis, misfit = self._axis[::every], self._misfit[::every]
@@ -363,7 +363,7 @@ def polish(
 
 
 def _weighed(alone: EdgeSamples, settings: ProfileSettings) -> tuple[EdgeSamples, npt.NDArray[np.float64]]:
-    """Let the noise include what an edge as a whole may be off; returns the variance of each single sample as well."""
+    """Add the common errors of whole edges to the noise; also return the variance of each single sample."""
     n = len(alone.edge)
     typical = settings.common * float(np.mean(alone.sigma[:n] ** 2))
     whole = np.full(len(alone.sigma), settings.edge_error_px**2 + typical)

@@ -84,10 +84,10 @@ class Candidate:
 
     fit: GoalFit  #: for the goal at +x
     sides: tuple[int, ...]  #: which goals it can be: (1,), (-1,), or both
-    model: GoalModel  #: what it was fitted with
+    model: GoalModel  #: of its fit
     appearance: EdgeAppearance
     nats: float  #: log-likelihood ratio of the goal to clutter, by which several are ordered
-    is_clear: bool  #: whether its edges agree so well that no other needs to be looked for
+    is_clear: bool  #: whether its edges agree so well that the search may end
 
 
 class Proposal(NamedTuple):

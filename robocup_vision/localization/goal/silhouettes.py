@@ -47,7 +47,7 @@ class SilhouetteSettings:
     place_cells: float = 3.0
     tilt_cells: float = 2.9
     column_cells: float = 1.5
-    large_ratio: float = 0.5  #: goals wider than this part of a picture are looked for in one of half the size
+    large_ratio: float = 0.5  #: goals wider than this fraction of a picture are searched in one of half the size
     max_bearing_rad: float = 0.2  #: bearings from a goal that looks small differ by no more
     blur_px: float = 0.8  #: blur before gradients are taken: no edge is sharper, but noise is
     edge_ratio: float = 4.0  #: ratio of an edge's gradient to the picture's median gradient
@@ -74,7 +74,7 @@ class _Bank:
 
 
 class Edges(NamedTuple):
-    """Edges of a picture, and what they count as evidence: the first two of `kernels.goal.silhouettes.Evidence`."""
+    """Edges of a picture, and their evidence: the first two of `kernels.goal.silhouettes.Evidence`."""
 
     levels: UInt8Array
     nats: FloatArray
@@ -223,7 +223,7 @@ class SilhouetteSearch:
         return Evidence(*edges, nats, green)
 
     def _edge_nats(self, levels: UInt8Array) -> FloatArray:
-        """(4, 3) float64: see `kernels.goal.silhouettes.Evidence`; clutter is what the picture has everywhere."""
+        """(4, 3) float64: see `kernels.goal.silhouettes.Evidence`; clutter has the picture's mean rates."""
         s = self.settings
         of_goal = np.array([1 - s.there_ratio - s.nearby_ratio, s.nearby_ratio, s.there_ratio])
         nats = np.empty((_DIRECTIONS, 3))

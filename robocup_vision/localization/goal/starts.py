@@ -1,4 +1,4 @@
-"""From posts found as strips to where a fit may start: rough samples, cameras of all obliquenesses, rows of the bar."""
+"""Starts of a fit from posts found as strips: rough samples, cameras of all obliquenesses, rows of the bar."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def starts(model: GoalModel, left: Strip, right: Strip) -> Iterator[FloatArray]:
     for x, y in places:
         p = model.prior.copy()
         p[X], p[Y] = x, y
-        # the axis points where both posts' bearings lie best about it
+        # the heading is the mean of those by both posts' bearings
         p[HEADING] = (
             math.atan2(half - y, line - x)
             + math.atan2(-half - y, line - x)

@@ -1,7 +1,8 @@
 """The verdict on goals that may be in a picture: one log-likelihood ratio chooses the camera and accepts it.
 
-Three things are compared with clutter: edges of any kind and paint along the silhouette, lines where they are due, and
-how exactly the edges fit. Lamps that wash posts, windows that hide edges and worn lines each take away a part of it.
+Three kinds of evidence are compared with clutter: edges of any kind and paint along the silhouette, lines at their
+predicted places, and the accuracy of the edges' fit. Lamps that wash posts, windows that hide edges and worn lines each
+reduce one of them.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class GoalVerdict:
         if nats < self._settings.min_nats:
             ratio = f"log-likelihood ratio {nats:.0f} of the {self._settings.min_nats:.0f} that are needed"
             return NotLocated(f"no certain goal: what looks like one reaches a {ratio}")
-        # of cameras that the picture hardly tells apart the most certain one: lines tell it more than the silhouette
+        # of cameras that the picture hardly separates the most certain one: lines fix it better than the silhouette
         alike = [one for other, one in judged if other >= nats - self._settings.correlation_nats]
         best = min(alike, key=lambda one: float(np.trace(one.covariance[:2, :2])))
         return with_spread(best, judged, self._line_settings.same_m, self._settings.correlation_nats)

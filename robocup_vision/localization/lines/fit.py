@@ -49,7 +49,7 @@ class LineFitSettings:
 
 def seen_points(points: LinePoints, line_map: LineMap) -> SeenPoints:
     """Return line points (N) as the compiled fit takes them."""
-    # copies: what is read only would be compiled for once more
+    # copies: a read-only array would be compiled for once more
     return SeenPoints(np.array(points.floor_m), np.array(points.floor_per_px), line_map.lines, line_map.arcs)
 
 

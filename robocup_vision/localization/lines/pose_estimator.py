@@ -115,7 +115,7 @@ class LinePoseEstimator:
         return self._with_candidates(refined, start)
 
     def is_near(self, estimate: PoseEstimate, start: Pose2) -> bool:
-        """Return whether one of an estimate's poses is so near to another pose that it may be the same one."""
+        """Return whether one of an estimate's poses may be the same as another pose."""
         for pose in estimate.candidates:
             distance, angle = pose.error_to(start)
             if distance <= self.settings.max_followed_m and angle <= self.settings.max_followed_rad:
@@ -123,7 +123,7 @@ class LinePoseEstimator:
         return False
 
     def _refined(self, start: Pose2, points: LinePoints, min_carpet_ratio: float) -> PoseEstimate | NotLocated:
-        """Refine a pose in pixels; NotLocated if the lines do not bear it out, or do not fix it."""
+        """Refine a pose in pixels; NotLocated if the lines do not confirm it, or do not fix it."""
         refined = refine_by_lines(start, points, self.line_map, settings=self.settings.fit)
         if not refined:
             return refined
@@ -137,7 +137,7 @@ class LinePoseEstimator:
         return refined
 
     def _judged(self, estimate: PoseEstimate, points: LinePoints, min_carpet_ratio: float) -> PoseEstimate | NotLocated:
-        """Return the estimate if the line points bear it out, and the lines it predicts in plain sight were seen."""
+        """Return the estimate if the line points confirm it, and its lines on visible floor were seen."""
         if estimate.inlier_ratio < self.settings.min_inlier_ratio:
             return NotLocated(f"only {estimate.inlier_ratio:.0%} of the line points lie on lines of the best pose")
         if self._is_by_chance(estimate, len(points)):
@@ -151,8 +151,8 @@ class LinePoseEstimator:
         return estimate
 
     def _is_by_chance(self, estimate: PoseEstimate, points: int) -> bool:
-        """Whether the points of a pose lie no nearer to its lines than any that are even over the gate."""
-        # of which the mean square is a third, and the square's variance 4/45, in units of the gate
+        """Whether the points of a pose lie no nearer to its lines than points evenly over the gate."""
+        # whose squares have a mean of a third and a variance of 4/45, in units of the gate
         near = max(estimate.inlier_ratio * points, 1.0)
         most = 1 / 3 - self.settings.chance_stds * math.sqrt(4 / 45 / near)
         return (estimate.residual_px / self.settings.fit.inlier_px) ** 2 > most
@@ -195,7 +195,7 @@ class LinePoseEstimator:
         return float(points.weight[is_on_line].sum() / max(points.weight[counts].sum(), 1e-9))
 
     def _nats(self, estimate: PoseEstimate) -> float:
-        """Log-likelihood ratio a point: residuals of a normal distribution against even ones over the gate."""
+        """Log-likelihood ratio a point: a normal distribution of residuals to an even one over the gate."""
         chance_px = 2 * self.settings.fit.inlier_px / math.sqrt(math.tau * math.e)
         return estimate.inlier_ratio * math.log(chance_px / max(estimate.residual_px, 1e-3))
 

@@ -27,9 +27,9 @@ class LineSearchSettings:
     #: more points than this are left
     patch_m: float = 0.12
     max_points: int = 150
-    #: a line crosses a patch in at least so many points: fewer weigh less, they may be specks
+    #: least points of a line in a patch: fewer weigh less, they may be specks
     points_per_patch: int = 3
-    #: a line crosses a square of so many pixels in as many points; with fewer than half of them, a point is a speck
+    #: side of a square that a line crosses in as many points; with fewer than half of them, a point is a speck
     window_px: int = 9
     min_points: int = 18  #: fewer patches show less than about 2 m of line, which fits in many places of any field
     #: of the grid of poses
@@ -105,7 +105,7 @@ def same_pose(pose: Pose2, other: Pose2, symmetric: bool, settings: LineSearchSe
 
 
 def _metres_per_px(points: LinePoints) -> FloatArray:
-    """Of each point, in the image direction in which a pixel covers most floor: what one pixel of error may do."""
+    """Return the greatest error on the floor by one pixel in the image, for each point."""
     j = points.floor_per_px
     total = (j**2).sum(axis=(1, 2))
     area = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]

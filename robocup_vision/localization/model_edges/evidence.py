@@ -127,22 +127,22 @@ class CandidateSettings:
     The weights were fitted to 530 pictures of development sequences (four_legged_2007 and spl_2020).
     """
 
-    # weight of the fraction missing where carpet shows instead
+    #: weight of the fraction missing where carpet shows instead
     of_missing: float = -35.7
-    # weight of the fraction found of all predicted samples: a pose that hides much explains little
+    #: weight of the fraction found of all predicted samples: a pose that hides much explains little
     of_found: float = 4.24
-    # weight of the fraction of line points left unexplained
+    #: weight of the fraction of line points left unexplained
     of_unexplained: float = -27.1
-    # weight of the inliers' root mean square, pixels of a picture 208 wide: wrong poses leave larger residuals
+    #: weight of the inliers' root mean square, pixels of a picture 208 wide: wrong poses leave larger residuals
     of_rms: float = -5.79
-    # weight of each edge of the field that is found
+    #: weight of each edge of the field that is found
     of_edge: float = 0.71
-    # weight of the logarithm of the position's standard deviation, metres: a picture that fits everywhere shows little
+    #: weight of the logarithm of the position's standard deviation, metres: a picture that fits everywhere shows little
     of_std: float = -1.26
-    # weight of the outcome that none is right
+    #: weight of the outcome that none is right
     of_none: float = 6.76
-    # smallest probability of a pose that is the answer alone, and of several together that are candidates. Of 1661
-    # frames of development walks 0.4 % are answered wrongly and 64 % rightly; at 0.94 0.6 and 65 %
+    #: smallest probability of a pose that is the answer alone, and of several together that are candidates. Of 1661
+    #: frames of development walks 0.4 % are answered wrongly and 64 % rightly; at 0.94 0.6 and 65 %
     min_probability: float = 0.95
     min_together: float = 0.98
     max_candidates: int = 3

@@ -25,57 +25,59 @@ from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
 class FinderSettings:
     """How a camera is found."""
 
-    # grid of the bank. The steps of aligning must reach from one node to the next; a spacing is a whole number of cells
+    #: grid of the bank. The steps of aligning must reach from one node to the next; a spacing is a whole number of
+    #: cells
     spacing_m: float = 0.24
     heading_step_rad: float = math.radians(6.0)
-    # numbers of poses scored by all points, aligned, fitted, and compared with each other. Of 430 frames of development
-    # walks (plain, blurred, rolling, lens; four_legged_2007 and spl_2020) half as many more of each find the same 266
+    #: numbers of poses scored by all points, aligned, fitted, and compared with each other. Of 430 frames of
+    #: development walks (plain, blurred, rolling, lens; four_legged_2007 and spl_2020) half as many more of each find
+    #: the same 266
     scored: int = 600
     aligned: int = 100
     fitted: int = 8
     weighed: int = 6
-    # most proposals by beacons and posts, and the distance between them on a circle about one
+    #: most proposals by beacons and posts, and the distance between them on a circle about one
     max_upright_poses: int = 400
     step_m: float = 0.2
-    # number of the likeliest poses that are aligned in all steps
+    #: number of the likeliest poses that are aligned in all steps
     likely: int = 16
-    # tilts that are searched where this gives no answer, in standard deviations of the sway
+    #: tilts that are searched where this gives no answer, in standard deviations of the sway
     nods: tuple[float, ...] = (-1.5, 1.5)
-    # least inliers of a fit
+    #: least inliers of a fit
     min_inliers: int = 6
-    # greatest excess of missed line points over the best proposal's for a proposal to be fitted
+    #: greatest excess of missed line points over the best proposal's for a proposal to be fitted
     max_more_missed: float = 6.0
-    # greatest difference of a pose's log-likelihood after the first fit from the best one's
+    #: greatest difference of a pose's log-likelihood after the first fit from the best one's
     max_log_likelihood_drop: float = 4.0
-    # number of the likeliest whose half turns are compared, too, where the halves of the field differ
+    #: number of the likeliest whose half turns are compared, too, where the halves of the field differ
     turned: int = 2
-    # proposals and answers nearer to each other count as one
+    #: proposals and answers nearer to each other count as one
     apart_m: float = 0.2
     apart_rad: float = math.radians(6.0)
-    # steps of aligning: scale of the robust weight, pixels of a picture 208 wide
+    #: steps of aligning: scale of the robust weight, pixels of a picture 208 wide
     gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0)
-    # standard deviations of a pose of the bank, as the prior of its alignment
+    #: standard deviations of a pose of the bank, as the prior of its alignment
     near_m: float = 0.12
     near_rad: float = math.radians(3.5)
-    # standard deviations of a proposal, as the prior of its fit
+    #: standard deviations of a proposal, as the prior of its fit
     std_m: float = 0.10
     std_rad: float = math.radians(3.5)
-    # most fits from the last one's result without its prior, and the motions that end them
+    #: most fits from the last one's result without its prior, and the motions that end them
     settling: int = 2
     settled_m: float = 0.02
     settled_rad: float = math.radians(0.5)
-    # greatest standard deviation of an answer's position: a following picture may show more
+    #: greatest standard deviation of an answer's position: a following picture may show more
     max_std_m: float = 0.10
-    # cost of a bearing bin whose paint is wrong, in line points
+    #: cost of a bearing bin whose paint is wrong, in line points
     upright_weight: float = 0.25
-    # standard deviations of a lost camera's pose about the last one, and the fraction of lost cameras that are near it
+    #: standard deviations of a lost camera's pose about the last one, and the fraction of lost cameras that are near it
     lost_std_m: float = 0.5
     lost_std_rad: float = 0.5
     near_ratio: float = 0.5
-    # most line points, and their greatest range
+    #: most line points, and their greatest range
     points: int = 60
     max_range_m: float = 6.0
-    # weights that decide whether one of the poses is right
+    #: weights that decide whether one of the poses is right
     candidates: CandidateSettings = CandidateSettings()
 
 
@@ -118,6 +120,7 @@ class EdgeFinder:
         self._candidates = replace(s.candidates, of_rms=s.candidates.of_rms / scale)
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         self._searched_m2rad = math.tau * float(np.prod(high - low))
+        self._apart = np.array([s.apart_m, s.apart_rad])
         self._covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
         self._gates_px = np.array(s.gates_px) * max(1.0, 0.5 * (1.0 + scale))
 
@@ -126,6 +129,12 @@ class EdgeFinder:
         other = copy(self)
         other.follower = follower
         return other
+
+    @property
+    def _pixel_rad(self) -> float:
+        """Angle of a pixel."""
+        fu, fv = self.follower.camera.focal_px
+        return 1.0 / math.sqrt(fu * fv)
 
     @property
     def _near_std(self) -> FloatArray:
@@ -164,11 +173,11 @@ class EdgeFinder:
         if number < 3 and seen[:, -1].sum() < 2:
             return np.empty((0, 4))
         score_bank(self._bank, self._rows, number, seen, 0.0, self._scores)
-        apart = np.array([s.apart_m, s.apart_rad])
-        kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
+        kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, self._apart, self._starts)
         slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
-        pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-        how = Alignment(slopes, tilt, roll, camera.height_m, self._near_std, pixel_rad, self._gates_px, seen_uprights)
+        how = Alignment(
+            slopes, tilt, roll, camera.height_m, self._near_std, self._pixel_rad, self._gates_px, seen_uprights
+        )
         tried = self._tried
         tried[:kept] = self._starts[:kept, :3]
         kept += poses_around(seen_uprights, camera.focal_px[0], self._half_m, s.step_m, tried[kept:])

@@ -16,80 +16,80 @@ DESIGN_WIDTH_PX = 208.0
 class EdgeSettings:
     """Settings of the follower. Lengths are pixels of a picture 208 wide, unless a line says otherwise."""
 
-    # distance between samples in pictures 208 and 640 pixels wide: neighbours add little, and take time
+    #: distance between samples in pictures 208 and 640 pixels wide: neighbours add little, and take time
     spacing_px: float = 5.0
     wide_spacing_px: float = 12.0
-    # samples of the fit: more do not average out the common error of an edge, but the noise of a blurred one
+    #: samples of the fit: more do not average out the common error of an edge, but the noise of a blurred one
     ample_samples: float = 70.0
-    # samples by which the mode is chosen are this many times as far apart: their searches are longer
+    #: samples by which the mode is chosen are this many times as far apart: their searches are longer
     coarser: float = 2.0
-    # search for an edge, in standard deviations of the prior; margin; bound
+    #: search for an edge, in standard deviations of the prior; margin; bound
     reach_sigmas: float = 3.0
     extra_px: float = 2.0
     max_reach_px: float = 45.0
-    # least ratio of a step to the expected one: carpets and paints differ, shadows halve the light
+    #: least ratio of a step to the expected one: carpets and paints differ, shadows halve the light
     min_ratio: float = 0.4
-    # how far white paint rises above the carpet, relative to what the nominal colours do, is learnt where lines look so
-    # wide that blur leaves their middle, at so many points at least; smaller ratios are noise's, and differences
+    #: white paint's step from the carpet, as a ratio to the nominal one, is learnt from lines wide enough for blur to
+    #: leave their middle: least width, points and ratio, and least difference from the last ratio
     min_paint_px: float = 3.0
     min_paint_points: int = 8
     min_paint_ratio: float = 0.3
     same_paint_ratio: float = 0.05
-    # noise of one sample, and of the offset that is common to all samples of an edge (lens, paint, tape measure), in
-    # pixels of any picture; samples on rendered edges scatter by 0.03 to 0.15
+    #: noise of one sample, and of the offset that is common to all samples of an edge (lens, paint, tape measure), in
+    #: pixels of any picture; samples on rendered edges scatter by 0.03 to 0.15
     sigma_px: float = 0.15
     shared_px: float = 0.2
-    # fraction of the samples found that lie on another thing, which stands before their edge or crosses it. Of edges
-    # with 1, 2, 3, 4 samples found by true priors (512 frames of development walks, 208 pixels wide) mean squared
-    # offsets were 0.66, 0.20, 0.14, 0.01 square pixels more than the noise; this gives 0.63, 0.19, 0.06, 0.02
+    #: fraction of the samples found that lie on another thing, which stands before their edge or crosses it. Of edges
+    #: with 1, 2, 3, 4 samples found by true priors (512 frames of development walks, 208 pixels wide) mean squared
+    #: offsets were 0.66, 0.20, 0.14, 0.01 square pixels more than the noise; this gives 0.63, 0.19, 0.06, 0.02
     stray_ratio: float = 0.3
-    # gate of the last steps, in robust standard deviations of the residuals, and the number of these steps
+    #: gate of the last steps, in robust standard deviations of the residuals, and the number of these steps
     sharp_gates: float = 3.5
     sharp_steps: int = 2
-    # gate of an inlier, pixels of any picture
+    #: gate of an inlier, pixels of any picture
     gate_px: float = 2.5
-    # weight of the squared distance from the prior where modes are chosen, in samples
+    #: weight of the squared distance from the prior where modes are chosen, in samples
     prior_ratio: float = 0.3
-    # no further hypotheses are drawn once a mode fails fewer of the samples
+    #: no further hypotheses are drawn once a mode fails fewer of the samples
     max_failed_ratio: float = 0.2
-    # range of the second search for candidates, around a fit, pixels of any picture
+    #: range of the second search for candidates, around a fit, pixels of any picture
     again_px: float = 5.0
-    # rows and columns between those that are read for line points
+    #: rows and columns between those that are read for line points
     point_stride_px: float = 8.0
-    # things that look like lines this far beyond the field's outer lines are none
+    #: things that look like lines this far beyond the field's outer lines are none
     lines_end_m: float = math.inf
-    # edges this far beside the picture, in standard deviations of the prior's heading, are searched in it
+    #: edges this far beside the picture, in standard deviations of the prior's heading, are searched in it
     view_sigmas: float = 2.0
-    # first search of a mode, as a fraction of its distance from the prior in pixels: the accuracy of derivatives at the
-    # prior
+    #: first search of a mode, as a fraction of its distance from the prior in pixels: the accuracy of derivatives at
+    #: the prior
     bent_ratio: float = 0.4
-    # hypotheses of which the mode is chosen
+    #: hypotheses of which the mode is chosen
     hypotheses: int = 100
-    # verdict: least number of inliers, and where the frames before support the prior: two may agree by chance; least
-    # fraction of the visible samples found, and of the line points explained
+    #: verdict: least number of inliers, and where the frames before support the prior: two may agree by chance; least
+    #: fraction of the visible samples found, and of the line points explained
     min_inliers: int = 12
     min_inliers_followed: int = 3
     min_found_ratio: float = 0.5
-    # least samples found on edges that the field's other half lacks for a frame to show the half: two may agree by
-    # chance
+    #: least samples found on edges that the field's other half lacks for a frame to show the half: two may agree by
+    #: chance
     min_telling: int = 3
     min_explained_ratio: float = 0.7
     min_points: int = 6
-    # greatest squared distance from the prior, all six or seven unknowns: 0.01 % of right ones are farther
+    #: greatest squared distance from the prior, all six or seven unknowns: 0.01 % of right ones are farther
     max_prior_distance2: float = 27.9
-    # greatest squared distance at which a prior and the pose of a slipped robot by the same frame are one place: 99.9 %
-    # of chi-square with 3 degrees of freedom
+    #: greatest squared distance at which a prior and the pose of a slipped robot by the same frame are one place: 99.9
+    #: % of chi-square with 3 degrees of freedom
     max_same_distance2: float = 16.27
-    # modes near one prior are compared by these: logarithm of the inliers, fractions, squared distance from the prior,
-    # residuals (px)
+    #: modes near one prior are compared by these: logarithm of the inliers, fractions, squared distance from the prior,
+    #: residuals (px)
     mode_of_inliers: float = 1.3
     mode_against_missing: float = 8.0
     mode_against_hidden: float = 2.0
     mode_against_unexplained: float = 20.0
     mode_against_distance: float = 0.36
     mode_against_rms: float = 2.95
-    # odds that a pose is right, by logistic regression on 530 pictures of development sequences (right priors and wrong
-    # ones): each edge found, fractions, squared distance from the prior, residuals (px)
+    #: odds that a pose is right, by logistic regression on 530 pictures of development sequences (right priors and
+    #: wrong ones): each edge found, fractions, squared distance from the prior, residuals (px)
     odds_at_all: float = 4.8
     odds_of_edge: float = 0.17
     odds_against_missing: float = 11.3
@@ -97,54 +97,54 @@ class EdgeSettings:
     odds_against_unexplained: float = 8.0
     odds_against_distance: float = 0.23
     odds_against_rms: float = 2.95
-    # a picture that leaves the pose open agrees with wrong ones, too: greatest standard deviation of the position (m),
-    # less the information gained on the prior (nats). Found on 650 pictures of development walks: of 2550 wrong priors
-    # 1 % are accepted, as by the standard deviation alone, and of 1250 right ones 2 % more
+    #: a picture that leaves the pose open agrees with wrong ones, too: greatest standard deviation of the position (m),
+    #: less the information gained on the prior (nats). Found on 650 pictures of development walks: of 2550 wrong priors
+    #: 1 % are accepted, as by the standard deviation alone, and of 1250 right ones 2 % more
     odds_against_open: float = 1.7
     odds_against_std: float = 4.0
     odds_of_nat: float = 0.2
-    # the same for a search's proposal, by the standard deviation alone
+    #: the same for a search's proposal, by the standard deviation alone
     odds_against_proposed_std: float = 8.6
     min_log_odds: float = 0.0
-    # bound and time constant of a frame's odds in those after it: errors of neighbouring frames are correlated
+    #: bound and time constant of a frame's odds in those after it: errors of neighbouring frames are correlated
     max_log_odds: float = 5.0
     odds_memory_s: float = 0.5
-    # a frame with lower log-odds does not support the pose
+    #: a frame with lower log-odds does not support the pose
     min_supporting_log_odds: float = 0.1
-    # greatest speeds of a robot and its head: a prior farther from the last answer does not continue it
+    #: greatest speeds of a robot and its head: a prior farther from the last answer does not continue it
     max_speed_mps: float = 4.0
     max_turn_radps: float = 10.0
-    # fractions of missing samples and unexplained line points, and residuals (pixels of any picture), up to which no
-    # other mode is examined: of fits that end at the truth six in seven leave smaller residuals
+    #: fractions of missing samples and unexplained line points, and residuals (pixels of any picture), up to which no
+    #: other mode is examined: of fits that end at the truth six in seven leave smaller residuals
     clear_missing: float = 0.08
     clear_unexplained: float = 0.06
     clear_rms_px: float = 0.35
-    # tilt and roll are forgotten with this time constant: a step takes about half a second
+    #: tilt and roll are forgotten with this time constant: a step takes about half a second
     attitude_memory_s: float = 0.12
-    # of tilt and roll where the camera file gives no `roll_std_rad`
+    #: of tilt and roll where the camera file gives no `roll_std_rad`
     sway_std_rad: float = 0.02
-    # greatest width of a line, in widths by the field file; 0: exactly that width. The second is for frames that
-    # otherwise confirm nothing: two tapes side by side, or blur, make a line this wide
+    #: greatest width of a line, in widths by the field file; 0: exactly that width. The second is for frames that
+    #: otherwise confirm nothing: two tapes side by side, or blur, make a line this wide
     max_line_widths: float = 0.0
     max_doubted_line_widths: float = 3.5
-    # whether the carpet may have two tones: in the sun, bleached by glare, and in the shade
+    #: whether the carpet may have two tones: in the sun, bleached by glare, and in the shade
     in_sun_and_shade: bool = False
-    # height rises and falls with the gait
+    #: height rises and falls with the gait
     height_memory_s: float = 0.12
-    # a frame that confirms nothing may be blurred: it is examined again reduced by these factors, to this width at
-    # least
+    #: a frame that confirms nothing may be blurred: it is examined again reduced by these factors, to this width at
+    #: least
     copy_factors: tuple[int, ...] = (1, 2, 3)
     min_copy_px: int = 200
-    # standard deviation of the position, by the frame alone, from which the frame is examined again where walls or
-    # boards bound the field: their feet in such copies lie beside the lines; and the ratio that the second must reach
+    #: standard deviation of the position, by the frame alone, from which the frame is examined again where walls or
+    #: boards bound the field: their feet in such copies lie beside the lines; and the ratio that the second must reach
     open_m: float = 0.1
     less_open: float = 0.7
-    # least time between searches by the bank that found nothing: frames closer together show the same
+    #: least time between searches by the bank that found nothing: frames closer together show the same
     search_again_s: float = 0.1
-    # a camera located within this time is probably near its prior: odometry with an error of a tenth is off by 20 cm at
-    # 1 m/s
+    #: a camera located within this time is probably near its prior: odometry with an error of a tenth is off by 20 cm
+    #: at 1 m/s
     near_s: float = 2.0
-    # of the prior where only a pose is given
+    #: of the prior where only a pose is given
     prior_std_m: float = 0.15
     prior_std_rad: float = 0.1
 

@@ -36,34 +36,34 @@ _NO_SIGHTINGS = np.zeros((0, SIGHT))
 class TiltSettings:
     """How a camera of unknown tilt is found. Settings were chosen on rendered frames of white goals."""
 
-    # the carpet's colour is learnt below this fraction of the frame: a camera that looks up sees floor only there
+    #: the carpet's colour is learnt below this fraction of the frame: a camera that looks up sees floor only there
     carpet_top: float = 0.4
-    # stride of the columns and rows that are read for bands, and the widest band, as fractions of the picture's width
+    #: stride of the columns and rows that are read for bands, and the widest band, as fractions of the picture's width
     stride_ratio: float = 0.025
     widest_ratio: float = 0.1
-    # least step of a line, as a fraction of the usual one
+    #: least step of a line, as a fraction of the usual one
     step_ratio: float = 0.25
     min_bands: int = 16
-    # least fraction of carpet in a row where it reaches across the frame
+    #: least fraction of carpet in a row where it reaches across the frame
     min_carpet_ratio: float = 0.5
-    # fraction of the bands that may not be lines, and greatest ratio of a line's width to the painted one
+    #: fraction of the bands that may not be lines, and greatest ratio of a line's width to the painted one
     strays: float = 0.1
     slack: float = 1.4
-    # step between the banks' tilts, and their range
+    #: step between the banks' tilts, and their range
     step_rad: float = 0.03
     range_rad: tuple[float, float] = (-0.9, 0.35)
-    # numbers of each bank's poses that are scored in full, and aligned with the lines
+    #: numbers of each bank's poses that are scored in full, and aligned with the lines
     scored: int = 400
     aligned: int = 24
-    # standard deviations of tilt and roll about a bank's in aligning, and about the aligned ones in the fit
+    #: standard deviations of tilt and roll about a bank's in aligning, and about the aligned ones in the fit
     bank_std_rad: tuple[float, float] = (0.03, 0.04)
     fit_std_rad: float = 0.015
-    # factor on these deviations, and on those of a proposed place, about the result of a fit
+    #: factor on these deviations, and on those of a proposed place, about the result of a fit
     settling_ratio: float = 0.3
-    # priors of the tilt, and of the roll where the camera file has none
+    #: priors of the tilt, and of the roll where the camera file has none
     tilt_std_rad: float = 0.5
     roll_std_rad: float = 0.1
-    # a neck that nods moves the camera up and down
+    #: a neck that nods moves the camera up and down
     height_std_m: float = 0.03
 
 
@@ -120,9 +120,7 @@ class TiltFinder(EdgeFinder):
         points = np.ascontiguousarray(bands[:, :3])
         slopes = np.ascontiguousarray((np.array(camera.center_px) - bands[:, :2]) / np.array(camera.focal_px))
         slopes = slopes[:: max(len(slopes) // s.points, 1)].copy()
-        pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         std = np.array([s.near_m, s.near_m, s.near_rad, *tilts.bank_std_rad])
-        apart = np.array([s.apart_m, s.apart_rad])
         starts = np.zeros((tilts.aligned, 4))
         found: list[tuple[float, TiltedPose]] = []
         roll = self._file_camera.roll_rad or 0.0
@@ -133,8 +131,8 @@ class TiltFinder(EdgeFinder):
             if number < tilts.min_bands // 2:
                 continue
             score_bank(self._bank, self._rows, number, self._seen, 0.0, self._scores)
-            kept = best_poses(self._bank, self._rows, number, self._scores, tilts.scored, apart, starts)
-            how = Alignment(slopes, tilt, roll, camera.height_m, std, pixel_rad, self._gates_px, _NO_SIGHTINGS)
+            kept = best_poses(self._bank, self._rows, number, self._scores, tilts.scored, self._apart, starts)
+            how = Alignment(slopes, tilt, roll, camera.height_m, std, self._pixel_rad, self._gates_px, _NO_SIGHTINGS)
             poses, costs = self._aligned[:kept], self._costs[:kept]
             align_all(self._bank, how, self._seen, 0.0, np.ascontiguousarray(starts[:kept, :3]), poses, costs)
             for cost, (x, y, theta, nod, sway) in zip(costs.tolist(), poses.tolist(), strict=True):

@@ -40,26 +40,26 @@ _NO_SIGHTINGS = np.zeros((0, SIGHT))
 class WideSettings:
     """How a camera is found in a smaller copy. Settings were chosen on rendered frames of boards in motion blur."""
 
-    # least step of a line, as a fraction of the ordinary one: a line thinner than a pixel shows only a part of it
+    #: least step of a line, as a fraction of the ordinary one: a line thinner than a pixel shows only a part of it
     step_ratio: float = 0.25
-    # greatest width of a line, in widths by the field file: two tapes side by side, or blur, make it wide
+    #: greatest width of a line, in widths by the field file: two tapes side by side, or blur, make it wide
     max_line_widths: float = 3.5
-    # stride of the columns in which the carpet's end is searched, and rows of carpet below an end
+    #: stride of the columns in which the carpet's end is searched, and rows of carpet below an end
     column_stride: int = 4
     carpet_rows: int = 3
-    # weight of a place where the carpet ends, in line points: robots and the ball end it, too
+    #: weight of a place where the carpet ends, in line points: robots and the ball end it, too
     wall_weight: float = 0.5
-    # noise of such places: metres, and pixels
+    #: noise of such places: metres, and pixels
     wall_off_m: float = 0.1
     wall_off_px: float = 3.0
-    # number of places that are compared with their equivalents at the floor's other corners
+    #: number of places that are compared with their equivalents at the floor's other corners
     repeated: int = 4
-    # numbers of proposals fitted, and compared with each other
+    #: numbers of proposals fitted, and compared with each other
     fitted: int = 24
     weighed: int = 12
-    # most candidates, one a corner of the floor; where halves look alike, half of them and their half turns
+    #: most candidates, one a corner of the floor; where halves look alike, half of them and their half turns
     corners: int = 4
-    # least probability of the candidates together: no photograph of another thing has more than 0.05
+    #: least probability of the candidates together: no photograph of another thing has more than 0.05
     min_together: float = 0.9
 
 
@@ -122,10 +122,9 @@ class WideFinder(EdgeFinder):
         nothing = np.zeros((0, BINS + 1))
         score_bank(self._walls, self._wall_rows, walls, nothing, 0.0, self._wall_scores)
         self._scores += wide.wall_weight * self._wall_scores
-        apart = np.array([s.apart_m, s.apart_rad])
-        kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, apart, self._starts)
+        kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, self._apart, self._starts)
         slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
-        pixel_rad = 1.0 / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
+        pixel_rad = self._pixel_rad
         how = Alignment(slopes, tilt, roll, camera.height_m, self._near_std, pixel_rad, self._gates_px, _NO_SIGHTINGS)
         poses, costs = self._aligned[:kept], self._costs[:kept]
         starts = np.ascontiguousarray(self._starts[:kept, :3])
