@@ -103,25 +103,10 @@ class FollowedCamera:
         return replace(self, others=others, estimate=estimate)
 
     def as_fitted(self, camera: PinholeCamera) -> PinholeCamera:
-        """Return the robot's camera as it was held and focused in this frame."""
+        """Return the robot's camera with the orientation, height and focus fitted to this frame."""
         tilt_rad, roll_rad, height_m, log_focal = self.camera_unknowns
         (fu, fv), scale = self.file_camera.focal_px, math.exp(log_focal)
         return camera.as_fitted(tilt_rad, roll_rad, height_m, (fu * scale, fv * scale))
-
-    @property
-    def camera(self) -> PinholeCamera:
-        """The camera in the orientation fitted to this frame, its pan and offset 0."""
-        tilt, roll, height, log_focal = self.camera_unknowns
-        (fu, fv), scale = self.file_camera.focal_px, math.exp(log_focal)
-        return replace(
-            self.file_camera,
-            focal_px=(fu * scale, fv * scale),
-            height_m=height,
-            offset_m=(0.0, 0.0),
-            pan_rad=0.0,
-            tilt_rad=tilt,
-            roll_rad=roll,
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -57,8 +57,9 @@ def test_place_and_tilt_are_found_by_the_lines(finder, pose, tilt_rad, light):
     off_m, off_rad = nearest(answer.estimate.candidates, pose)
     assert off_m < 0.03
     assert off_rad < 0.01
-    assert answer.camera.tilt_rad == pytest.approx(tilt_rad, abs=0.01)
-    assert answer.camera.height_m == pytest.approx(0.44, abs=0.015)
+    oriented = answer.as_fitted(answer.file_camera)
+    assert oriented.tilt_rad == pytest.approx(tilt_rad, abs=0.01)
+    assert oriented.height_m == pytest.approx(0.44, abs=0.015)
 
 
 def test_a_frame_without_lines_is_not_located(finder):
