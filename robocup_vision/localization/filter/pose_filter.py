@@ -243,7 +243,7 @@ class PoseFilter:
             at -= 1
         later = self._moments[at:]
         del self._moments[at:]
-        # within a motion that is doubted both of its parts are
+        # both parts of an unknown motion are unknown
         new = replace(new, is_motion_unknown=bool(later) and later[0].is_motion_unknown)
         for moment in (new, *later):
             self._moments.append(self._after(self._moments[-1], moment))

@@ -22,6 +22,7 @@ from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
 
 # scale of the robust loss in each iteration, pixels: samples on an arc have small residuals
 _SCALES, _CONSTRAINED_SCALES = np.full(4, 0.3), np.full(3, 0.5)
+_LIMITS = ArcLimits()
 _MAX_CAMERAS = 257  # largest number of an arc: on the largest field it has some 140 steps
 
 
@@ -68,9 +69,7 @@ def turned(model: GoalModel, unknowns: FloatArray, turn_rad: float) -> FloatArra
     return p
 
 
-def follow_arc(
-    model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m: float, limits: ArcLimits = ArcLimits()
-) -> GoalArc:
+def follow_arc(model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m: float) -> GoalArc:
     """Fit a goal's samples at headings to both sides of the best fit's unknowns (8,), as far as they allow it.
 
     `std_m` is the standard deviation of the place along the arc, by the covariance at the best fit.
@@ -79,7 +78,7 @@ def follow_arc(
         np.empty((_MAX_CAMERAS, UNKNOWNS)), np.empty((_MAX_CAMERAS, UNKNOWNS, UNKNOWNS)), np.empty(_MAX_CAMERAS)
     )
     priors = at_one_heading(model).priors
-    begin, end = trace_arc(model.scene, samples.for_fit, priors, _SCALES, start, std_m, limits, cameras)
+    begin, end = trace_arc(model.scene, samples.for_fit, priors, _SCALES, start, std_m, _LIMITS, cameras)
     unknowns, covariance, cost = (part[begin:end] for part in cameras)
     return GoalArc(unknowns, covariance, cost - cost.min(initial=math.inf))
 

@@ -1,7 +1,7 @@
 """Point spreads that a picture may have, as the light of a step in each pixel near it.
 
 Every pixel is the mean over its own square; demosaicing mixes neighbours, a lens spreads as a normal distribution does.
-JPEG and video keep colour at half the resolution: two pixels share one value, which is spread again on the way back.
+JPEG and video keep colour at half the resolution: two pixels have one value, which is interpolated again.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class PointSpread(NamedTuple):
 
     @property
     def shared(self) -> int:
-        """How many pixels, in rows and columns, share one value."""
+        """Number of pixels, in rows and columns, with one common value."""
         return 4 if self.halved else 1
 
 
@@ -63,7 +63,7 @@ def nearest_best(cost: Callable[[PointSpread], float], start: PointSpread) -> Po
 
 @lru_cache(maxsize=128)
 def step_response(spread: PointSpread) -> FloatArray:
-    """Light of a step in even and odd pixels behind it, and its derivative: (2, K, 2), `PER_PX` entries to a pixel."""
+    """Light of a step in even and odd pixels beyond it, and its derivative: (2, K, 2), `PER_PX` entries to a pixel."""
     at = np.arange(-_REACH_PX * PER_PX, _REACH_PX * PER_PX + 1) / PER_PX
     light, density = np.zeros_like(at), np.zeros_like(at)
     for offset, weight in ((-1, spread.mixed), (0, 1 - 2 * spread.mixed), (1, spread.mixed)):

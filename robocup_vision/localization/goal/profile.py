@@ -59,7 +59,7 @@ _OFFSETS = EDGES + 2  # what whole edges and feet are off
 class ProfileSettings:
     """Which pixels are taken, priors on the paint, and when the fit counts."""
 
-    #: pieces of a member, enough to see one that is hidden, and most rows (bar: columns) of each
+    #: pieces of a member, so that a hidden one is noticed, and most rows (bar: columns) of each
     pieces: int = 6
     max_lines: int = 8
     #: of background and of paint beside an edge: wider than the point spread
@@ -277,7 +277,7 @@ class _SectionFit:
             if np.any(axis == one):
                 typical = np.median(misfit[axis == one], axis=0) / 0.85
                 self._variance[one] = np.maximum(typical, _MIN_VARIANCE)
-        # values that several pixels share count once
+        # a value that several pixels have in common counts once
         shared = np.array([[spread.shared for spread in spreads] for spreads in self._spreads])
         variance = self._variance[axis]
         weight = 1 / (variance * shared[axis] * (1 + misfit / (variance * self._settings.cut)) ** 2)
