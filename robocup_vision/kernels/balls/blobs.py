@@ -3,7 +3,7 @@
 1. `_flood` gathers the pixels of the ball's colour around a seed.
 2. `_half_sizes` measures the blob along and across the ray from the camera's axis.
 
-`ball_evidence` weighs each of them as a ball.
+`evidence.weigh_blobs` weighs each of them as a ball.
 """
 
 from __future__ import annotations

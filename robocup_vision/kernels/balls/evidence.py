@@ -150,7 +150,7 @@ def weigh_blobs(
     frame : (H, W, 3) uint8
         BGR.
     blobs : (N, COLUMNS) float64
-        As `ball.find_blobs` fills them.
+        As `find_blobs` fills them.
     color, size, table
         What a ball looks like, and what the floor looks like.
     evidence : BallEvidence

@@ -393,7 +393,7 @@ def fit_with_camera(
     inlier_px, inflate, systematic : float
         As in `summarise_fit`.
     residual, predicted : (K,) float64
-        Result: as in `WallFit`, about the file's centre.
+        Result: by how much each radius differs, and each predicted radius, pixels about the file's centre; NaN: none.
     covariance : (7, 7) float64
         Result: of the unknowns.
 
