@@ -12,6 +12,7 @@ from sim2d.report.moment import Moment
 
 # ten samples a second
 _PERIODS_PER_SAMPLE = 3
+TOPICS = ("gap", "speed", "gaze", "shot")
 
 
 class MatchStory:
@@ -49,9 +50,6 @@ class MatchStory:
                 calibration = robot.status.calibration
                 self.center_moved_px[index].append(math.nan if calibration is None else calibration.moved_px)
         self._periods += 1
-
-
-TOPICS = ("gap", "speed", "gaze", "shot")
 
 
 @dataclass(frozen=True, slots=True)

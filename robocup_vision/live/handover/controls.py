@@ -18,6 +18,8 @@ _REFUSALS = {
     "place": "nothing can be put elsewhere here: only in a simulation",
     "calibrate": "this source needs no calibration: it has a camera file",
 }
+# of a message, before its bytes
+_LENGTH = struct.Struct("<I")
 
 
 class Controls:
@@ -80,9 +82,6 @@ class Controls:
     def calibrate(self, kind: str) -> None:
         """Calibrate a camera of a kind by the collected frames."""
         self.need("calibrate")
-
-
-_LENGTH = struct.Struct("<I")
 
 
 def write_message(pipe: IO[bytes], message: tuple[Any, ...]) -> None:
