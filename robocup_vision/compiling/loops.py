@@ -63,11 +63,15 @@ def compiled(
 
 
 def _keep_by_digest(loop: Any) -> None:
-    """Let numba tell by `source_digest` whether a kept loop is of today's sources: it asks for its own file's time."""
+    """Let numba tell by `source_digest` whether a kept loop is of today's sources: it asks for its own file's time.
+
+    The version is compared before the types of kept loops are read: they may name classes that are no more.
+    """
     kept: Any = getattr(getattr(loop, "_cache", None), "_cache_file", None)
     digest = source_digest(loop.py_func.__module__)
     if digest is not None and hasattr(kept, "_source_stamp"):
         kept._source_stamp = digest
+        kept._version = f"{kept._version}, {digest}"
 
 
 def _on_one_path(compile_loop: Callable[[Any], Any]) -> Callable[[Any], Any]:

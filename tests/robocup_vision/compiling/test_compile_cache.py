@@ -193,6 +193,16 @@ def test_a_loop_is_compiled_anew_for_a_changed_constant_of_another_file_and_kept
     assert sum(again.size.stats.cache_hits.values()) == 1
 
 
+def test_a_loop_whose_kept_types_name_a_class_that_is_no_more_is_compiled_anew(make_package):
+    loop = "from probe_kernels.alone import {0}\nfrom robocup_vision.compiling.loops import compiled\n\n"
+    loop += "@compiled\ndef size(pair):\n    return pair.left\n\n\nPAIR = {0}(1, 2)\n"
+    pair = "from typing import NamedTuple\n\n\nclass {}(NamedTuple):\n    left: int\n    right: int\n"
+    first = make_package("loop", alone=pair.format("Pair"), loop=loop.format("Pair"))
+    assert first.size(first.PAIR) == 1
+    renamed = make_package("loop", alone=pair.format("Couple"), loop=loop.format("Couple"))
+    assert renamed.size(renamed.PAIR) == 1
+
+
 def test_loops_that_came_with_an_installation_that_cannot_be_written_are_taken_along(kernels, tmp_path, monkeypatch):
     (kernels / "__pycache__").unlink()
     own, users = kernels / "__pycache__", tmp_path / "users"
