@@ -1,7 +1,7 @@
 """A pinhole camera in compiled code: its axes, points of the field in its frame, and their ideal pixels.
 
 Camera frame: x ahead along the optical axis, y left, z up. Ideal pixels are those of a lens without distortion.
-`camera.projection` holds the same for NumPy arrays.
+`camera.pinhole` holds the same for NumPy arrays.
 """
 
 from __future__ import annotations
