@@ -111,7 +111,7 @@ SLIPS = {
     ),
     "another field": (
         {"field": "msl_18x12"},
-        "field: with field 'spl_2020' instead of 'msl_18x12' 4 of 4 pictures are located (1 of 4 as it is)",
+        "field: with field 'spl_2020' instead of 'msl_18x12' 4 of 4 pictures are located (0 of 4 as it is)",
     ),
     "truth in millimetres and degrees": (
         {"truth": [(1e3 * x, 1e3 * y, math.degrees(theta)) for x, y, theta in TRUTH]},
