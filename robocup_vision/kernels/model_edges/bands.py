@@ -81,6 +81,130 @@ def _begins_carpet(flat: UInt8Array, at: int, outwards: int, beside: int, carpet
 
 
 @compiled(fastmath=True, error_model="numpy")
+def _on_floor(lens: FloatArray, frame: FloatArray, u: float, v: float) -> tuple[float, float, bool]:
+    """Return where a pixel shows the floor, from below the camera, and whether it does; frame as of `pose_frame`."""
+    right, down = slopes_at(lens, u, v)
+    right, down = right * lens[0] / frame[12], down * lens[1] / frame[13]
+    up = frame[6] - right * frame[7] - down * frame[8]
+    if up > -MIN_DOWN:
+        return 0.0, 0.0, False
+    scale = -frame[11] / up
+    x = (frame[0] - right * frame[1] - down * frame[2]) * scale
+    return x, (frame[3] - right * frame[4] - down * frame[5]) * scale, True
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _length_m(lens: FloatArray, frame: FloatArray, by_row: bool, at: int, begin: float, end: float) -> float:
+    """How long a piece of a row or column is on the floor; -1 where it does not lie there."""
+    u, v = (begin, float(at)) if by_row else (float(at), begin)
+    x, y, is_floor = _on_floor(lens, frame, u, v)
+    u, v = (end, float(at)) if by_row else (float(at), end)
+    x2, y2, is_floor_too = _on_floor(lens, frame, u, v)
+    return math.sqrt((x - x2) ** 2 + (y - y2) ** 2) if is_floor and is_floor_too else -1.0
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _below_horizon(lens: FloatArray, frame: FloatArray, by_row: bool, at: int, length: int) -> int:
+    """Where a row or column may begin to show the floor, by a lens that bends no line; its length where nowhere."""
+    if by_row:
+        return 0 if _on_floor(lens, frame, 0.0, at)[2] or _on_floor(lens, frame, length - 1.0, at)[2] else length
+    # rays to the horizon are level
+    right = (at - lens[2]) / frame[12]
+    return int(lens[3] + frame[13] * (frame[6] - right * frame[7]) / frame[8]) + 2
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _widest_px(
+    lens: FloatArray, frame: FloatArray, look: LineLook, by_row: bool, at: int, begin: int, length: int
+) -> int:
+    """How wide a line that begins at a place may be in the picture; 0 where no floor is."""
+    pixel_m = _length_m(lens, frame, by_row, at, begin - 0.5, begin + 0.5)
+    # nearer to the camera a pixel is less of the floor than where the band begins
+    return min(int(2.0 * look.max_widths * look.width_m / pixel_m + BLUR_PX), length) if pixel_m > 0.0 else 0
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _is_as_wide(
+    lens: FloatArray, frame: FloatArray, look: LineLook, by_row: bool, at: int, begin: float, end: float
+) -> bool:
+    """Whether a band is as wide on the floor as a line, but for blur."""
+    wide_px, wide_m = end - begin, _length_m(lens, frame, by_row, at, begin, end)
+    is_wide_enough = wide_m * (wide_px + 1.0) >= MIN_WIDTHS * look.width_m * wide_px
+    return wide_m > 0.0 and is_wide_enough and wide_m * (wide_px - BLUR_PX) <= look.max_widths * look.width_m * wide_px
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _half_height(light: Int64Array, rise: int, length: int, ground: float, widest_px: int) -> tuple[float, float]:
+    """Places between which a band that rises at `rise` is brighter than half its height; the second -1 if none ends."""
+    top, i = 0.0, variable(rise)
+    while i < length - 1 and i - rise <= widest_px and light[i] > 0.5 * (ground + max(top, light[rise])):
+        top = max(top, float(light[i]))
+        i += 1
+    half = 0.5 * (ground + top)
+    if i >= length - 1 or light[i] > half:
+        return 0.0, -1.0
+    end = i - (half - light[i]) / max(light[i - 1] - light[i], 1.0)
+    k = variable(rise - 1)
+    while k < i and light[k] < half:
+        k += 1
+    begin = k - (light[k] - half) / max(light[k] - light[k - 1], 1.0)
+    return begin, end
+
+
+@compiled(fastmath=True, error_model="numpy")
+def _scan(
+    image: UInt8Array,
+    carpet: FloatArray,
+    look: LineLook,
+    widest_px: int,
+    lens: FloatArray,
+    frame: FloatArray,
+    found: FloatArray,
+) -> int:
+    """Find bands along some rows and columns; see `line_bands` for the results.
+
+    Where the camera's `frame` is known, of `pose_frame`, not empty, bands lie on the floor and are as wide as a line.
+    """
+    height, width = image.shape[0], image.shape[1]
+    flat = image.reshape(-1)
+    light = np.empty(max(height, width), np.int64)
+    is_known = frame.shape[0] > 0
+    count = variable(0)
+    for turn in range(2):
+        by_row = turn == 1
+        lines, length = (height, width) if by_row else (width, height)
+        step, beside = (3, 3 * width) if by_row else (3 * width, 3)
+        for at in range(max(look.stride // 2, 1), lines - 1, look.stride):
+            i = variable(FLANK)
+            if is_known and lens[BENT] == 0.0:
+                i = max(i, _below_horizon(lens, frame, by_row, at, length))
+            start = 3 * at * width if by_row else 3 * at
+            if i < length:
+                _read(flat, start, step, length, light)
+            while i < length - FLANK - 1 and count < found.shape[0]:
+                ground = 0.5 * (light[i - 3] + light[i - 2])
+                if light[i] - ground < look.min_step:
+                    i += 1
+                    continue
+                limit_px = _widest_px(lens, frame, look, by_row, at, i, length) if is_known else widest_px
+                begin, end = _half_height(light, i, length, ground, limit_px) if limit_px > 0 else (0.0, -1.0)
+                if end < 0.0:
+                    i += 1
+                    continue
+                is_inside = begin >= FLANK + 1 and end + FLANK + 2 < length
+                if is_inside and (not is_known or _is_as_wide(lens, frame, look, by_row, at, begin, end)):
+                    if _is_line(flat, start, step, beside, (begin, end), carpet):
+                        along = 0.5 * (begin + end)
+                        found[count, 0], found[count, 1] = (along, float(at)) if by_row else (float(at), along)
+                        found[count, 2] = 1.0 if by_row else 0.0
+                        if found.shape[1] > 3:
+                            found[count, 3] = end - begin
+                        count += 1
+                i = int(end) + 2
+    return count
+
+
+@compiled(fastmath=True, error_model="numpy")
 def line_bands(
     image: UInt8Array, carpet: FloatArray, min_step: float, widest_px: int, stride: int, bands: FloatArray
 ) -> int:
@@ -107,58 +231,8 @@ def line_bands(
     int
         How many.
     """
-    height, width = image.shape[0], image.shape[1]
-    flat = image.reshape(-1)
-    light = np.empty(max(height, width), np.int64)
-    count = variable(0)
-    for turn in range(2):
-        by_row = turn == 1
-        lines, length = (height, width) if by_row else (width, height)
-        step, beside = (3, 3 * width) if by_row else (3 * width, 3)
-        for at in range(max(stride // 2, 1), lines - 1, stride):
-            start = 3 * at * width if by_row else 3 * at
-            _read(flat, start, step, length, light)
-            i = variable(FLANK)
-            while i < length - FLANK - 1 and count < bands.shape[0]:
-                ground = 0.5 * (light[i - 3] + light[i - 2])
-                if light[i] - ground < min_step:
-                    i += 1
-                    continue
-                begin, end = _half_height(light, i, length, ground, widest_px)
-                if end < 0.0:
-                    i += 1
-                    continue
-                is_inside = begin >= FLANK + 1 and end + FLANK + 2 < length
-                if is_inside and _is_line(flat, start, step, beside, (begin, end), carpet):
-                    along = 0.5 * (begin + end)
-                    bands[count, 0], bands[count, 1] = (along, float(at)) if by_row else (float(at), along)
-                    bands[count, 2], bands[count, 3] = (1.0 if by_row else 0.0), end - begin
-                    count += 1
-                i = int(end) + 2
-    return count
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _on_floor(lens: FloatArray, frame: FloatArray, u: float, v: float) -> tuple[float, float, bool]:
-    """Return where a pixel shows the floor, from below the camera, and whether it does; frame as of `pose_frame`."""
-    right, down = slopes_at(lens, u, v)
-    right, down = right * lens[0] / frame[12], down * lens[1] / frame[13]
-    up = frame[6] - right * frame[7] - down * frame[8]
-    if up > -MIN_DOWN:
-        return 0.0, 0.0, False
-    scale = -frame[11] / up
-    x = (frame[0] - right * frame[1] - down * frame[2]) * scale
-    return x, (frame[3] - right * frame[4] - down * frame[5]) * scale, True
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _length_m(lens: FloatArray, frame: FloatArray, by_row: bool, at: int, begin: float, end: float) -> float:
-    """How long a piece of a row or column is on the floor; -1 where it does not lie there."""
-    u, v = (begin, float(at)) if by_row else (float(at), begin)
-    x, y, is_floor = _on_floor(lens, frame, u, v)
-    u, v = (end, float(at)) if by_row else (float(at), end)
-    x2, y2, is_floor_too = _on_floor(lens, frame, u, v)
-    return math.sqrt((x - x2) ** 2 + (y - y2) ** 2) if is_floor and is_floor_too else -1.0
+    nothing = np.empty(0)
+    return _scan(image, carpet, LineLook(min_step, 0.0, 0.0, stride), widest_px, nothing, nothing, bands)
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -187,72 +261,6 @@ def line_points(
     int
         How many.
     """
-    height, width = image.shape[0], image.shape[1]
-    flat = image.reshape(-1)
-    light, frame = np.empty(max(height, width), np.int64), np.empty(16)
+    frame = np.empty(16)
     pose_frame(p, lens, frame)
-    count = variable(0)
-    least, most = MIN_WIDTHS * look.width_m, look.max_widths * look.width_m
-    for turn in range(2):
-        by_row = turn == 1
-        lines, length = (height, width) if by_row else (width, height)
-        step, beside = (3, 3 * width) if by_row else (3 * width, 3)
-        for at in range(look.stride // 2, lines, look.stride):
-            if at < 1 or at > lines - 2:
-                continue
-            i = variable(FLANK)
-            if lens[BENT] == 0.0:
-                # a straight horizon: no line is above it
-                if by_row:
-                    is_seen = _on_floor(lens, frame, 0.0, at)[2] or _on_floor(lens, frame, width - 1.0, at)[2]
-                    if not is_seen:
-                        continue
-                else:
-                    i = max(i, int(lens[3] + frame[13] * math.tan(p[3]) - math.tan(p[4]) * (at - lens[2])) + 2)
-            start = 3 * at * width if by_row else 3 * at
-            _read(flat, start, step, length, light)
-            while i < length - FLANK - 1 and count < points.shape[0]:
-                ground = 0.5 * (light[i - 3] + light[i - 2])
-                if light[i] - ground < look.min_step:
-                    i += 1
-                    continue
-                pixel_m = _length_m(lens, frame, by_row, at, i - 0.5, i + 0.5)
-                if pixel_m <= 0.0:
-                    i += 1
-                    continue
-                # nearer to the camera a pixel is less of the floor than where the band begins
-                widest_px = min(int(2.0 * most / pixel_m + BLUR_PX), length)
-                begin, end = _half_height(light, i, length, ground, widest_px)
-                if end < 0.0:
-                    i += 1
-                    continue
-                wide_px, wide_m = end - begin, _length_m(lens, frame, by_row, at, begin, end)
-                is_wide_enough = wide_m * (wide_px + 1.0) >= least * wide_px
-                is_narrow_enough = wide_m * (wide_px - BLUR_PX) <= most * wide_px
-                is_inside = begin >= FLANK + 1 and end + FLANK + 2 < length
-                if is_inside and wide_m > 0.0 and is_wide_enough and is_narrow_enough:
-                    if _is_line(flat, start, step, beside, (begin, end), carpet):
-                        along = 0.5 * (begin + end)
-                        points[count, 0], points[count, 1] = (along, float(at)) if by_row else (float(at), along)
-                        points[count, 2] = 1.0 if by_row else 0.0
-                        count += 1
-                i = int(end) + 2
-    return count
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _half_height(light: Int64Array, rise: int, length: int, ground: float, widest_px: int) -> tuple[float, float]:
-    """Places between which a band that rises at `rise` is brighter than half its height; the second -1 if none ends."""
-    top, i = 0.0, variable(rise)
-    while i < length - 1 and i - rise <= widest_px and light[i] > 0.5 * (ground + max(top, light[rise])):
-        top = max(top, float(light[i]))
-        i += 1
-    half = 0.5 * (ground + top)
-    if i >= length - 1 or light[i] > half:
-        return 0.0, -1.0
-    end = i - (half - light[i]) / max(light[i - 1] - light[i], 1.0)
-    k = variable(rise - 1)
-    while k < i and light[k] < half:
-        k += 1
-    begin = k - (light[k] - half) / max(light[k] - light[k - 1], 1.0)
-    return begin, end
+    return _scan(image, carpet, look, 0, lens, frame, points)
