@@ -38,7 +38,7 @@ class FreeSpaceMapSettings:
         A size or probability is out of its range.
     """
 
-    #: cells N along each side of the window: 80 of 4 cm reach as far as a mirror camera measures the floor
+    #: cells N along each side of the window: it reaches as far as a mirror camera measures the floor
     cells: int = 80
     #: side of a cell, metres: under half a robot's radius, so that a gap for a robot has free cells
     cell_m: float = 0.04

@@ -35,7 +35,7 @@ class PoseFilterSettings:
     max_modes: int = 8  #: greatest number of modes: bounds the time of an update
     #: largest odds of a field half. However many frames agree, somebody may have turned the robot round.
     max_half_odds: float = 9999.0
-    #: odds that the robot is in the half of the pose that `expect` names: it stands there in 4 of 5 cases
+    #: odds that the robot is in the half of the pose that `expect` names
     expected_odds: float = 4.0
     #: standard deviations of the velocity of a shove or of spinning wheels
     shove_mps: float = 0.5

@@ -122,10 +122,7 @@ def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.
 
 @dataclass(frozen=True, slots=True)
 class CandidateSettings:
-    """Weights of a fit's evidence, and thresholds on the posterior.
-
-    The weights were fitted to 530 pictures of development sequences (four_legged_2007 and spl_2020).
-    """
+    """Weights of a fit's evidence in a conditional logit, and thresholds on the posterior."""
 
     #: weight of the fraction missing where carpet shows instead
     of_missing: float = -35.7
@@ -141,8 +138,7 @@ class CandidateSettings:
     of_std: float = -1.26
     #: weight of the outcome that none is right
     of_none: float = 6.76
-    #: smallest probability of a pose that is the answer alone, and of several together that are candidates. Of 1661
-    #: frames of development walks 0.4 % are answered wrongly and 64 % rightly; at 0.94 0.6 and 65 %
+    #: smallest probability of a pose that is the answer alone, and of several together that are candidates
     min_probability: float = 0.95
     min_together: float = 0.98
     max_candidates: int = 3

@@ -29,9 +29,7 @@ class FinderSettings:
     #: cells
     spacing_m: float = 0.24
     heading_step_rad: float = math.radians(6.0)
-    #: numbers of poses scored by all points, aligned, fitted, and compared with each other. Of 430 frames of
-    #: development walks (plain, blurred, rolling, lens; four_legged_2007 and spl_2020) half as many more of each find
-    #: the same 266
+    #: numbers of poses scored by all points, aligned, fitted, and compared with each other
     scored: int = 600
     aligned: int = 100
     fitted: int = 8

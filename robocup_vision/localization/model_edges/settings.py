@@ -36,12 +36,10 @@ class EdgeSettings:
     min_paint_ratio: float = 0.3
     same_paint_ratio: float = 0.05
     #: noise of one sample, and of the offset that is common to all samples of an edge (lens, paint, tape measure), in
-    #: pixels of any picture; samples on rendered edges scatter by 0.03 to 0.15
+    #: pixels of any picture
     sigma_px: float = 0.15
     shared_px: float = 0.2
-    #: fraction of the samples found that lie on another thing, which stands before their edge or crosses it. Of edges
-    #: with 1, 2, 3, 4 samples found by true priors (512 frames of development walks, 208 pixels wide) mean squared
-    #: offsets were 0.66, 0.20, 0.14, 0.01 square pixels more than the noise; this gives 0.63, 0.19, 0.06, 0.02
+    #: fraction of the samples found that lie on another thing, which stands before their edge or crosses it
     stray_ratio: float = 0.3
     #: gate of the last steps, in robust standard deviations of the residuals, and the number of these steps
     sharp_gates: float = 3.5
@@ -88,8 +86,8 @@ class EdgeSettings:
     mode_against_unexplained: float = 20.0
     mode_against_distance: float = 0.36
     mode_against_rms: float = 2.95
-    #: odds that a pose is right, by logistic regression on 530 pictures of development sequences (right priors and
-    #: wrong ones): each edge found, fractions, squared distance from the prior, residuals (px)
+    #: odds that a pose is right, by logistic regression on right and wrong priors: each edge found, fractions, squared
+    #: distance from the prior, residuals (px)
     odds_at_all: float = 4.8
     odds_of_edge: float = 0.17
     odds_against_missing: float = 11.3
@@ -98,8 +96,7 @@ class EdgeSettings:
     odds_against_distance: float = 0.23
     odds_against_rms: float = 2.95
     #: a picture that leaves the pose open agrees with wrong ones, too: greatest standard deviation of the position (m),
-    #: less the information gained on the prior (nats). Found on 650 pictures of development walks: of 2550 wrong priors
-    #: 1 % are accepted, as by the standard deviation alone, and of 1250 right ones 2 % more
+    #: less the information gained on the prior (nats)
     odds_against_open: float = 1.7
     odds_against_std: float = 4.0
     odds_of_nat: float = 0.2
