@@ -1,7 +1,7 @@
 """Strict TOML: each kind of damage gives one line with file, key and value."""
 
 from pathlib import Path
-from typing import Literal, Union
+from typing import Literal
 
 import pytest
 
@@ -112,7 +112,7 @@ class _Second(StrictStruct, tag_field="kind", tag="second"):
 
 class _Worded(StrictStruct):
     color: Literal["red", "blue"] = "red"
-    parts: tuple[Union[_First, _Second], ...] = ()  # noqa: UP007  (msgspec on 3.10)
+    parts: tuple[_First | _Second, ...] = ()
 
 
 @pytest.mark.parametrize(

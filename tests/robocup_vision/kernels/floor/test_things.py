@@ -6,13 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.floor.things import FieldFeet, blocked_feet, drop_narrow, is_of_field
+from robocup_vision.kernels.floor.things import FieldFeet, blocked_feet, is_of_field
 
-seeds = st.integers(0, 2**32 - 1)
 RANGE_M = np.geomspace(0.3, 6.0, 24)
 
 
@@ -23,38 +20,6 @@ def test_a_thing_hides_the_floor_behind_it_and_a_speck_does_not(last, foot):
     # half as high as the camera it hides as much again as it is away: six columns
     blocked_feet(marks, np.ones_like(marks), RANGE_M, 0, 24, 0.5, 0.25, out)
     assert out[0] == foot
-
-
-def opened(columns, width_m, step_rad, is_ring):
-    """Open the feet level by level: at each column, only runs that are wide enough there stay."""
-    count = len(columns)
-    kept = np.full(count, len(RANGE_M))
-    for m, range_m in reversed(list(enumerate(RANGE_M))):
-        needed = max(2, math.ceil(width_m / (range_m * step_rad)))
-        nearer = columns <= m
-        for k in range(count):
-            steps = np.arange(-count, count + 1) if is_ring else np.arange(-k, count - k)
-            run = nearer[(k + steps) % count]
-            middle = count if is_ring else k
-            left = np.flatnonzero(~run[:middle])
-            right = np.flatnonzero(~run[middle:])
-            begin = left[-1] + 1 if len(left) else 0
-            end = middle + right[0] if len(right) else len(run)
-            if nearer[k] and end - begin >= needed:
-                kept[k] = m
-    return kept
-
-
-@settings(deadline=None, max_examples=40)
-@given(seeds, st.floats(0.01, 0.6), st.booleans())
-def test_narrow_feet_are_dropped_as_by_an_opening(seed, width_m, is_ring):
-    rng = np.random.default_rng(seed)
-    columns = np.repeat(rng.integers(0, 30, 12), rng.integers(1, 6, 12)).astype(np.int64)
-    if rng.random() < 0.1:
-        columns[:] = 7
-    expected = opened(columns, width_m, 0.1, is_ring)
-    drop_narrow(columns, RANGE_M, len(RANGE_M), width_m, 0.1, is_ring)
-    np.testing.assert_array_equal(np.minimum(columns, len(RANGE_M)), expected)
 
 
 def test_the_floors_end_and_what_the_field_has_on_it_is_its_own():

@@ -1,15 +1,12 @@
 """Samples of a camera that is turned: their places against plain algebra, their colours against OpenCV's."""
 
-import math
-
 import cv2
 import numpy as np
 import pytest
 
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.lens_table import lens_table
-from robocup_vision.camera.pinhole import camera_rotation
-from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
+from robocup_vision.kernels.floor.turned_view import sample_turned
 
 
 def lens_of(focal, center, size, distortion=()):
@@ -84,33 +81,3 @@ def test_places_behind_the_robot_itself_take_the_colours_of_their_neighbours():
     np.testing.assert_array_equal(found[0], frame[0, [2, 2, 2, 3, 3, 5]])
     # where all is hidden there is nothing better
     np.testing.assert_array_equal(found[1:], frame[1:])
-
-
-def test_no_pixel_and_what_lies_behind_show_the_first_pixel():
-    frame = np.arange(4 * 5 * 3, dtype=np.uint8).reshape(4, 5, 3)
-    none, valid = np.full((1, 2, 2), np.nan, np.float32), np.ones((1, 2), np.uint8)
-    np.testing.assert_array_equal(sampled(frame, none, np.eye(3), valid=valid), np.broadcast_to(frame[0, 0], (1, 2, 3)))
-    assert not valid.any()
-    behind = sampled(frame, np.full((1, 2, 2), 3, np.float32), np.diag([1.0, 1.0, -1.0]))
-    np.testing.assert_array_equal(behind, np.broadcast_to(frame[0, 0], (1, 2, 3)))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_turn_maps_pixels_as_rays_say(seed):
-    rng = np.random.default_rng(seed)
-    (tilt, roll), (held_tilt, held_roll) = before, after = rng.uniform(-0.3, 0.3, (2, 2))
-    focal, center, homography = (190.0, 205.0), (103.5, 79.5), np.empty((3, 3))
-    map_turn(tuple(before), tuple(after), focal, center, homography)
-    slopes = (np.array([150.0, 60.0]) - center) / focal
-    world = camera_rotation(0.0, tilt, roll) @ [1.0, -slopes[0], -slopes[1]]
-    ahead, left, up = camera_rotation(0.0, held_tilt, held_roll).T @ world
-    u, v, scale = homography @ [150.0, 60.0, 1.0]
-    np.testing.assert_allclose([u / scale, v / scale], center - np.multiply(focal, [left, up]) / ahead)
-
-
-def test_bearings_are_placed_about_the_foot():
-    distance, out = np.array([0.5, 1.0, np.nan]), np.empty((5, 2))
-    place_on_floor(np.array([0, 1, 2, 3, 1]), distance, 0.2, 0.1, (0.03, -0.01), 4, out)
-    expected = [(0.03 + r * math.cos(b), -0.01 + r * math.sin(b)) for r, b in ((0.5, 0.2), (1.0, 0.3))]
-    np.testing.assert_allclose(out[:2], expected)
-    assert np.isnan(out[2:]).all()

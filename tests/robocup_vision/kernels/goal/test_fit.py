@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from goal_twins import SCENE, SHAPE, VIEW, perfect_samples, silhouette_lines, some_camera
+from goal_samples import SCENE, SHAPE, VIEW, perfect_samples, silhouette_lines, some_camera
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -48,25 +48,6 @@ def test_the_planted_mode_is_chosen_and_fitted(seed):
     assert costs[0] <= plain_msac(room, np.zeros(UNKNOWNS), NUMBERS.gate_px, NUMBERS.prior_ratio)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_few_samples_of_a_line_may_be_of_another_thing(seed):
-    z = np.zeros(UNKNOWNS)
-    room = planted(seed, z, outliers=0.0, noise=0.05)
-    room.found.candidates[:] = 1
-    # one sample alone; one of either edge of a post; two of one edge; the rest of a line
-    room.samples.feature[:] = [0, 2, 3, 4, 4, *[6] * (COUNT - 5)]
-    fit, gate = z.copy(), 4.0
-    assert robust_fit(room, COUNT, NUMBERS, Gates(np.full(6, gate), 0), z, fit)[2]
-    weight = (1.0 - ((room.found.offset_px[:, 0] - room.rows @ fit) / gate) ** 2) ** 2
-    thing = room.samples.feature // 2
-    agree = np.bincount(thing, weight)[thing]
-    stray = NUMBERS.gate_px**2 / 3.0 * NUMBERS.stray_ratio**agree
-    same = room.samples.feature[:, None] == room.samples.feature
-    covariance = np.diag(NUMBERS.sigma_px**2 / weight) + (NUMBERS.shared_px**2 + stray[:, None]) * same
-    information = room.rows.T @ np.linalg.inv(covariance) @ room.rows
-    np.testing.assert_allclose(room.information, information, atol=1e-6 * np.abs(information).max())
-
-
 def test_one_sample_of_another_line_hardly_moves_the_fit():
     z = np.zeros(UNKNOWNS)
     room = planted(10, z, outliers=0.0, noise=0.05)

@@ -12,7 +12,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.algebra.lens import distorted
-from robocup_vision.kernels.model_edges.prediction import pose_frame, predict
+from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, UNKNOWNS, empty_samples
 from robocup_vision.localization.model_edges.field_edges import field_edges
 
@@ -81,16 +81,6 @@ def test_the_lens_is_the_cameras(distortion):
         for step, columns in (((1e-6, 0.0), (xa, ya)), ((0.0, 1e-6), (xb, yb))):
             ahead, back = (np.array(distorted(lens, a + s * step[0], b + s * step[1])[:2]) for s in (1, -1))
             np.testing.assert_allclose((ahead - back) / 2e-6, columns, atol=1e-6)
-
-
-def test_the_frame_holds_rotation_viewpoint_and_focal_lengths():
-    p, frame = unknowns(3), np.empty(16)
-    pose_frame(p, lens_table(camera()), frame)
-    axes = frame[:9].reshape(3, 3)
-    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(frame[9:12], [p[0], p[1], p[5]])
-    np.testing.assert_allclose(frame[12:14], np.array([192.0, 190.0]) * math.exp(p[6]))
-    np.testing.assert_allclose(frame[14:], [math.sin(p[2]), math.cos(p[2])])
 
 
 def test_near_lines_have_two_edges_with_their_paint_inside_and_room_is_never_overrun():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robocup_vision.kernels.model_edges.carpet import carpet_look
-from robocup_vision.kernels.model_edges.search import reaches, search, whiten
+from robocup_vision.kernels.model_edges.search import search
 from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, empty_room
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
@@ -129,15 +129,3 @@ def test_the_picture_s_border_is_never_crossed(at):
     frame, _ = stripe(0.3, 0.0, 2.0)
     for angle in np.linspace(0.0, math.tau, 9):
         look_at(frame, np.array([math.cos(angle), math.sin(angle)]), RIDGE, 3.0, reach_px=40.0, at=at)
-
-
-def test_whitened_derivatives_and_reaches_are_those_of_the_covariance():
-    rng, room = np.random.default_rng(4), empty_room(5, 4)
-    room.samples.jacobian[:] = rng.normal(size=room.samples.jacobian.shape)
-    root = np.tril(rng.normal(size=(7, 7)))
-    whiten(room.samples, 5, root, room.rows)
-    np.testing.assert_allclose(room.rows, room.samples.jacobian @ root)
-    reaches(room.rows, 5, NUMBERS, room.reach_px)
-    sigma = np.sqrt(np.einsum("ni,ij,nj->n", room.samples.jacobian, root @ root.T, room.samples.jacobian))
-    expected = np.minimum(NUMBERS.reach_sigmas * sigma + NUMBERS.extra_px, NUMBERS.max_reach_px)
-    np.testing.assert_allclose(room.reach_px, expected)

@@ -11,14 +11,11 @@ from strategies import PAPER_MIRROR, numbers
 
 from field_models import load_field
 from robocup_vision.camera import OmniCamera
-from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.doubted_camera import (
     CameraDoubt,
-    DoubtedFit,
     doubts_of_camera,
     fit_with_camera,
-    gather_doubted,
 )
 from robocup_vision.kernels.walls.fit import (
     Comparison,
@@ -39,7 +36,6 @@ Q_STEP = 0.01
 RADIUS_OF_Q = PAPER_MIRROR.radius_px(np.arange(1000) * Q_STEP)
 SCALES = np.array([2.0, 1.0])
 CAMERA = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
-TILTED = replace(CAMERA, tilt_rad=(0.02, -0.03), offset_m=(0.03, -0.02))
 DOUBT = CameraDoubt(noise_px=0.15, center_std_px=0.5, turn_std_rad=0.004, turns_body=False)
 LEAN = CameraDoubt(noise_px=0.15, center_std_px=1e-6, turn_std_rad=0.01, turns_body=True)
 seeds = st.integers(0, 2**32 - 1)
@@ -84,74 +80,6 @@ def seen_outline(pose, center, tilt, rng=None, noise_px=0.0):
     order = np.argsort(around)
     radius = np.interp(ANGLES, around[order], size[order])
     return radius if rng is None else radius + rng.normal(0, noise_px, COUNT)
-
-
-def gather_twin(unknowns, radius, turned):
-    """Return the normal equations by finite differences of what is predicted."""
-    pose, center, tilt = unknowns[:3], unknowns[3:5], unknowns[5:]
-
-    def predicted(x):
-        q, wall, _ = predict(x[:3], turned(*x[5:]))
-        return radius_at(q), wall
-
-    at, wall = predicted(unknowns)
-    ahead, behind = (predict(pose, turned(*tilt)._replace(cos_b=np.cos(b), sin_b=np.sin(b))) for b in _aside())
-    by_bearing = (radius_at(ahead.q) - radius_at(behind.q)) / 2e-6 / at
-    oblique = 1 / np.hypot(1, by_bearing)
-    columns = []
-    for j in range(7):
-        step = np.zeros(7)
-        step[j] = 1e-6
-        if j < 3 or j > 4:
-            columns.append((predicted(unknowns + step)[0] - predicted(unknowns - step)[0]) / 2e-6 * oblique)
-        elif j == 3:
-            columns.append(oblique * (COS + by_bearing * SIN))
-        else:
-            columns.append(oblique * (SIN - by_bearing * COS))
-    rows = np.stack(columns, axis=1)
-    e = (radius - at) * oblique - rows[:, 3:5] @ center
-    use = (wall >= 0) & (radius > 0)
-    e, rows = e[use], rows[use]
-    weight = 1 / (1 + np.where(e < 0, e, e / 3) ** 2) ** 2
-    pulls = rows * (weight * e)[:, None]
-    groups = pulls[: len(pulls) // 4 * 4].reshape(-1, 4, 7).sum(axis=1)
-    return (rows.T * weight) @ rows, groups.T @ groups, pulls.sum(axis=0), (weight * e**2).sum(), weight.sum()
-
-
-def _aside():
-    return ANGLES + 1e-6, ANGLES - 1e-6
-
-
-def body_that_turns(about_x, about_y):
-    """Return the walls as a camera sees them that a turned body carries, by matrices."""
-    turn = camera_rotation(0.0, -about_y, about_x)
-    seen_by = scene(TILTED)
-    x, y, _ = turn @ (seen_by.offset_x, seen_by.offset_y, seen_by.height)
-    return seen_by._replace(
-        offset_x=x, offset_y=y, robot_to_camera=np.ascontiguousarray(seen_by.robot_to_camera @ turn.T)
-    )
-
-
-@pytest.mark.parametrize(("turned", "turns_body"), [(leaning, False), (body_that_turns, True)])
-@settings(deadline=None, max_examples=25)
-@given(places, seeds)
-def test_normal_equations_agree_with_finite_differences(turned, turns_body, pose, seed):
-    rng = np.random.default_rng(seed)
-    unknowns = np.concatenate([pose.array, rng.normal(0, 0.4, 2), rng.normal(0, 0.004, 2)])
-    radius = seen_outline(pose, (0.3, -0.2), (0.003, -0.002), rng, 0.2)
-    radius[rng.random(COUNT) < 0.2] = np.nan
-    seen_by = turned(*unknowns[5:])
-    fit = DoubtedFit(np.empty((7, 7)), np.empty((7, 7)), np.empty(7))
-    prediction = predict(unknowns[:3], seen_by)
-    squares, total = gather_doubted(unknowns, seen_by, floor_of(radius), prediction, turns_body, fit)
-    information, scatter, pull, *sums = gather_twin(unknowns, radius, turned)
-    # at a corner, and between cells of the table, a difference may see another wall or slope
-    scale = np.sqrt(np.diag(information))
-    both = np.outer(scale, scale)
-    np.testing.assert_allclose(fit.information / both, information / both, atol=0.05)
-    np.testing.assert_allclose(fit.pull / scale, pull / scale, atol=0.05 * np.sqrt(sums[0]) + 0.05)
-    np.testing.assert_allclose(fit.scatter / both, scatter / both, atol=0.1 * max(sums[0], 1.0))
-    np.testing.assert_allclose((squares, total), sums, rtol=0.05)
 
 
 def fit_pose(pose, radius):

@@ -25,13 +25,11 @@ from robocup_vision.kernels.walls.fit import (
     thinned,
     truncated_loss,
 )
-from robocup_vision.kernels.walls.hull import hull_moments, hull_radius, star_moments
 
 FIELD = load_field("ssl_2001")
 COUNT = 160
 ANGLES = np.arange(COUNT) * math.tau / COUNT
 COS, SIN = np.cos(ANGLES), np.sin(ANGLES)
-FAR = np.array([8.0, 4.0, 2.0])
 Q_STEP = 0.01
 RADIUS_OF_Q = PAPER_MIRROR.radius_px(np.arange(1000) * Q_STEP)
 seeds = st.integers(0, 2**32 - 1)
@@ -112,19 +110,6 @@ def test_fit_finds_the_pose_an_outline_was_made_from(pose, seed):
     assert angle < 0.01
 
 
-def test_far_from_its_end_a_fit_takes_every_second_bearing_where_these_go_evenly_around():
-    scene = geometry(CAMERA)
-    outline_px = FloorOutline(outline(Pose2(0.1, 0.2, 0.3), np.random.default_rng(1)), Q_STEP, RADIUS_OF_Q, FAR, 1.0)
-    fine = Comparison(scene, outline_px, room_for(scene))
-    thin = thinned(fine)
-    np.testing.assert_array_equal(thin.scene.cos_b, COS[::2])
-    np.testing.assert_array_equal(thin.scene.sin_b, SIN[::2])
-    np.testing.assert_array_equal(thin.outline.radius, outline_px.radius[::2])
-    near = thinned(fine._replace(outline=outline_px._replace(scales=np.array([2.0, 1.0]))))
-    odd = thinned(fine._replace(scene=scene._replace(cos_b=COS[:-1].copy(), sin_b=SIN[:-1].copy())))
-    assert (len(near.scene.cos_b), len(odd.scene.cos_b)) == (COUNT, COUNT - 1)
-
-
 def test_a_fit_from_nowhere_still_says_how_bad_it_is():
     radius = outline(Pose2(0.0, 0.0, 0.0), np.random.default_rng(2))
     nan = fit(np.full(3, np.nan), radius, np.array([2.0, 1.0]))
@@ -140,21 +125,6 @@ def test_a_direction_that_nothing_fixes_has_an_infinite_deviation():
     ratio, rms, along = summarise_fit(np.full(5, np.nan), 1.5, information, information, 1.5, 0.008, np.empty((3, 3)))
     assert (ratio, rms) == (0.0, 0.0)
     assert along == math.inf
-
-
-@settings(deadline=None, max_examples=20)
-@given(places, seeds)
-def test_hull_moments_are_those_of_the_hull_on_the_floor(pose, seed):
-    radius = outline(pose, np.random.default_rng(seed))
-    first, step = 26.0, 0.25
-    q = PAPER_MIRROR.inverse_range_per_m(first + step * np.arange(345))
-    hull = np.empty(COUNT)
-    known = hull_radius(COS, SIN, radius, hull)
-    expected = star_moments(COS, SIN, 1.0 / np.interp(hull, first + step * np.arange(345), q))
-    found = hull_moments(COS, SIN, radius, first, step, q)
-    assert found[0] == known
-    np.testing.assert_allclose(found[1:], expected, rtol=1e-3, atol=1e-3)
-    assert hull_moments(COS, SIN, np.full(COUNT, np.nan), first, step, q) == (0, 0.0, 0.0, 0.0)
 
 
 @given(numbers(-20.0, 20.0), numbers(0.1, 5.0))

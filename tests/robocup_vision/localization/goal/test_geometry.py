@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from goal_twins import silhouette_lines
+from goal_samples import silhouette_lines
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 

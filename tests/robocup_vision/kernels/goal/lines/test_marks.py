@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from goal_twins import VIEW, floor_px
+from goal_samples import VIEW, floor_px
 
 from robocup_vision.kernels.goal.lines.marked_cameras import MarkModel, mark_evidence
 from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, line_marks, mark_stds, measure_ridges

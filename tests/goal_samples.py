@@ -1,4 +1,4 @@
-"""The plain NumPy picture of a goal that the compiled one is tested against, and samples that it would give."""
+"""A goal, a camera that sees it, and the samples of its edges that exact measurements would give."""
 
 import numpy as np
 
@@ -49,11 +49,6 @@ def feet_px(shape, view, unknowns, offsets):
 def floor_px(view, unknowns, points_m):
     """Pixels (N, 2) of floor points (N, 2)."""
     return project(view, unknowns, np.column_stack([points_m, np.zeros(len(points_m))]))
-
-
-def derivative(function, unknowns, step=1e-6):
-    """Central differences (8, ...) of a function of the unknowns."""
-    return np.array([(function(unknowns + step * e) - function(unknowns - step * e)) / (2 * step) for e in np.eye(8)])
 
 
 def some_camera(rng):
