@@ -33,7 +33,8 @@ Value = TypeVar("Value")
 class WhenAsked(Generic[Value]):
     """Stands in the place of a dataclass field's default, None: the field takes a value, or what works it out.
 
-    Most robots never ask for some of what a view could say. What is handed over must not depend on what changes later.
+    Most robots never read these fields, so they are worked out when they are first read. A callable that is handed over
+    must not depend on anything that changes later.
     """
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -147,7 +148,7 @@ class View:
 
         See `ObstacleFinder`. Computed when asked for; so is the kind of each.
         """
-        # the largest is found several at a time, unlike any
+        # NumPy finds a maximum several bytes at a time, `any` one after the other
         if self.polar is None or self.obstacle_finder is None or not (self.marks.size and self.marks.max()):
             return ()
         finder, polar = self.obstacle_finder, self.polar
@@ -173,13 +174,13 @@ class View:
         return Markings() if self.marking_source is None else self.marking_source.find(self.pose)
 
     def of_frame(self, frame: UInt8Array) -> View:
-        """Return the view for whoever keeps its frame in an array of their own: (H, W, 3) uint8, BGR."""
+        """Return this view for a copy of its frame, (H, W, 3) uint8, BGR: what is worked out later reads the copy."""
         source = self.marking_source
         if source is None or frame is source.frame:
             return self
         other = copy(self)
         vars(other)["marking_source"] = MarkingSource.of(source.finder, frame, source.camera, source.held_covariance)
-        # their kinds are classified in the frame
+        # the obstacles' kinds are read from the frame
         vars(other).pop("obstacles", None)
         return other
 

@@ -25,7 +25,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 # modules that need protobuf are skipped without it
 pytest_plugins = ["miscalibrated_frames", "needs_protobuf", "short_landmark_run"]
 
-settings.register_profile("repeat", derandomize=True, deadline=None)
+# a law that needs more examples, or has dear ones, says how many itself
+settings.register_profile("repeat", derandomize=True, deadline=None, max_examples=30)
 settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeat"))
 

@@ -35,7 +35,7 @@ class OmniCamera:
     usable_radius_px : (float, float)
         Inner and outer image radius between which the floor can be seen.
     floor_range : FloorRange
-        Image radius to floor range, for the level camera.
+        Inverse range on the floor (1/m) over the image radius (px), for the level camera; the code calls it q.
     mirrored : bool
         False: bearing grows counter-clockwise in the image as shown.
     heading_rad : float
@@ -45,7 +45,7 @@ class OmniCamera:
     tilt_rad : (float, float)
         Right-handed rotation from level about the robot's x, then y axis.
     viewpoint_height_m : float or None
-        Of the effective viewpoint; None: as the curve implies, and 1 where nothing depends on it.
+        Height of the effective viewpoint over the floor. None: what the curve implies, if it implies any.
     """
 
     size_px: tuple[int, int]
@@ -111,7 +111,7 @@ class OmniCamera:
     def pixel_to_ray(self, pixels: npt.ArrayLike) -> FloatArray:
         """Return unit directions (..., 3) in the robot frame of pixels (..., 2); NaN where the curve is undefined.
 
-        Needs `height_m` to be true to scale; without it elevations are those of a viewpoint 1 m high.
+        Where `height_m` is None, elevations are those of a viewpoint 1 m high.
         """
         points = np.asarray(pixels, dtype=np.float64)
         radius = np.hypot(points[..., 0] - self.center_px[0], points[..., 1] - self.center_px[1])

@@ -31,7 +31,7 @@ _BODY = struct.Struct("<2sBBBBdf9fd8f")
 _CHECK = struct.Struct("<I")
 MESSAGE_BYTES = _BODY.size + _CHECK.size
 _UPPER_3, _UPPER_2 = np.triu_indices(3), np.triu_indices(2)
-# smallest eigenvalue of a covariance by its largest: its numbers were rounded to 32 bits
+# an eigenvalue of a covariance may be negative by so much of the largest one: its numbers were rounded to 32 bits
 _MIN_EIGENVALUE_RATIO = -1e-5
 
 
@@ -58,7 +58,7 @@ class BallSighting:
         if not all(map(math.isfinite, (self.t_s, self.x_m, self.y_m, self.vx_mps, self.vy_mps))):
             raise ArgumentError("the time, place and velocity of a ball must be finite")
         require_not_negative(self, "velocity_std_mps")
-        object.__setattr__(self, "covariance", _covariance(self.covariance, 2, "of a ball"))
+        object.__setattr__(self, "covariance", _checked_covariance(self.covariance, 2, "of a ball"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +94,7 @@ class TeamMessage:
         if self.pose is not None and not np.isfinite(self.pose.array).all():
             raise ArgumentError("the pose of a message must be finite")
         if self.pose_covariance is not None:
-            object.__setattr__(self, "pose_covariance", _covariance(self.pose_covariance, 3, "of a pose"))
+            object.__setattr__(self, "pose_covariance", _checked_covariance(self.pose_covariance, 3, "of a pose"))
 
     def pack(self) -> bytes:
         """Return the message as bytes, always `MESSAGE_BYTES` of them; lengths and angles with 32 bits.
@@ -145,7 +145,7 @@ def unpack_message(data: bytes) -> TeamMessage:
     pose = covariance = ball = None
     try:
         if flags & _HAS_POSE:
-            # half a turn is rounded up in 32 bits: no other heading is meant
+            # 32 bits round pi to a heading just outside of [-pi, pi]
             heading_rad = max(-math.pi, min(numbers[2], math.pi)) if abs(numbers[2]) < 3.2 else numbers[2]
             pose, covariance = Pose2(numbers[0], numbers[1], heading_rad), _symmetric(numbers[3:9], 3)
         if flags & _HAS_BALL:
@@ -163,7 +163,7 @@ def _symmetric(upper: list[float], size: int) -> FloatArray:
     return matrix
 
 
-def _covariance(matrix: FloatArray, size: int, what: str) -> FloatArray:
+def _checked_covariance(matrix: FloatArray, size: int, what: str) -> FloatArray:
     covariance = read_only(matrix)
     if covariance.shape != (size, size) or not np.isfinite(covariance).all():
         raise ArgumentError(f"the covariance {what} must be ({size}, {size}) and finite, got shape {covariance.shape}")

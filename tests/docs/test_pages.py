@@ -41,6 +41,12 @@ LINKS = [
 ]
 
 
+def test_the_readme_is_short_and_has_a_program_for_each_use():
+    assert len(PROGRAMS["README.md"]) >= 3
+    text = re.sub(r"^<!-- figures: .*?^<!-- end of figures -->$", "", text_of(PAGES[0]), flags=re.M | re.S)
+    assert len(text.splitlines()) <= 120
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PROGRAMS)
 def test_programs_run(page, tmp_path):

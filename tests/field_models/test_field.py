@@ -5,7 +5,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from strategies import built_in_fields, numbers
 
 from field_models import COLOR_NAMES, Field, field_names, load_field
@@ -71,7 +71,6 @@ def test_penalty_and_corner_arcs_are_painted_only_where_they_belong(field: Field
 
 
 @given(built_in_fields(), numbers(-8, 8), numbers(-6, 6))
-@settings(deadline=None)
 def test_contains_agrees_with_opencv(field: Field, x: float, y: float):
     signed = cv2.pointPolygonTest(field.floor_polygon.astype(np.float32), (x, y), True)
     if abs(signed) > 1e-5:  # OpenCV's contour is float32

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from strategies import covariances, poses
 
 from field_models import ArgumentError
@@ -57,7 +57,6 @@ def test_estimates_can_be_compared_and_kept_in_sets():
 
 
 @given(poses(), covariances())
-@settings(deadline=None)
 def test_half_turn_turns_everything(pose: Pose2, covariance: np.ndarray):
     estimate = PoseEstimate(pose, covariance, 0.9, 0.4, (pose, pose.half_turn()))
     turned = estimate.half_turn()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from strategies import covariances, numbers, poses
 
 from field_models.errors import ArgumentError
@@ -39,7 +39,6 @@ def test_pose_wraps_its_heading():
 
 
 @given(poses(), poses(), poses())
-@settings(deadline=None)
 def test_composition_is_a_group(a: Pose2, b: Pose2, c: Pose2):
     assert_same_pose(a.compose(b).compose(c), a.compose(b.compose(c)))
     assert_same_pose(a.compose(IDENTITY), a)
@@ -50,7 +49,6 @@ def test_composition_is_a_group(a: Pose2, b: Pose2, c: Pose2):
 
 
 @given(poses(), poses(), numbers(-5, 5), numbers(-5, 5))
-@settings(deadline=None)
 def test_transform_is_the_groups_action(a: Pose2, b: Pose2, x: float, y: float):
     point = np.array([x, y])
     np.testing.assert_allclose(a.compose(b).transform(point), a.transform(b.transform(point)), atol=1e-9)
@@ -67,7 +65,6 @@ def test_transform_by_example():
 
 
 @given(poses(), poses())
-@settings(deadline=None)
 def test_half_turn_is_an_involution_of_the_field_frame(a: Pose2, b: Pose2):
     assert_same_pose(a.half_turn().half_turn(), a)
     assert_same_pose(a.half_turn(), Pose2(0.0, 0.0, math.pi).compose(a))
@@ -75,7 +72,6 @@ def test_half_turn_is_an_involution_of_the_field_frame(a: Pose2, b: Pose2):
 
 
 @given(poses(), poses())
-@settings(deadline=None)
 def test_error_is_symmetric_and_modulo_a_half_turn_if_asked(a: Pose2, b: Pose2):
     assert a.error_to(b) == pytest.approx(b.error_to(a), abs=1e-9)
     assert a.error_to(a) == (0.0, 0.0)
@@ -94,7 +90,6 @@ def test_error_by_example():
 
 
 @given(poses(), covariances(), poses(), covariances())
-@settings(deadline=None)
 def test_composed_covariance_is_that_of_the_numeric_jacobian(
     first: Pose2, first_cov: np.ndarray, second: Pose2, second_cov: np.ndarray
 ):
@@ -113,7 +108,6 @@ def test_composed_covariance_is_that_of_the_numeric_jacobian(
 
 
 @given(covariances())
-@settings(deadline=None)
 def test_half_turn_covariance_is_that_of_the_turned_pose(covariance: np.ndarray):
     turned = half_turn_covariance(covariance)
     about_centre = compose_covariance(Pose2(0.0, 0.0, math.pi), np.zeros((3, 3)), Pose2(1.0, 2.0, 0.3), covariance)

@@ -42,10 +42,11 @@ class MarkRules(NamedTuple):
 
 
 class PriceRules(NamedTuple):
-    """How cells are priced; `WayfinderSettings` has the reasons.
+    """How cells are priced; `WayfinderSettings` has the reasons. A price of 2 is that of a way twice as long.
 
-    tight, shut, maybe_barred, barred : extra price at the very edge of open floor; price of a cell that is just shut;
-    extra price of the middle of what is shut, measured from afar and from near.
+    tight : extra price where the disc just touches a blocked cell.
+    shut : price of a cell in which the disc just does not fit.
+    maybe_barred, barred : extra price of a blocked cell itself, measured from afar and from near.
     tries, tried, remembered : tries without a price; price of each more; fraction remembered the next time.
     """
 
@@ -79,7 +80,7 @@ def mark_view(
     view : RangesInGrid
         The free ranges, and the robot.
     least, reach : float
-        Smallest distance that is stored, and distance up to which cells are marked, cells.
+        Smallest distance that `seen_from` holds; distance from the robot up to which cells are marked. Both in cells.
     thickness : float
         Of the blocked strip, cells.
     rules : MarkRules
@@ -190,6 +191,9 @@ def note_try(tried: Float32Array, price: Float32Array, x: float, y: float, radiu
                 tried[row, column] += 1.0
 
 
+# a binary heap: `cells` ordered by `keys`, of which the first `count` are in use
+
+
 @compiled(error_model="numpy")
 def _push(keys: FloatArray, cells: Int32Array, count: int, key: float, cell: int) -> int:
     place = count
@@ -290,9 +294,9 @@ def dearest_between(price: Float32Array, x0: float, y0: float, x1: float, y1: fl
 def straight_part(
     price: Float32Array, come_from: Int32Array, start: int, target: int, robot_x: float, robot_y: float, beyond: int
 ) -> tuple[int, int]:
-    """Return the last cell of a way that can be reached straight, and the one so many cells beyond it.
+    """Return two cells of a way: the last one that can be reached straight, and the one `beyond` cells after it.
 
-    Straight means no higher price than along the way, so no nearer to blocked cells.
+    It can be reached straight where no cell of the straight line costs more than the dearest one of the way so far.
     """
     size = price.shape[0]
     length = 1

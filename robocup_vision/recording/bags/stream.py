@@ -11,8 +11,10 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.evaluation.dataset import Dataset, FrameTime, Truth
 from robocup_vision.geometry import wrap_angle
 
-# poses farther apart than this do not tell where the robot was between them
+# between poses farther apart than this the robot's pose is unknown
 MAX_GAP_S = 0.5
+# a pose so near in time is taken as it is
+_SAME_TIME_S = 1e-4
 
 Frames = Iterator[UInt8Array | FrameError]
 Poses = Sequence[tuple[float, Truth | None]]
@@ -45,7 +47,7 @@ class StreamDataset(Dataset):
 
 
 def with_frames(
-    plain: StreamDataset,
+    dataset: StreamDataset,
     count: int,
     kept: Sequence[int],
     times: Sequence[FrameTime],
@@ -53,9 +55,32 @@ def with_frames(
     truth: Poses,
     notes: Sequence[str],
 ) -> StreamDataset:
-    """Return the dataset with those of `count` frames that are kept, and the times of these."""
+    """Return a dataset that has no frames yet with those of a file.
+
+    Parameters
+    ----------
+    dataset : StreamDataset
+        Field, camera and path.
+    count : int
+        Frames in the file.
+    kept : sequence of int
+        Ascending numbers of the frames that are used.
+    times : sequence of FrameTime
+        Of each kept frame.
+    frames : callable
+        Opens the file and yields all its frames.
+    truth : sequence of (float, Truth or None)
+        Times (s) and true poses, as `pose_at` takes them.
+    notes : sequence of str
+        What was noticed when the file was read.
+
+    Raises
+    ------
+    FileError
+        If no frame is kept.
+    """
     if not kept:
-        raise FileError(plain.path, "holds no frame")
+        raise FileError(dataset.path, "holds no frame")
     names = [f"frame_{index:06d}" for index in kept]
     true_poses = {name: pose_at(truth, time.t_s) for name, time in zip(names, times, strict=True)}
     chosen = frozenset(kept)
@@ -64,7 +89,7 @@ def with_frames(
         return (frame for index, frame in enumerate(frames()) if index in chosen)
 
     return replace(
-        plain,
+        dataset,
         image_names=tuple(names),
         times=dict(zip(names, times, strict=True)),
         truth={name: there for name, there in true_poses.items() if there is not None},
@@ -75,24 +100,23 @@ def with_frames(
 
 
 def pose_at(poses: Poses, t_s: float) -> Truth | None:
-    """Return the pose at a time, between the two that are nearest to it.
+    """Return the pose at a time, interpolated linearly between the poses before and after it.
 
     Parameters
     ----------
     poses : sequence of (float, Truth or None)
-        By ascending time, seconds; None where nobody knew it.
+        Ascending times (s) and poses; None where the pose is unknown.
 
     Returns
     -------
     Truth or None
-        None beyond the first and last one by more than 0.1 ms, between two that are more than 0.5 s apart, and where
-        one of the two is None. Without a heading where one of the two has none.
+        None before the first pose, after the last one, between two that are more than `MAX_GAP_S` apart, and where one
+        of the two is None. Without a heading where one of the two has none.
     """
-    slack_s = 1e-4
     at = bisect.bisect_left(poses, t_s, key=lambda pose: pose[0])
     near = [poses[index] for index in (at - 1, at) if 0 <= index < len(poses)]
     for near_s, pose in near:
-        if abs(near_s - t_s) <= slack_s:
+        if abs(near_s - t_s) <= _SAME_TIME_S:
             return pose
     if len(near) < 2 or near[1][0] - near[0][0] > MAX_GAP_S:
         return None
@@ -107,7 +131,7 @@ def pose_at(poses: Poses, t_s: float) -> Truth | None:
 
 
 def order_note(where: str, times_s: Sequence[float], kept: Sequence[int]) -> list[str]:
-    """Say which frames are not later than those before."""
+    """Return a note on the frames that are left out because they are not later than those before, if there are any."""
     left_out = sorted(set(range(len(times_s))) - set(kept))
     if not left_out:
         return []

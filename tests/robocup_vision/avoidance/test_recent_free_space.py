@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
@@ -51,7 +51,6 @@ def test_what_was_seen_too_long_ago_does_not_count():
     assert range_at(recent.update(view(STILL, 1.0), STILL, 2.2), -1.0) == pytest.approx(UNSEEN_M)
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.lists(st.builds(Pose2, st.floats(-0.05, 0.05), st.floats(-0.05, 0.05), st.floats(-0.2, 0.2)), max_size=10))
 def test_older_views_move_with_the_robot(motions):
     robot, recent = Pose2(0.3, -0.2, 0.4), RecentFreeSpace(RADIUS_M)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.avoidance.recent_free_space import SteadyFreeSpace, carry_free_space
@@ -27,7 +27,6 @@ def in_room(pose, half_x=1.2, half_y=0.7):
 motions = st.builds(Pose2, st.floats(-0.05, 0.05), st.floats(-0.05, 0.05), st.floats(-0.3, 0.3))
 
 
-@settings(deadline=None, max_examples=40)
 @given(motions)
 def test_what_was_seen_is_carried_to_where_the_robot_is_now(motion):
     start = Pose2(0.2, -0.1, 0.4)
@@ -46,7 +45,6 @@ def test_nothing_moved_or_nothing_seen_is_handed_back():
     assert carry_free_space(nothing, Pose2(0.1, 0.0, 0.0)) is nothing
 
 
-@settings(deadline=None, max_examples=20)
 @given(st.integers(0, 63), st.floats(0.1, 5.0))
 def test_a_speck_or_an_opening_in_one_frame_does_not_count(index, wrong):
     steady, seen = SteadyFreeSpace(), in_room(STILL)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
@@ -135,7 +135,6 @@ def test_after_a_safe_command_braking_is_preferred_to_the_latest_contact():
 
 
 @given(st.floats(0.0, 3.0))
-@settings(deadline=None)
 def test_speed_near_the_goal_allows_a_stop_there(distance):
     speed = np.hypot(*steering().steer(ranges(np.full(32, 9.0)), (0.0, 0.0), 0.0, distance).velocity_mps)
     assert speed <= min(0.4, math.sqrt(2 * 0.3 * distance)) + 1e-12

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
@@ -67,7 +67,6 @@ def walk(start, goal, walls, steps=600, turn_rad=0.02, step_m=0.02):
     return places
 
 
-@settings(deadline=None, max_examples=20)
 @given(st.floats(-4, 4), st.floats(0.0, 30.0), st.floats(-4, 4))
 def test_over_open_floor_it_is_straight_however_far(bearing, distance, turned):
     way = Wayfinder(RADIUS)

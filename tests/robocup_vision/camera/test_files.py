@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from strategies import PAPER_MIRROR, cameras
 
 from field_models import ArgumentError, FileError
@@ -51,7 +51,6 @@ def assert_same(a: OmniCamera, b: OmniCamera) -> None:
 
 
 @given(camera=cameras())
-@settings(deadline=None)
 def test_saved_camera_loads_back_to_the_last_bit(camera: OmniCamera, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.mktemp("camera") / "camera.toml"
     save_camera(camera, path)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import PAPER_HORIZON_PX, PAPER_MIRROR, curves, numbers
 
@@ -16,14 +16,12 @@ RADII = np.linspace(26.0, 112.0, 87)
 
 
 @given(curves())
-@settings(deadline=None)
 def test_radius_and_inverse_range_are_inverse_of_each_other(curve: FloorRange):
     q = curve.inverse_range_per_m(RADII)
     np.testing.assert_allclose(curve.radius_px(q), RADII, rtol=1e-9)
 
 
 @given(curves())
-@settings(deadline=None)
 def test_range_grows_strictly_with_the_image_radius(curve: FloorRange):
     q = curve.inverse_range_per_m(RADII)
     assert np.all(q > 0)
@@ -31,7 +29,6 @@ def test_range_grows_strictly_with_the_image_radius(curve: FloorRange):
 
 
 @given(curves(), st.sampled_from([(), (3,), (2, 1, 4)]))
-@settings(deadline=None)
 def test_any_shape_goes_through(curve: FloorRange, shape: tuple[int, ...]):
     q = curve.inverse_range_per_m(np.full(shape, 50.0))
     assert np.shape(q) == shape
@@ -39,7 +36,6 @@ def test_any_shape_goes_through(curve: FloorRange, shape: tuple[int, ...]):
 
 
 @given(numbers(26, 112), numbers(0.5, 8))
-@settings(deadline=None)
 def test_hyperboloid_scales_with_the_image(radius: float, s: float):
     large = Hyperboloid(PAPER_MIRROR.A_px_per_m * s, PAPER_MIRROR.B_per_m, PAPER_MIRROR.C_px2 * s * s)
     expected = PAPER_MIRROR.inverse_range_per_m(radius)

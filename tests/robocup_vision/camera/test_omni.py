@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from strategies import PAPER_HORIZON_PX, PAPER_MIRROR, cameras, numbers
 
 from field_models import ArgumentError
@@ -23,7 +23,6 @@ def pixels_of(camera: OmniCamera, *, margin: float = 0.01) -> np.ndarray:
 
 
 @given(cameras())
-@settings(deadline=None)
 def test_pixel_to_floor_to_pixel_is_identity(camera: OmniCamera):
     pixels = pixels_of(camera)
     floor = camera.pixel_to_floor(pixels)
@@ -33,7 +32,6 @@ def test_pixel_to_floor_to_pixel_is_identity(camera: OmniCamera):
 
 
 @given(cameras())
-@settings(deadline=None)
 def test_pixel_to_ray_to_pixel_is_identity_and_rays_are_unit(camera: OmniCamera):
     pixels = pixels_of(camera)
     rays = camera.pixel_to_ray(pixels)
@@ -43,7 +41,6 @@ def test_pixel_to_ray_to_pixel_is_identity_and_rays_are_unit(camera: OmniCamera)
 
 
 @given(cameras(), bearings, numbers(0.05, 10.0))
-@settings(deadline=None)
 def test_floor_lies_where_the_ray_meets_it(camera: OmniCamera, bearing: float, ratio: float):
     inner, outer = camera.usable_radius_px
     pixel = camera.polar_to_pixel(bearing, inner + (outer - inner) * ratio / 10.1)
@@ -55,7 +52,6 @@ def test_floor_lies_where_the_ray_meets_it(camera: OmniCamera, bearing: float, r
 
 
 @given(cameras(level=True), bearings)
-@settings(deadline=None)
 def test_level_camera_sees_each_floor_point_in_its_bearing_and_range(camera: OmniCamera, bearing: float):
     radii = np.linspace(*camera.usable_radius_px, 9)[1:-1]
     from_axis = camera.pixel_to_floor(camera.polar_to_pixel(bearing, radii)) - camera.offset_m
@@ -65,14 +61,12 @@ def test_level_camera_sees_each_floor_point_in_its_bearing_and_range(camera: Omn
 
 
 @given(cameras(), bearings, numbers(30, 100))
-@settings(deadline=None)
 def test_image_bearing_is_that_of_polar_to_pixel(camera: OmniCamera, bearing: float, radius: float):
     back = camera.image_bearing_rad(camera.polar_to_pixel(bearing, radius))
     assert wrap_angle(float(back) - bearing) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(cameras(level=True), bearings)
-@settings(deadline=None)
 def test_mirrored_camera_is_the_reflection(camera: OmniCamera, bearing: float):
     camera = dataclasses.replace(camera, heading_rad=0.0)
     other = dataclasses.replace(camera, mirrored=not camera.mirrored)
@@ -82,7 +76,6 @@ def test_mirrored_camera_is_the_reflection(camera: OmniCamera, bearing: float):
 
 
 @given(cameras(), numbers(-3.0, 3.0))
-@settings(deadline=None)
 def test_turning_the_heading_turns_the_image(camera: OmniCamera, by_rad: float):
     turned = dataclasses.replace(camera, heading_rad=camera.heading_rad + by_rad)
     pixel = camera.polar_to_pixel(0.7, 60.0)
@@ -90,7 +83,6 @@ def test_turning_the_heading_turns_the_image(camera: OmniCamera, by_rad: float):
 
 
 @given(cameras(level=True), bearings, numbers(0.05, 0.9))
-@settings(deadline=None)
 def test_point_above_the_floor_appears_farther_out_than_its_foot(camera: OmniCamera, bearing: float, ratio: float):
     inner, outer = camera.usable_radius_px
     foot = camera.pixel_to_floor(camera.polar_to_pixel(bearing, inner + ratio * (outer - inner)))

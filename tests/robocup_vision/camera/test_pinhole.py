@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import numbers
 
@@ -46,7 +46,6 @@ def pixels_of(camera: PinholeCamera) -> np.ndarray:
 
 
 @given(pinholes())
-@settings(deadline=None)
 def test_pixel_to_ray_to_pixel_is_identity_and_rays_are_unit(camera: PinholeCamera):
     pixels = pixels_of(camera)
     for to_ray, to_pixel in (
@@ -60,7 +59,6 @@ def test_pixel_to_ray_to_pixel_is_identity_and_rays_are_unit(camera: PinholeCame
 
 
 @given(pinholes())
-@settings(deadline=None)
 def test_slopes_of_pixels_are_those_of_their_rays(camera: PinholeCamera):
     pixels = pixels_of(camera).reshape(-1, 2)
     rays = camera.pixel_to_camera_ray(pixels)
@@ -69,7 +67,6 @@ def test_slopes_of_pixels_are_those_of_their_rays(camera: PinholeCamera):
 
 
 @given(pinholes())
-@settings(deadline=None)
 def test_pixel_to_floor_to_pixel_is_identity(camera: PinholeCamera):
     pixels = pixels_of(camera)
     floor = camera.pixel_to_floor(pixels)
@@ -79,7 +76,6 @@ def test_pixel_to_floor_to_pixel_is_identity(camera: PinholeCamera):
 
 
 @given(pinholes(), numbers(-1, 1), numbers(-1, 1))
-@settings(deadline=None)
 def test_floor_lies_where_the_ray_meets_it(camera: PinholeCamera, across: float, down: float):
     pixel = np.array([320 + 319 * across, 240 + 239 * down])
     ray, floor = camera.pixel_to_ray(pixel), camera.pixel_to_floor(pixel)
@@ -90,7 +86,6 @@ def test_floor_lies_where_the_ray_meets_it(camera: PinholeCamera, across: float,
 
 
 @given(pinholes(), st.integers(0, 2**31))
-@settings(deadline=None)
 def test_projection_is_opencvs(camera: PinholeCamera, seed: int):
     rays = np.random.default_rng(seed).normal((1.0, 0.0, 0.0), (0.1, 0.25, 0.2), (40, 3))
     matrix = np.array(
@@ -102,7 +97,6 @@ def test_projection_is_opencvs(camera: PinholeCamera, seed: int):
 
 
 @given(pinholes(), numbers(-3, 3), numbers(-1.5, 1.5), numbers(-3, 3))
-@settings(deadline=None)
 def test_turning_the_neck_leaves_the_cameras_own_rays_alone(
     camera: PinholeCamera, pan: float, tilt: float, roll: float
 ):
@@ -228,7 +222,6 @@ def write(tmp_path: Path) -> Write:
 
 
 @given(pinholes(), st.none() | numbers(0, 0.5))
-@settings(deadline=None)
 def test_saved_camera_loads_back_to_the_last_bit(
     tmp_path_factory: pytest.TempPathFactory, camera: PinholeCamera, roll_std: float | None
 ):

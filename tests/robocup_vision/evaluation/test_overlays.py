@@ -2,13 +2,12 @@
 
 from itertools import pairwise
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.evaluation.overlays import SPREAD_COUNT, WORST_COUNT, WorstSoFar, spread_indices
 
 
-@settings(deadline=None)
 @given(count=st.integers(1, 500))
 def test_spread_reaches_from_first_to_last(count: int) -> None:
     indices = sorted(spread_indices(count))
@@ -19,7 +18,6 @@ def test_spread_reaches_from_first_to_last(count: int) -> None:
     assert not gaps or max(gaps) - min(gaps) <= 1
 
 
-@settings(deadline=None)
 @given(values=st.lists(st.integers(0, 6), max_size=60), workers=st.integers(1, 4))
 def test_the_worst_of_all_are_kept(values: list[int], workers: int) -> None:
     expected = sorted(range(len(values)), key=lambda i: (-values[i], i))[:WORST_COUNT]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.estimates import PoseEstimate
@@ -33,7 +33,6 @@ def truth_of(pose: Pose2) -> Truth:
     return Truth(pose.x_m, pose.y_m, pose.theta_rad)
 
 
-@settings(deadline=None)
 @given(said=poses, true=poses, symmetric=st.booleans())
 def test_the_error_is_that_of_the_pose(said: Pose2, true: Pose2, symmetric: bool) -> None:
     error = pose_error(estimate(said), truth_of(true), symmetric=symmetric)
@@ -42,7 +41,6 @@ def test_the_error_is_that_of_the_pose(said: Pose2, true: Pose2, symmetric: bool
     assert (error.position_m, abs(error.theta_rad)) == pytest.approx(expected, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(said=poses, true=poses, covariance=covariances())
 def test_the_half_turn_changes_neither_error_nor_nees(said: Pose2, true: Pose2, covariance: np.ndarray) -> None:
     one = estimate(said, covariance)
@@ -55,7 +53,6 @@ def test_the_half_turn_changes_neither_error_nor_nees(said: Pose2, true: Pose2, 
     assert second.nees == pytest.approx(first.nees, rel=1e-6, abs=1e-6)
 
 
-@settings(deadline=None)
 @given(true=poses, covariance=covariances(), offset=st.tuples(*[st.floats(-0.3, 0.3)] * 3))
 def test_nees_is_the_mahalanobis_distance(
     true: Pose2, covariance: np.ndarray, offset: tuple[float, float, float]

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -33,7 +33,6 @@ def test_reads_what_was_written(tmp_path: Path, kind: str) -> None:
     assert np.abs(image.astype(int) - smooth).max() <= (8 if kind in (".jpg", ".webp") else 0)
 
 
-@settings(deadline=None, max_examples=60)
 @given(kind=st.sampled_from([".png", ".bmp", ".jpg", ".webp", ".tif"]), ratio=st.floats(0.0, 0.999))
 def test_any_truncation_is_refused(tmp_path_factory: pytest.TempPathFactory, kind: str, ratio: float) -> None:
     data = encode(kind)
@@ -43,7 +42,6 @@ def test_any_truncation_is_refused(tmp_path_factory: pytest.TempPathFactory, kin
         read_image(path, (WIDTH, HEIGHT))
 
 
-@settings(deadline=None, max_examples=40)
 @given(at=st.floats(0.01, 0.9999), flip=st.integers(1, 255))
 def test_a_damaged_png_is_refused(tmp_path_factory: pytest.TempPathFactory, at: float, flip: int) -> None:
     data = bytearray(encode(".png"))

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import numbers
 
@@ -47,7 +47,6 @@ def scene(pose, seed, count=30):
     return landmarks, covariance, project(CAMERA, points), points
 
 
-@settings(max_examples=30, deadline=None)
 @given(POSES, st.integers(0, 10**6))
 def test_projection_inverts_and_derives(pose, seed):
     landmarks, _, pixels, points = scene(pose, seed)
@@ -68,7 +67,6 @@ def test_projection_inverts_and_derives(pose, seed):
         np.testing.assert_allclose(by_pose[:, :, k], difference, rtol=1e-4, atol=1e-6)
 
 
-@settings(max_examples=20, deadline=None)
 @given(POSES, st.integers(0, 10**6))
 def test_exact_points_give_the_exact_pose(pose, seed):
     landmarks, covariance, _, points = scene(pose, seed)

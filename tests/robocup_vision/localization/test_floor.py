@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from strategies import numbers
 
@@ -46,7 +46,6 @@ def outline(pose, rng=None, noise_px=0.0, hidden=0.0):
     return radius
 
 
-@settings(deadline=None, max_examples=60)
 @given(places, st.integers(0, 2**32 - 1))
 # once taken for a place a metre along the field, with a centimetre of play
 @example(Pose2(-1.0, -0.6259765625, 0.0), 113)
@@ -63,7 +62,6 @@ def test_an_outline_gives_its_pose_without_any_prior(pose, seed):
     assert np.median(np.abs(walls - exact)) < 0.5
 
 
-@settings(deadline=None, max_examples=30)
 @given(places, st.integers(0, 2**32 - 1))
 def test_a_prior_leads_to_the_same_pose(pose, seed):
     radius = outline(pose, np.random.default_rng(seed), 0.15)
@@ -75,7 +73,6 @@ def test_a_prior_leads_to_the_same_pose(pose, seed):
     assert sum(other.pose.error_to(warm.pose.half_turn())) < 0.01
 
 
-@settings(deadline=None, max_examples=30)
 @given(places, st.integers(0, 2**32 - 1))
 def test_boxes_nearer_than_the_walls_do_not_move_the_pose(pose, seed):
     rng = np.random.default_rng(seed)
@@ -91,7 +88,6 @@ def test_boxes_nearer_than_the_walls_do_not_move_the_pose(pose, seed):
     assert angle < math.radians(2)
 
 
-@settings(deadline=None, max_examples=40)
 @given(places)
 def test_the_first_guess_is_a_start(pose):
     assume(abs(pose.x_m) < 1.0)

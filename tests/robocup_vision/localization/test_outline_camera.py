@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import numbers
 
@@ -59,7 +59,6 @@ def outline(pose, lean, noise, field=FIELD, camera=CAMERA, view=VIEW):
     return found + noise
 
 
-@settings(deadline=None, max_examples=30)
 @given(places, leans, st.integers(0, 2**32 - 1))
 def test_a_leaning_body_knows_where_it_is(pose, lean, seed):
     noise = np.random.default_rng(seed).normal(0, 0.1, VIEW.bearings)

@@ -1,7 +1,7 @@
 """The search over the whole field finds the pose that an outline was made from, without a guess that leads there."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import PAPER_MIRROR, numbers
 
@@ -19,7 +19,6 @@ SEARCH = OutlineSearch(MODEL, OutlineSearchSettings())
 places = st.builds(Pose2, numbers(-1.25, 1.25), numbers(-0.65, 0.65), numbers(-3.1, 3.1))
 
 
-@settings(deadline=None, max_examples=20)
 @given(places, st.integers(0, 2**32 - 1))
 def test_an_outline_is_found_from_the_middle_of_the_field(pose, seed):
     prediction = room_for(MODEL.scene)

@@ -48,7 +48,6 @@ def off_by(pose, error):
     return Pose2(*(pose.array + error))
 
 
-@settings(deadline=None, max_examples=40)
 @given(motions, errors, st.floats(-math.pi, math.pi))
 def test_a_motion_is_recovered_from_wrong_odometry_wherever_the_scene_lies(motion, error, heading):
     start = Pose2(0.2, -0.1, heading)
@@ -64,7 +63,6 @@ def test_a_motion_is_recovered_from_wrong_odometry_wherever_the_scene_lies(motio
     assert found.pose.error_to(motion) == pytest.approx((way, turn))
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds, errors)
 def test_equal_profiles_say_that_nothing_moved(seed, error):
     rng = np.random.default_rng(seed)
@@ -78,7 +76,7 @@ def test_equal_profiles_say_that_nothing_moved(seed, error):
     assert turn < 0.003
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(motions, st.integers(1, COUNT - 1))
 def test_a_robot_that_looks_elsewhere_moves_the_same_way(motion, turned):
     start, aside = Pose2(0.1, 0.2, 0.3), Pose2(0.0, 0.0, -turned * math.tau / COUNT)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from map_cells import cell_centers_m
 
@@ -102,7 +102,6 @@ def test_log_odds_follow_bayes_rule():
     np.testing.assert_allclose(grid.probability("one")[evidence == HIT], twice, rtol=1e-6)
 
 
-@settings(deadline=None, max_examples=25)
 @given(st.floats(0.3, 0.95), st.floats(0.05, 0.9), st.floats(0.05, 0.4))
 def test_so_many_crossings_as_needed_make_a_cell_free_and_no_fewer(occupied, share, free_below):
     model = SensorModel(occupied, occupied * share, reach_m=2.0)
@@ -156,7 +155,6 @@ def test_the_rule_is_the_printed_one(first, second):
     assert (grid.state[cell] == NO_GO) == ("no_go" in (first, second))
 
 
-@settings(deadline=None, max_examples=25)
 @given(st.integers(-200, 200), st.integers(-200, 200), st.integers(0, 2**32 - 1))
 def test_what_is_seen_does_not_depend_on_where_on_the_field(dx, dy, seed):
     rng = np.random.default_rng(seed)
@@ -173,7 +171,6 @@ def test_what_is_seen_does_not_depend_on_where_on_the_field(dx, dy, seed):
     assert (states[0] != states[1]).mean() < 1e-3
 
 
-@settings(deadline=None, max_examples=25)
 @given(st.floats(-1.2, 1.2), st.floats(-1.2, 1.2))
 def test_the_window_moves_in_whole_cells_and_keeps_what_stays_in_it(x, y):
     grid = single()

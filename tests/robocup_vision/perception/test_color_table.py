@@ -90,7 +90,7 @@ def test_without_anything_bright_white_is_neutral(ssl_field):
     assert learn_colors(samples * 0, np.ones((160, 83), dtype=np.uint8), ssl_field) is None
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(colors_of_any_frame)
 def test_the_table_says_what_the_model_says(colors):
     table = build_color_table(colors)
@@ -122,7 +122,6 @@ def test_a_black_board_is_no_floor_in_shadow(level, darkness):
     assert (table.floor_llr[table.pack(shadow)] > 0).mean() > 0.9
 
 
-@settings(deadline=None, max_examples=40)
 @given(colors_of_any_frame)
 def test_a_colour_file_comes_back_the_same(tmp_path_factory, colors):
     path = tmp_path_factory.mktemp("colors") / "colors.toml"

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.perception.floor_color import LEVELS, learn_floor_color
@@ -33,7 +33,6 @@ def seen(color, gain, cast):
     return np.array(color) * gain * cast
 
 
-@settings(deadline=None, max_examples=25)
 @given(
     st.floats(0.3, 1.0),
     st.sampled_from([(1.0, 1.0, 1.0), (0.8, 0.95, 1.25), (1.25, 0.95, 0.8)]),
@@ -105,7 +104,6 @@ def test_behind_a_mask_the_ring_begins_where_the_mask_ends():
     assert not is_floor((20, 20, 20), floor)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["noise", "two", "channel", "gradient"]))
 def test_whatever_it_sees_it_learns_finite_numbers_or_none(seed, kind):
     rng = np.random.default_rng(seed)

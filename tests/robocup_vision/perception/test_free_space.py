@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skimage.measure import label
 from strategies import cameras
@@ -60,14 +60,12 @@ def measure_by_labelling(grid, passable):
     return grid.ring_bounds_m[np.minimum(first, in_view)]
 
 
-@settings(deadline=None, max_examples=40)
 @given(grids, seeds)
 def test_counting_equals_the_papers_labelling(grid, seed):
     passable = blobs(seed)
     np.testing.assert_array_equal(grid.measure(passable).range_m, measure_by_labelling(grid, passable))
 
 
-@settings(deadline=None, max_examples=40)
 @given(grids, seeds)
 def test_no_range_exceeds_the_inner_bound_of_a_blocked_cell(grid, seed):
     passable = blobs(seed)
@@ -82,7 +80,6 @@ def test_no_range_exceeds_the_inner_bound_of_a_blocked_cell(grid, seed):
             assert found.range_m[direction] <= bounds[ring]
 
 
-@settings(deadline=None, max_examples=20)
 @given(grids, seeds)
 def test_more_floor_never_shortens_a_range(grid, seed):
     passable = blobs(seed)
@@ -90,7 +87,6 @@ def test_more_floor_never_shortens_a_range(grid, seed):
     assert (grid.measure(more).range_m >= grid.measure(passable).range_m).all()
 
 
-@settings(deadline=None, max_examples=20)
 @given(cameras(), st.integers(3, 90), st.integers(1, 30))
 def test_cells_hold_the_samples_that_lie_in_them(camera, directions, rings):
     grid = FreeSpaceGrid(PolarView(camera), directions, rings)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import COLOR_NAMES, load_field
@@ -34,7 +34,6 @@ def drawn(color, left=60, width=8, top=30, foot=90, behind=(70, 70, 70)):
     return np.clip(frame + noise, 0, 255).astype(np.uint8)
 
 
-@settings(deadline=None, max_examples=20)
 @given(st.integers(20, 120), st.integers(5, 14), st.sampled_from(["cyan", "yellow"]))
 def test_colored_post_is_one_strip_on_its_foot(left, width, color):
     frame = drawn(color, left, width)

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
@@ -63,7 +63,6 @@ def near_side(x, y):
     return np.array([x, y]) * (1 - math.pi / 4 * RADIUS / away)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 7), st.floats(0.35, 0.9)), max_size=6, unique_by=lambda one: one[0]))
 def test_discs_that_stand_apart_are_as_many_obstacles(placed):
     discs = [(r * math.cos(n * math.tau / 8), r * math.sin(n * math.tau / 8)) for n, r in placed]
@@ -75,7 +74,6 @@ def test_discs_that_stand_apart_are_as_many_obstacles(placed):
         assert nearest.width_m == pytest.approx(2 * RADIUS, abs=2.5 * math.hypot(*disc) * MIRROR.row_step_rad)
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.integers(1, 159), st.floats(0.35, 1.2), st.floats(0.35, 1.2))
 def test_obstacles_turn_with_the_picture(turn, first_m, second_m):
     marks = marks_of(MIRROR, disc_ranges(MIRROR, (first_m, 0.0), (-0.2, second_m)))

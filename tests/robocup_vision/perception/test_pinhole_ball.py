@@ -6,7 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import COLOR_NAMES, load_field
@@ -32,7 +32,6 @@ def placed(camera, pixel, sway_std_rad=None):
     return FINDER._place(*pixel, 1.0, 0.0)
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     st.floats(-1.5, 1.5), st.floats(-0.6, -0.1), st.floats(-0.03, 0.03), st.floats(10.0, 200.0), st.floats(90.0, 155.0)
 )

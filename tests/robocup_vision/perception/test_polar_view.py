@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from strategies import cameras
 
 from robocup_vision.perception.polar_view import RADII, PolarView
@@ -17,7 +17,6 @@ def with_mask(camera, *shapes):
     return mask
 
 
-@settings(deadline=None, max_examples=20)
 @given(cameras())
 def test_samples_lie_where_the_camera_says(camera):
     view = PolarView(camera, 40)

@@ -34,7 +34,7 @@ def range_m(view, grid, post_m):
     return grid.measure((~(away_m < 0.12)).astype(np.uint8)).range_m
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.floats(-1.5, 1.5), st.floats(-0.1, 0.1), st.floats(-0.05, 0.05), st.floats(0.5, 1.2))
 def test_a_panned_camera_measures_as_by_tables_of_its_own(pan_rad, ahead_m, aside_m, post_m):
     camera = replace(CAMERA, offset_m=(ahead_m, aside_m))
@@ -63,7 +63,7 @@ def test_tables_are_made_once_a_step():
     assert at_the_centre.for_camera(CAMERA) is at_the_centre.for_camera(CAMERA.with_orientation(1.0, -0.16, 0.0))
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.booleans(), st.floats(-0.6, 0.1), st.floats(-0.1, 0.1), st.floats(-0.03, 0.03))
 def test_a_tilt_left_open_or_told_gets_tables_of_about_that_tilt_and_height(is_open, tilt_rad, roll_rad, height):
     camera = OPEN if is_open else replace(OPEN, tilt_rad=-0.17, roll_rad=0.01)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.team.ball_fusion import OWN, BallFusionSettings, TeamBall
@@ -49,7 +49,6 @@ def test_an_old_sighting_is_forgotten():
     assert team.fuse(None, 1.1 + SETTINGS.forget_s) is None
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.integers(1, 6), st.floats(0.01, 0.5))
 def test_the_same_sighting_told_often_is_not_counted_twice(copies, std_m):
     one = seen(1.0, 0.3, -0.2, std_m)
@@ -59,7 +58,6 @@ def test_the_same_sighting_told_often_is_not_counted_twice(copies, std_m):
     assert (ball.x_m, ball.y_m) == pytest.approx((0.3, -0.2))
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.tuples(st.floats(0.02, 0.4), st.floats(0.02, 0.4), st.floats(0.0, math.pi)), min_size=1, max_size=4))
 def test_fused_is_at_least_as_good_as_the_best_and_never_better_than_the_best_direction(shapes):
     sightings = []

@@ -27,7 +27,7 @@ def choose(chooser, place, t_s=0.0, ball=BALL):
     return chooser.choose(t_s, place, ball, math.inf if ball is None else math.dist(place, ball))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(PLACES, min_size=2, max_size=6))
 def test_those_that_hear_each_other_have_one_that_fetches_and_places_of_their_own(places):
     team = [RoleChooser(number, False, 1.0) for number in range(len(places))]

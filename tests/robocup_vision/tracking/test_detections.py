@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
@@ -66,7 +66,6 @@ def test_a_covariance_of_another_shape_is_refused():
         Detection(0.0, 0.0, np.eye(3))
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.floats(-1.0, 1.0), st.floats(-0.4, 0.4), st.floats(-3.1, 3.1), st.floats(-1.0, 1.0), st.floats(-0.4, 0.4))
 def test_an_object_is_found_at_its_middle_whatever_the_pose(x, y, theta, other_x, other_y):
     robot = Pose2(x, y, theta)

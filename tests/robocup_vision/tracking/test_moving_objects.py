@@ -135,7 +135,7 @@ def test_one_that_is_seen_in_two_pieces_is_one():
     assert max(len(t) for t in tracks) == 1
 
 
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 @given(st.integers(0, 2**32 - 1))
 def test_clutter_alone_is_reported_next_to_never(seed):
     rng = np.random.default_rng(seed)
@@ -144,7 +144,7 @@ def test_clutter_alone_is_reported_next_to_never(seed):
     assert len(numbers) <= 1
 
 
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 @given(st.integers(0, 2**32 - 1))
 def test_the_same_frames_give_the_same_tracks(seed):
     rng = np.random.default_rng(seed)
@@ -163,7 +163,6 @@ def one_branch(covariance):
     return begun
 
 
-@settings(deadline=None, max_examples=50)
 @given(st.integers(0, 2**32 - 1))
 def test_a_detection_updates_a_branch_as_a_kalman_filter(seed):
     rng = np.random.default_rng(seed)

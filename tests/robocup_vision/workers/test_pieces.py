@@ -6,7 +6,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError, RobocupVisionError
@@ -70,7 +70,6 @@ def soon(monkeypatch):
     monkeypatch.setattr("robocup_vision.workers.pieces._LOOK_AFTER_S", 0.001)
 
 
-@settings(max_examples=40)
 @given(
     count=st.integers(0, 60),
     batch=st.integers(1, 7),

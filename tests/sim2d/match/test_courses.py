@@ -25,7 +25,7 @@ LIMITS = RobotLimits(speed_mps=0.8, acceleration_mps2=1.2)
 START, GOAL = Pose2(-1.0, 0.0, 0.4), (1.0, 0.0)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([cube_course, pocket_course]))
 def test_courses_stand_on_the_field_clear_of_start_and_goal_and_repeat(seed, draw):
     course = draw(FIELD, RADIUS, np.random.default_rng(seed))

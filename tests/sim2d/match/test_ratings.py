@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -33,7 +33,6 @@ def tables(draw):
     return halves / 2.0
 
 
-@settings(max_examples=50, deadline=None)
 @given(tables(), st.randoms(use_true_random=False))
 def test_permuted_players_have_permuted_ratings(points, random):
     order = list(range(len(points)))
@@ -43,7 +42,6 @@ def test_permuted_players_have_permuted_ratings(points, random):
     np.testing.assert_allclose(permuted.covariance, ratings.covariance[np.ix_(order, order)], rtol=1e-6, atol=1e-6)
 
 
-@settings(max_examples=50, deadline=None)
 @given(tables())
 def test_ratings_are_the_maximum_and_their_mean_is_fixed(points):
     ratings = rate_players(points)
@@ -56,7 +54,6 @@ def test_ratings_are_the_maximum_and_their_mean_is_fixed(points):
     np.testing.assert_allclose(points.sum(axis=1), expected, rtol=0, atol=1e-6)
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.integers(2, 6), st.integers(0, 40))
 def test_equal_players_have_equal_ratings(count, halves):
     ratings = rate_players(halves / 2 * (1 - np.eye(count)))

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
@@ -83,7 +83,6 @@ def test_fields_left_out_keep_their_value(world):
     assert world.ball.vy_mps > 3.5
 
 
-@settings(max_examples=30, deadline=None)
 @given(forward=st.floats(-3, 3), left=st.floats(-3, 3), turn=st.floats(-10, 10))
 def test_wheels_move_the_body_as_their_angles_say(forward, left, turn):
     spec = LeagueRobotSpec()

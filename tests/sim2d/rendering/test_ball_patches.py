@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
@@ -27,13 +27,11 @@ def everywhere(count=20000):
     return tuple(v.astype(np.float32) for v in (level * np.cos(turn), level * np.sin(turn), z))
 
 
-@settings(deadline=None, max_examples=20)
 @given(st.tuples(angles, angles, angles))
 def test_the_patches_cover_28_percent_however_the_ball_lies(turn_rad):
     assert np.mean(is_patch(everywhere(), turn_rad)) == pytest.approx(0.284, abs=0.004)
 
 
-@settings(deadline=None, max_examples=20)
 @given(st.tuples(angles, angles, angles))
 def test_a_patch_lies_opposite_each_patch(turn_rad):
     normals = everywhere(2000)

@@ -155,7 +155,7 @@ def test_posts_stand_on_the_floor_and_end_at_the_bars_upper_edge():
 
 
 @given(st.integers(0, 10**6), numbers(-2.0, 1.5), numbers(-1.5, 1.5), numbers(-0.2, 0.2))
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 def test_few_rays_and_many_see_the_same(seed: int, x: float, y: float, roll: float):
     camera, pose = looking_at_goal(x, y, 0.02, roll)
     camera = dataclasses.replace(
@@ -240,7 +240,6 @@ def test_backdrop_hangs_behind_everything_and_repeats():
 
 
 @given(numbers(0.0, 9.0))
-@settings(deadline=None)
 def test_smear_keeps_the_light_and_widens_along_rows_by_a_boxs_variance(length: float):
     image = np.zeros((9, 41, 3), dtype=np.float32)
     image[4, 20] = 1.0

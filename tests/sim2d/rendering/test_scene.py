@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import COLOR_NAMES, field_names, load_field
@@ -31,7 +31,6 @@ def test_free_range_to_box_and_robot():
     np.testing.assert_allclose(ranges, [1 - 0.065, 0.75, math.inf])
 
 
-@settings(deadline=None, max_examples=40)
 @given(x=DISTANCES, y=DISTANCES, yaw=ANGLES, theta=ANGLES, bearing=ANGLES)
 def test_free_range_ends_on_the_first_footprint(x: float, y: float, yaw: float, theta: float, bearing: float):
     """March along the bearing in small steps instead."""

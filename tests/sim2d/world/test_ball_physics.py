@@ -4,7 +4,7 @@ import math
 
 import pymunk
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sim2d.world.ball_physics import GRAVITY_MPS2, BallBody, Flight
@@ -27,7 +27,6 @@ def go(space, ball, seconds):
     return states
 
 
-@settings(max_examples=20, deadline=None)
 @given(speed=st.floats(2.0, 7.0), angle=st.floats(0.4, 1.2))
 def test_a_chip_is_a_parabola_and_bounces_with_fixed_losses(speed, angle):
     space, ball = ball_in_space()

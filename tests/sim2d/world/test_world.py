@@ -39,7 +39,6 @@ def in_play(field=FIELD, players=1):
     return world
 
 
-@settings(max_examples=20, deadline=None)
 @given(numbers(-3, 3), numbers(-3, 3), numbers(-20, 20))
 def test_speed_and_acceleration_stay_within_the_limits(forward, left, turn):
     world = lone_robot(limits=replace(NUMB, acceleration_mps2=2.0))
@@ -113,7 +112,7 @@ def test_wheels_stall_at_a_wall():
     assert world.odometry(0).x_m < 0.002
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(numbers(-1.0, 1.0), numbers(-0.6, 0.6), numbers(-math.pi, math.pi), st.integers(0, 100))
 def test_nothing_leaves_a_walled_field(x, y, heading, seed):
     world = World(FIELD, 1, LIMITS, np.random.default_rng(seed))

@@ -136,7 +136,9 @@ def test_images_without_a_field_are_refused(ssl_field, rough_camera):
     assert isinstance(calibrate_omni(ssl_field, list(noise), rough_camera), NotCalibrated)
 
 
+@pytest.mark.slow
 def test_images_of_another_field_are_refused(off_frames, rough_camera):
+    """Only this finds a wrong field to which a fit bends the camera."""
     refused = calibrate_omni(load_field("ssl_division_b"), off_frames[:3], rough_camera)
     assert isinstance(refused, NotCalibrated)
     assert refused.reason
@@ -197,14 +199,6 @@ def test_one_image_of_many_lines_is_enough(carpet_camera, paint_field, floor_err
     assert np.hypot(*result.camera.tilt_rad) < 0.01
 
 
-def test_one_image_of_few_lines_is_refused(carpet_camera, paint_field):
-    # from here the robot sees a corner's worth of lines
-    near = dataclasses.replace(carpet_camera, usable_radius_px=(20.0, 75.0))
-    refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(1.2, 1.3, 0.3), start=near)
-    assert isinstance(refused, NotCalibrated)
-    assert "so few lines" in refused.reason
-
-
 @pytest.mark.slow
 def test_where_a_start_leads_to_no_answer_one_is_found_without_its_curve(carpet_camera, paint_field, floor_error_m):
     """Only this finds a wrong curve in a start that ends the search, or costs the start's mounting."""
@@ -237,19 +231,13 @@ def test_a_table_with_a_kink_is_mended(carpet_camera, paint_field, floor_error_m
     assert len(result.choices) == 4
 
 
-@pytest.mark.parametrize(
-    ("changed", "reason"),
-    [
-        ({"max_started_range_std": 1e-4, "max_range_std": 1e-4}, "floor's range"),
-        ({"max_height_radii": 0.0}, "mirror's axis"),
-        ({"max_confirmed_radii": 0.0}, "does not find itself"),
-    ],
-)
-def test_an_image_that_leaves_the_camera_open_is_refused(carpet_camera, paint_field, changed, reason):
-    settings = dataclasses.replace(OmniCalibrationSettings(), **changed)
+@pytest.mark.slow
+def test_an_image_whose_camera_does_not_show_it_again_is_refused(carpet_camera, paint_field):
+    """Only this finds a calibration that does not ask whether its camera finds the image's own pose."""
+    settings = dataclasses.replace(OmniCalibrationSettings(), max_confirmed_radii=0.0)
     refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), carpet_camera, settings)
     assert isinstance(refused, NotCalibrated)
-    assert reason in refused.reason
+    assert "does not find itself" in refused.reason
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
@@ -142,7 +142,6 @@ def test_the_camera_may_be_written(looks, tmp_path):
 
 
 @given(st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6))
-@settings(deadline=None, max_examples=20)
 def test_parameters_and_camera_go_there_and_back(off):
     evidence = _evidence()
     vector = evidence.start + np.array(off) * evidence.reach

@@ -1,7 +1,7 @@
 """Small systems solved in place agree with NumPy."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.algebra.cholesky import factor, invert, solve_symmetric, substitute
@@ -9,7 +9,6 @@ from robocup_vision.kernels.algebra.cholesky import factor, invert, solve_symmet
 seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_cholesky_agrees_with_numpy(seed):
     rng = np.random.default_rng(seed)
@@ -25,7 +24,6 @@ def test_cholesky_refuses_an_indefinite_matrix():
     assert not invert(-np.eye(3), np.empty((3, 3)))
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_the_inverse_agrees_with_numpy(seed):
     rng = np.random.default_rng(seed)
@@ -36,7 +34,6 @@ def test_the_inverse_agrees_with_numpy(seed):
     np.testing.assert_allclose(inverse, expected, rtol=1e-6, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds, st.integers(1, 8))
 def test_factor_and_substitution_of_a_leading_block_agree_with_numpy(seed, n):
     rng = np.random.default_rng(seed)

@@ -1,7 +1,7 @@
 """Numbers are ordered, and arrays copied, as NumPy does it."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -11,7 +11,6 @@ from robocup_vision.kernels.algebra.order import quantiles, sort, sorted_median
 numbers = st.floats(-1e6, 1e6)
 
 
-@settings(deadline=None, max_examples=60)
 @given(hnp.arrays(np.float64, st.integers(0, 130), elements=numbers))
 def test_sorting_agrees_with_numpy(values):
     mine = values.copy()
@@ -19,13 +18,11 @@ def test_sorting_agrees_with_numpy(values):
     np.testing.assert_array_equal(mine, np.sort(values))
 
 
-@settings(deadline=None, max_examples=60)
 @given(hnp.arrays(np.float64, st.integers(1, 60), elements=numbers))
 def test_the_median_agrees_with_numpy(values):
     assert sorted_median(values.copy()) == np.median(values)
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     hnp.arrays(np.float64, st.integers(1, 300), elements=st.one_of(numbers, st.sampled_from([0.0, 1.0, 1e-3]))),
     hnp.arrays(np.float64, st.integers(1, 4), elements=st.floats(0, 1)),
@@ -36,7 +33,6 @@ def test_quantiles_agree_with_numpy(values, parts):
     np.testing.assert_allclose(found, np.quantile(values, parts), rtol=1e-9, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=20)
 @given(hnp.arrays(np.float64, hnp.array_shapes(min_dims=2, max_dims=2, max_side=6), elements=numbers))
 def test_copies_are_equal(matrix):
     target, row = np.zeros_like(matrix), np.zeros(matrix.shape[1])

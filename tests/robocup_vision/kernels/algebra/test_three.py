@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.algebra.three import adjugate_3x3, solve_3x3
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_both_agree_with_numpy(seed):
     rng = np.random.default_rng(seed)

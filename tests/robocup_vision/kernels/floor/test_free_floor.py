@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.floor.free_floor import BALL, BLOCKED, FLOOR, LINE, clear_ball, passable
@@ -11,7 +11,6 @@ from robocup_vision.kernels.floor.free_floor import BALL, BLOCKED, FLOOR, LINE, 
 seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(deadline=None, max_examples=40)
 @given(
     st.floats(-30, 30), st.floats(0, 30), st.floats(0.5, 6), st.floats(0.5, 8), st.floats(0.5, 8), st.booleans(), seeds
 )
@@ -30,7 +29,6 @@ def test_a_ball_clears_its_ellipse_only(row, radius, half_rows, near_px, far_px,
     assert (marks != expected).sum() <= 1
 
 
-@settings(deadline=None, max_examples=20)
 @given(seeds, st.booleans())
 def test_marks_do_not_depend_on_where_in_a_row_things_lie(seed, is_ring):
     rng = np.random.default_rng(seed)
@@ -71,7 +69,6 @@ def test_a_bright_corner_is_no_line_and_a_line_is_no_corner():
     assert (marks[1][line][:, None] == LINE).mean() > 0.7
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_what_hidden_samples_show_changes_no_mark(seed):
     rng = np.random.default_rng(seed)

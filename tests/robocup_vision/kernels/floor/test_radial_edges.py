@@ -4,7 +4,7 @@ import math
 
 import cv2
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.floor.radial_edges import EdgeSearch, Rays, radial_edges
@@ -32,7 +32,6 @@ def edges_of(frame, start, *, hidden=NO_MASK, min_contrast=10.0, count=160):
     return out
 
 
-@settings(deadline=None, max_examples=25)
 @given(
     st.floats(30, 60),
     st.floats(0.5, 1.1),

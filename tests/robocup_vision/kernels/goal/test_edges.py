@@ -5,7 +5,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.goal.edges import EdgeOffsets, EdgeStarts, measure_edges
@@ -36,7 +36,6 @@ def edges(image, starts, normal, grey=0.0, glare=300.0, reach=4.0):
     return found
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.floats(-math.pi, math.pi), st.floats(-2.0, 2.0), st.sampled_from([0.0, 1.0]))
 def test_edge_lies_where_it_was_drawn(angle, shift, grey):
     middle = 23.5
@@ -74,7 +73,6 @@ def test_grey_clutter_beside_paint_does_not_pull():
     assert offset[0] == pytest.approx(0.0, abs=0.25)
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.floats(-4.0, 4.0), st.floats(1.5, 9.0))
 def test_ridge_lies_where_it_was_drawn(shift, width):
     v = np.mgrid[:240, :240][0] / 4.0 - 0.375

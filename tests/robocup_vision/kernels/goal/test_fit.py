@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 from goal_samples import SCENE, SHAPE, VIEW, perfect_samples, silhouette_lines, some_camera
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.goal.fit import FitPriors, fit_goal, goal_residuals
@@ -12,7 +12,6 @@ from robocup_vision.kernels.goal.fit import FitPriors, fit_goal, goal_residuals
 seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_residuals_of_perfect_samples_vanish_and_grow_by_the_offset(seed):
     p = some_camera(np.random.default_rng(seed))
@@ -26,7 +25,6 @@ def test_residuals_of_perfect_samples_vanish_and_grow_by_the_offset(seed):
     np.testing.assert_allclose(residual[:60], 2.0, atol=1e-6)
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_fit_comes_back_to_the_camera(seed):
     rng = np.random.default_rng(seed)
@@ -54,7 +52,6 @@ def test_fit_comes_back_to_the_camera(seed):
     assert np.linalg.eigvalsh(information).min() > 0
 
 
-@settings(deadline=None, max_examples=20)
 @given(seeds)
 def test_samples_measured_worse_never_tell_more(seed):
     rng = np.random.default_rng(seed)

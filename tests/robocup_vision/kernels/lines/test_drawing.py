@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.lines.drawing import MARGIN, LinePen, draw_lines, stroke_table
@@ -37,7 +37,6 @@ def drawn(p, *lines, width_m=0.02, first_row=0):
     return picture[MARGIN:-MARGIN, MARGIN:-MARGIN]
 
 
-@settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_paint_lies_where_numpy_projects_it_and_none_is_lost(seed):
     rng = np.random.default_rng(seed)

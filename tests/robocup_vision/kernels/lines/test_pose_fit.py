@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
@@ -48,7 +48,6 @@ def somewhere(rng):
     return np.array([rng.uniform(-4, 4), rng.uniform(-2.7, 2.7), rng.uniform(-3, 3)])
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_residuals_are_pixels_across_the_line_and_their_derivatives_are_right(seed):
     rng = np.random.default_rng(seed)
@@ -72,7 +71,6 @@ def test_residuals_are_pixels_across_the_line_and_their_derivatives_are_right(se
         assert is_right.mean() > 0.98
 
 
-@settings(deadline=None, max_examples=20)
 @given(seeds)
 def test_a_pose_is_found_from_near_it_among_points_that_are_no_lines(seed):
     rng = np.random.default_rng(seed)

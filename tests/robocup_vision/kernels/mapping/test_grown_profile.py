@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from steering_twins import BINS, RADIUS, around, grown, plain_bin, sectors_of
 
@@ -35,7 +35,6 @@ def test_bearings_that_do_not_ascend_within_a_turn_are_refused(bearing):
     assert not kernels.measure_sectors(np.array(bearing), sectors_of(3))
 
 
-@settings(deadline=None, max_examples=40)
 @given(seeds, st.sampled_from([3, 8, 32, 37, 64]))
 def test_grown_profile_is_never_beyond_and_hardly_before_the_exact_one(seed, count):
     rng = np.random.default_rng(seed)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
@@ -52,7 +52,6 @@ def unknowns(seed):
     )
 
 
-@settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(LENSES))
 def test_samples_lie_where_the_camera_projects_them_and_move_as_their_derivatives_say(seed, distortion):
     edges, lens, p = field_edges(load_field("four_legged_2007")), lens_table(camera(distortion)), unknowns(seed)
@@ -101,7 +100,6 @@ def test_near_lines_have_two_edges_with_their_paint_inside_and_room_is_never_ove
     assert predict(edges, lens, p, 9.0, small) <= 10
 
 
-@settings(deadline=None, max_examples=50)
 @given(st.floats(2.5, 4.2), st.floats(-2.0, 2.0), st.sampled_from([1, -1]))
 def test_a_goal_of_panels_shows_the_uprights_that_bound_it_from_wherever_it_is_seen(x, y, side):
     field = load_field("ssl_division_b")

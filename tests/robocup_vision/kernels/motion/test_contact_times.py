@@ -24,7 +24,7 @@ def plain_contact_times(start, velocities, targets, acceleration, horizons, step
     )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0, 1, LANES, 2 * LANES + 3, 80]), st.sampled_from([0.001, 0.02]))
 def test_each_time_is_that_of_the_command_alone(seed, count, step_m):
     rng = np.random.default_rng(seed)

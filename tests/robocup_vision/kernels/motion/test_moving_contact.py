@@ -34,7 +34,7 @@ def plain_time(start, velocity, target, acceleration, begin, horizon, moving):
     return first, deepest
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.integers(0, 2**32 - 1))
 def test_the_time_of_contact_is_that_of_fine_samples_and_never_late(seed):
     rng = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from steering_twins import plain_positions
 
@@ -23,7 +23,6 @@ def fine_path(count=20001):
     return arcs, np.stack([np.interp(arcs, ends, PATH[:, k]) for k in (0, 1)], axis=1)
 
 
-@settings(deadline=None, max_examples=50)
 @given(st.floats(-1, 4), st.floats(-1, 1))
 def test_the_nearest_point_is_nearer_than_all_others(x, y):
     arcs, points = fine_path()
@@ -61,7 +60,6 @@ def test_a_robot_that_follows_arrives_at_rest():
     assert 0.95 < fastest <= 1.0 + 1e-9
 
 
-@settings(deadline=None, max_examples=50)
 @given(seeds)
 def test_a_period_is_the_dead_time_with_the_old_command_and_the_rest_with_the_new(seed):
     place, velocity, pending, target = map(tuple, np.random.default_rng(seed).uniform(-1, 1, (4, 2)))
@@ -92,7 +90,6 @@ def between_posts(doubt, posts, x=0.0, speed=0.8, slip=SLIP):
     return clearance(STRAIGHT, (x, 0.0), moving, moving, doubt, speed, *NUMBERS, slip, discs)[0]
 
 
-@settings(deadline=None, max_examples=40)
 @given(seeds)
 def test_more_doubt_of_place_or_heading_never_makes_room(seed):
     rng = np.random.default_rng(seed)

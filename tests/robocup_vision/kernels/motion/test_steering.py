@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from steering_twins import RADIUS, around, empty_profile, grown, sectors_of
 
@@ -47,7 +47,6 @@ def steer(velocity, target_distance, detour, range_m, count=24):
     return found
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.floats(-7.0, 7.0), st.floats(0.0, 2.0), st.floats(0.05, 0.5))
 def test_a_detour_is_unwound_towards_nothing_by_the_way_driven(detour, way_m, radius_m):
     left = kernels.unwind(detour, way_m, radius_m)

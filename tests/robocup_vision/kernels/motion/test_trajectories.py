@@ -29,7 +29,6 @@ def integrate(start, velocity, target, acceleration, t, steps=4000):
     return np.array(start) + moved.sum(axis=0), speeds[-1]
 
 
-@settings(deadline=None, max_examples=60)
 @given(places, places, speeds, speeds, speeds, speeds, st.floats(0.2, 5.0), st.floats(0.0, 6.0))
 def test_prediction_is_the_integral_of_the_velocity_law(x, y, vx, vy, tx, ty, acceleration, t):
     place, velocity = integrate((x, y), (vx, vy), (tx, ty), acceleration, t)
@@ -39,7 +38,6 @@ def test_prediction_is_the_integral_of_the_velocity_law(x, y, vx, vy, tx, ty, ac
     np.testing.assert_allclose(predicted, velocity, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=60)
 @given(speeds, speeds, speeds, speeds, st.floats(0.2, 5.0))
 def test_position_and_velocity_are_continuous_and_acceleration_is_limited(vx, vy, tx, ty, acceleration):
     settle = math.hypot(tx - vx, ty - vy) / acceleration
@@ -59,7 +57,7 @@ def plain_blocked(start, velocity, target, acceleration, profile, times):
     return (r > 1e-12) & (r >= profile.ranges[plain_bin(x, y)])
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(seeds, st.sampled_from([0.3, 1.2, 4.0]), st.sampled_from([0.001, 0.004, 0.02]))
 def test_time_to_contact_agrees_with_fine_sampling(seed, acceleration, step_m):
     rng = np.random.default_rng(seed)

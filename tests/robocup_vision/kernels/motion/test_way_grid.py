@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.motion.way_grid import (
@@ -34,7 +34,6 @@ def test_floor_seen_from_near_is_overruled_from_far_once_others_may_have_entered
     assert state[12, 14] == mark
 
 
-@settings(deadline=None, max_examples=30)
 @given(seeds, st.floats(-3, SIZE + 3), st.floats(-3, SIZE + 3), st.floats(0, 6))
 def test_a_try_counts_within_a_disc_where_the_floor_is_not_open(seed, x, y, radius):
     tried = np.zeros((SIZE, SIZE), np.float32)
@@ -53,7 +52,6 @@ def ways(seed, size=SIZE):
     return price, start, goal, come_from, cost
 
 
-@settings(deadline=None, max_examples=25)
 @given(seeds)
 def test_the_way_is_as_cheap_as_dijkstras(seed):
     sparse = pytest.importorskip("scipy.sparse")
@@ -73,7 +71,6 @@ def test_the_way_is_as_cheap_as_dijkstras(seed):
     assert cost[goal] == pytest.approx(dijkstra(graph, directed=False, indices=start)[goal], rel=1e-3)
 
 
-@settings(deadline=None, max_examples=40)
 @given(seeds)
 def test_the_straight_part_comes_no_closer_to_anything_than_the_way(seed):
     price, start, goal, come_from, _ = ways(seed)

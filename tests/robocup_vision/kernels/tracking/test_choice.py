@@ -36,7 +36,7 @@ def plain_best(those):
     return best
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1))
 def test_no_choice_is_better(seed):
     rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import PAPER_MIRROR, numbers
 
@@ -154,7 +154,6 @@ def test_an_outline_that_shows_nothing_doubts_nothing():
     np.testing.assert_allclose(unknowns[:3], outside)
 
 
-@settings(deadline=None, max_examples=20)
 @given(places, seeds)
 def test_bearings_that_are_hidden_never_narrow_the_covariance(pose, seed):
     radius = radius_at(predict(pose.array, scene()).q)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import PAPER_MIRROR, cameras, numbers
 
@@ -64,7 +64,6 @@ def predict_twin(pose, camera):
     return best
 
 
-@settings(deadline=None, max_examples=40)
 @given(places, cameras())
 def test_predicted_walls_agree_with_geometry(pose, camera):
     q, wall, _ = predict(pose, camera)
@@ -74,7 +73,6 @@ def test_predicted_walls_agree_with_geometry(pose, camera):
     np.testing.assert_array_equal(wall >= 0, q > 0)
 
 
-@settings(deadline=None, max_examples=20)
 @given(places, cameras())
 def test_the_half_turn_of_a_pose_sees_the_same_walls(pose, camera):
     here, there = predict(pose, camera).q, predict(pose.half_turn(), camera).q
@@ -99,7 +97,6 @@ def fit(start, radius, scales, camera=CAMERA):
     return cost_of(fine), pose, fine.prediction
 
 
-@settings(deadline=None, max_examples=40)
 @given(places, seeds)
 def test_fit_finds_the_pose_an_outline_was_made_from(pose, seed):
     rng = np.random.default_rng(seed)

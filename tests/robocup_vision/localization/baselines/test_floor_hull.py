@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import cameras, numbers
 
@@ -57,7 +57,6 @@ def poses_inside() -> st.SearchStrategy[Pose2]:
     return st.builds(Pose2, numbers(-1.2, 1.2), numbers(-0.65, 0.65), numbers(-math.pi, math.pi))
 
 
-@settings(deadline=None, max_examples=40)
 @given(pose=poses_inside())
 def test_a_clean_floor_gives_the_pose_up_to_a_half_turn(pose: Pose2) -> None:
     estimate = HullFitter(FIELD, CAMERA).locate_floor(project(CAMERA, pose))
@@ -72,7 +71,6 @@ def test_a_clean_floor_gives_the_pose_up_to_a_half_turn(pose: Pose2) -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=25)
 @given(camera=cameras(), pose=poses_inside())
 def test_any_mirror_camera(camera: OmniCamera, pose: Pose2) -> None:
     """Only this finds a fit that holds for the paper's mirror alone."""

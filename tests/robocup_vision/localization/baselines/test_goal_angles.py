@@ -7,7 +7,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from field_models import ArgumentError, load_field
@@ -46,7 +46,6 @@ def test_without_scikit_image_the_extra_is_named(monkeypatch):
         GoalAnglesEstimator(FIELD, VIEW)
 
 
-@settings(deadline=None)
 @given(xs, ys)
 def test_closed_form_inverts_the_angles(x, y):
     angles = GoalAngles(*theoretical_angles(SHAPE, x, y, 0.185).tolist())
@@ -60,7 +59,6 @@ def test_closed_form_refuses_what_nobody_sees():
     assert position_from_angles(SHAPE, GoalAngles(3.0, 0.1, 0.1)) is None
 
 
-@settings(deadline=None)
 @given(xs, ys, small, small, small)
 def test_angles_do_not_depend_on_how_the_camera_is_held(x, y, pan, tilt, roll):
     p = looking_at_goal(x, y, pan, tilt, roll)

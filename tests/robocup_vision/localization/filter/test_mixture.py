@@ -16,7 +16,6 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import FrameErrors, PoseFilter
 
 
-@settings(deadline=None, max_examples=20)
 @given(poses(1.2), seeds)
 def test_one_wrong_frame_changes_nothing(start, seed):
     filter_, truth, t_s = run(start, 20, np.random.default_rng(seed))
@@ -46,7 +45,6 @@ def test_frames_without_a_pose_after_a_contradiction_leave_the_most_probable_pos
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=30)
 @given(poses(1.2), poses(1.2), seeds, st.booleans())
 def test_a_kidnapped_robot_is_found_within_a_second_though_a_third_of_the_frames_are_lost(start, place, seed, half):
     """Only this finds a belief that holds out against most of a second's frames."""
@@ -66,7 +64,6 @@ def test_a_kidnapped_robot_is_found_within_a_second_though_a_third_of_the_frames
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=20)
 @given(poses(1.2), seeds)
 def test_frames_that_disagree_with_each_other_found_no_belief(start, seed):
     """Only this finds a belief that wrong frames carry away although no two agree."""
@@ -79,7 +76,6 @@ def test_frames_that_disagree_with_each_other_found_no_belief(start, seed):
     assert filter_.belief.pose.error_to(truth)[0] < 0.05
 
 
-@settings(deadline=None, max_examples=30)
 @given(poses(1.2), seeds)
 def test_frames_that_do_not_tell_the_half_keep_it(start, seed):
     rng = np.random.default_rng(seed)
@@ -131,7 +127,7 @@ def test_the_half_is_open_until_a_frame_reports_it_and_then_turned_only_by_many(
     assert filter_.belief.pose.error_to(truth.half_turn())[0] < 0.01
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seeds)
 def test_hypotheses_have_probabilities_that_sum_to_one_and_honest_matrices(seed):
     steps, frames = random_drive(np.random.default_rng(seed))
@@ -186,7 +182,6 @@ def test_a_spell_of_the_wrong_half_is_outlived_at_any_frame_rate_and_a_turned_ro
     assert filter_.belief.pose.error_to(truth.half_turn())[0] < 0.01
 
 
-@settings(deadline=None, max_examples=20)
 @given(poses(1.0), seeds, numbers(-3.1, 3.1))
 def test_a_shoved_robot_is_found_in_a_fifth_of_a_second_in_its_own_half(start, seed, direction):
     rng = np.random.default_rng(seed)
@@ -204,7 +199,6 @@ def test_a_shoved_robot_is_found_in_a_fifth_of_a_second_in_its_own_half(start, s
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=20)
 @given(poses(1.0), seeds)
 def test_wheels_that_spin_do_not_carry_the_belief_away(start, seed):
     """Only this finds odometry that outweighs two seconds of frames."""

@@ -27,7 +27,6 @@ def test_nothing_is_believed_before_the_first_frame():
     assert filter_.prior(0.0) is None
 
 
-@settings(deadline=None, max_examples=30)
 @given(poses(1.5), seeds, st.sampled_from([0.8, 1.0, 1.2]))
 def test_belief_stays_with_a_driving_robot_though_odometry_is_a_fifth_off(start, seed, scale):
     filter_, truth, _ = run(start, 60, np.random.default_rng(seed), scale=scale)
@@ -40,7 +39,6 @@ def test_belief_stays_with_a_driving_robot_though_odometry_is_a_fifth_off(start,
     assert offset @ np.linalg.solve(filter_.belief.covariance, offset) < 25.0
 
 
-@settings(deadline=None, max_examples=30)
 @given(poses(1.5), seeds)
 def test_without_frames_odometry_carries_the_belief_and_its_doubt_grows(start, seed):
     filter_, _, t_s = run(start, 1, np.random.default_rng(seed))
@@ -55,7 +53,6 @@ def test_without_frames_odometry_carries_the_belief_and_its_doubt_grows(start, s
     assert np.linalg.eigvalsh(after.covariance).min() > 0
 
 
-@settings(deadline=None, max_examples=30)
 @given(poses(1.5), st.lists(st.tuples(numbers(-0.03, 0.03), numbers(-0.03, 0.03), numbers(-0.2, 0.2)), min_size=4))
 def test_a_late_frame_counts_for_when_it_was_taken(start, steps):
     steps = [Pose2(*step) for step in steps[:12]]
@@ -79,7 +76,6 @@ def test_a_late_frame_counts_for_when_it_was_taken(start, steps):
     assert filter_.belief.pose == unchanged
 
 
-@settings(deadline=None, max_examples=30)
 @given(poses(1.5), seeds, st.integers(1, 4), st.floats(0.0, 1.0))
 def test_a_late_frame_is_expected_where_the_robot_was_believed_to_be_then(start, seed, late, fraction):
     rng = np.random.default_rng(seed)
@@ -96,7 +92,6 @@ def test_a_late_frame_is_expected_where_the_robot_was_believed_to_be_then(start,
     np.testing.assert_allclose(then.covariance, without.belief.covariance, atol=1e-9)
 
 
-@settings(deadline=None, max_examples=30)
 @given(poses(1.5), poses(0.1))
 def test_the_first_odometry_after_a_frame_counts(start, step):
     filter_ = PoseFilter()
@@ -174,7 +169,7 @@ def assert_same(left, right, *, move=None, turn=None):
         np.testing.assert_allclose(other.covariance, expected, atol=1e-12, rtol=1e-7)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seeds)
 def test_frames_turned_by_half_make_a_belief_turned_by_half(seed):
     steps, frames = random_drive(np.random.default_rng(seed))
@@ -183,7 +178,7 @@ def test_frames_turned_by_half_make_a_belief_turned_by_half(seed):
     assert_same(straight, turned, move=Pose2.half_turn, turn=np.diag([-1.0, -1.0, 1.0]))
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seeds, numbers(-3.1, 3.1))
 def test_no_direction_of_the_field_is_special(seed, angle):
     steps, frames = random_drive(np.random.default_rng(seed))
@@ -204,7 +199,7 @@ def test_no_direction_of_the_field_is_special(seed, angle):
     )
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(poses(1.0), numbers(-0.5, 0.5), numbers(-0.5, 0.5), seeds)
 def test_no_place_of_the_field_is_special_to_frames_that_tell_the_half(start, dx, dy, seed):
     rng = np.random.default_rng(seed)
@@ -224,7 +219,7 @@ def test_no_place_of_the_field_is_special_to_frames_that_tell_the_half(start, dx
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(seeds)
 def test_the_order_in_which_frames_come_does_not_matter(seed):
     """Only this finds late frames whose order changes the belief."""
@@ -242,7 +237,7 @@ def test_the_order_in_which_frames_come_does_not_matter(seed):
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seeds)
 def test_a_late_frame_is_worth_what_it_would_have_been_in_time(seed):
     """Only this finds late frames that count less, or more, than punctual ones."""

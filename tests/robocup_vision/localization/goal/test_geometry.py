@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from goal_samples import silhouette_lines
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from field_models import ArgumentError, load_field
@@ -30,7 +30,6 @@ def looking_at_goal(x, y, pan=0.0, tilt=0.0, roll=0.0, bloom=0.0):
     return np.array([x, y, heading, tilt, roll, 0.185, 0.0, bloom])
 
 
-@settings(deadline=None)
 @given(xs, ys, small, small, small)
 def test_silhouettes_touch_the_cylinders(x, y, pan, tilt, roll):
     p = looking_at_goal(x, y, pan, tilt, roll)
@@ -55,7 +54,6 @@ def test_bloom_moves_every_edge_outwards():
     np.testing.assert_allclose(grown[:, :2], plain[:, :2])
 
 
-@settings(deadline=None)
 @given(xs, ys, st.floats(-0.95, 0.95))
 def test_feet_lie_on_the_near_half_of_the_post(x, y, offset):
     feet = foot_points(SHAPE, looking_at_goal(x, y), np.array([offset]))

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
@@ -14,7 +14,6 @@ MAP = LineMap(load_field("msl_6x4"))
 coordinates = st.tuples(st.floats(-5, 5), st.floats(-4, 4))
 
 
-@settings(deadline=None)
 @given(coordinates)
 def test_stepping_back_along_the_normal_reaches_the_line(point):
     near = MAP.nearest(point)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
@@ -43,7 +43,6 @@ def every_plan_s(tables, looks, confirmed=0.95, look_s=0.2):
     return least(tables.prior, 0, looks)
 
 
-@settings(deadline=None, max_examples=25)
 @given(st.floats(0.12, 0.4), st.floats(0.01, 0.15), st.floats(-1.2, 1.2))
 def test_branch_and_bound_finds_the_best_of_all_plans(width, sigma, across):
     opening = gap(width, sigma, across)
@@ -53,7 +52,6 @@ def test_branch_and_bound_finds_the_best_of_all_plans(width, sigma, across):
     assert plan.beliefs < 1 + 5 * 6 + (5 * 6) ** 2
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.floats(0.05, 0.5), st.floats(0.005, 0.2), st.floats(-1.2, 1.2), st.integers(1, 3))
 def test_a_plan_is_no_worse_than_the_simple_ones_and_no_better_for_knowing_less_ahead(width, sigma, across, looks):
     opening = gap(width, sigma, across)

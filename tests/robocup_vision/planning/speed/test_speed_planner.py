@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
@@ -61,7 +61,6 @@ def test_below_two_widths_there_is_no_safe_speed():
     assert none.reason == "no safe speed: gap 0.33 m, sigma 0.03 m"
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.floats(0.005, 0.04), st.floats(0.002, 0.03))
 def test_the_limit_is_what_three_deviations_of_pose_and_opponents_fill(pose_std, disc_std):
     """The robot and three standard deviations to either side; a little more for the way to the next look."""

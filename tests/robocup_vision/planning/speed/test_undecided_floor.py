@@ -26,7 +26,7 @@ def floor(*cells):
     return UndecidedFloor(looks, (0.0, 0.0), CELL)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.floats(0.0, 5.0), st.integers(0, 20))
 def test_the_speed_is_the_largest_that_fits(room, looks):
     speed = safe_speed_mps(room, looks, PERIOD, LIMITS)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.geometry import Pose2
@@ -27,7 +27,6 @@ def step(speed_mps, bearing_rad):
     return Pose2(way_m * math.cos(bearing_rad), way_m * math.sin(bearing_rad), 0.0)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.floats(-3.1, 3.1), st.floats(0.1, 1.0), st.floats(0.0, 1.0))
 def test_only_what_the_motors_cannot_do_is_a_jolt(bearing_rad, speed_mps, left_over):
     wheels = WheelVelocity(LIMITS, CONTROL_PERIOD_S)

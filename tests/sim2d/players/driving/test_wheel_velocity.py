@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.geometry import Pose2
@@ -15,7 +15,6 @@ from sim2d.robot_link import RobotLimits
 PERIOD = 1 / 30
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.floats(0.1, 1.0), st.floats(-3.0, 3.0), st.floats(0.3, 4.0))
 def test_a_robot_that_speeds_up_is_known_to_be_faster_than_its_mean(speed, bearing, acceleration):
     wheels = WheelVelocity(RobotLimits(acceleration_mps2=acceleration), PERIOD)
