@@ -1,6 +1,6 @@
 """A league log as an MCAP file: the same datagrams on topics, with their definitions, as MCAP viewers read them.
 
-Nothing is converted: the file holds the bytes that were received, and the descriptors of our tables as their schema.
+Nothing is converted: the file holds the bytes that were received, and the layout of our values as their schema.
 """
 
 from __future__ import annotations
@@ -10,19 +10,13 @@ from typing import Any
 
 from field_models.errors import RobocupVisionError
 from robocup_vision.files.output_folder import telling_write_errors
-from robocup_vision.ssl.log import LogKind, SslLog, Unreadable, readable
-from robocup_vision.ssl.protocol.messages import descriptor_set, message_name
+from robocup_vision.ssl.log import SslLog, Unreadable, readable
+from robocup_vision.ssl.protocol.mapping import descriptor_set, message_name
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket
 
-# each topic's kind of entry and its message
-_TOPICS: dict[int, tuple[str, str]] = {
-    LogKind.VISION: ("/vision", "vision.SSL_WrapperPacket"),
-    LogKind.TRACKER: ("/tracker", "tracked.TrackerWrapperPacket"),
-    LogKind.REFEREE: ("/referee", "referee.Referee"),
-}
-_KINDS = {VisionPacket: LogKind.VISION, TrackerPacket: LogKind.TRACKER, Referee: LogKind.REFEREE}
+_TOPICS: dict[type, str] = {VisionPacket: "/vision", TrackerPacket: "/tracker", Referee: "/referee"}
 
 
 def write_mcap(log: SslLog, path: Path) -> tuple[dict[str, int], Unreadable]:
@@ -52,7 +46,7 @@ def write_mcap(log: SslLog, path: Path) -> tuple[dict[str, int], Unreadable]:
             "MCAP files need mcap, which is not installed: pip install 'robocup-vision[ros]'"
         ) from None
     counts: dict[str, int] = {}
-    channels: dict[int, int] = {}
+    channels: dict[type, int] = {}
     unreadable = Unreadable()
     with telling_write_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -62,10 +56,10 @@ def write_mcap(log: SslLog, path: Path) -> tuple[dict[str, int], Unreadable]:
             for _, entry, value in readable(log, unreadable):
                 if value is None:
                     continue
-                kind = _KINDS[type(value)]
-                topic, name = _TOPICS[kind]
+                kind = type(value)
+                topic = _TOPICS[kind]
                 if kind not in channels:
-                    schema = writer.register_schema(message_name(name), "protobuf", descriptor_set())
+                    schema = writer.register_schema(message_name(kind), "protobuf", descriptor_set(kind))
                     channels[kind] = writer.register_channel(topic, "protobuf", schema)
                 time_ns = max(entry.received_ns, 0)
                 writer.add_message(channels[kind], time_ns, entry.data, time_ns, counts.get(topic, 0))

@@ -1,9 +1,13 @@
-"""Converts messages to frozen values in metres and radians and back, by the annotations of a value's class.
+"""The league's messages as frozen values in metres and radians: how a value's class is laid out as a message.
 
-A class names its message with `message_value`; each of its fields is the message's field of the same name unless a
-`Wire` states another. A field that may be absent is None then, so that a value written again is the message that was
-read, byte for byte. What this project's tables do not know of stays in `unknown`, as bytes; an enum's unknown number is
-a member too (`OpenEnum`).
+A class names its message with `message_value`; each of its fields states its number there, and what else differs, by a
+`Wire`. The league's .proto files are not used, nor modules that protoc makes of them: each field would stand twice, and
+such modules share one pool of the protobuf runtime with those that a team's own program may load of the same messages,
+where the second to come is refused. Here the runtime gets the classes' own layout, in a pool apart.
+
+A field that may be absent is None then, so that a value written again is the message that was read, byte for byte. A
+field that the class does not have stays in `unknown`, as bytes. Enums are open, as those of proto3: a number that a
+later version of the league's files may have is a member too (`OpenEnum`).
 """
 
 from __future__ import annotations
@@ -14,10 +18,23 @@ import typing
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Any, NamedTuple, TypeVar
+from functools import cache
+from typing import Any, NamedTuple, TypeVar, cast
 
-from field_models.errors import PacketError
-from robocup_vision.ssl.protocol.messages import EncodeError, UnknownFieldSet, message_class, parse
+from field_models.errors import PacketError, RobocupVisionError
+
+try:
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+    from google.protobuf.message import DecodeError, EncodeError
+    from google.protobuf.unknown_fields import UnknownFieldSet
+except ImportError:
+    raise RobocupVisionError(
+        "the small-size league's messages need protobuf, which is not installed: pip install 'robocup-vision[ssl]'"
+    ) from None
+
+_PACKAGE = "robocup_vision"
+_Proto = descriptor_pb2.FieldDescriptorProto
+_SCALARS = {float: "float", int: "uint32", bool: "bool", str: "string", bytes: "bytes"}
 
 
 class OpenEnum(IntEnum):
@@ -49,8 +66,12 @@ T = TypeVar("T")
 class Wire:
     """How a field stands in the message."""
 
-    name: str  #: its name there
+    number: int  #: its number there
+    name: str = ""  #: its name there, where it is another
     per_unit: float = 1.0  #: how many of the message's units make one of the value's (1000: millimetres for metres)
+    #: of a number or text: its protobuf type, where it is none of float, uint32, bool, string and bytes; then "packed",
+    #: where repeated ones stand in one piece
+    kind: str = ""
 
 
 class _Field(NamedTuple):
@@ -63,15 +84,10 @@ class _Field(NamedTuple):
     nested: bool
     read: Callable[[Any], Any] | None
     write: Callable[[Any], Any] | None
-
-
-class _Mapping(NamedTuple):
-    message: Any
-    fields: tuple[_Field, ...]
+    layout: tuple[int, str, type]  # number, protobuf type, class
 
 
 _NAMES: dict[type, str] = {}
-_MAPPINGS: dict[type, _Mapping] = {}
 
 
 def message_value(name: str) -> Callable[[type[T]], type[T]]:
@@ -92,7 +108,15 @@ def decode(cls: type[T], data: bytes) -> T:
     PacketError
         If they are no such message, lack a required field, or hold a text that is not UTF-8.
     """
-    value: T = _from_message(cls, parse(_NAMES[cls], data))
+    message = message_class(cast(Any, cls))()
+    try:
+        message.ParseFromString(data)
+    except DecodeError:
+        raise PacketError(f"{len(data)} bytes are no {_NAMES[cls]}") from None
+    if not message.IsInitialized():
+        missing = ", ".join(message.FindInitializationErrors())
+        raise PacketError(f"a {_NAMES[cls]} lacks the required {missing}")
+    value: T = _from_message(cls, message)
     return value
 
 
@@ -104,16 +128,18 @@ def encode(value: Any) -> bytes:
     PacketError
         If one of its numbers does not fit into its field.
     """
+    message = message_class(cast(Any, type(value)))()
     try:
-        data: bytes = _to_message(value).SerializeToString()
+        _fill(message, value)
+        data: bytes = message.SerializeToString()
     except (EncodeError, ValueError, TypeError, OverflowError) as error:
         raise PacketError(f"a {type(value).__name__} cannot be written: {error}") from None
     return data
 
 
-def _from_message(cls: type, message: Any) -> Any:
+def _from_message(cls: Any, message: Any) -> Any:
     values: dict[str, Any] = {}
-    for attribute, name, optional, repeated, _, read, _ in _mapping(cls).fields:
+    for attribute, name, optional, repeated, _, read, _, _ in _fields(cls):
         if repeated:
             entries = getattr(message, name)
             values[attribute] = tuple(entries) if read is None else tuple([read(entry) for entry in entries])
@@ -136,15 +162,10 @@ def _unknown_bytes(message: Any) -> bytes:
     return data
 
 
-def _to_message(value: Any) -> Any:
-    message = _mapping(type(value)).message()
-    _fill(message, value)
-    return message
-
-
 def _fill(message: Any, value: Any) -> None:
     """Write a value into an empty message."""
-    for attribute, name, _, repeated, nested, _, write in _mapping(type(value)).fields:
+    kind: Any = type(value)
+    for attribute, name, _, repeated, nested, _, write, _ in _fields(kind):
         given = getattr(value, attribute)
         if given is None:
             continue
@@ -164,35 +185,26 @@ def _fill(message: Any, value: Any) -> None:
         message.MergeFromString(value.unknown)
 
 
-def _mapping(cls: type) -> _Mapping:
-    mapping = _MAPPINGS.get(cls)
-    if mapping is None:
-        mapping = _MAPPINGS[cls] = _build(cls)
-    return mapping
-
-
-def _build(cls: type) -> _Mapping:
-    message = message_class(_NAMES[cls])
+@cache
+def _fields(cls: Any) -> tuple[_Field, ...]:
     hints = typing.get_type_hints(cls, include_extras=True)
     found = []
     for field in fields(cls):
         if field.name == "unknown":
             continue
-        hint, wire = hints[field.name], Wire(field.name)
-        if typing.get_origin(hint) is typing.Annotated:
-            hint, wire = typing.get_args(hint)
-        repeated = typing.get_origin(hint) is tuple
-        optional = isinstance(hint, types.UnionType)
+        hint, wire = typing.get_args(hints[field.name])
+        repeated, optional = typing.get_origin(hint) is tuple, isinstance(hint, types.UnionType)
         if repeated or optional:
             hint = typing.get_args(hint)[0]
-        nested = hint in _NAMES
-        read, write = _conversion(hint, wire.per_unit, message.DESCRIPTOR.fields_by_name[wire.name])
-        found.append(_Field(field.name, wire.name, optional, repeated, nested, read, write))
-    return _Mapping(message, tuple(found))
+        nested, kind = hint in _NAMES, wire.kind or _SCALARS.get(hint, "")
+        read, write = _conversion(hint, wire.per_unit, kind)
+        layout = wire.number, kind, hint
+        found.append(_Field(field.name, wire.name or field.name, optional, repeated, nested, read, write, layout))
+    return tuple(found)
 
 
 def _conversion(
-    hint: type, per_unit: float, field: Any
+    hint: type, per_unit: float, kind: str
 ) -> tuple[Callable[[Any], Any] | None, Callable[[Any], Any] | None]:
     """Return how one entry of a field is read and written, None where it stays as it is."""
     if hint in _NAMES:
@@ -203,8 +215,7 @@ def _conversion(
         return _text, None
     if per_unit == 1.0:
         return None, None
-    whole = field.cpp_type not in (field.CPPTYPE_FLOAT, field.CPPTYPE_DOUBLE)
-    if whole:
+    if "int" in kind:
         return lambda number: number / per_unit, lambda value: round(value * per_unit)
     return lambda number: number / per_unit, lambda value: value * per_unit
 
@@ -214,3 +225,72 @@ def _text(value: Any) -> Any:
     if isinstance(value, bytes):
         raise PacketError(f"the text {value[:40]!r} is not UTF-8")
     return value
+
+
+_POOL = descriptor_pool.DescriptorPool()
+
+
+@cache
+def message_class(cls: Any) -> Any:
+    """Return the protobuf runtime's class of a value's message."""
+    _definition(cls)
+    return message_factory.GetMessageClass(_POOL.FindMessageTypeByName(message_name(cls)))
+
+
+def message_name(cls: type) -> str:
+    """Return the full name of a value's message in `descriptor_set`."""
+    return f"{_PACKAGE}.{_NAMES[cls]}"
+
+
+def descriptor_set(cls: type) -> bytes:
+    """Return the definitions of a value's message and of all in it: a serialised google.protobuf.FileDescriptorSet."""
+    found: dict[str, Any] = {}
+
+    def add(file: Any) -> None:
+        for needed in file.dependencies:
+            add(needed)
+        if file.name not in found:
+            found[file.name] = descriptor_pb2.FileDescriptorProto()
+            file.CopyToProto(found[file.name])
+
+    add(message_class(cls).DESCRIPTOR.file)
+    data: bytes = descriptor_pb2.FileDescriptorSet(file=found.values()).SerializeToString()
+    return data
+
+
+@cache
+def _definition(cls: Any) -> Any:
+    """Return the file that defines a value's message, or an enum; it is in the pool, behind those that it needs."""
+    if issubclass(cls, OpenEnum):
+        # numbers' names are unique within a package
+        package = f"{_PACKAGE}.enums.{cls.__name__}"
+        file = descriptor_pb2.FileDescriptorProto(name=f"{package}.proto", package=package, syntax="proto3")
+        enum = file.enum_type.add(name=cls.__name__)
+        for member in cls:
+            enum.value.add(name=member.name, number=member.value)
+    else:
+        package, _, name = message_name(cls).rpartition(".")
+        file = descriptor_pb2.FileDescriptorProto(name=f"{package}.{name}.proto", package=package, syntax="proto2")
+        message = file.message_type.add(name=name)
+        for field in _fields(cls):
+            _define_field(file, message.field.add(name=field.name, number=field.layout[0]), field)
+    _POOL.Add(file)
+    return file
+
+
+def _define_field(file: Any, entry: Any, field: _Field) -> None:
+    _, kind, of = field.layout
+    entry.label = _Proto.LABEL_OPTIONAL if field.optional else _Proto.LABEL_REQUIRED
+    if field.repeated:
+        entry.label = _Proto.LABEL_REPEATED
+    scalar, _, packed = kind.partition(" ")
+    if scalar:
+        entry.type = getattr(_Proto, f"TYPE_{scalar.upper()}")
+        if packed:
+            entry.options.packed = True
+        return
+    needed = _definition(of)
+    if needed.name not in file.dependency:
+        file.dependency.append(needed.name)
+    entry.type = _Proto.TYPE_MESSAGE if field.nested else _Proto.TYPE_ENUM
+    entry.type_name = f".{needed.name.removesuffix('.proto')}" + ("" if field.nested else f".{of.__name__}")

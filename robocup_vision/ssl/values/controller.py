@@ -46,9 +46,9 @@ class AdvantageChoice(OpenEnum):
 class ControllerReply:
     """What the game controller replies to each message; `reason` says why it rejected one."""
 
-    status: Annotated[ReplyStatus | None, Wire("status_code")] = None
-    reason: str | None = None
-    next_token: str | None = None
+    status: Annotated[ReplyStatus | None, Wire(1, "status_code")] = None
+    reason: Annotated[str | None, Wire(2)] = None
+    next_token: Annotated[str | None, Wire(3)] = None
     unknown: bytes = b""
 
 
@@ -57,8 +57,8 @@ class ControllerReply:
 class Place:
     """A point of the floor, field frame, metres."""
 
-    x_m: Annotated[float, Wire("x")]
-    y_m: Annotated[float, Wire("y")]
+    x_m: Annotated[float, Wire(1, "x")]
+    y_m: Annotated[float, Wire(2, "y")]
     unknown: bytes = b""
 
 
@@ -67,10 +67,10 @@ class Place:
 class ByRobot:
     """Which robot did something, where, and by how much: m/s or metres."""
 
-    team: Annotated[Team, Wire("by_team")]
-    number: Annotated[int | None, Wire("by_bot")] = None
-    place: Annotated[Place | None, Wire("location")] = None
-    amount: float | None = None
+    team: Annotated[Team, Wire(1, "by_team")]
+    number: Annotated[int | None, Wire(2, "by_bot")] = None
+    place: Annotated[Place | None, Wire(3, "location")] = None
+    amount: Annotated[float | None, Wire(4)] = None
     unknown: bytes = b""
 
 
@@ -79,10 +79,10 @@ class ByRobot:
 class PlacementSucceeded:
     """A team has placed the ball: in which time, how near to its place, and how far it was."""
 
-    team: Annotated[Team, Wire("by_team")]
-    took_s: Annotated[float | None, Wire("time_taken")] = None
-    off_m: Annotated[float | None, Wire("precision")] = None
-    distance_m: Annotated[float | None, Wire("distance")] = None
+    team: Annotated[Team, Wire(1, "by_team")]
+    took_s: Annotated[float | None, Wire(2, "time_taken")] = None
+    off_m: Annotated[float | None, Wire(3, "precision")] = None
+    distance_m: Annotated[float | None, Wire(4, "distance")] = None
     unknown: bytes = b""
 
 
@@ -91,12 +91,12 @@ class PlacementSucceeded:
 class Goal:
     """The ball is in a goal: for which team, kicked by whom, and how high it flew at most."""
 
-    team: Annotated[Team, Wire("by_team")]
-    kicking_team: Team | None = None
-    kicking_number: Annotated[int | None, Wire("kicking_bot")] = None
-    place: Annotated[Place | None, Wire("location")] = None
-    max_height_m: Annotated[float | None, Wire("max_ball_height")] = None
-    robots: Annotated[int | None, Wire("num_robots_by_team")] = None
+    team: Annotated[Team, Wire(1, "by_team")]
+    kicking_team: Annotated[Team | None, Wire(6)] = None
+    kicking_number: Annotated[int | None, Wire(2, "kicking_bot")] = None
+    place: Annotated[Place | None, Wire(3, "location")] = None
+    max_height_m: Annotated[float | None, Wire(5, "max_ball_height")] = None
+    robots: Annotated[int | None, Wire(7, "num_robots_by_team")] = None
     unknown: bytes = b""
 
 
@@ -105,19 +105,19 @@ class Goal:
 class RefereeEvent:
     """Something that an automatic referee has seen: its kind, when (microseconds since 1970), and one of the fields."""
 
-    kind: Annotated[EventKind | None, Wire("type")] = None
-    time_us: Annotated[int | None, Wire("created_timestamp")] = None
-    placement_succeeded: PlacementSucceeded | None = None
-    ball_left_field_touch_line: ByRobot | None = None
-    ball_left_field_goal_line: ByRobot | None = None
-    attacker_double_touched_ball: ByRobot | None = None
-    attacker_touched_ball_in_defense_area: ByRobot | None = None
-    bot_kicked_ball_too_fast: ByRobot | None = None
-    bot_interfered_placement: ByRobot | None = None
-    bot_too_fast_in_stop: ByRobot | None = None
-    defender_too_close_to_kick_point: ByRobot | None = None
-    defender_in_defense_area: ByRobot | None = None
-    possible_goal: Goal | None = None
+    kind: Annotated[EventKind | None, Wire(40, "type")] = None
+    time_us: Annotated[int | None, Wire(49, "created_timestamp", kind="uint64")] = None
+    placement_succeeded: Annotated[PlacementSucceeded | None, Wire(5)] = None
+    ball_left_field_touch_line: Annotated[ByRobot | None, Wire(6)] = None
+    ball_left_field_goal_line: Annotated[ByRobot | None, Wire(7)] = None
+    attacker_double_touched_ball: Annotated[ByRobot | None, Wire(14)] = None
+    attacker_touched_ball_in_defense_area: Annotated[ByRobot | None, Wire(15)] = None
+    bot_kicked_ball_too_fast: Annotated[ByRobot | None, Wire(18)] = None
+    bot_interfered_placement: Annotated[ByRobot | None, Wire(20)] = None
+    bot_too_fast_in_stop: Annotated[ByRobot | None, Wire(28)] = None
+    defender_too_close_to_kick_point: Annotated[ByRobot | None, Wire(29)] = None
+    defender_in_defense_area: Annotated[ByRobot | None, Wire(31)] = None
+    possible_goal: Annotated[Goal | None, Wire(39)] = None
     unknown: bytes = b""
 
 
@@ -131,7 +131,7 @@ def referee_event(kind: EventKind, what: ByRobot | PlacementSucceeded | Goal, ti
 class AutoRefRegistration:
     """The first message of an automatic referee."""
 
-    identifier: str
+    identifier: Annotated[str, Wire(1)]
     unknown: bytes = b""
 
 
@@ -140,7 +140,7 @@ class AutoRefRegistration:
 class AutoRefMessage:
     """A message of an automatic referee."""
 
-    event: Annotated[RefereeEvent | None, Wire("game_event")] = None
+    event: Annotated[RefereeEvent | None, Wire(2, "game_event")] = None
     unknown: bytes = b""
 
 
@@ -149,7 +149,7 @@ class AutoRefMessage:
 class AutoRefReply:
     """A message to an automatic referee."""
 
-    reply: Annotated[ControllerReply | None, Wire("controller_reply")] = None
+    reply: Annotated[ControllerReply | None, Wire(1, "controller_reply")] = None
     unknown: bytes = b""
 
 
@@ -158,8 +158,8 @@ class AutoRefReply:
 class TeamRegistration:
     """The first message of a team; its name as the game controller has it."""
 
-    team_name: str
-    team: Team | None = None
+    team_name: Annotated[str, Wire(1)]
+    team: Annotated[Team | None, Wire(3)] = None
     unknown: bytes = b""
 
 
@@ -168,10 +168,10 @@ class TeamRegistration:
 class TeamMessage:
     """A wish of a team: one of the fields."""
 
-    desired_keeper: int | None = None
-    advantage_choice: AdvantageChoice | None = None
-    substitute_robot: Annotated[bool | None, Wire("substitute_bot")] = None
-    ping: bool | None = None
+    desired_keeper: Annotated[int | None, Wire(2, kind="int32")] = None
+    advantage_choice: Annotated[AdvantageChoice | None, Wire(3)] = None
+    substitute_robot: Annotated[bool | None, Wire(4, "substitute_bot")] = None
+    ping: Annotated[bool | None, Wire(5)] = None
     unknown: bytes = b""
 
 
@@ -180,5 +180,5 @@ class TeamMessage:
 class TeamReply:
     """A message to a team."""
 
-    reply: Annotated[ControllerReply | None, Wire("controller_reply")] = None
+    reply: Annotated[ControllerReply | None, Wire(1, "controller_reply")] = None
     unknown: bytes = b""

@@ -26,16 +26,16 @@ class Source(OpenEnum):
 class DetectionBall:
     """A ball as one camera sees it."""
 
-    confidence: float  #: from 0 to 1
+    confidence: Annotated[float, Wire(1)]  #: from 0 to 1
     #: field frame; of a flying ball where its ray meets the floor, unless `z_m` is set
-    x_m: Annotated[float, Wire("x", MM_PER_M)]
-    y_m: Annotated[float, Wire("y", MM_PER_M)]
+    x_m: Annotated[float, Wire(3, "x", MM_PER_M)]
+    y_m: Annotated[float, Wire(4, "y", MM_PER_M)]
     #: where in the camera's image
-    pixel_x: float = 0.0
-    pixel_y: float = 0.0
-    area_px: Annotated[int | None, Wire("area")] = None  #: pixels
-    z_m: Annotated[float | None, Wire("z", MM_PER_M)] = None  #: height, where the sender gives it
-    unknown: bytes = b""  #: fields that the tables do not have
+    pixel_x: Annotated[float, Wire(6)] = 0.0
+    pixel_y: Annotated[float, Wire(7)] = 0.0
+    area_px: Annotated[int | None, Wire(2, "area")] = None  #: pixels
+    z_m: Annotated[float | None, Wire(5, "z", MM_PER_M)] = None  #: height, where the sender gives it
+    unknown: bytes = b""  #: fields that are not listed here
 
 
 @message_value("vision.SSL_DetectionRobot")
@@ -43,17 +43,18 @@ class DetectionBall:
 class DetectionRobot:
     """A robot as one camera sees it."""
 
-    confidence: float  #: from 0 to 1
-    robot_id: int | None  #: the pattern's number; None where only the team's colour was seen
+    confidence: Annotated[float, Wire(1)]  #: from 0 to 1
+    robot_id: Annotated[int | None, Wire(2)]  #: the pattern's number; None where only the team's colour was seen
     #: its centre, field frame
-    x_m: Annotated[float, Wire("x", MM_PER_M)]
-    y_m: Annotated[float, Wire("y", MM_PER_M)]
-    orientation_rad: Annotated[float | None, Wire("orientation")] = None  #: where it faces, counter-clockwise from +x
+    x_m: Annotated[float, Wire(3, "x", MM_PER_M)]
+    y_m: Annotated[float, Wire(4, "y", MM_PER_M)]
+    #: where it faces, counter-clockwise from +x
+    orientation_rad: Annotated[float | None, Wire(5, "orientation")] = None
     #: where in the camera's image
-    pixel_x: float = 0.0
-    pixel_y: float = 0.0
-    height_m: Annotated[float | None, Wire("height", MM_PER_M)] = None  #: of its pattern above the floor
-    unknown: bytes = b""  #: fields that the tables do not have
+    pixel_x: Annotated[float, Wire(6)] = 0.0
+    pixel_y: Annotated[float, Wire(7)] = 0.0
+    height_m: Annotated[float | None, Wire(8, "height", MM_PER_M)] = None  #: of its pattern above the floor
+    unknown: bytes = b""  #: fields that are not listed here
 
 
 @message_value("vision.SSL_DetectionFrame")
@@ -61,17 +62,17 @@ class DetectionRobot:
 class DetectionFrame:
     """Everything one camera saw in one of its frames."""
 
-    frame_number: int
+    frame_number: Annotated[int, Wire(1)]
     #: when it was exposed and when it was sent, seconds since 1970 by the sender's clock
-    t_capture_s: Annotated[float, Wire("t_capture")]
-    t_sent_s: Annotated[float, Wire("t_sent")]
-    camera_id: int
-    balls: tuple[DetectionBall, ...] = ()
-    yellow: Annotated[tuple[DetectionRobot, ...], Wire("robots_yellow")] = ()
-    blue: Annotated[tuple[DetectionRobot, ...], Wire("robots_blue")] = ()
+    t_capture_s: Annotated[float, Wire(2, "t_capture", kind="double")]
+    t_sent_s: Annotated[float, Wire(3, "t_sent", kind="double")]
+    camera_id: Annotated[int, Wire(4)]
+    balls: Annotated[tuple[DetectionBall, ...], Wire(5)] = ()
+    yellow: Annotated[tuple[DetectionRobot, ...], Wire(6, "robots_yellow")] = ()
+    blue: Annotated[tuple[DetectionRobot, ...], Wire(7, "robots_blue")] = ()
     #: when it was exposed by the camera's own clock
-    t_capture_camera_s: Annotated[float | None, Wire("t_capture_camera")] = None
-    unknown: bytes = b""  #: fields that the tables do not have
+    t_capture_camera_s: Annotated[float | None, Wire(8, "t_capture_camera", kind="double")] = None
+    unknown: bytes = b""  #: fields that are not listed here
 
 
 @message_value("vision.SSL_WrapperPacket")
@@ -79,9 +80,9 @@ class DetectionFrame:
 class VisionPacket:
     """One datagram of a vision system: a frame's detections, the geometry, or both."""
 
-    detection: DetectionFrame | None = None
-    geometry: Geometry | None = None
-    source: Source | None = None
+    detection: Annotated[DetectionFrame | None, Wire(1)] = None
+    geometry: Annotated[Geometry | None, Wire(2)] = None
+    source: Annotated[Source | None, Wire(3)] = None
     unknown: bytes = b""
 
 

@@ -34,8 +34,8 @@ class LineKind(OpenEnum):
 class FloorPoint:
     """A point of the floor, field frame."""
 
-    x_m: Annotated[float, Wire("x", MM_PER_M)]
-    y_m: Annotated[float, Wire("y", MM_PER_M)]
+    x_m: Annotated[float, Wire(1, "x", MM_PER_M)]
+    y_m: Annotated[float, Wire(2, "y", MM_PER_M)]
     unknown: bytes = b""
 
 
@@ -44,11 +44,11 @@ class FloorPoint:
 class FieldLine:
     """A straight line from `start` to `end`, its name and width."""
 
-    name: str
-    start: Annotated[FloorPoint, Wire("p1")]
-    end: Annotated[FloorPoint, Wire("p2")]
-    width_m: Annotated[float, Wire("thickness", MM_PER_M)]
-    kind: Annotated[LineKind | None, Wire("type")] = None
+    name: Annotated[str, Wire(1)]
+    start: Annotated[FloorPoint, Wire(2, "p1")]
+    end: Annotated[FloorPoint, Wire(3, "p2")]
+    width_m: Annotated[float, Wire(4, "thickness", MM_PER_M)]
+    kind: Annotated[LineKind | None, Wire(5, "type")] = None
     unknown: bytes = b""
 
 
@@ -57,13 +57,13 @@ class FieldLine:
 class FieldArc:
     """An arc counter-clockwise from `start_rad` to `end_rad`, its name and width."""
 
-    name: str
-    center: FloorPoint
-    radius_m: Annotated[float, Wire("radius", MM_PER_M)]
-    start_rad: Annotated[float, Wire("a1")]
-    end_rad: Annotated[float, Wire("a2")]
-    width_m: Annotated[float, Wire("thickness", MM_PER_M)]
-    kind: Annotated[LineKind | None, Wire("type")] = None
+    name: Annotated[str, Wire(1)]
+    center: Annotated[FloorPoint, Wire(2)]
+    radius_m: Annotated[float, Wire(3, "radius", MM_PER_M)]
+    start_rad: Annotated[float, Wire(4, "a1")]
+    end_rad: Annotated[float, Wire(5, "a2")]
+    width_m: Annotated[float, Wire(6, "thickness", MM_PER_M)]
+    kind: Annotated[LineKind | None, Wire(7, "type")] = None
     unknown: bytes = b""
 
 
@@ -76,23 +76,27 @@ class FieldSize:
     `goal_line_boundary_width_m` is given.
     """
 
-    length_m: Annotated[float, Wire("field_length", MM_PER_M)]
-    width_m: Annotated[float, Wire("field_width", MM_PER_M)]
-    goal_width_m: Annotated[float, Wire("goal_width", MM_PER_M)]
-    goal_depth_m: Annotated[float, Wire("goal_depth", MM_PER_M)]
-    boundary_width_m: Annotated[float, Wire("boundary_width", MM_PER_M)]
-    lines: Annotated[tuple[FieldLine, ...], Wire("field_lines")] = ()
-    arcs: Annotated[tuple[FieldArc, ...], Wire("field_arcs")] = ()
-    goal_line_boundary_width_m: Annotated[float | None, Wire("boundary_width_goal_line", MM_PER_M)] = None
-    penalty_area_depth_m: Annotated[float | None, Wire("penalty_area_depth", MM_PER_M)] = None
-    penalty_area_width_m: Annotated[float | None, Wire("penalty_area_width", MM_PER_M)] = None
-    center_circle_radius_m: Annotated[float | None, Wire("center_circle_radius", MM_PER_M)] = None
-    line_width_m: Annotated[float | None, Wire("line_thickness", MM_PER_M)] = None
-    penalty_mark_m: Annotated[float | None, Wire("goal_center_to_penalty_mark", MM_PER_M)] = None
-    goal_height_m: Annotated[float | None, Wire("goal_height", MM_PER_M)] = None
-    ball_radius_m: Annotated[float | None, Wire("ball_radius", MM_PER_M)] = None
-    max_robot_radius_m: Annotated[float | None, Wire("max_robot_radius", MM_PER_M)] = None
-    goal_substitution_area_width_m: Annotated[float | None, Wire("goal_substitution_area_width", MM_PER_M)] = None
+    length_m: Annotated[float, Wire(1, "field_length", MM_PER_M, kind="int32")]
+    width_m: Annotated[float, Wire(2, "field_width", MM_PER_M, kind="int32")]
+    goal_width_m: Annotated[float, Wire(3, "goal_width", MM_PER_M, kind="int32")]
+    goal_depth_m: Annotated[float, Wire(4, "goal_depth", MM_PER_M, kind="int32")]
+    boundary_width_m: Annotated[float, Wire(5, "boundary_width", MM_PER_M, kind="int32")]
+    lines: Annotated[tuple[FieldLine, ...], Wire(6, "field_lines")] = ()
+    arcs: Annotated[tuple[FieldArc, ...], Wire(7, "field_arcs")] = ()
+    goal_line_boundary_width_m: Annotated[
+        float | None, Wire(16, "boundary_width_goal_line", MM_PER_M, kind="int32")
+    ] = None
+    penalty_area_depth_m: Annotated[float | None, Wire(8, "penalty_area_depth", MM_PER_M, kind="int32")] = None
+    penalty_area_width_m: Annotated[float | None, Wire(9, "penalty_area_width", MM_PER_M, kind="int32")] = None
+    center_circle_radius_m: Annotated[float | None, Wire(10, "center_circle_radius", MM_PER_M, kind="int32")] = None
+    line_width_m: Annotated[float | None, Wire(11, "line_thickness", MM_PER_M, kind="int32")] = None
+    penalty_mark_m: Annotated[float | None, Wire(12, "goal_center_to_penalty_mark", MM_PER_M, kind="int32")] = None
+    goal_height_m: Annotated[float | None, Wire(13, "goal_height", MM_PER_M, kind="int32")] = None
+    ball_radius_m: Annotated[float | None, Wire(14, "ball_radius", MM_PER_M)] = None
+    max_robot_radius_m: Annotated[float | None, Wire(15, "max_robot_radius", MM_PER_M)] = None
+    goal_substitution_area_width_m: Annotated[
+        float | None, Wire(17, "goal_substitution_area_width", MM_PER_M, kind="int32")
+    ] = None
     unknown: bytes = b""
 
 
@@ -101,29 +105,29 @@ class FieldSize:
 class CameraCalibration:
     """One overhead camera."""
 
-    camera_id: int  #: as in its detections
+    camera_id: Annotated[int, Wire(1)]  #: as in its detections
     #: an undistorted radius is ``r (1 + distortion r^2)`` of the distorted one, both over the focal length
-    focal_length_px: Annotated[float, Wire("focal_length")]
-    principal_x_px: Annotated[float, Wire("principal_point_x")]
-    principal_y_px: Annotated[float, Wire("principal_point_y")]
-    distortion: float
+    focal_length_px: Annotated[float, Wire(2, "focal_length")]
+    principal_x_px: Annotated[float, Wire(3, "principal_point_x")]
+    principal_y_px: Annotated[float, Wire(4, "principal_point_y")]
+    distortion: Annotated[float, Wire(5)]
     #: quaternion that turns the field frame into the camera's. Some simulators send four equal numbers.
-    q_x: Annotated[float, Wire("q0")]
-    q_y: Annotated[float, Wire("q1")]
-    q_z: Annotated[float, Wire("q2")]
-    q_w: Annotated[float, Wire("q3")]
+    q_x: Annotated[float, Wire(6, "q0")]
+    q_y: Annotated[float, Wire(7, "q1")]
+    q_z: Annotated[float, Wire(8, "q2")]
+    q_w: Annotated[float, Wire(9, "q3")]
     #: the field's centre in the camera's frame
-    t_x_m: Annotated[float, Wire("tx", MM_PER_M)]
-    t_y_m: Annotated[float, Wire("ty", MM_PER_M)]
-    t_z_m: Annotated[float, Wire("tz", MM_PER_M)]
+    t_x_m: Annotated[float, Wire(10, "tx", MM_PER_M)]
+    t_y_m: Annotated[float, Wire(11, "ty", MM_PER_M)]
+    t_z_m: Annotated[float, Wire(12, "tz", MM_PER_M)]
     #: the camera in the field frame, as its sender worked it out
-    camera_x_m: Annotated[float | None, Wire("derived_camera_world_tx", MM_PER_M)] = None
-    camera_y_m: Annotated[float | None, Wire("derived_camera_world_ty", MM_PER_M)] = None
-    camera_z_m: Annotated[float | None, Wire("derived_camera_world_tz", MM_PER_M)] = None
+    camera_x_m: Annotated[float | None, Wire(13, "derived_camera_world_tx", MM_PER_M)] = None
+    camera_y_m: Annotated[float | None, Wire(14, "derived_camera_world_ty", MM_PER_M)] = None
+    camera_z_m: Annotated[float | None, Wire(15, "derived_camera_world_tz", MM_PER_M)] = None
     #: of its image
-    width_px: Annotated[int | None, Wire("pixel_image_width")] = None
-    height_px: Annotated[int | None, Wire("pixel_image_height")] = None
-    unknown: bytes = b""  #: fields that the tables do not have
+    width_px: Annotated[int | None, Wire(16, "pixel_image_width")] = None
+    height_px: Annotated[int | None, Wire(17, "pixel_image_height")] = None
+    unknown: bytes = b""  #: fields that are not listed here
 
 
 @message_value("vision.SSL_BallModelStraightTwoPhase")
@@ -131,9 +135,9 @@ class CameraCalibration:
 class RollingBall:
     """How a kicked ball slows down: sliding, then rolling from `switch_ratio` of its first speed on."""
 
-    slide_mps2: Annotated[float, Wire("acc_slide")]
-    roll_mps2: Annotated[float, Wire("acc_roll")]
-    switch_ratio: Annotated[float, Wire("k_switch")]
+    slide_mps2: Annotated[float, Wire(1, "acc_slide", kind="double")]
+    roll_mps2: Annotated[float, Wire(2, "acc_roll", kind="double")]
+    switch_ratio: Annotated[float, Wire(3, "k_switch", kind="double")]
     unknown: bytes = b""
 
 
@@ -142,9 +146,9 @@ class RollingBall:
 class BouncingBall:
     """Fractions of its velocity that a chipped ball keeps at a bounce: along the floor at the first, later, and up."""
 
-    first_floor_ratio: Annotated[float, Wire("damping_xy_first_hop")]
-    later_floor_ratio: Annotated[float, Wire("damping_xy_other_hops")]
-    up_ratio: Annotated[float, Wire("damping_z")]
+    first_floor_ratio: Annotated[float, Wire(1, "damping_xy_first_hop", kind="double")]
+    later_floor_ratio: Annotated[float, Wire(2, "damping_xy_other_hops", kind="double")]
+    up_ratio: Annotated[float, Wire(3, "damping_z", kind="double")]
     unknown: bytes = b""
 
 
@@ -153,8 +157,8 @@ class BouncingBall:
 class BallModels:
     """How the ball moves there."""
 
-    rolling: Annotated[RollingBall | None, Wire("straight_two_phase")] = None
-    bouncing: Annotated[BouncingBall | None, Wire("chip_fixed_loss")] = None
+    rolling: Annotated[RollingBall | None, Wire(1, "straight_two_phase")] = None
+    bouncing: Annotated[BouncingBall | None, Wire(2, "chip_fixed_loss")] = None
     unknown: bytes = b""
 
 
@@ -163,7 +167,7 @@ class BallModels:
 class Geometry:
     """Field, cameras and ball models."""
 
-    field: FieldSize
-    cameras: Annotated[tuple[CameraCalibration, ...], Wire("calib")] = ()
-    models: BallModels | None = None
+    field: Annotated[FieldSize, Wire(1)]
+    cameras: Annotated[tuple[CameraCalibration, ...], Wire(2, "calib")] = ()
+    models: Annotated[BallModels | None, Wire(3)] = None
     unknown: bytes = b""

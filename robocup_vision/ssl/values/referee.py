@@ -69,39 +69,39 @@ class HullColor(OpenEnum):
     LIGHT = 2
 
 
-@message_value("referee.Referee.TeamInfo")
+@message_value("referee.TeamInfo")
 @dataclass(frozen=True, slots=True)
 class TeamInfo:
     """One team: its goals, cards, time-outs (microseconds), and the number of its goalkeeper."""
 
-    name: str
-    score: int
-    red_cards: int
-    yellow_cards: int
-    timeouts: int
-    timeout_time_us: Annotated[int, Wire("timeout_time")]
-    goalkeeper: int
-    yellow_card_times_us: Annotated[tuple[int, ...], Wire("yellow_card_times")] = ()
-    foul_counter: int | None = None
-    ball_placement_failures: int | None = None
-    can_place_ball: bool | None = None
-    max_allowed_robots: Annotated[int | None, Wire("max_allowed_bots")] = None
-    substitution_intent: Annotated[bool | None, Wire("bot_substitution_intent")] = None
-    ball_placement_failures_reached: bool | None = None
-    substitution_allowed: Annotated[bool | None, Wire("bot_substitution_allowed")] = None
-    substitutions_left: Annotated[int | None, Wire("bot_substitutions_left")] = None
-    substitution_time_left: Annotated[int | None, Wire("bot_substitution_time_left")] = None
-    hull_color: HullColor | None = None
+    name: Annotated[str, Wire(1)]
+    score: Annotated[int, Wire(2)]
+    red_cards: Annotated[int, Wire(3)]
+    yellow_cards: Annotated[int, Wire(5)]
+    timeouts: Annotated[int, Wire(6)]
+    timeout_time_us: Annotated[int, Wire(7, "timeout_time")]
+    goalkeeper: Annotated[int, Wire(8)]
+    yellow_card_times_us: Annotated[tuple[int, ...], Wire(4, "yellow_card_times", kind="uint32 packed")] = ()
+    foul_counter: Annotated[int | None, Wire(9)] = None
+    ball_placement_failures: Annotated[int | None, Wire(10)] = None
+    can_place_ball: Annotated[bool | None, Wire(12)] = None
+    max_allowed_robots: Annotated[int | None, Wire(13, "max_allowed_bots")] = None
+    substitution_intent: Annotated[bool | None, Wire(14, "bot_substitution_intent")] = None
+    ball_placement_failures_reached: Annotated[bool | None, Wire(15)] = None
+    substitution_allowed: Annotated[bool | None, Wire(16, "bot_substitution_allowed")] = None
+    substitutions_left: Annotated[int | None, Wire(17, "bot_substitutions_left")] = None
+    substitution_time_left: Annotated[int | None, Wire(18, "bot_substitution_time_left")] = None
+    hull_color: Annotated[HullColor | None, Wire(19)] = None
     unknown: bytes = b""
 
 
-@message_value("referee.Referee.Point")
+@message_value("referee.Point")
 @dataclass(frozen=True, slots=True)
 class DesignatedPosition:
     """Where the ball shall be placed, field frame."""
 
-    x_m: Annotated[float, Wire("x", MM_PER_M)]
-    y_m: Annotated[float, Wire("y", MM_PER_M)]
+    x_m: Annotated[float, Wire(1, "x", MM_PER_M)]
+    y_m: Annotated[float, Wire(2, "y", MM_PER_M)]
     unknown: bytes = b""
 
 
@@ -118,9 +118,9 @@ class GameEvent:
 class GameEventProposals:
     """Events that automatic referees have proposed."""
 
-    group_id: Annotated[str | None, Wire("id")] = None
-    game_events: tuple[GameEvent, ...] = ()
-    accepted: bool | None = None
+    group_id: Annotated[str | None, Wire(3, "id")] = None
+    game_events: Annotated[tuple[GameEvent, ...], Wire(1)] = ()
+    accepted: Annotated[bool | None, Wire(2)] = None
     unknown: bytes = b""
 
 
@@ -133,23 +133,23 @@ class Referee:
     another; packets are repeated, and any may be lost.
     """
 
-    packet_time_us: Annotated[int, Wire("packet_timestamp")]
-    stage: Stage
-    command: RefereeCommand
-    command_counter: int
-    command_time_us: Annotated[int, Wire("command_timestamp")]
-    yellow: TeamInfo
-    blue: TeamInfo
-    stage_time_left_us: Annotated[int | None, Wire("stage_time_left")] = None
-    designated_position: DesignatedPosition | None = None
-    blue_on_positive_half: Annotated[bool | None, Wire("blue_team_on_positive_half")] = None
-    next_command: RefereeCommand | None = None
-    game_events: tuple[GameEvent, ...] = ()
-    game_event_proposals: tuple[GameEventProposals, ...] = ()
-    action_time_left_us: Annotated[int | None, Wire("current_action_time_remaining")] = None
-    source_identifier: str | None = None
-    match_type: MatchType | None = None
-    status_message: str | None = None
+    packet_time_us: Annotated[int, Wire(1, "packet_timestamp", kind="uint64")]
+    stage: Annotated[Stage, Wire(2)]
+    command: Annotated[RefereeCommand, Wire(4)]
+    command_counter: Annotated[int, Wire(5)]
+    command_time_us: Annotated[int, Wire(6, "command_timestamp", kind="uint64")]
+    yellow: Annotated[TeamInfo, Wire(7)]
+    blue: Annotated[TeamInfo, Wire(8)]
+    stage_time_left_us: Annotated[int | None, Wire(3, "stage_time_left", kind="sint64")] = None
+    designated_position: Annotated[DesignatedPosition | None, Wire(9)] = None
+    blue_on_positive_half: Annotated[bool | None, Wire(10, "blue_team_on_positive_half")] = None
+    next_command: Annotated[RefereeCommand | None, Wire(12)] = None
+    game_events: Annotated[tuple[GameEvent, ...], Wire(16)] = ()
+    game_event_proposals: Annotated[tuple[GameEventProposals, ...], Wire(17)] = ()
+    action_time_left_us: Annotated[int | None, Wire(15, "current_action_time_remaining", kind="int64")] = None
+    source_identifier: Annotated[str | None, Wire(18)] = None
+    match_type: Annotated[MatchType | None, Wire(19)] = None
+    status_message: Annotated[str | None, Wire(20)] = None
     unknown: bytes = b""
 
 
@@ -166,10 +166,10 @@ class ControllerInput:
 class CiInput:
     """Message of a simulator to a game controller that runs at the simulator's speed; `time_ns` is simulated time."""
 
-    time_ns: Annotated[int | None, Wire("timestamp")] = None
-    tracker: Annotated[TrackerPacket | None, Wire("tracker_packet")] = None
-    inputs: Annotated[tuple[ControllerInput, ...], Wire("api_inputs")] = ()
-    geometry: Geometry | None = None
+    time_ns: Annotated[int | None, Wire(1, "timestamp", kind="int64")] = None
+    tracker: Annotated[TrackerPacket | None, Wire(2, "tracker_packet")] = None
+    inputs: Annotated[tuple[ControllerInput, ...], Wire(3, "api_inputs")] = ()
+    geometry: Annotated[Geometry | None, Wire(4)] = None
     unknown: bytes = b""
 
 
@@ -178,5 +178,5 @@ class CiInput:
 class CiOutput:
     """What the game controller answers."""
 
-    referee: Annotated[Referee | None, Wire("referee_msg")] = None
+    referee: Annotated[Referee | None, Wire(1, "referee_msg")] = None
     unknown: bytes = b""

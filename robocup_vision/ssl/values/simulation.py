@@ -30,8 +30,8 @@ class Team(OpenEnum):
 class AnyMessage:
     """A message of a kind that only some programs know: the kind's name, and its bytes."""
 
-    type_url: str | None = None
-    value: bytes | None = None
+    type_url: Annotated[str | None, Wire(1)] = None
+    value: Annotated[bytes | None, Wire(2)] = None
     unknown: bytes = b""
 
     @property
@@ -45,8 +45,8 @@ class AnyMessage:
 class RobotId:
     """A robot's number and team."""
 
-    number: Annotated[int | None, Wire("id")] = None
-    team: Team | None = None
+    number: Annotated[int | None, Wire(1, "id")] = None
+    team: Annotated[Team | None, Wire(2)] = None
     unknown: bytes = b""
 
 
@@ -55,8 +55,8 @@ class RobotId:
 class SimulatorError:
     """What a simulator did not do: a code for programs, words for people."""
 
-    code: str | None = None
-    message: str | None = None
+    code: Annotated[str | None, Wire(1)] = None
+    message: Annotated[str | None, Wire(2)] = None
     unknown: bytes = b""
 
 
@@ -65,12 +65,12 @@ class SimulatorError:
 class LeagueRobotLimits:
     """How fast robots speed up, brake, drive and turn at most."""
 
-    speed_up_mps2: Annotated[float | None, Wire("acc_speedup_absolute_max")] = None
-    turn_speed_up_rps2: Annotated[float | None, Wire("acc_speedup_angular_max")] = None
-    brake_mps2: Annotated[float | None, Wire("acc_brake_absolute_max")] = None
-    turn_brake_rps2: Annotated[float | None, Wire("acc_brake_angular_max")] = None
-    speed_mps: Annotated[float | None, Wire("vel_absolute_max")] = None
-    turn_rps: Annotated[float | None, Wire("vel_angular_max")] = None
+    speed_up_mps2: Annotated[float | None, Wire(1, "acc_speedup_absolute_max")] = None
+    turn_speed_up_rps2: Annotated[float | None, Wire(2, "acc_speedup_angular_max")] = None
+    brake_mps2: Annotated[float | None, Wire(3, "acc_brake_absolute_max")] = None
+    turn_brake_rps2: Annotated[float | None, Wire(4, "acc_brake_angular_max")] = None
+    speed_mps: Annotated[float | None, Wire(5, "vel_absolute_max")] = None
+    turn_rps: Annotated[float | None, Wire(6, "vel_angular_max")] = None
     unknown: bytes = b""
 
 
@@ -79,10 +79,10 @@ class LeagueRobotLimits:
 class WheelAngles:
     """Where a robot's wheels sit, counter-clockwise from straight ahead."""
 
-    front_right_rad: Annotated[float, Wire("front_right")]
-    back_right_rad: Annotated[float, Wire("back_right")]
-    back_left_rad: Annotated[float, Wire("back_left")]
-    front_left_rad: Annotated[float, Wire("front_left")]
+    front_right_rad: Annotated[float, Wire(1, "front_right")]
+    back_right_rad: Annotated[float, Wire(2, "back_right")]
+    back_left_rad: Annotated[float, Wire(3, "back_left")]
+    front_left_rad: Annotated[float, Wire(4, "front_left")]
     unknown: bytes = b""
 
 
@@ -91,16 +91,16 @@ class WheelAngles:
 class RobotSpecs:
     """What one robot is like."""
 
-    robot: Annotated[RobotId, Wire("id")]
-    radius_m: Annotated[float | None, Wire("radius")] = None
-    height_m: Annotated[float | None, Wire("height")] = None
-    mass_kg: Annotated[float | None, Wire("mass")] = None
-    max_kick_mps: Annotated[float | None, Wire("max_linear_kick_speed")] = None
-    max_chip_mps: Annotated[float | None, Wire("max_chip_kick_speed")] = None
-    center_to_dribbler_m: Annotated[float | None, Wire("center_to_dribbler")] = None
-    limits: LeagueRobotLimits | None = None
-    wheel_angles: WheelAngles | None = None
-    custom: tuple[AnyMessage, ...] = ()
+    robot: Annotated[RobotId, Wire(1, "id")]
+    radius_m: Annotated[float | None, Wire(2, "radius")] = None
+    height_m: Annotated[float | None, Wire(3, "height")] = None
+    mass_kg: Annotated[float | None, Wire(4, "mass")] = None
+    max_kick_mps: Annotated[float | None, Wire(7, "max_linear_kick_speed")] = None
+    max_chip_mps: Annotated[float | None, Wire(8, "max_chip_kick_speed")] = None
+    center_to_dribbler_m: Annotated[float | None, Wire(9, "center_to_dribbler")] = None
+    limits: Annotated[LeagueRobotLimits | None, Wire(10)] = None
+    wheel_angles: Annotated[WheelAngles | None, Wire(13)] = None
+    custom: Annotated[tuple[AnyMessage, ...], Wire(14)] = ()
     unknown: bytes = b""
 
 
@@ -109,7 +109,7 @@ class RobotSpecs:
 class RealismConfig:
     """How real a simulator is, in messages that each simulator has of its own."""
 
-    custom: tuple[AnyMessage, ...] = ()
+    custom: Annotated[tuple[AnyMessage, ...], Wire(1)] = ()
     unknown: bytes = b""
 
 
@@ -118,21 +118,21 @@ class RealismConfig:
 class ErForceRealism:
     """The realism settings of the ER-Force simulator; losses are fractions, times nanoseconds."""
 
-    ball_std_m: Annotated[float | None, Wire("stddev_ball_p")] = None
-    robot_std_m: Annotated[float | None, Wire("stddev_robot_p")] = None
-    robot_std_rad: Annotated[float | None, Wire("stddev_robot_phi")] = None
-    ball_area_std_px: Annotated[float | None, Wire("stddev_ball_area")] = None
-    enable_invisible_ball: bool | None = None
-    ball_visibility_threshold: float | None = None
-    camera_overlap_m: Annotated[float | None, Wire("camera_overlap")] = None
-    dribbler_ball_detections: float | None = None
-    camera_position_error_m: Annotated[float | None, Wire("camera_position_error")] = None
-    robot_command_loss: float | None = None
-    robot_response_loss: float | None = None
-    missing_ball_detections: float | None = None
-    vision_delay_ns: Annotated[int | None, Wire("vision_delay")] = None
-    vision_processing_ns: Annotated[int | None, Wire("vision_processing_time")] = None
-    simulate_dribbling: bool | None = None
+    ball_std_m: Annotated[float | None, Wire(1, "stddev_ball_p")] = None
+    robot_std_m: Annotated[float | None, Wire(2, "stddev_robot_p")] = None
+    robot_std_rad: Annotated[float | None, Wire(3, "stddev_robot_phi")] = None
+    ball_area_std_px: Annotated[float | None, Wire(4, "stddev_ball_area")] = None
+    enable_invisible_ball: Annotated[bool | None, Wire(5)] = None
+    ball_visibility_threshold: Annotated[float | None, Wire(6)] = None
+    camera_overlap_m: Annotated[float | None, Wire(7, "camera_overlap")] = None
+    dribbler_ball_detections: Annotated[float | None, Wire(8)] = None
+    camera_position_error_m: Annotated[float | None, Wire(9, "camera_position_error")] = None
+    robot_command_loss: Annotated[float | None, Wire(10)] = None
+    robot_response_loss: Annotated[float | None, Wire(11)] = None
+    missing_ball_detections: Annotated[float | None, Wire(12)] = None
+    vision_delay_ns: Annotated[int | None, Wire(13, "vision_delay", kind="int64")] = None
+    vision_processing_ns: Annotated[int | None, Wire(14, "vision_processing_time", kind="int64")] = None
+    simulate_dribbling: Annotated[bool | None, Wire(15)] = None
     unknown: bytes = b""
 
 
@@ -141,8 +141,8 @@ class ErForceRealism:
 class ErForceRobotSpec:
     """A robot's data of the ER-Force simulator beyond the league's fields."""
 
-    shoot_radius_m: Annotated[float | None, Wire("shoot_radius")] = None
-    dribbler_width_m: Annotated[float | None, Wire("dribbler_width")] = None
+    shoot_radius_m: Annotated[float | None, Wire(1, "shoot_radius")] = None
+    dribbler_width_m: Annotated[float | None, Wire(3, "dribbler_width")] = None
     unknown: bytes = b""
 
 
@@ -151,10 +151,10 @@ class ErForceRobotSpec:
 class SimulatorConfig:
     """What a simulator shall be set to."""
 
-    geometry: Geometry | None = None
-    robot_specs: tuple[RobotSpecs, ...] = ()
-    realism: Annotated[RealismConfig | None, Wire("realism_config")] = None
-    vision_port: int | None = None
+    geometry: Annotated[Geometry | None, Wire(1)] = None
+    robot_specs: Annotated[tuple[RobotSpecs, ...], Wire(2)] = ()
+    realism: Annotated[RealismConfig | None, Wire(3, "realism_config")] = None
+    vision_port: Annotated[int | None, Wire(4)] = None
     unknown: bytes = b""
 
 
@@ -163,15 +163,15 @@ class SimulatorConfig:
 class TeleportBall:
     """Where to put the ball and how it shall move; `roll`: it rolls at once instead of sliding first."""
 
-    x_m: Annotated[float | None, Wire("x")] = None
-    y_m: Annotated[float | None, Wire("y")] = None
-    z_m: Annotated[float | None, Wire("z")] = None
-    vx_mps: Annotated[float | None, Wire("vx")] = None
-    vy_mps: Annotated[float | None, Wire("vy")] = None
-    vz_mps: Annotated[float | None, Wire("vz")] = None
-    teleport_safely: bool | None = None
-    roll: bool | None = None
-    by_force: bool | None = None
+    x_m: Annotated[float | None, Wire(1, "x")] = None
+    y_m: Annotated[float | None, Wire(2, "y")] = None
+    z_m: Annotated[float | None, Wire(3, "z")] = None
+    vx_mps: Annotated[float | None, Wire(4, "vx")] = None
+    vy_mps: Annotated[float | None, Wire(5, "vy")] = None
+    vz_mps: Annotated[float | None, Wire(6, "vz")] = None
+    teleport_safely: Annotated[bool | None, Wire(7)] = None
+    roll: Annotated[bool | None, Wire(8)] = None
+    by_force: Annotated[bool | None, Wire(9)] = None
     unknown: bytes = b""
 
 
@@ -180,15 +180,15 @@ class TeleportBall:
 class TeleportRobot:
     """Where to put a robot, how it shall move, and whether it is on the field at all."""
 
-    robot: Annotated[RobotId, Wire("id")]
-    x_m: Annotated[float | None, Wire("x")] = None
-    y_m: Annotated[float | None, Wire("y")] = None
-    orientation_rad: Annotated[float | None, Wire("orientation")] = None
-    vx_mps: Annotated[float | None, Wire("v_x")] = None
-    vy_mps: Annotated[float | None, Wire("v_y")] = None
-    turn_rps: Annotated[float | None, Wire("v_angular")] = None
-    present: bool | None = None
-    by_force: bool | None = None
+    robot: Annotated[RobotId, Wire(1, "id")]
+    x_m: Annotated[float | None, Wire(2, "x")] = None
+    y_m: Annotated[float | None, Wire(3, "y")] = None
+    orientation_rad: Annotated[float | None, Wire(4, "orientation")] = None
+    vx_mps: Annotated[float | None, Wire(5, "v_x")] = None
+    vy_mps: Annotated[float | None, Wire(6, "v_y")] = None
+    turn_rps: Annotated[float | None, Wire(7, "v_angular")] = None
+    present: Annotated[bool | None, Wire(8)] = None
+    by_force: Annotated[bool | None, Wire(9)] = None
     unknown: bytes = b""
 
 
@@ -197,9 +197,9 @@ class TeleportRobot:
 class SimulatorControl:
     """What is put where, and how fast simulated time goes (1: as a clock)."""
 
-    ball: Annotated[TeleportBall | None, Wire("teleport_ball")] = None
-    robots: Annotated[tuple[TeleportRobot, ...], Wire("teleport_robot")] = ()
-    speed: Annotated[float | None, Wire("simulation_speed")] = None
+    ball: Annotated[TeleportBall | None, Wire(1, "teleport_ball")] = None
+    robots: Annotated[tuple[TeleportRobot, ...], Wire(2, "teleport_robot")] = ()
+    speed: Annotated[float | None, Wire(3, "simulation_speed")] = None
     unknown: bytes = b""
 
 
@@ -208,8 +208,8 @@ class SimulatorControl:
 class SimulatorCommand:
     """One datagram to a simulator's control port."""
 
-    control: SimulatorControl | None = None
-    config: SimulatorConfig | None = None
+    control: Annotated[SimulatorControl | None, Wire(1)] = None
+    config: Annotated[SimulatorConfig | None, Wire(2)] = None
     unknown: bytes = b""
 
 
@@ -218,7 +218,7 @@ class SimulatorCommand:
 class SimulatorResponse:
     """What it answers; a command without errors need not be answered."""
 
-    errors: tuple[SimulatorError, ...] = ()
+    errors: Annotated[tuple[SimulatorError, ...], Wire(1)] = ()
     unknown: bytes = b""
 
 
@@ -227,10 +227,10 @@ class SimulatorResponse:
 class WheelVelocities:
     """Speeds of the wheels' rims, metres a second."""
 
-    front_right_mps: Annotated[float, Wire("front_right")]
-    back_right_mps: Annotated[float, Wire("back_right")]
-    back_left_mps: Annotated[float, Wire("back_left")]
-    front_left_mps: Annotated[float, Wire("front_left")]
+    front_right_mps: Annotated[float, Wire(1, "front_right")]
+    back_right_mps: Annotated[float, Wire(2, "back_right")]
+    back_left_mps: Annotated[float, Wire(3, "back_left")]
+    front_left_mps: Annotated[float, Wire(4, "front_left")]
     unknown: bytes = b""
 
 
@@ -239,9 +239,9 @@ class WheelVelocities:
 class LocalVelocity:
     """Velocity in the robot frame."""
 
-    forward_mps: Annotated[float, Wire("forward")]
-    left_mps: Annotated[float, Wire("left")]
-    turn_rps: Annotated[float, Wire("angular")]
+    forward_mps: Annotated[float, Wire(1, "forward")]
+    left_mps: Annotated[float, Wire(2, "left")]
+    turn_rps: Annotated[float, Wire(3, "angular")]
     unknown: bytes = b""
 
 
@@ -250,9 +250,9 @@ class LocalVelocity:
 class GlobalVelocity:
     """Velocity in the field frame."""
 
-    x_mps: Annotated[float, Wire("x")]
-    y_mps: Annotated[float, Wire("y")]
-    turn_rps: Annotated[float, Wire("angular")]
+    x_mps: Annotated[float, Wire(1, "x")]
+    y_mps: Annotated[float, Wire(2, "y")]
+    turn_rps: Annotated[float, Wire(3, "angular")]
     unknown: bytes = b""
 
 
@@ -261,9 +261,9 @@ class GlobalVelocity:
 class MoveCommand:
     """How a robot shall move: one of the three."""
 
-    wheels: Annotated[WheelVelocities | None, Wire("wheel_velocity")] = None
-    local: Annotated[LocalVelocity | None, Wire("local_velocity")] = None
-    world: Annotated[GlobalVelocity | None, Wire("global_velocity")] = None
+    wheels: Annotated[WheelVelocities | None, Wire(1, "wheel_velocity")] = None
+    local: Annotated[LocalVelocity | None, Wire(2, "local_velocity")] = None
+    world: Annotated[GlobalVelocity | None, Wire(3, "global_velocity")] = None
     unknown: bytes = b""
 
 
@@ -272,11 +272,11 @@ class MoveCommand:
 class RobotCommand:
     """What one robot shall do; a `kick_angle_rad` above 0 chips the ball up at that angle."""
 
-    number: Annotated[int, Wire("id")]
-    move: Annotated[MoveCommand | None, Wire("move_command")] = None
-    kick_mps: Annotated[float | None, Wire("kick_speed")] = None
-    kick_angle_rad: Annotated[float | None, Wire("kick_angle", DEGREES_PER_RAD)] = None
-    dribbler_rps: Annotated[float | None, Wire("dribbler_speed", RPM_PER_RPS)] = None
+    number: Annotated[int, Wire(1, "id")]
+    move: Annotated[MoveCommand | None, Wire(2, "move_command")] = None
+    kick_mps: Annotated[float | None, Wire(3, "kick_speed")] = None
+    kick_angle_rad: Annotated[float | None, Wire(4, "kick_angle", DEGREES_PER_RAD)] = None
+    dribbler_rps: Annotated[float | None, Wire(5, "dribbler_speed", RPM_PER_RPS)] = None
     unknown: bytes = b""
 
 
@@ -285,7 +285,7 @@ class RobotCommand:
 class RobotControl:
     """One datagram to a team's robots."""
 
-    commands: Annotated[tuple[RobotCommand, ...], Wire("robot_commands")] = ()
+    commands: Annotated[tuple[RobotCommand, ...], Wire(1, "robot_commands")] = ()
     unknown: bytes = b""
 
 
@@ -294,9 +294,9 @@ class RobotControl:
 class RobotFeedback:
     """What one robot feels."""
 
-    number: Annotated[int, Wire("id")]
-    ball_contact: Annotated[bool | None, Wire("dribbler_ball_contact")] = None
-    custom: AnyMessage | None = None
+    number: Annotated[int, Wire(1, "id")]
+    ball_contact: Annotated[bool | None, Wire(2, "dribbler_ball_contact")] = None
+    custom: Annotated[AnyMessage | None, Wire(3)] = None
     unknown: bytes = b""
 
 
@@ -309,9 +309,9 @@ MOTION_TYPE = "robocup_vision/RobotMotion"
 class RobotMotion:
     """How a robot of this project's simulator moves, as its wheels tell it: robot frame; a feedback's `custom`."""
 
-    forward_mps: Annotated[float | None, Wire("forward")] = None
-    left_mps: Annotated[float | None, Wire("left")] = None
-    turn_rps: Annotated[float | None, Wire("angular")] = None
+    forward_mps: Annotated[float | None, Wire(1, "forward")] = None
+    left_mps: Annotated[float | None, Wire(2, "left")] = None
+    turn_rps: Annotated[float | None, Wire(3, "angular")] = None
     unknown: bytes = b""
 
 
@@ -320,8 +320,8 @@ class RobotMotion:
 class RobotControlResponse:
     """What the robots of a team answer."""
 
-    errors: tuple[SimulatorError, ...] = ()
-    feedback: tuple[RobotFeedback, ...] = ()
+    errors: Annotated[tuple[SimulatorError, ...], Wire(1)] = ()
+    feedback: Annotated[tuple[RobotFeedback, ...], Wire(2)] = ()
     unknown: bytes = b""
 
 
@@ -330,9 +330,9 @@ class RobotControlResponse:
 class SyncRequest:
     """Asks a simulator to go on by `step_s` and to answer with what was seen."""
 
-    step_s: Annotated[float | None, Wire("sim_step")] = None
-    command: Annotated[SimulatorCommand | None, Wire("simulator_command")] = None
-    robot_control: RobotControl | None = None
+    step_s: Annotated[float | None, Wire(1, "sim_step")] = None
+    command: Annotated[SimulatorCommand | None, Wire(2, "simulator_command")] = None
+    robot_control: Annotated[RobotControl | None, Wire(3)] = None
     unknown: bytes = b""
 
 
@@ -341,6 +341,6 @@ class SyncRequest:
 class SyncResponse:
     """The frames of that step, and the robots' answer."""
 
-    detections: Annotated[tuple[DetectionFrame, ...], Wire("detection")] = ()
-    robots: Annotated[RobotControlResponse | None, Wire("robot_control_response")] = None
+    detections: Annotated[tuple[DetectionFrame, ...], Wire(1, "detection")] = ()
+    robots: Annotated[RobotControlResponse | None, Wire(2, "robot_control_response")] = None
     unknown: bytes = b""

@@ -30,8 +30,8 @@ class Capability(OpenEnum):
 class Vector2:
     """Along the floor, field frame, metres or metres a second."""
 
-    x: float
-    y: float
+    x: Annotated[float, Wire(1)]
+    y: Annotated[float, Wire(2)]
     unknown: bytes = b""
 
 
@@ -40,9 +40,9 @@ class Vector2:
 class Vector3:
     """In space, field frame, z up, metres or metres a second."""
 
-    x: float
-    y: float
-    z: float
+    x: Annotated[float, Wire(1)]
+    y: Annotated[float, Wire(2)]
+    z: Annotated[float, Wire(3)]
     unknown: bytes = b""
 
 
@@ -51,8 +51,8 @@ class Vector3:
 class TrackedRobotId:
     """A robot's number and team."""
 
-    number: Annotated[int, Wire("id")]
-    team: Annotated[TeamColor, Wire("team_color")]
+    number: Annotated[int, Wire(1, "id")]
+    team: Annotated[TeamColor, Wire(2, "team_color")]
     unknown: bytes = b""
 
 
@@ -61,9 +61,9 @@ class TrackedRobotId:
 class TrackedBall:
     """A ball, how it moves, and how well it is seen (0 to 1)."""
 
-    position_m: Annotated[Vector3, Wire("pos")]
-    velocity_mps: Annotated[Vector3 | None, Wire("vel")] = None
-    visibility: float | None = None
+    position_m: Annotated[Vector3, Wire(1, "pos")]
+    velocity_mps: Annotated[Vector3 | None, Wire(2, "vel")] = None
+    visibility: Annotated[float | None, Wire(3)] = None
     unknown: bytes = b""
 
 
@@ -72,12 +72,12 @@ class TrackedBall:
 class KickedBall:
     """A ball as it was kicked: when, where, how fast, by whom, and where it will lie still."""
 
-    position_m: Annotated[Vector2, Wire("pos")]
-    velocity_mps: Annotated[Vector3, Wire("vel")]
-    start_s: Annotated[float, Wire("start_timestamp")]
-    stop_s: Annotated[float | None, Wire("stop_timestamp")] = None
-    stop_position_m: Annotated[Vector2 | None, Wire("stop_pos")] = None
-    robot: Annotated[TrackedRobotId | None, Wire("robot_id")] = None
+    position_m: Annotated[Vector2, Wire(1, "pos")]
+    velocity_mps: Annotated[Vector3, Wire(2, "vel")]
+    start_s: Annotated[float, Wire(3, "start_timestamp", kind="double")]
+    stop_s: Annotated[float | None, Wire(4, "stop_timestamp", kind="double")] = None
+    stop_position_m: Annotated[Vector2 | None, Wire(5, "stop_pos")] = None
+    robot: Annotated[TrackedRobotId | None, Wire(6, "robot_id")] = None
     unknown: bytes = b""
 
 
@@ -86,12 +86,12 @@ class KickedBall:
 class TrackedRobot:
     """A robot, how it moves, and how well it is seen (0 to 1)."""
 
-    robot: Annotated[TrackedRobotId, Wire("robot_id")]
-    position_m: Annotated[Vector2, Wire("pos")]
-    orientation_rad: Annotated[float, Wire("orientation")]
-    velocity_mps: Annotated[Vector2 | None, Wire("vel")] = None
-    turn_rps: Annotated[float | None, Wire("vel_angular")] = None
-    visibility: float | None = None
+    robot: Annotated[TrackedRobotId, Wire(1, "robot_id")]
+    position_m: Annotated[Vector2, Wire(2, "pos")]
+    orientation_rad: Annotated[float, Wire(3, "orientation")]
+    velocity_mps: Annotated[Vector2 | None, Wire(4, "vel")] = None
+    turn_rps: Annotated[float | None, Wire(5, "vel_angular")] = None
+    visibility: Annotated[float | None, Wire(6)] = None
     unknown: bytes = b""
 
 
@@ -100,12 +100,12 @@ class TrackedRobot:
 class TrackedFrame:
     """The world at one moment, seconds since 1970."""
 
-    frame_number: int
-    t_s: Annotated[float, Wire("timestamp")]
-    balls: tuple[TrackedBall, ...] = ()
-    robots: tuple[TrackedRobot, ...] = ()
-    kicked_ball: KickedBall | None = None
-    capabilities: tuple[Capability, ...] = ()
+    frame_number: Annotated[int, Wire(1)]
+    t_s: Annotated[float, Wire(2, "timestamp", kind="double")]
+    balls: Annotated[tuple[TrackedBall, ...], Wire(3)] = ()
+    robots: Annotated[tuple[TrackedRobot, ...], Wire(4)] = ()
+    kicked_ball: Annotated[KickedBall | None, Wire(5)] = None
+    capabilities: Annotated[tuple[Capability, ...], Wire(6)] = ()
     unknown: bytes = b""
 
 
@@ -114,7 +114,7 @@ class TrackedFrame:
 class TrackerPacket:
     """One datagram of a tracker; `uuid` identifies the running tracker."""
 
-    uuid: str
-    source_name: str | None = None
-    frame: Annotated[TrackedFrame | None, Wire("tracked_frame")] = None
+    uuid: Annotated[str, Wire(1)]
+    source_name: Annotated[str | None, Wire(2)] = None
+    frame: Annotated[TrackedFrame | None, Wire(3, "tracked_frame")] = None
     unknown: bytes = b""

@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 
 from benchmarks.worlds.damaged_messages import EXAMPLES, REFEREE, damaged_messages
 from field_models.errors import PacketError
-from robocup_vision.ssl.protocol.mapping import decode, encode
-from robocup_vision.ssl.protocol.messages import message_class, parse
-from robocup_vision.ssl.protocol.tables import TABLES
+from robocup_vision.ssl.protocol.mapping import decode, encode, message_class
 from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot, VisionPacket
 from robocup_vision.ssl.values.referee import GameEvent, Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import RobotCommand, RobotControl
@@ -32,7 +30,7 @@ def test_a_value_comes_back(value):
 
 @given(x=FLOAT32, y=FLOAT32, angle=FLOAT32, number=UINT32)
 def test_float32_millimetres_come_back_to_the_last_bit(x, y, angle, number):
-    message = message_class("vision.SSL_DetectionRobot")(
+    message = message_class(DetectionRobot)(
         confidence=1.0, robot_id=number, x=x, y=y, orientation=angle, pixel_x=0.0, pixel_y=0.0
     )
     data = message.SerializeToString()
@@ -43,7 +41,7 @@ def test_float32_millimetres_come_back_to_the_last_bit(x, y, angle, number):
 
 @given(degrees=FLOAT32.filter(lambda value: abs(value) > 1e-35), rpm=FLOAT32.filter(lambda value: abs(value) > 1e-35))
 def test_degrees_and_rpm_come_back(degrees, rpm):
-    data = message_class("simulation.RobotCommand")(id=1, kick_angle=degrees, dribbler_speed=rpm).SerializeToString()
+    data = message_class(RobotCommand)(id=1, kick_angle=degrees, dribbler_speed=rpm).SerializeToString()
     assert encode(decode(RobotCommand, data)) == data
 
 
@@ -57,15 +55,14 @@ def test_required_zeros_are_written_and_absent_fields_are_none():
     assert b"\x18\x09" in encode(REFEREE)
 
 
-def test_fields_that_the_tables_do_not_have_are_kept():
-    ball = message_class("vision.SSL_DetectionBall")(confidence=1.0, x=1.0, y=2.0, pixel_x=0.0, pixel_y=0.0)
+def test_fields_that_a_value_does_not_have_are_kept():
+    ball = message_class(DetectionBall)(confidence=1.0, x=1.0, y=2.0, pixel_x=0.0, pixel_y=0.0)
     extra = b"\xa2\x06\x03abc"
     data = ball.SerializeToString() + extra
     value = decode(DetectionBall, data)
     assert value.unknown == extra
     assert encode(value) == data
-    event = Referee.__dataclass_fields__  # game events have no table at all
-    assert "game_events" in event
+    # of game events no field is known
     told = dataclasses.replace(REFEREE, game_events=(GameEvent(b"\x08\x01" + extra),))
     assert decode(Referee, encode(told)).game_events == told.game_events
 
@@ -129,31 +126,16 @@ def test_mutated_messages_are_read_or_refused():
     assert min(read, refused) > count // 20
 
 
-def test_every_message_of_the_tables_is_built():
-    names = [
-        f"{table}.{line.split()[1]}"
-        for table, text in TABLES.items()
-        for line in text.splitlines()
-        if line.startswith("message ")
-    ]
-    assert len(names) > 50
-    for name in names:
-        assert message_class(name)().SerializePartialToString() == b""
-    with pytest.raises(KeyError):
-        message_class("vision.Nothing")
-    assert parse("simulation.RobotControl", b"").robot_commands == []
-
-
 def test_a_team_may_load_its_own_modules_of_the_same_messages():
     program = """
 from google.protobuf import descriptor_pb2, descriptor_pool
-import robocup_vision.ssl.protocol.messages as ours
-ours.message_class("vision.SSL_DetectionBall")
-file = descriptor_pb2.FileDescriptorProto(name="robocup_vision.proto", package="robocup_vision")
-file.message_type.add(name="vision").field.add(name="other", number=1, type=5, label=1)
-file.message_type.add(name="SSL_DetectionBall")
+from robocup_vision.ssl.protocol.mapping import message_class, message_name
+from robocup_vision.ssl.values.detection import DetectionBall
+name = message_class(DetectionBall).DESCRIPTOR.file.name
+file = descriptor_pb2.FileDescriptorProto(name=name, package="robocup_vision.vision")
+file.message_type.add(name="SSL_DetectionBall").field.add(name="other", number=1, type=5, label=1)
 descriptor_pool.Default().Add(file)
-descriptor_pool.Default().FindMessageTypeByName("robocup_vision.vision")
+descriptor_pool.Default().FindMessageTypeByName(message_name(DetectionBall))
 """
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
 
