@@ -85,8 +85,6 @@ def calibrate_colors(
 
     Parameters
     ----------
-    field : Field
-        Names the colours of ball and goals.
     frames : iterable of (str, callable)
         Name of each frame, and a function that reads it: (H, W, 3) uint8 BGR. One that cannot be read is noted and
         left out.

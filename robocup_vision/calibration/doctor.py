@@ -78,8 +78,6 @@ class Doctor:
 
     Parameters
     ----------
-    dataset : Dataset
-        Says the set-up at hand.
     pictures : sequence of Picture
         All of one size, which need not be the camera's.
     own_views : mapping of str to View, optional

@@ -58,13 +58,6 @@ class StartTrials:
 
         Calls must come in the same order with the same pieces whenever a calibration is repeated: results are found
         again by their number.
-
-        Parameters
-        ----------
-        label : str
-            Of the progress bar.
-        form : JsonForm
-            How a result is kept.
         """
         first, self._begun = self._begun, self._begun + len(pieces)
         found = {} if self._kept is None else self._kept.found

@@ -59,8 +59,6 @@ def load_boxes(path: Path, image_names: Collection[str], size_px: tuple[int, int
     ----------
     path : Path
         The file; further columns are ignored.
-    image_names : collection of str
-        The dataset's images.
 
     Raises
     ------

@@ -65,8 +65,6 @@ def match_boxes(
         Or another value with `balls`, `obstacles` and `camera`.
     boxes : sequence of Box
         Those of kinds that no view tells are left out.
-    field : Field
-        Gives the ball's size.
     kinds : sequence of str
         Which of "ball" and "obstacle" are held against boxes.
 

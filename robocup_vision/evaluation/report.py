@@ -77,16 +77,12 @@ def render_report(
     ----------
     rows : sequence of Row
         One an image, in order.
-    notes : sequence of str
-        What was ignored or left out.
     spread : mapping of int to bytes
         JPEG overlays of evenly spread images, by row index.
     worst : sequence of (int, bytes)
         Row index and JPEG overlay of the worst images, the worst first.
     moments : mapping of str to str, optional
         By image: the address that opens its moment in the live page.
-    found : Found, optional
-        What was found of the boxes.
     """
     ranked = sorted(range(len(rows)), key=lambda index: (rows[index].severity, -index), reverse=True)
     worst_indices = {index for index, _ in worst}

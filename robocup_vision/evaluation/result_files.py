@@ -170,8 +170,6 @@ def write_summary(
 
     Parameters
     ----------
-    method : str
-        How poses were found.
     left_out : int
         How many frames are not among the images.
     detections : dict of str to KindFigures, or None

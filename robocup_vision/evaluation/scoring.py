@@ -49,8 +49,6 @@ def pose_error(estimate: PoseEstimate, truth: Truth, *, symmetric: bool) -> Pose
 
     Parameters
     ----------
-    estimate : PoseEstimate
-        From the localiser.
     truth : Truth
         True pose of the robot, or of the camera where `pose_of` is "camera".
     symmetric : bool

@@ -27,10 +27,6 @@ class FoxgloveServer(Closing):
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    camera : OmniCamera or PinholeCamera
-        The robot's.
     port : int
         Of the server; 0: any free one.
     host : str
@@ -114,14 +110,10 @@ class FoxgloveServer(Closing):
         ----------
         frame : (H, W, 3) uint8
             BGR; copied.
-        view : View
-            What it shows.
         t_s : float, optional
             When it was taken; default: as the view says, else now.
         odometry : Pose2, optional
             The robot's motion since the frame before, in its frame then.
-        command : SteeringCommand, optional
-            What the robot does next.
         """
         at_s = t_s if t_s is not None else view.t_s if view.t_s is not None else time.time()
         copied = cast("UInt8Array", frame.copy())

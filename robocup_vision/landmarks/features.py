@@ -233,9 +233,6 @@ def match(
 
     Parameters
     ----------
-    first : (N, 128) float32
-        Unit vectors; each looks for its partner.
-    second : (M, 128) float32
     allowed : (N, M) bool
         Which pairs may be partners; the ratio is taken among these alone.
     ratio : float

@@ -62,8 +62,6 @@ def select(
 
     Parameters
     ----------
-    how : Selection
-        By what rule.
     landmarks, expected, camera, pose
         The map, and what a robot at this pose (3,) expects to see of it.
     prior_cov : (3, 3) float64

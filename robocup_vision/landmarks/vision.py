@@ -75,8 +75,6 @@ class LandmarkVision:
         After the first frame look for features only around the landmarks expected: a fraction of the time.
     mask : (H, W) uint8, optional
         Non-zero pixels are never looked at.
-    settings : LandmarkSettings, optional
-        Windows and thresholds.
     """
 
     def __init__(

@@ -31,19 +31,7 @@ _KINDS = {"omni": "mirror camera", "pinhole": "forward camera"}
 
 
 class Calibrator:
-    """Collects frames of one source and calibrates its camera, in a thread.
-
-    Parameters
-    ----------
-    display : Display
-        Is told how far it is.
-    out : Path
-        Where the folder of frames goes.
-    say : callable
-        Says a line to the user.
-    use : callable
-        Takes the setup with the new camera.
-    """
+    """Collects frames of one source and calibrates its camera, in a thread."""
 
     def __init__(
         self,

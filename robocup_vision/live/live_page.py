@@ -36,8 +36,6 @@ class LivePage:
     ----------
     controls : Controls
         What pages may do. Its methods are called in a thread of this object.
-    out : Path
-        Folder for frames that pages save.
     port : int
         0: any free one.
 
@@ -222,6 +220,6 @@ class LivePage:
                 continue
             _, name, values = message
             try:
-                getattr(self._controls, name)(*values)
+                self._controls.ask(name, *values)
             except RobocupVisionError as error:
                 self.say(f"refused: {error}")

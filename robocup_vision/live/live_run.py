@@ -29,8 +29,6 @@ class LiveRun(Controls):
         Returns what shows the moments and asks these controls for what pages want.
     sources : sequence of Source
         What is shown first; closed at the end.
-    options : SourceOptions
-        For sources that are opened later.
     out : Path
         Folder for recordings and calibrations.
     folder : Path, optional

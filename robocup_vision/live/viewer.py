@@ -30,10 +30,6 @@ class Viewer(Controls, Closing):
 
     Parameters
     ----------
-    vision : Vision
-        What looks.
-    name : str
-        What the page calls the robot.
     port : int
         Of the page; 0: any free one, see `address`.
     host : str
@@ -43,8 +39,6 @@ class Viewer(Controls, Closing):
         The robot's size from above; default: as its league's robots are.
     out : str or Path
         Folder for frames that are saved by the page.
-    settings : FeedSettings
-        How much is kept.
 
     Raises
     ------
@@ -107,8 +101,6 @@ class Viewer(Controls, Closing):
         ----------
         frame : (H, W, 3) uint8
             BGR. Of a rig its frames: the first that is one is shown.
-        view : View
-            What `Vision.look` returned for it.
         command : (float, float, float), optional
             Commanded velocity in the robot frame: forward and left in m/s, turn in rad/s.
         way : sequence of (float, float)

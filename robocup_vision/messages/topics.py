@@ -110,17 +110,7 @@ class TopicSettings:
 
 
 class Topics:
-    """Makes the messages of one robot; one object a run.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    camera : OmniCamera or PinholeCamera
-        The robot's.
-    settings : TopicSettings
-        What is sent, and on which topics.
-    """
+    """Makes the messages of one robot; one object a run."""
 
     def __init__(
         self, field: Field, camera: OmniCamera | PinholeCamera, settings: TopicSettings = TopicSettings()

@@ -121,8 +121,6 @@ class ColorMemory:
         ----------
         samples : (K, M, 3) uint8
             `view.sample` of the frame.
-        view : PolarView or FloorView
-            Where they lie.
 
         Returns
         -------

@@ -107,8 +107,6 @@ def white_runs(
 
     Parameters
     ----------
-    white : (H, W) uint8
-        See `whiteness`.
     row_step : int
         Rows of a band.
 
@@ -150,12 +148,8 @@ def strips(
 
     Parameters
     ----------
-    runs : four (N,) float64
-        See `white_runs`.
     row_step : int
         Rows from one band of runs to the next.
-    carpet : (H, W) uint8
-        See `carpet_mask`.
     certain : bool
         Whether the runs are paint of the right hue: strips may then be shorter and gaps of glare longer.
     """

@@ -54,8 +54,6 @@ def hues_of(
         Middles of their near sides, robot frame.
     widths_m : (N,) float64
         Distances between the ends of these.
-    radius_m : float
-        Of a robot of the league.
     """
     ahead = places_m - np.array(camera.offset_m)
     ahead = ahead / np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-6)[:, None]

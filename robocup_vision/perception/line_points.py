@@ -123,12 +123,8 @@ class LinePoints:
 
         Parameters
         ----------
-        pixels : (N, 2) array-like
-            Line points, px.
         weight : (N,) array-like, optional
             1 each where absent.
-        bare_floor : (H, W) bool, optional
-            See `LinePoints`.
         """
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         weights = np.ones(len(points)) if weight is None else np.asarray(weight, dtype=np.float64)

@@ -41,8 +41,6 @@ class Shrunk:
             Where its first pixel's middle lies in the frame.
         scale : float
             Pixels of the frame for one of the part.
-        size : (int, int)
-            Width and height of the part.
         """
         width, height = size
         halved = self._halved((left, top, left + scale * width, top + scale * height), scale)

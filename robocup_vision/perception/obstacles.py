@@ -117,12 +117,8 @@ class ObstacleFinder:
 
         Parameters
         ----------
-        view : PolarView or FloorView
-            Where the samples lie.
         marks : (K, M) uint8
             What they show: 0 blocked, else floor, line or ball.
-        pose : PoseEstimate or NotLocated
-            The robot on the field.
         edge_px : (K,) float64, optional
             Where each bearing's floor ends, as `view.radius_px`, NaN where not known: a foot that near is measured by
             it. Others lie between the last sample of floor and the first that is blocked.

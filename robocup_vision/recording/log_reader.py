@@ -120,8 +120,6 @@ class LogReader:
 
         Parameters
         ----------
-        from_ns, to_ns : int, optional
-            The times.
         on_damage : callable, optional
             Takes what is wrong with a chunk that cannot be read, and is left out.
 

@@ -39,8 +39,6 @@ class LogWriter:
         The file; one that is there is replaced.
     attachments : iterable of (str, str, bytes)
         Name, media type and content: written first, so that a cut file has them.
-    compression : {"lz4", "zstd", "none"}
-        Of the chunks.
     max_waiting_bytes : int
         Of what waits to be written.
     when_full : {"wait", "drop"}

@@ -160,10 +160,6 @@ class CallWriter(Closing):
 
         Parameters
         ----------
-        kind : str
-            What was called.
-        t_s : float
-            The time it is about.
         inputs : mapping
             What it took, but for the frame; must not change any more.
         make_outputs : callable
@@ -209,12 +205,8 @@ class Recorder(Closing):
     ----------
     path : str or Path
         The file, ``.mcap``; one that is there is replaced.
-    vision : Vision
-        What looks.
     steering : Steering, optional
         What steers.
-    settings : RecorderSettings
-        How it is recorded.
 
     Raises
     ------

@@ -59,11 +59,6 @@ class RecordedFrame:
 class Recording:
     """A file that a `Recorder` has written, whole or cut.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
     Raises
     ------
     FileError

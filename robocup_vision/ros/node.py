@@ -95,11 +95,6 @@ _OF_OTHERS = ("/camera/", "/odometry", "/truth/")
 class VisionNode:
     """One robot's vision as a node.
 
-    Parameters
-    ----------
-    settings : NodeSettings
-        Its options.
-
     Raises
     ------
     RobocupVisionError
@@ -169,8 +164,6 @@ class VisionNode:
 
         Parameters
         ----------
-        message
-            The message.
         now_s : float
             The clock; stands in for a stamp that is zero.
         """
@@ -319,8 +312,6 @@ class VisionNode:
 
         Parameters
         ----------
-        now_s : float
-            The clock.
         notes : tuple of str
             What else is to be said, such as message types that are not installed.
         """

@@ -20,8 +20,6 @@ class CiClient(Closing):
 
     Parameters
     ----------
-    host : str
-        Name or IPv4 address of the machine it runs on.
     timeout_s : float
         For the connection, and for what is sent.
 

@@ -100,13 +100,6 @@ class _ControllerClient(Closing, Generic[R]):
 class AutoRefClient(_ControllerClient[AutoRefReply]):
     """Tells a game controller what an automatic referee sees.
 
-    Parameters
-    ----------
-    identifier : str
-        Of the automatic referee.
-    host : str
-        Name or IPv4 address of the machine it runs on.
-
     Raises
     ------
     ArgumentError
@@ -134,8 +127,6 @@ class TeamPortClient(_ControllerClient[TeamReply]):
     ----------
     team_name : str
         As the game controller has it.
-    host : str
-        Name or IPv4 address of the machine it runs on.
 
     Raises
     ------

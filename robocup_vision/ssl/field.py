@@ -30,11 +30,6 @@ def field_from_geometry(geometry: Geometry, name: str = "ssl_network") -> Field:
     Lines, arcs, goals, boundary and the radii of ball and robots are the message's; where it has none, the heights of
     goals and boards, the radii and the lines' width are those of the league's rules.
 
-    Parameters
-    ----------
-    name : str
-        What to call the field.
-
     Raises
     ------
     PacketError
@@ -82,11 +77,6 @@ def geometry_from_field(
     """Return the geometry that a vision system would send of a field.
 
     Lines that the league has a name for are called so; others are numbered.
-
-    Parameters
-    ----------
-    cameras : tuple of CameraCalibration
-        Above it.
 
     Raises
     ------

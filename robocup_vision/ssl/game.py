@@ -145,8 +145,6 @@ class Game:
 
         Parameters
         ----------
-        address : (str, int), optional
-            Where it came from.
         received_s : float, optional
             When it was received, by any clock that goes on; default: now.
         """

@@ -41,10 +41,6 @@ def record_log(
         The log; compressed where its name ends in ``gz``.
     goes_on : callable
         Called some times a second with the entries of each kind so far; recording ends when it returns false.
-    interface : str
-        ``loopback``, a network interface's name or its IPv4 address.
-    vision_ports, tracker_port, referee_port : sequence of int, int, int
-        Where is listened to.
     replaces : bool
         Whether a file that is there is replaced.
 

@@ -35,15 +35,8 @@ class Operator(Closing):
 
     Parameters
     ----------
-    host : str
-        Name or IPv4 address of the machine the game controller runs on.
     division : str, optional
         ``DIV_A`` or ``DIV_B``: set at the beginning.
-
-    Attributes
-    ----------
-    pressed : list of str
-        What was pressed.
 
     Raises
     ------

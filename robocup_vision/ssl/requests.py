@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import socket
-import time
 from collections.abc import Sequence
-from typing import Generic, TypeVar
+from typing import TypeVar, cast
 
-from field_models.errors import ArgumentError, PacketError
+from field_models.errors import ArgumentError
 from robocup_vision.closing import Closing
+from robocup_vision.ssl.datagrams import DatagramClient
 from robocup_vision.ssl.framed import Framed, connect
 from robocup_vision.ssl.protocol.mapping import decode, encode
-from robocup_vision.ssl.sockets import (
-    BLUE_PORT,
-    LOOPBACK,
-    SIMULATION_PORT,
-    YELLOW_PORT,
-    await_datagram,
-    take_newest,
-    wait_for_datagram,
-)
+from robocup_vision.ssl.sockets import BLUE_PORT, LOOPBACK, SIMULATION_PORT, YELLOW_PORT
 from robocup_vision.ssl.values.simulation import (
     RobotCommand,
     RobotControl,
@@ -38,18 +30,10 @@ from robocup_vision.ssl.values.simulation import (
 _CONNECT_S = 5.0
 
 T = TypeVar("T")
-U = TypeVar("U")
 
 
-class _Client(Closing, Generic[T]):
-    """Sends to one address and receives from there alone. Close it, or use it in a ``with``.
-
-    Parameters
-    ----------
-    answer : type
-        What comes back.
-    host : str
-        Name or IPv4 address of the machine.
+class _Client(DatagramClient[T]):
+    """Sends to one address and receives from there alone; see `DatagramClient`.
 
     Raises
     ------
@@ -58,60 +42,18 @@ class _Client(Closing, Generic[T]):
     """
 
     def __init__(self, answer: type[T], host: str, port: int) -> None:
-        self._answer = answer
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        super().__init__(answer, socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         self._socket.setblocking(False)
         self._host, self._port = host, port
-        self.bad_datagrams = 0
-        self.last_problem = ""
         try:
             self._socket.connect((host, port))
         except (OSError, OverflowError) as error:
             self._socket.close()
             raise ArgumentError(f"cannot reach {host}:{port}: {getattr(error, 'strerror', None) or error}") from None
 
-    def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
-
-    def fileno(self) -> int:
-        """Return the socket's number: `select.select` takes the client itself."""
-        return self._socket.fileno()
-
-    def receive(self, timeout_s: float | None = None) -> T | None:
-        """Return the next answer, or None after a time (None: wait on)."""
-        return self._receive(self._answer, timeout_s)
-
-    def receive_newest(self, most: int) -> list[T]:
-        """Return what has come, without waiting: of more than so many datagrams the newest."""
-        waiting, _ = take_newest(self._socket, most)
-        answers = [self._take(self._answer, data) for data, _ in waiting]
-        return [answer for answer in answers if answer is not None]
-
-    async def receive_async(self, timeout_s: float | None = None) -> T | None:
-        """As `receive`, for asyncio."""
-        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        while (datagram := await await_datagram(self._socket, deadline_s)) is not None:
-            answer = self._take(self._answer, datagram[0])
-            if answer is not None:
-                return answer
-        return None
-
-    def _receive(self, answer: type[U], timeout_s: float | None) -> U | None:
-        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        while (datagram := wait_for_datagram(self._socket, deadline_s)) is not None:
-            value = self._take(answer, datagram[0])
-            if value is not None:
-                return value
-        return None
-
-    def _take(self, answer: type[U], data: bytes) -> U | None:
-        try:
-            return decode(answer, data)
-        except PacketError as error:
-            self.bad_datagrams += 1
-            self.last_problem = str(error)
-            return None
+    def _ask_step(self, request: SyncRequest, timeout_s: float) -> SyncResponse | None:
+        self._send(request)
+        return cast("SyncResponse | None", self._receive(SyncResponse, timeout_s))
 
     def _send(self, value: object) -> None:
         data = encode(value)
@@ -157,8 +99,7 @@ class RobotClient(_Client[RobotControlResponse]):
 
     def step(self, step_s: float, commands: Sequence[RobotCommand], timeout_s: float = 1.0) -> SyncResponse | None:
         """Let a simulator go on by a step with these commands; return what was seen, or None after a time."""
-        self._send(SyncRequest(step_s, robot_control=RobotControl(tuple(commands))))
-        return self._receive(SyncResponse, timeout_s)
+        return self._ask_step(SyncRequest(step_s, robot_control=RobotControl(tuple(commands))), timeout_s)
 
 
 class SyncClient(Closing):
@@ -168,8 +109,6 @@ class SyncClient(Closing):
     ----------
     team : Team or None
         Whose robots are commanded; None: the control's port, which commands none.
-    host : str
-        Name or IPv4 address of the machine.
     port : int, optional
         Default: the league's for that team.
 
@@ -234,8 +173,7 @@ class SimulatorClient(_Client[SimulatorResponse]):
         self, step_s: float, command: SimulatorCommand | None = None, timeout_s: float = 1.0
     ) -> SyncResponse | None:
         """Let it go on by a step, a command first; return what was seen, or None after a time."""
-        self._send(SyncRequest(step_s, command))
-        return self._receive(SyncResponse, timeout_s)
+        return self._ask_step(SyncRequest(step_s, command), timeout_s)
 
     def place_ball(self, x_m: float, y_m: float, vx_mps: float = 0.0, vy_mps: float = 0.0) -> None:
         """Put the ball on the floor somewhere."""

@@ -96,8 +96,6 @@ def multicast_sender(interface: str = "loopback", *groups: str) -> socket.socket
 
     Parameters
     ----------
-    interface : str
-        ``loopback``, a network interface's name or its IPv4 address.
     groups : str
         Groups that are sent to. The interface then belongs to them, and clients of this machine that have joined on
         another interface, as many do, get them all the same.

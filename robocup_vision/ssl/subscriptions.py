@@ -5,14 +5,11 @@ Bad datagrams are counted and passed over: anybody can send anything to a group.
 
 from __future__ import annotations
 
-import socket
 import time
-from typing import Generic, TypeVar
+from typing import TypeVar
 
-from field_models.errors import PacketError
-from robocup_vision.closing import Closing
+from robocup_vision.ssl.datagrams import DatagramClient
 from robocup_vision.ssl.overview import MAX_CAMERAS, CameraMerge, Overview
-from robocup_vision.ssl.protocol.mapping import decode
 from robocup_vision.ssl.sockets import (
     REFEREE_GROUP,
     REFEREE_PORT,
@@ -21,10 +18,7 @@ from robocup_vision.ssl.sockets import (
     VISION_GROUP,
     VISION_PORT,
     Address,
-    await_datagram,
     multicast_receiver,
-    take_newest,
-    wait_for_datagram,
 )
 from robocup_vision.ssl.source_choice import SourceChoice
 from robocup_vision.ssl.values.detection import VisionPacket
@@ -35,13 +29,11 @@ from robocup_vision.ssl.values.tracked import TrackerPacket
 T = TypeVar("T")
 
 
-class Subscription(Closing, Generic[T]):
-    """Listens to a multicast group. Close it, or use it in a ``with``.
+class Subscription(DatagramClient[T]):
+    """Listens to a multicast group; see `DatagramClient`.
 
     Parameters
     ----------
-    value : type
-        What is sent there.
     interface : str
         ``loopback``, a network interface's name or its IPv4 address.
 
@@ -49,69 +41,10 @@ class Subscription(Closing, Generic[T]):
     ------
     ArgumentError
         If the interface or the port cannot be had.
-
-    Attributes
-    ----------
-    bad_datagrams : int
-        How many were no such message.
-    last_problem : str
-        What was wrong with the last of those; empty if none was.
-    skipped : int
-        How many were passed over, because newer ones were there (`receive_newest`).
     """
 
     def __init__(self, value: type[T], group: str, port: int, interface: str = "loopback") -> None:
-        self._value = value
-        self._socket: socket.socket = multicast_receiver(group, port, interface)
-        self.bad_datagrams = 0
-        self.last_problem = ""
-        self.skipped = 0
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
-
-    def fileno(self) -> int:
-        """Return the socket's number: `select.select` takes the client itself."""
-        return self._socket.fileno()
-
-    def receive(self, timeout_s: float | None = None) -> T | None:
-        """Return the next packet, or None after a time (None: wait on)."""
-        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        while (datagram := wait_for_datagram(self._socket, deadline_s)) is not None:
-            packet = self._take(*datagram)
-            if packet is not None:
-                return packet
-        return None
-
-    async def receive_async(self, timeout_s: float | None = None) -> T | None:
-        """As `receive`, for asyncio."""
-        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        while (datagram := await await_datagram(self._socket, deadline_s)) is not None:
-            packet = self._take(*datagram)
-            if packet is not None:
-                return packet
-        return None
-
-    def receive_newest(self, most: int) -> list[T]:
-        """Return what has come, without waiting: of more than so many datagrams the newest."""
-        waiting, skipped = take_newest(self._socket, most)
-        self.skipped += skipped
-        packets = [self._take(*datagram) for datagram in waiting]
-        return [packet for packet in packets if packet is not None]
-
-    def _take(self, data: bytes, sender: Address) -> T | None:
-        try:
-            packet = decode(self._value, data)
-        except PacketError as error:
-            self.bad_datagrams += 1
-            self.last_problem = str(error)
-            return None
-        return packet if self._keep(packet, sender) else None
-
-    def _keep(self, packet: T, sender: Address) -> bool:
-        """Remember what is worth it; return whether the packet is one for the user."""
-        return True
+        super().__init__(value, multicast_receiver(group, port, interface))
 
 
 class VisionClient(Subscription[VisionPacket]):
@@ -124,8 +57,6 @@ class VisionClient(Subscription[VisionPacket]):
     ----------
     port : int
         10006 of the league's vision; simulators use 10020 (`SIMULATED_VISION_PORT`).
-    interface, group : str
-        As in `Subscription`.
     """
 
     def __init__(self, port: int = VISION_PORT, interface: str = "loopback", group: str = VISION_GROUP) -> None:
@@ -173,10 +104,6 @@ class RefereeClient(Subscription[Referee]):
 
     Attributes
     ----------
-    newest : Referee or None
-        The newest packet.
-    sender : (str, int) or None
-        Where it came from.
     new_command : bool
         Whether the newest packet brought a command that the one before had not: its counter is another.
     """

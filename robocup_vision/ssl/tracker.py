@@ -134,13 +134,7 @@ _MAX_NUMBER = 63
 
 
 class OverheadTracker:
-    """Follows robots and one ball.
-
-    Attributes
-    ----------
-    problems : Problems
-        What was odd about the frames.
-    """
+    """Follows robots and one ball."""
 
     def __init__(self, settings: TrackerSettings = TrackerSettings()) -> None:
         self._settings = settings

@@ -103,8 +103,6 @@ def calibrate_by_edges(
     starts : sequence of PinholeCamera
         One of them is about right: focal length within 10 %, height within 15 %, tilt, the same in all pictures,
         within 3 degrees.
-    prior : mapping of int to Pose2 or None
-        Where the camera roughly was, by index.
     """
     some = dict(list(frames.items())[:: -(-len(frames) // settings.start_frames)])
     ranks = trials.results(_RankStart(field, some, prior, settings), starts, "starts", JsonForm(float, float))

@@ -109,12 +109,6 @@ def calibrate_by_goals(
         several are tried, with the image's middle as centre and no distortion.
     prior : mapping of int to Pose2 or None
         Where the camera roughly was (0.4 m, 9 degrees), by index. With one, lines are enough, without a goal in view.
-    called : sequence of str
-        Of all images.
-    notes : tuple of str
-        That were made before.
-    settings : GoalCalibrationSettings, optional
-        Of the starts, the joint fit and the decision.
 
     Raises
     ------

@@ -62,8 +62,6 @@ def too_uncertain(count: int, focal_std: float, height_std_m: float) -> str | No
     ----------
     focal_std : float
         Standard deviation of the logarithm of the focal length.
-    height_std_m : float
-        That of the height.
     """
     for what, is_refused, size in (
         ("focal length", focal_std > _MAX_FOCAL_STD, f"{100 * focal_std:.0f} %"),

@@ -97,8 +97,6 @@ def calibrate_omni(
         Of the frames; "frame 0" and so on unless given.
     max_frames : int
         Largest number of frames used; they are evenly spread.
-    settings : OmniCalibrationSettings, optional
-        Of the search, the fits and the decision.
     trials : StartTrials, optional
         Tries the starts: with other workers, or where an interrupted calibration was.
 

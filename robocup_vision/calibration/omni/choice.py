@@ -153,8 +153,6 @@ def halves(sector: Int64Array, frame: Int64Array) -> Int64Array:
 
     Parameters
     ----------
-    sector : (N,) int64
-        Sector of each point.
     frame : (N,) int64
         Its frame, of at least two points.
     """

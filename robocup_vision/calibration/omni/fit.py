@@ -106,16 +106,10 @@ class JointFit:
 
         Parameters
         ----------
-        vector : (G,) float64
-            Where to start.
-        poses : (F, 3) float64
-            Start of the poses.
         scales_px : tuple of float
             Widths of the redescending weights, the widest first.
         prior : (G,) float64
             Mean of the vector's prior; its standard deviations are the model's.
-        bounds : ((G,), (G,)) float64
-            Lower and upper bound of the vector.
         free : (G,) bool, optional
             Which numbers are fitted; all unless given. The others are fixed.
         repeats : int

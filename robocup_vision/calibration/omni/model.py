@@ -235,8 +235,6 @@ class CameraModel:
 
         Parameters
         ----------
-        start : (G,) float64
-            The start.
         center_px : float
             Largest change of either coordinate of the centre.
         log_scale, log_horizon : float

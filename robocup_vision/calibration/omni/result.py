@@ -84,8 +84,6 @@ def undetermined(
 
     Parameters
     ----------
-    covariance : (G, G) float64
-        Of its vector.
     tilted : bool
         Whether the tilt was fitted.
     unknown : bool

@@ -87,8 +87,6 @@ class Trust:
 
         Parameters
         ----------
-        covariance : (G, G) float64
-            Of its vector.
         model : CameraModel
             The family that the search began with; its `frame` is the start.
         """

@@ -83,8 +83,6 @@ class EvidenceMaker(Protocol):
         ----------
         frame : (H, W, 3) uint8
             BGR; of a rig one for each camera, or None.
-        view : View
-            What a `Vision` saw in it.
         mean, covariance : (G,), (G, G) float64
             What is believed of the parameters.
         start : (G,) float64
@@ -139,8 +137,6 @@ class OnlineCalibration:
     ----------
     camera : OmniCamera, PinholeCamera or Rig
         As in its file: start, and centre of the bounds. Of a rig's cameras pan, tilt, roll and height are refined.
-    settings : OnlineSettings
-        Bounds, and how often the camera is changed.
     """
 
     def __init__(

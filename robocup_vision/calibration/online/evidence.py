@@ -89,8 +89,6 @@ def gauss_newton_step(
 
     Parameters
     ----------
-    information, gradient
-        Of `normal_equations`.
     before : (G, G), (G,) float64
         Information on the camera's parameters before the frame, and its gradient where the points were linearised.
     own : (F,), (F,) float64
@@ -121,8 +119,6 @@ def marginal(
 
     Parameters
     ----------
-    information, gradient
-        Of `normal_equations`.
     size : int
         Number G of the camera's parameters.
     own, own_gradient : (F,) float64

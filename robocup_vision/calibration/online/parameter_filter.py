@@ -136,13 +136,7 @@ class ParameterFilter:
         return self.covariance + self._knock
 
     def take(self, evidence: Evidence, pose: Pose2, dt_s: float) -> None:
-        """Take in a frame.
-
-        Parameters
-        ----------
-        dt_s : float
-            Since the frame before.
-        """
+        """Take in a frame."""
         s = self.settings
         self._t_s += dt_s
         keep = math.exp(-dt_s / s.memory_s)

@@ -188,13 +188,7 @@ def _with_lens(eye: PinholeEvidence, held: FloatArray) -> FloatArray:
 
 
 def _by_body(held: PinholeCamera, place: Pose2, body: Pose2) -> FloatArray:
-    """(9, 10) float64: derivatives of a camera's parameters, pose and sway by its parameters, the body's pose and sway.
-
-    Parameters
-    ----------
-    place, body : Pose2
-        Of camera and body on the field.
-    """
+    """(9, 10) float64: derivatives of a camera's parameters, pose and sway by its parameters, and the body's two."""
     by = np.zeros((_HELD + _BODY, _SIZE + _BODY))
     by[:_HELD, :_HELD] = np.eye(_HELD)
     x, y, turn, tilt, roll, height = range(_HELD, _HELD + _BODY)

@@ -68,16 +68,12 @@ class StereoMapper:
 
     Parameters
     ----------
-    rig : TrinocularRig
-        The three cameras.
     start : Pose2
         The robot at the first moment, in the field frame.
     bound_drift : bool
         Adjust poses and landmarks together; without it, as in the paper, errors add up along the run.
     extractor : Extractor, optional
         What finds the features of all three cameras; SIFT unless given.
-    settings : MapperSettings
-        Windows and thresholds.
     """
 
     def __init__(

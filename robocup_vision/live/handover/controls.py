@@ -22,8 +22,22 @@ _REFUSALS = {
 _LENGTH = struct.Struct("<I")
 
 
+# what a page may ask for by name, and what must be offered for it
+_NEEDED = {
+    "pause": "pause",  # stand still, or go on
+    "step": "pause",  # take one more frame while standing still
+    "seek": "seek",  # go to a time, and stand still there
+    "open": "open",  # open another recording of the same folder at a time
+    "record": "record",  # begin or end recording
+    "save": "save",  # write a picture's frame as a dataset
+    "place": "place",  # put a robot of a simulation, or its ball, somewhere; without a heading a robot keeps its own
+    "collect": "calibrate",  # begin or end collecting frames for a calibration
+    "calibrate": "calibrate",  # calibrate a camera of a kind by the collected frames
+}
+
+
 class Controls:
-    """Refuses everything; a run overrides what it offers.
+    """Refuses everything; a run has a method of its own for each thing that it offers.
 
     All calls come from the page's thread, not from the run's, and must return soon.
 
@@ -47,41 +61,10 @@ class Controls:
         if offer not in self.offers:
             raise ArgumentError(_REFUSALS[offer])
 
-    def pause(self, on: bool) -> None:
-        """Stand still, or go on."""
-        self.need("pause")
-
-    def step(self) -> None:
-        """Take one more frame while standing still."""
-        self.need("pause")
-
-    def seek(self, t_s: float) -> None:
-        """Go to a time, and stand still there."""
-        self.need("seek")
-
-    def open(self, recording: str, t_s: float) -> None:
-        """Open another recording of the same folder at a time."""
-        self.need("open")
-
-    def record(self, on: bool) -> None:
-        """Begin or end recording."""
-        self.need("record")
-
-    def save(self, robot: str, number: int) -> None:
-        """Write a picture's frame as a dataset."""
-        self.need("save")
-
-    def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
-        """Put a robot of a simulation, or its ball, somewhere on the field; without a heading a robot keeps its own."""
-        self.need("place")
-
-    def collect(self, on: bool) -> None:
-        """Begin or end collecting frames for a calibration."""
-        self.need("calibrate")
-
-    def calibrate(self, kind: str) -> None:
-        """Calibrate a camera of a kind by the collected frames."""
-        self.need("calibrate")
+    def ask(self, name: str, *values: object) -> None:
+        """Do what a page asks for by name, if that is offered; raises as `need`."""
+        self.need(_NEEDED[name])
+        getattr(self, name)(*values)
 
 
 def write_message(pipe: IO[bytes], message: tuple[Any, ...]) -> None:

@@ -18,58 +18,62 @@ _Angle = Annotated[float, msgspec.Meta(ge=-10.0, le=10.0)]
 _Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 
 
-class Drawn(msgspec.Struct, tag="drawn", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class _Asked(msgspec.Struct, tag_field="type", forbid_unknown_fields=True, frozen=True):
+    """What all have in common: their tag is the name that `Controls.ask` takes."""
+
+
+class Drawn(_Asked, tag="drawn", frozen=True):
     """The page has drawn a robot's picture: it may get the next one."""
 
     robot: _Name
     number: _Number
 
 
-class Pause(msgspec.Struct, tag="pause", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Pause(_Asked, tag="pause", frozen=True):
     """Stand still, or go on with the newest."""
 
     on: bool
 
 
-class Step(msgspec.Struct, tag="step", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Step(_Asked, tag="step", frozen=True):
     """Go some frames forward or back, and stand still there."""
 
     frames: Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)]
 
 
-class Back(msgspec.Struct, tag="back", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Back(_Asked, tag="back", frozen=True):
     """Go to so many seconds before the newest frame, and stand still there."""
 
     seconds: _Seconds
 
 
-class Seek(msgspec.Struct, tag="seek", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Seek(_Asked, tag="seek", frozen=True):
     """Go to a time of a source that can go to times, and stand still there."""
 
     t_s: _Seconds
 
 
-class Open(msgspec.Struct, tag="open", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Open(_Asked, tag="open", frozen=True):
     """Open a recording of the folder that is shown, at a time."""
 
     recording: _Name
     t_s: _Seconds = 0.0
 
 
-class Record(msgspec.Struct, tag="record", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Record(_Asked, tag="record", frozen=True):
     """Begin or end recording."""
 
     on: bool
 
 
-class Save(msgspec.Struct, tag="save", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Save(_Asked, tag="save", frozen=True):
     """Write the picture that a robot's panel shows as a dataset."""
 
     robot: _Name
     number: _Number
 
 
-class Place(msgspec.Struct, tag="place", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Place(_Asked, tag="place", frozen=True):
     """Put a robot of a simulation, or its ball, somewhere on the field."""
 
     thing: _Name
@@ -78,19 +82,19 @@ class Place(msgspec.Struct, tag="place", tag_field="type", forbid_unknown_fields
     theta_rad: _Angle | None = None
 
 
-class Collect(msgspec.Struct, tag="collect", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Collect(_Asked, tag="collect", frozen=True):
     """Begin or end collecting frames for a calibration."""
 
     on: bool
 
 
-class Calibrate(msgspec.Struct, tag="calibrate", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class Calibrate(_Asked, tag="calibrate", frozen=True):
     """Calibrate a camera of a kind by the collected frames."""
 
     kind: Literal["omni", "pinhole"]
 
 
-class ShowMarkings(msgspec.Struct, tag="markings", tag_field="type", forbid_unknown_fields=True, frozen=True):
+class ShowMarkings(_Asked, tag="markings", frozen=True):
     """Find the markings of the frames to come, or no more: that takes longer than the rest of a picture."""
 
     on: bool

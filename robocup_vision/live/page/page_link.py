@@ -6,6 +6,8 @@ import bisect
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from msgspec.structs import astuple
+
 from field_models.field import COLOR_NAMES
 from robocup_vision.live.handover.controls import Controls
 from robocup_vision.live.handover.moment import RobotSetup
@@ -73,7 +75,6 @@ class PageLink:
         RobocupVisionError
             If it cannot be done.
         """
-        controls = self._controls
         match message:
             case messages.Drawn(robot, number):
                 under_way = self._on_the_way.get(robot, [])
@@ -88,29 +89,17 @@ class PageLink:
                 times = self._times()
                 if times:
                     self._at_s = times[max(0, bisect.bisect_right(times, times[-1] - seconds + 1e-6) - 1)]
-            case messages.Seek(t_s):
-                self._follow()
-                controls.seek(t_s)
-            case messages.Open(recording, t_s):
-                self._follow()
-                controls.open(recording, t_s)
-            case messages.Record(on):
-                controls.record(on)
-            case messages.Save(robot, number):
-                controls.save(robot, number)
-            case messages.Place(thing, x_m, y_m, theta_rad):
-                controls.place(thing, x_m, y_m, theta_rad)
-            case messages.Collect(on):
-                controls.collect(on)
-            case messages.Calibrate(kind):
-                controls.calibrate(kind)
             case messages.ShowMarkings(on):
                 self._feed.want_markings(self, on)
+            case _:
+                if isinstance(message, messages.Seek | messages.Open):
+                    self._follow()
+                self._controls.ask(str(message.__struct_config__.tag), *astuple(message))
         self._must_tell |= not isinstance(message, messages.Drawn)
 
     def _pause(self, on: bool) -> None:
         if "pause" in self._controls.offers:
-            self._controls.pause(on)
+            self._controls.ask("pause", on)
         if not on:
             self._follow()
         elif "pause" not in self._controls.offers:
@@ -119,9 +108,9 @@ class PageLink:
     def _step(self, frames: int) -> None:
         can_pause = "pause" in self._controls.offers
         if can_pause:
-            self._controls.pause(True)
+            self._controls.ask("pause", True)
         if frames > 0 and can_pause and self._at_s is None:
-            self._controls.step()
+            self._controls.ask("step")
             return
         self._stand_still()
         times = self._times()

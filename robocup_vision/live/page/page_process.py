@@ -38,37 +38,14 @@ class _FarControls(Controls):
     def __init__(self, feed: Feed, out: Path, to_robot: IO[bytes]) -> None:
         self._feed, self._out, self._to_robot = feed, out, to_robot
 
-    def pause(self, on: bool) -> None:
-        self._ask("pause", "pause", on)
-
-    def step(self) -> None:
-        self._ask("pause", "step")
-
-    def seek(self, t_s: float) -> None:
-        self._ask("seek", "seek", t_s)
-
-    def open(self, recording: str, t_s: float) -> None:
-        self._ask("open", "open", recording, t_s)
-
-    def record(self, on: bool) -> None:
-        self._ask("record", "record", on)
-
-    def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
-        self._ask("place", "place", thing, x_m, y_m, theta_rad)
-
-    def collect(self, on: bool) -> None:
-        self._ask("calibrate", "collect", on)
-
-    def calibrate(self, kind: str) -> None:
-        self._ask("calibrate", "calibrate", kind)
+    def ask(self, name: str, *values: object) -> None:
+        if name == "save":
+            super().ask(name, *values)
+        else:
+            write_message(self._to_robot, ("control", name, values))
 
     def save(self, robot: str, number: int) -> None:
-        self.need("save")
         save_from(self._feed, robot, number, self._out)
-
-    def _ask(self, offer: str, name: str, *values: object) -> None:
-        self.need(offer)
-        write_message(self._to_robot, ("control", name, values))
 
 
 class _PageProcess:

@@ -27,8 +27,6 @@ def save_moment(out: Path, setup: RobotSetup, moment: Moment) -> Path:
 
     Parameters
     ----------
-    out : Path
-        Where the folder goes; made if missing.
     moment : Moment
         What is written: image, time, camera, colours in use, and the truth if it is known.
 

@@ -143,8 +143,6 @@ def make_app(feed: Feed, controls: Controls, hosts: frozenset[str] | None) -> St
 
     Parameters
     ----------
-    feed, controls
-        As `PageServer`.
     hosts : frozenset of str or None
         ``Host`` headers that are answered; None: any.
     """

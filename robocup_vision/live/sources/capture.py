@@ -52,8 +52,6 @@ class CameraSource:
     ----------
     name : str
         What the page calls it.
-    device : int or str
-        Index, device or address.
     open_capture : callable
         Opens the device; default: `cv2.VideoCapture`.
 

@@ -93,21 +93,7 @@ class SourceOptions:
 
 
 class Source(Protocol):
-    """Gives frames, one moment after the other; one thread reads, another one may close.
-
-    Attributes
-    ----------
-    name : str
-        What the page calls it.
-    setups : tuple of RobotSetup
-        The robots whose frames it gives.
-    waits : bool
-        It stands still while nobody reads, as a file does. Else frames come by themselves, and the newest counts.
-    duration_s : float or None
-        Times from 0 to this can be gone to by `seek`; None: none can.
-    problem : str
-        Why no frames come; empty while they do.
-    """
+    """Gives frames, one moment after the other; one thread reads, another one may close."""
 
     @property
     def name(self) -> str:
@@ -121,17 +107,17 @@ class Source(Protocol):
 
     @property
     def waits(self) -> bool:
-        """Whether it stands still while nobody reads."""
+        """Whether it stands still while nobody reads, as a file does; else frames come, and the newest counts."""
         ...
 
     @property
     def duration_s(self) -> float | None:
-        """Up to which time it can be sought; None: not at all."""
+        """Times from 0 to this can be gone to by `seek`; None: none can."""
         ...
 
     @property
     def problem(self) -> str:
-        """Why no frames come."""
+        """Why no frames come; empty while they do."""
         ...
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
@@ -168,8 +154,6 @@ class PlacingSource(Source, Protocol):
         ----------
         thing : str
             "ball", or a robot's name.
-        x_m, y_m : float
-            Where, field frame.
         theta_rad : float or None
             A robot's heading; None: as it is.
 

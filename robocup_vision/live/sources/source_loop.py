@@ -49,8 +49,6 @@ class SourceLoop:
         What shows them; knows the source's robots already.
     watch : callable
         Is called in the loop's thread for each frame with what came and what is shown: recording and calibration.
-    say : callable
-        Says a line to the user.
     tell_run : callable
         Is called when `problem` or `ended` has changed.
 

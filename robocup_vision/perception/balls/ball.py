@@ -51,16 +51,10 @@ def ball_on_floor(
     ----------
     camera : PinholeCamera
         As held.
-    center_px : (float, float)
-        Its centre in the frame.
-    radius_m : float
-        Of the ball.
     angle_std_rad : callable
         Standard deviation of the ray by the centre's place in the picture, given the ball's distance in metres.
     tilt_std_rad : float
         Of the camera's tilt, by which the ray errs along itself.
-    log_likelihood_ratio : float
-        As in `Ball`.
     """
     height = camera.height_m - radius_m
     ray = camera.pixel_to_ray(center_px)

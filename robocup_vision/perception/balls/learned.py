@@ -59,8 +59,6 @@ class LearnedBallFinder:
 
     Parameters
     ----------
-    field : Field
-        Gives the ball's size.
     camera : PinholeCamera
         With a known tilt.
     mask : (H, W) uint8, optional
@@ -89,13 +87,7 @@ class LearnedBallFinder:
         self._swept = 0.0
 
     def find(self, frame: UInt8Array, camera: PinholeCamera, t_s: float | None = None) -> tuple[Ball, ...]:
-        """Find the balls in a frame, the likeliest first.
-
-        Parameters
-        ----------
-        camera : PinholeCamera
-            As held in the frame.
-        """
+        """Find the balls in a frame, the likeliest first."""
         seen = self._look(frame, self._places_of(camera), self._share(t_s))
         is_told = [self._is_ball(one) for one in seen]
         self._expect(seen, is_told, t_s)

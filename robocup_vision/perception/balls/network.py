@@ -104,8 +104,6 @@ class BallPlaces:
     ----------
     camera : PinholeCamera
         As held; its tilt must be known.
-    radius_m : float
-        Of the ball.
     mask : (H, W) uint8 or None
         Non-zero pixels are never looked at.
     """
@@ -214,15 +212,7 @@ class BallNetwork:
         self._first, self._second = (read_network(content) for content in stored)
 
     def look(self, frame: UInt8Array, strips: BallStrips, min_nats: float) -> list[Sighting]:
-        """Return where balls are seen, the surest first; of those that lie over each other the surest.
-
-        Parameters
-        ----------
-        strips : BallStrips
-            What is looked at.
-        min_nats : float
-            Less is not told.
-        """
+        """Return where balls are seen, the surest first; of those that lie over each other the surest."""
         shrunk = Shrunk(frame)
         likely = []
         for place in self.places(shrunk, strips)[:MAX_PLACES]:

@@ -122,8 +122,6 @@ class PatternedBallFinder:
 
     Parameters
     ----------
-    field : Field
-        Gives the ball's size.
     camera : PinholeCamera
         Its tilt may be unknown: then two balls in view give it, or one that is clear.
     mask : (H, W) uint8, optional

@@ -124,8 +124,6 @@ class SearchMemory:
 
     Parameters
     ----------
-    size_px : (int, int)
-        Of the frames: width, height.
     mask : (H, W) uint8 or None
         Non-zero pixels are never visited.
     """
@@ -152,8 +150,6 @@ class BallSearch(ABC):
 
     Parameters
     ----------
-    field, camera, mask, settings
-        See `MirrorBallFinder`.
     memory : SearchMemory, optional
         Of the camera's frames, where other finders look at them, too.
     """

@@ -318,8 +318,6 @@ def middle_shifts_m(camera: FloorCamera, places_m: FloatArray, normals: FloatArr
     ----------
     places_m, normals : (P, 2) float64
         Of the line's middle, and the directions across it, robot frame.
-    line_width_m : float
-        From edge to edge.
     """
     half = 0.5 * line_width_m * normals
     midway = 0.5 * (camera.floor_to_pixel(places_m + half) + camera.floor_to_pixel(places_m - half))

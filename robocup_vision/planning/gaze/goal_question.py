@@ -196,8 +196,6 @@ class GoalQuestion:
             Where the frame was taken.
         goal : int
             The goal that it identified, see `identified_goal`: +1, -1, or 0.
-        blockers : sequence of Disc
-            As `choose` took them.
         """
         outcome = {1: POSITIVE, -1: NEGATIVE, 0: NOTHING}.get(goal)
         if outcome is None:

@@ -72,8 +72,6 @@ def load_bag(
         A recording, a rosbag2 folder, or a .mcap or .db3 file.
     field, camera, colors, method
         As of `load_dataset`; needed where the file is no recording of this library.
-    topics : BagTopics
-        Which topics are read.
 
     Raises
     ------

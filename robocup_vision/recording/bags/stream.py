@@ -59,14 +59,10 @@ def with_frames(
 
     Parameters
     ----------
-    dataset : StreamDataset
-        Field, camera and path.
     count : int
         Frames in the file.
     kept : sequence of int
         Ascending numbers of the frames that are used.
-    times : sequence of FrameTime
-        Of each kept frame.
     frames : callable
         Opens the file and yields all its frames.
     truth : sequence of (float, Truth or None)

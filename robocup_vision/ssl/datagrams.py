@@ -1,0 +1,91 @@
+"""What clients of the league's datagrams have in common: each receives messages of one kind over its socket.
+
+Bad datagrams are counted and passed over: anybody can send anything.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from typing import Any, Generic, TypeVar, cast
+
+from field_models.errors import PacketError
+from robocup_vision.closing import Closing
+from robocup_vision.ssl.protocol.mapping import decode
+from robocup_vision.ssl.sockets import Address, await_datagram, take_newest, wait_for_datagram
+
+T = TypeVar("T")
+
+
+class DatagramClient(Closing, Generic[T]):
+    """Receives what is sent to a socket. Close it, or use it in a ``with``.
+
+    Parameters
+    ----------
+    value : type
+        What is sent there.
+
+    Attributes
+    ----------
+    bad_datagrams : int
+        How many were no such message.
+    last_problem : str
+        What was wrong with the last of those; empty if none was.
+    skipped : int
+        How many were passed over, because newer ones were there (`receive_newest`).
+    """
+
+    def __init__(self, value: type[T], opened: socket.socket) -> None:
+        self._value, self._socket = value, opened
+        self.bad_datagrams = 0
+        self.last_problem = ""
+        self.skipped = 0
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def fileno(self) -> int:
+        """Return the socket's number: `select.select` takes the client itself."""
+        return self._socket.fileno()
+
+    def receive(self, timeout_s: float | None = None) -> T | None:
+        """Return the next message, or None after a time (None: wait on)."""
+        return cast("T | None", self._receive(self._value, timeout_s))
+
+    async def receive_async(self, timeout_s: float | None = None) -> T | None:
+        """As `receive`, for asyncio."""
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        while (datagram := await await_datagram(self._socket, deadline_s)) is not None:
+            message: T | None = self._take(self._value, *datagram)
+            if message is not None:
+                return message
+        return None
+
+    def receive_newest(self, most: int) -> list[T]:
+        """Return what has come, without waiting: of more than so many datagrams the newest."""
+        waiting, skipped = take_newest(self._socket, most)
+        self.skipped += skipped
+        messages = [self._take(self._value, *datagram) for datagram in waiting]
+        return [message for message in messages if message is not None]
+
+    def _receive(self, value: type, timeout_s: float | None) -> Any:
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        while (datagram := wait_for_datagram(self._socket, deadline_s)) is not None:
+            message = self._take(value, *datagram)
+            if message is not None:
+                return message
+        return None
+
+    def _take(self, value: type, data: bytes, sender: Address) -> Any:
+        try:
+            message: Any = decode(value, data)
+        except PacketError as error:
+            self.bad_datagrams += 1
+            self.last_problem = str(error)
+            return None
+        return message if self._keep(message, sender) else None
+
+    def _keep(self, message: Any, sender: Address) -> bool:
+        """Remember what is worth it; return whether the message is one for the user."""
+        return True
