@@ -20,6 +20,7 @@ from sim2d.robot_link import CONTROL_PERIOD_S, Command
 
 FIELD = load_field("ssl_2001")
 LIMITS = MotionLimits(speed_mps=0.4, acceleration_mps2=0.3, dead_time_s=0.03)
+FRAMES = 24
 
 
 class RunFrame(NamedTuple):
@@ -33,10 +34,10 @@ class RunFrame(NamedTuple):
 
 @lru_cache(maxsize=1)
 def run_frames() -> tuple[RunFrame, ...]:
-    """Return 24 frames of one robot that drives a curve, 2 against 2 robots on the field."""
+    """Return `FRAMES` frames of one robot that drives a curve, 2 against 2 robots on the field."""
     arena = Arena(FIELD, 2, seed=5)
     frames = []
-    for _ in range(24):
+    for _ in range(FRAMES):
         state, senses = arena.state, arena.senses()
         robot = state.robots[0]
         assert senses[0].frame is not None

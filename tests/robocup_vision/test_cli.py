@@ -235,21 +235,6 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"robocup-vision {version('robocup-vision')}\n"
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["evaluate", "--help"], ["render", "--help"]])
-def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
-    code = (
-        "import sys\n"
-        "from robocup_vision import cli\n"
-        "try: cli.main(sys.argv[1:])\n"
-        "except SystemExit: pass\n"
-        "heavy = {'numpy', 'cv2', 'numba', 'matplotlib', 'pymunk', 'skimage', 'scipy'} & set(sys.modules)\n"
-        "sys.exit(f'loaded {sorted(heavy)}' if heavy else 0)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "usage: robocup-vision" in done.stdout
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
 def test_output_that_nobody_takes_ends_in_at_most_one_line() -> None:
     command = [sys.executable, "-m", "robocup_vision.cli", "fields"]

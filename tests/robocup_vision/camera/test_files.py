@@ -1,7 +1,5 @@
 """Camera files: what is saved comes back, and each thing that can be wrong is refused in one line that names it."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -181,11 +179,3 @@ def test_saving_a_curve_the_format_lacks_is_refused(tmp_path: Path):
     with pytest.raises(ArgumentError, match="type Unknown"):
         save_camera(camera, tmp_path / "camera.toml")
     assert not (tmp_path / "camera.toml").exists()
-
-
-@pytest.mark.parametrize("module", ["field_models", "robocup_vision", "robocup_vision.camera"])
-def test_importing_it_loads_none_of_the_heavy_libraries(module: str):
-    heavy = ("pymunk", "matplotlib", "scipy", "skimage", "jinja2", "sim2d")
-    code = f"import sys, {module}; print(*(name for name in {heavy} if name in sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []

@@ -34,39 +34,20 @@ ROWS = [
 ]
 
 
-@pytest.fixture
-def page(folder: Path) -> str:
+def test_the_page_stands_alone_is_escaped_and_shows_each_image(folder: Path) -> None:
     spread = {0: b"spread", 1: b"both"}
     worst = [(1, b"both"), (4, b"worst")]
-    return report.render_report(load_dataset(folder), ROWS, figures(ROWS), ["a <note>"], spread, worst)
-
-
-def test_the_page_stands_alone(page: str) -> None:
+    page = report.render_report(load_dataset(folder), ROWS, figures(ROWS), ["a <note>"], spread, worst)
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert len(sources) == 3 + 3
     assert all(source.startswith("data:image/") for source in sources)
     # nor are there moments of a recording to link to
     assert "http" not in page
     assert "recording=" not in page
-
-
-def test_the_page_is_escaped(page: str) -> None:
     assert page.count("<script") == page.count("<script>\n  const") == 1
     assert "&lt;script&gt;alert(1)&lt;/script&gt; too dark" in page
     assert "a &lt;note&gt;" in page
     assert "torn &amp; lost.png" in page
-
-
-def test_reasons_that_differ_by_numbers_alone_are_counted_as_one(folder: Path) -> None:
-    reasons = ("only 3 of 40 places agree", "only 12 of 38 places agree", "too dark: brightness 1.5")
-    rows = [Row(f"{number}.png", time_s=0.002, reason=reason) for number, reason in enumerate(reasons)]
-    page = report.render_report(load_dataset(folder), rows, figures(rows), [], {}, [])
-    counted = page[: page.index("<details")]
-    assert re.search(r"only … of … places agree</td>\s*<td[^>]*>2<", counted)
-    assert re.search(r"too dark: brightness …</td>\s*<td[^>]*>1<", counted)
-
-
-def test_the_page_shows_each_image(page: str) -> None:
     everything = page[page.index("<details") :]
     assert len(re.findall(r"<tr class=", everything)) == len(ROWS)
     first_worst = page[page.index("Worst images") :]
@@ -76,9 +57,18 @@ def test_the_page_shows_each_image(page: str) -> None:
         assert text in page
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("without_plots")
+def test_reasons_that_differ_by_numbers_alone_are_counted_as_one(folder: Path) -> None:
+    reasons = ("only 3 of 40 places agree", "only 12 of 38 places agree", "too dark: brightness 1.5")
+    rows = [Row(f"{number}.png", time_s=0.002, reason=reason) for number, reason in enumerate(reasons)]
+    page = report.render_report(load_dataset(folder), rows, figures(rows), [], {}, [])
+    counted = page[: page.index("<details")]
+    assert re.search(r"only … of … places agree</td>\s*<td[^>]*>2<", counted)
+    assert re.search(r"too dark: brightness …</td>\s*<td[^>]*>1<", counted)
+
+
+@pytest.mark.usefixtures("without_plots")
 def test_of_very_many_images_the_worst_are_listed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only this finds a page of thousands of images that lists all, or the best."""
     monkeypatch.setattr(report, "_MAX_LISTED", 2)
     page = report.render_report(load_dataset(folder), ROWS, figures(ROWS), [], {}, [])
     everything = page[page.index("<details") :]

@@ -15,6 +15,8 @@ from robocup_vision.cli import main
 from robocup_vision.evaluation.dataset import load_dataset
 from robocup_vision.geometry import Pose2
 
+pytestmark = pytest.mark.usefixtures("without_plots")
+
 PAIR, STEP = (CAMERAS[0], CAMERAS[2]), Pose2(0.04, 0.0, 0.05)
 FRAMES = """image,camera,t_s,dx_m,dy_m,dtheta_rad
 0.png,front,1.000,,,

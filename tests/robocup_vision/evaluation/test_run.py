@@ -20,6 +20,8 @@ from robocup_vision.evaluation.result_files import RESULT_COLUMNS
 from robocup_vision.evaluation.run import evaluate, make_vision_with_memory
 from robocup_vision.geometry import Pose2
 
+pytestmark = pytest.mark.usefixtures("without_plots")
+
 
 def read_rows(out: Path) -> list[dict[str, str]]:
     with (out / "results.csv").open(newline="") as stream:

@@ -18,6 +18,8 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.free_space import FreeSpace
 
+pytestmark = pytest.mark.usefixtures("without_plots")
+
 
 def free_space(*ranges_m: float) -> FreeSpace:
     return FreeSpace(np.arange(len(ranges_m)) * (math.tau / len(ranges_m)), np.array(ranges_m))

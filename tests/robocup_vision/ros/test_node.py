@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded_runs import make_vision, run_frames
+from recorded_runs import FRAMES, make_vision, run_frames
 
 from field_models.errors import ArgumentError, FileError
 from robocup_vision.camera.files import save_camera
@@ -36,7 +36,7 @@ def node(camera: str) -> VisionNode:
     return VisionNode(NodeSettings("ssl_2001", camera))
 
 
-def _drive(node: VisionNode, count: int = len(run_frames())) -> dict[str, Any]:
+def _drive(node: VisionNode, count: int = FRAMES) -> dict[str, Any]:
     """Hand the node frames with odometry; return the last messages by topic."""
     sent: dict[str, Any] = {}
     teller = Topics(node.vision.field, node.vision.camera)

@@ -206,16 +206,6 @@ def test_the_walk_would_find_the_world():
     assert reachable([frame[1:]])[-1] is frame
 
 
-def test_the_link_knows_nothing_of_the_world():
-    code = (
-        "import sys, sim2d.robot_link\n"
-        "known = [name for name in sys.modules if name.split('.')[0] in ('pymunk', 'sim2d')]\n"
-        "sys.exit(str(known) if set(known) - {'sim2d', 'sim2d.robot_link'} else 0)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-
-
 @pytest.mark.slow
 def test_the_same_seed_is_the_same_match_in_another_process():
     """Only this finds a match that depends on hashes, threads or clocks of its process."""

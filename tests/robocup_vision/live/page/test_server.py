@@ -215,9 +215,16 @@ def test_a_port_that_is_taken_is_named(server, feed):
         PageServer(feed, Controls(), port=server.port).start()
 
 
-@pytest.mark.parametrize(("port", "host"), [(-1, "127.0.0.1"), (70000, "127.0.0.1"), (0, "no address")])
-def test_addresses_that_are_none_are_refused(feed, port, host):
-    with pytest.raises(ArgumentError):
+@pytest.mark.parametrize(
+    ("port", "host", "said"),
+    [
+        (-1, "127.0.0.1", "port must be 0 to 65535"),
+        (70000, "127.0.0.1", "port must be 0 to 65535"),
+        (0, "no address", "host must be an IP address"),
+    ],
+)
+def test_addresses_that_are_none_are_refused(feed, port, host, said):
+    with pytest.raises(ArgumentError, match=said):
         PageServer(feed, Controls(), port=port, host=host)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded_runs import LIMITS, make_vision, record_run, run_frames
+from recorded_runs import FRAMES, LIMITS, make_vision, record_run, run_frames
 
 from field_models.errors import ArgumentError, FileError
 from robocup_vision import cli
@@ -56,7 +56,7 @@ def write_bag(path: Path, recorded: Path, plugin: str, mode: str | None, skip: t
             writer.write(connections[logged.topic], logged.time_ns, logged.data)
 
 
-def _assert_scored(out: Path, frames: int = len(run_frames())) -> None:
+def _assert_scored(out: Path, frames: int = FRAMES) -> None:
     figures = json.loads((out / "summary.json").read_text())
     assert figures["images"] == frames
     assert figures["located"] == frames
@@ -106,9 +106,9 @@ def test_the_command_scores_a_bag_by_its_topics(recorded: Path, camera: Path, tm
 
 def test_a_belief_may_stand_for_the_truth(recorded: Path) -> None:
     by_belief = load_bag(recorded, topics=BagTopics(truth="/pose_with_covariance"))
-    assert len(by_belief.truth) == len(run_frames())
+    assert len(by_belief.truth) == FRAMES
     by_odometry = load_bag(recorded, topics=BagTopics(truth="/odometry"))
-    assert len(by_odometry.truth) == len(run_frames())
+    assert len(by_odometry.truth) == FRAMES
 
 
 @pytest.mark.slow
@@ -124,7 +124,7 @@ def test_a_cut_recording_and_a_cut_bag_are_read_as_far_as_they_go(recorded: Path
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
     dataset = load_bag(tmp_path / "cut.mcap")
     by_topics = load_bag(tmp_path / "cut.mcap", topics=BagTopics(image="/camera/image"))
-    assert 0 < len(dataset.image_names) < len(run_frames())
+    assert 0 < len(dataset.image_names) < FRAMES
     # a cut may come between an image and its call
     assert 0 <= len(by_topics.image_names) - len(dataset.image_names) <= 1
     assert any("was cut off" in note for note in dataset.notes)
@@ -246,7 +246,7 @@ def test_a_bag_is_steered_straight_ahead(recorded: Path, camera: Path, tmp_path:
     words = ["evaluate", str(tmp_path / "bag"), "--field", "ssl_2001", "--camera", str(camera), "--memory", "--steer"]
     assert cli.main([*words, "--limits", "0.5", "1", "--out", str(tmp_path / "out")]) == 0
     rows = _steering(tmp_path / "out")
-    assert len(rows) == len(run_frames())
+    assert len(rows) == FRAMES
     assert {row["target_rad"] for row in rows} == {"0"}
     speeds = [math.hypot(float(row["command_x_mps"]), float(row["command_y_mps"])) for row in rows]
     assert max(speeds) == pytest.approx(0.5)
