@@ -27,8 +27,7 @@ import numpy as np
 from field_models import COLOR_NAMES, Field, load_field
 from robocup_vision import Memory, MotionLimits, Pose2, PoseEstimate, Steering, Vision, Wayfinder, load_camera
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.compiling.listed_loop import KERNELS, prepare_kernel, quick_compiling, spelled_type
-from robocup_vision.compiling.prepared_kernels import SIGNATURES
+from robocup_vision.compiling.prepared_kernels import KERNELS, SIGNATURES, prepare_kernel, quick_compiling, spelled_type
 from robocup_vision.disc import Disc
 from robocup_vision.mapping import ViewMotion
 

@@ -34,7 +34,7 @@ from robocup_vision.planning import (
     MotionLimits,
     WidthSensor,
 )
-from robocup_vision.planning.gaps.gap import Point
+from robocup_vision.planning.gaps.gap_choice import Point
 from robocup_vision.planning.gaps.gate_planner import GatePlannerSettings, GateTables
 
 CONFIRMED, LOOK_S, FAILURE_S, LOOKS = 0.95, 0.2, 2.0, 3

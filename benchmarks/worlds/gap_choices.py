@@ -28,7 +28,7 @@ from benchmarks.worlds.uncertain_robot import (
 )
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import Disc, Gap, PassageTimes, WidthSensor, choose_gap
-from robocup_vision.planning.gaps.gap import Point, gap_between
+from robocup_vision.planning.gaps.gap_choice import Point, gap_between
 
 GOAL_M = (4.0, 0.0)
 # when a rule is asked again: at each look; once the gap is known to be blocked; once no speed has been safe for long

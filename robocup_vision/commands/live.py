@@ -59,7 +59,7 @@ def run_live(args: argparse.Namespace) -> int:
     from robocup_vision.foxglove.server import FoxgloveServer
     from robocup_vision.live.handover.controls import Controls
     from robocup_vision.live.handover.moment import Moment
-    from robocup_vision.live.handover.server_address import require_packages
+    from robocup_vision.live.handover.page_settings import require_packages
     from robocup_vision.live.live_page import LivePage
     from robocup_vision.live.live_run import LiveRun
     from robocup_vision.live.sources.opening import open_source

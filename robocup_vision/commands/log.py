@@ -104,7 +104,7 @@ def _record(args: argparse.Namespace) -> int:
 def _info(log: Any) -> int:
     from datetime import datetime, timezone
 
-    from robocup_vision.ssl.log_info import NS_PER_S, log_info
+    from robocup_vision.ssl.log import NS_PER_S, log_info
 
     info = log_info(log)
     print(log.path.name)
@@ -149,7 +149,7 @@ def _status(log: Any, unreadable: Any, *, says_count: bool = True) -> int:
 
 
 def _convert(log: Any, out: Path) -> int:
-    from robocup_vision.ssl.log_csv import write_tables
+    from robocup_vision.ssl.log_convert import write_tables
 
     tables, unreadable = write_tables(log, out)
     for name, rows in tables.items():
@@ -160,7 +160,7 @@ def _convert(log: Any, out: Path) -> int:
 
 
 def _to_mcap(log: Any, path: Path) -> int:
-    from robocup_vision.ssl.log_mcap import write_mcap
+    from robocup_vision.ssl.log_convert import write_mcap
 
     counts, unreadable = write_mcap(log, path)
     print(f"{path}: {', '.join(f'{count} on {topic}' for topic, count in sorted(counts.items())) or 'no messages'}")

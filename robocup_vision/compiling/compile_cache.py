@@ -1,5 +1,7 @@
 """Finds a folder for compiled code that can be written, and tells code that was made of other sources.
 
+The logger ``robocup_vision`` tells once, as a warning, what a program waits for when the first loop is compiled.
+
 numba keeps compiled loops in the folder that ``NUMBA_CACHE_DIR`` names, else beside the source files, else in the
 user's cache folder. Where none of them can be written it refuses to define a loop; here a temporary folder is used.
 """
@@ -7,6 +9,8 @@ user's cache folder. Where none of them can be written it refuses to define a lo
 from __future__ import annotations
 
 import hashlib
+import logging
+import multiprocessing
 import os
 import re
 import shutil
@@ -20,9 +24,10 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.event import Listener, register
 
 from field_models.errors import RobocupVisionError
-from robocup_vision.compiling.waiting import tell_of_compiling
+from robocup_vision.progress import draw
 
 VARIABLE = "NUMBA_CACHE_DIR"
 _IMPORT, _WORD = re.compile(rb"^from (\S+) import (\([^)]*\)|.*)", re.MULTILINE), re.compile(rb"\w+")
@@ -174,3 +179,51 @@ def _temporary_folder() -> Path:
         raise RobocupVisionError(
             f"no folder for compiled code can be written ({error}): set {VARIABLE} to one that can"
         ) from None
+
+
+_LOG = logging.getLogger("robocup_vision")
+
+
+class _Wait(Listener):
+    """Hears numba compile, which it tells when a loop is in no cache."""
+
+    def __init__(self) -> None:
+        self.folders: set[Path] = set()
+        self.is_told = False
+        self.ready, self.total = 0, 0
+
+    def on_start(self, event: Any) -> None:
+        source = Path(event.data["dispatcher"].py_func.__code__.co_filename)
+        if self.is_told or not any(folder in source.parents for folder in self.folders):
+            return
+        self.is_told = True
+        # whoever started this worker tells it
+        if multiprocessing.parent_process() is None:
+            done = f"{self.ready} of {self.total} loops are ready, " if self.total else ""
+            _LOG.warning(
+                "robocup_vision compiles for this machine, once: %sthe others take up to some minutes "
+                "(`robocup-vision warm-up` or a compiled wheel does it ahead)",
+                done,
+            )
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+_wait = _Wait()
+
+
+def tell_of_compiling(kernels: Path) -> None:
+    """Tell when the first loop of a folder, or of those below it, is compiled."""
+    if not _wait.folders:
+        register("numba:compile", _wait)  # type: ignore[no-untyped-call]
+    _wait.folders.add(kernels)
+
+
+def note_ready(ready: int, total: int) -> None:
+    """Note how many of the loops that are being made ready are so; draw it at a terminal, once some are compiled."""
+    _wait.ready, _wait.total = ready, total
+    if _wait.is_told and ready <= total and sys.stderr.isatty() and multiprocessing.parent_process() is None:
+        draw("compiling", ready, total)
+        if ready == total:
+            sys.stderr.write("\n")

@@ -7,17 +7,99 @@ it.
 
 from __future__ import annotations
 
+import gc
 import json
+import multiprocessing
+import os
+import subprocess
+import sys
 from collections import deque
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from threading import Thread
+from typing import IO, Any
 
-from robocup_vision.compiling.listed_loop import prepare_kernel, quick_compiling
-from robocup_vision.compiling.second_process import Entry, second_process
-from robocup_vision.compiling.waiting import note_ready
+from robocup_vision.compiling.compile_cache import note_ready
+
+KERNELS = "robocup_vision.kernels"
+
+
+def prepare_kernel(kernel: str, arguments: list[Any]) -> bool:
+    """Compile or load one loop, as `groups` lists it; return whether it had to be compiled."""
+    return _prepared(kernel, json.dumps(arguments))
+
+
+@cache
+def _prepared(kernel: str, arguments: str) -> bool:
+    module, _, name = kernel.rpartition(".")
+    dispatcher = getattr(import_module(f"{KERNELS}.{module}"), name)
+    missed = sum(dispatcher.stats.cache_misses.values())
+    dispatcher.compile(tuple(_type_of(argument) for argument in json.loads(arguments)))
+    return bool(sum(dispatcher.stats.cache_misses.values()) > missed)
+
+
+def _type_of(spelled: Any) -> Any:
+    types: Any = import_module("numba.types")
+    if isinstance(spelled, str):
+        return getattr(types, spelled)
+    kind, *rest = spelled
+    if kind == "array":
+        dtype, dimensions, layout, is_mutable = rest
+        return types.Array(_type_of(dtype), dimensions, layout, readonly=not is_mutable)
+    if kind == "omitted":
+        return types.Omitted(rest[0])
+    if kind == "tuple":
+        return types.BaseTuple.from_types(tuple(_type_of(field) for field in rest[0]))
+    module, _, name = kind.partition(":")
+    return types.BaseTuple.from_types(tuple(_type_of(field) for field in rest[0]), getattr(import_module(module), name))
+
+
+def spelled_type(numba_type: Any) -> Any:
+    """Spell a type of numba as JSON values.
+
+    Raises
+    ------
+    TypeError
+        If it is none of those that our loops take.
+    """
+    types: Any = import_module("numba.types")
+    if isinstance(numba_type, types.Array) and numba_type.aligned:
+        return ["array", spelled_type(numba_type.dtype), numba_type.ndim, numba_type.layout, numba_type.mutable]
+    if isinstance(numba_type, types.Omitted):
+        return ["omitted", numba_type.value]
+    if isinstance(numba_type, types.BaseNamedTuple):
+        of = numba_type.instance_class
+        return [f"{of.__module__}:{of.__qualname__}", [spelled_type(field) for field in numba_type]]
+    if isinstance(numba_type, types.BaseTuple):
+        return ["tuple", [spelled_type(field) for field in numba_type]]
+    name = {"bool": "boolean"}.get(str(numba_type), str(numba_type))
+    if getattr(types, name, None) == numba_type:
+        return name
+    raise TypeError(f"a loop takes an argument of a type that cannot be listed: {numba_type!r}")
+
+
+@contextmanager
+def quick_compiling() -> Iterator[None]:
+    """Compile in less time: optimise as LLVM's ``-O2`` does, and look for garbage seldom.
+
+    What ``-O3`` does beyond costs a tenth of the processor time, and frames take as long without it; a level that the
+    environment variable ``NUMBA_OPT`` names stays. numba makes so many objects that Python's search for garbage takes a
+    tenth too.
+    """
+    config: Any = import_module("numba.core.config")
+    thresholds, level = gc.get_threshold(), config.OPT
+    gc.set_threshold(50_000, 20, 100)
+    if "NUMBA_OPT" not in os.environ:
+        config.OPT = type(level)(2)
+    try:
+        yield
+    finally:
+        config.OPT = level
+        gc.set_threshold(*thresholds)
+
 
 SIGNATURES = Path(__file__).parents[1] / "kernels" / "signatures.json"
 
@@ -84,3 +166,65 @@ def prepare_module(module: str) -> None:
 def _listed() -> dict[str, list[tuple[str, list[Any]]]]:
     listed = json.loads(SIGNATURES.read_text(encoding="utf-8"))
     return {group: [(kernel, arguments) for kernel, arguments in entries] for group, entries in listed.items()}
+
+
+Entry = tuple[str, list[Any]]
+
+
+@contextmanager
+def second_process(waiting: deque[Entry]) -> Iterator[None]:
+    """Take entries from the front of a list while there are any, one at a time; leaving waits for the last of them.
+
+    Does nothing on one core, in a worker process, and where no process can be started.
+
+    Parameters
+    ----------
+    waiting : deque of (str, list)
+        Loops and the types of their arguments, as `prepared_kernels.groups` gives them.
+    """
+    if _cores() < 2 or multiprocessing.parent_process() is not None:
+        yield
+        return
+    command = [sys.executable, "-m", __name__]
+    try:
+        process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
+    except OSError:
+        yield
+        return
+    with process:
+        thread = Thread(target=_hand_over, args=(waiting, process.stdin, process.stdout), daemon=True)
+        thread.start()
+        try:
+            yield
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            thread.join()
+
+
+def _hand_over(waiting: deque[Entry], stdin: IO[str], stdout: IO[str]) -> None:
+    try:
+        while stdout.readline():  # one line when it is ready, and one for each entry
+            stdin.write(json.dumps(waiting.popleft()) + "\n")
+            stdin.flush()
+    except (IndexError, OSError):
+        pass  # none is left, or the process has ended: what it has not compiled is compiled here
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _main() -> None:
+    print("ready", flush=True)
+    with quick_compiling():
+        for line in sys.stdin:
+            prepare_kernel(*json.loads(line))
+            print("done", flush=True)
+
+
+if __name__ == "__main__":
+    _main()

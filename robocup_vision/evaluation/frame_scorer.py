@@ -18,8 +18,8 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation.boxes import Box
 from robocup_vision.evaluation.dataset import Dataset, Truth
 from robocup_vision.evaluation.detections import BALL, OBSTACLE, match_boxes
-from robocup_vision.evaluation.kept_rows import FrameResult
 from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, error_crops
+from robocup_vision.evaluation.result_files import FrameResult
 from robocup_vision.evaluation.rig_images import RigContents, RigImages, decode_rig, rig_contents
 from robocup_vision.evaluation.scoring import Row, pose_error
 from robocup_vision.evaluation.steering import FrameSteering, SteerPlan

@@ -26,11 +26,14 @@ from robocup_vision.evaluation.frame_scorer import (
     score_images,
     score_sequence,
 )
-from robocup_vision.evaluation.kept_rows import FrameResult, result_json, result_of, run_json
 from robocup_vision.evaluation.overlays import CROP_COUNT, Crop, WorstSoFar, spread_indices
 from robocup_vision.evaluation.result_files import (
+    FrameResult,
     prepare_folder,
+    result_json,
+    result_of,
     results_file,
+    run_json,
     steering_file,
     write_summary,
     write_trajectory,

@@ -29,8 +29,7 @@ from robocup_vision.landmarks.features import (
     match_by_loop,
     near,
 )
-from robocup_vision.landmarks.index import MapIndex, pinhole_view
-from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap, expect
+from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap, MapIndex, expect, pinhole_view
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF, PoseFit, project, to_camera
 from robocup_vision.landmarks.relocate import Relocator, RelocatorSettings
 from robocup_vision.landmarks.selection import Selection, TimeBudget, select

@@ -17,8 +17,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.checks import require_at_least
 from robocup_vision.kernels.landmarks.fit import most_informative
 from robocup_vision.landmarks.features import PIXEL_STD_PER_SPACING
-from robocup_vision.landmarks.index import pinhole_view
-from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap
+from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap, pinhole_view
 
 Choice = Literal["informative", "cells", "frequency", "response", "random", "all"]
 CHOICES: tuple[Choice, ...] = ("informative", "cells", "frequency", "response", "random", "all")

@@ -1,4 +1,4 @@
-from .handover.feed_settings import FeedSettings
+from .handover.page_settings import FeedSettings
 from .viewer import Viewer
 
 __all__ = ["FeedSettings", "Viewer"]

@@ -17,10 +17,9 @@ from typing import IO, Any
 from field_models import errors
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.live.handover.controls import Controls, read_message, write_message
-from robocup_vision.live.handover.feed_settings import FeedSettings
 from robocup_vision.live.handover.frame_slots import FrameSlots, Handed
 from robocup_vision.live.handover.moment import Moment, MomentWriter, RobotSetup
-from robocup_vision.live.handover.server_address import DEFAULT_PORT, LOOPBACK, require_packages
+from robocup_vision.live.handover.page_settings import DEFAULT_PORT, LOOPBACK, FeedSettings, require_packages
 
 # beside one for each robot: they bear a hiccup of the page's process
 _SPARE_SLOTS, _MAX_SLOTS = 2, 32

@@ -13,11 +13,10 @@ from field_models.errors import ArgumentError, FrameError
 from robocup_vision.arrays import Frame, UInt8Array
 from robocup_vision.closing import Closing
 from robocup_vision.live.handover.controls import Controls
-from robocup_vision.live.handover.feed_settings import FeedSettings
 from robocup_vision.live.handover.moment import Moment, Point, RobotPlan, RobotSetup
-from robocup_vision.live.handover.server_address import DEFAULT_PORT, LOOPBACK
+from robocup_vision.live.handover.page_settings import DEFAULT_PORT, LOOPBACK, FeedSettings
 from robocup_vision.live.live_page import LivePage
-from robocup_vision.live.sources.frame_rate import FrameRate
+from robocup_vision.live.sources.source import FrameRate
 from robocup_vision.view import RigView, View
 from robocup_vision.vision import Vision
 

@@ -2,8 +2,15 @@
 
 from robocup_vision.disc import Disc
 from robocup_vision.motion_limits import MotionLimits
-from robocup_vision.planning.gaps.gap import Gap, WidthSensor, gap_between
-from robocup_vision.planning.gaps.gap_choice import GapChoice, PassageSettings, PassageTimes, choose_gap
+from robocup_vision.planning.gaps.gap_choice import (
+    Gap,
+    GapChoice,
+    PassageSettings,
+    PassageTimes,
+    WidthSensor,
+    choose_gap,
+    gap_between,
+)
 from robocup_vision.planning.gaps.gate_planner import GatePlan, GatePlanner, GatePlannerSettings
 from robocup_vision.planning.gaze.goal_question import Fixation, GoalQuestion, GoalQuestionSettings
 from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze, PoseGazeSettings

@@ -17,7 +17,7 @@ from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.images import frame_of
-from robocup_vision.messages.poses import pose_of
+from robocup_vision.messages.topics import pose_of
 from robocup_vision.messages.types import CALL, decode, to_nanoseconds
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.recording.calls import Call

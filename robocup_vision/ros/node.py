@@ -23,8 +23,15 @@ from robocup_vision.localization.filter.settings import Half
 from robocup_vision.memory import Memory
 from robocup_vision.messages.camera_infos import camera_info_problem
 from robocup_vision.messages.images import frame_of
-from robocup_vision.messages.poses import pose_of
-from robocup_vision.messages.topics import TOPIC_TYPES, FrameNames, Outgoing, Topics, TopicSettings, covariance_3x3
+from robocup_vision.messages.topics import (
+    TOPIC_TYPES,
+    FrameNames,
+    Outgoing,
+    Topics,
+    TopicSettings,
+    covariance_3x3,
+    pose_of,
+)
 from robocup_vision.messages.types import header, make, to_seconds
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import load_colors

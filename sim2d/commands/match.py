@@ -96,7 +96,7 @@ def _referee(args: argparse.Namespace, opened: ExitStack) -> RefereeFactory | No
     """Return who makes the referee; its connection is closed with `opened`."""
     if args.ci is not None:
         from field_models.errors import ArgumentError
-        from robocup_vision.ssl.ci import CI_PORT, CiClient
+        from robocup_vision.ssl.controller_clients import CI_PORT, CiClient
         from sim2d.network.foreign_referee import DrivenReferee, ForeignReferee
 
         host, _, port = args.ci.partition(":")

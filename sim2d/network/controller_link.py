@@ -12,8 +12,7 @@ from contextlib import ExitStack
 from field_models import Field
 from field_models.errors import ArgumentError, PacketError
 from robocup_vision.closing import Closing
-from robocup_vision.ssl.ci import CiClient
-from robocup_vision.ssl.controller_clients import AutoRefClient
+from robocup_vision.ssl.controller_clients import AutoRefClient, CiClient
 from robocup_vision.ssl.field import geometry_from_field
 from robocup_vision.ssl.operator import Operator
 from robocup_vision.ssl.problems import Problems

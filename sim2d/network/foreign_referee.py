@@ -12,7 +12,7 @@ from typing import Protocol
 
 from field_models import Field
 from field_models.errors import ArgumentError
-from robocup_vision.ssl.ci import CiClient
+from robocup_vision.ssl.controller_clients import CiClient
 from robocup_vision.ssl.field import geometry_from_field
 from robocup_vision.ssl.game import Game, GameSettings
 from robocup_vision.ssl.subscriptions import RefereeClient

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from robocup_vision import cli
-from robocup_vision.calibration.omni.sightings import Observer
+from robocup_vision.calibration.omni.starts import Observer
 from robocup_vision.files.resume_file import ResumeFile
 
 DATASET = Path(__file__).parents[2] / "images" / "omni_ssl_2001"

@@ -21,20 +21,20 @@ from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.not_calibrated import NotCalibrated
-from robocup_vision.calibration.omni.choice import Chooser
-from robocup_vision.calibration.omni.fit import Fit, JointFit, Points, spread_px
-from robocup_vision.calibration.omni.model import CENTER, HORIZON, SCALE, CameraModel, Curve, hyperboloid_of
-from robocup_vision.calibration.omni.result import (
+from robocup_vision.calibration.omni.choice import (
+    MORE,
     CalibratedFrame,
+    Chooser,
     OmniCalibration,
+    Trust,
+    confirmed,
     standard_deviations,
     undetermined,
 )
+from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points, spread_px
+from robocup_vision.calibration.omni.model import CENTER, HORIZON, SCALE, CameraModel, Curve, hyperboloid_of
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
-from robocup_vision.calibration.omni.shape import FieldShape
-from robocup_vision.calibration.omni.sightings import Observer, Sighting, points_of
-from robocup_vision.calibration.omni.starts import Search
-from robocup_vision.calibration.omni.trust import MORE, Trust, confirmed
+from robocup_vision.calibration.omni.starts import Observer, Search, Sighting, points_of
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.floor_range import Table, Tangent
 from robocup_vision.camera.omni import OmniCamera

@@ -8,9 +8,8 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
-from robocup_vision.calibration.omni.fit import JointFit, Points
+from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points
 from robocup_vision.calibration.omni.model import CENTER, SCALE, TILT, CameraModel
-from robocup_vision.calibration.omni.shape import FieldShape
 from robocup_vision.calibration.online.evidence import (
     POSE_PRECISION,
     Evidence,

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from field_models.errors import ArgumentError
-from robocup_vision.live.handover.feed_settings import FeedSettings
 from robocup_vision.live.handover.moment import Moment, RobotSetup
+from robocup_vision.live.handover.page_settings import FeedSettings
 from robocup_vision.live.page.picture import Picture, PictureMaker
 
 # lines that a page shows, newest last

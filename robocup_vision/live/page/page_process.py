@@ -16,9 +16,9 @@ from typing import IO, Any
 
 from field_models.errors import RobocupVisionError
 from robocup_vision.live.handover.controls import Controls, read_message, write_message
-from robocup_vision.live.handover.feed_settings import FeedSettings
 from robocup_vision.live.handover.frame_slots import FrameSlots
 from robocup_vision.live.handover.moment import MomentReader, RobotSetup
+from robocup_vision.live.handover.page_settings import FeedSettings
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.saving import save_from
 from robocup_vision.live.page.server import PageServer

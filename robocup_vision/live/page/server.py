@@ -21,7 +21,7 @@ import msgspec
 
 from field_models.errors import ArgumentError, PacketError, RobocupVisionError
 from robocup_vision.live.handover.controls import Controls
-from robocup_vision.live.handover.server_address import DEFAULT_PORT, LOOPBACK, require_packages
+from robocup_vision.live.handover.page_settings import DEFAULT_PORT, LOOPBACK, require_packages
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.messages import MAX_MESSAGE_BYTES, read_message
 from robocup_vision.live.page.page_link import PageLink

@@ -18,7 +18,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotSetup
 from robocup_vision.live.sources.source import Newest, SourceFrame, SourceOptions, setup_by_options, vision_by_options
 from robocup_vision.messages.images import frame_of
-from robocup_vision.messages.poses import pose_of
+from robocup_vision.messages.topics import pose_of
 from robocup_vision.messages.types import decode, prepare, to_seconds
 from robocup_vision.ros.type_support import forget_error, raw_class
 from robocup_vision.vision import Vision

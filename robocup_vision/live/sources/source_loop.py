@@ -12,8 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from field_models.errors import FrameError, RobocupVisionError
 from robocup_vision.live.handover.moment import Display, Moment, RobotSetup
-from robocup_vision.live.sources.frame_rate import FrameRate
-from robocup_vision.live.sources.source import PlacingSource, Source, SourceFrame
+from robocup_vision.live.sources.source import FrameRate, PlacingSource, Source, SourceFrame
 from robocup_vision.vision import Vision
 
 # a source without a frame for this time has stalled

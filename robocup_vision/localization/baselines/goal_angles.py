@@ -24,7 +24,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import GoalShape, goal_shape
 from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization, pose_of
-from robocup_vision.perception.goal_color import hue_families, hue_masks
+from robocup_vision.perception.goal_region import hue_families, hue_masks
 
 GRID_M = 0.01  # paper, section 3.3 (1)
 _LOOSENING = 2.0

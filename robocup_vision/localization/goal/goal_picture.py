@@ -12,8 +12,7 @@ from field_models.field import COLOR_NAMES
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.kernels.goal.silhouettes import Evidence
 from robocup_vision.localization.goal.silhouettes import Edges, Gradients, SilhouetteSearch
-from robocup_vision.perception.goal_color import GoalColorSettings, hue_masks
-from robocup_vision.perception.goal_region import carpet_mask, whiteness
+from robocup_vision.perception.goal_region import GoalColorSettings, carpet_mask, hue_masks, whiteness
 
 # greatest ratio of colours in white light, by tinted lamps and white balance, and their difference by noise
 _WHITE_RATIO = np.float32(1.1)

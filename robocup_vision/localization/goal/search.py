@@ -31,16 +31,14 @@ from robocup_vision.localization.goal.geometry import X, goal_shape, project
 from robocup_vision.localization.goal.goal_picture import WHITE, GoalPicture
 from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
 from robocup_vision.localization.goal.starts import bar_rows, rotated, starts, strip_samples, with_bar
-from robocup_vision.perception.goal_color import (
-    GoalColorSettings,
-    hue_families,
-    is_chromatic,
-)
 from robocup_vision.perception.goal_region import (
+    GoalColorSettings,
     Strip,
     StripSettings,
     carpet_mask,
     enlarged,
+    hue_families,
+    is_chromatic,
     mask_runs,
     strips,
     white_runs,

@@ -11,7 +11,7 @@ from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors, slow_covariance
 from robocup_vision.perception.markings.line_pieces import LinePieces
-from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.marking import MarkingSettings
 from robocup_vision.perception.markings.straight import fit_line, is_bare, middle_shifts_m, scale_m
 
 # deviations of the camera's attitude that are tried, standard deviations

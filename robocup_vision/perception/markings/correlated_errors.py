@@ -18,7 +18,7 @@ from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.perception.line_points import LinePoints
-from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.marking import MarkingSettings
 from robocup_vision.perception.markings.straight import Straight, scale_m
 
 Held = TypeVar("Held", OmniCamera, PinholeCamera)

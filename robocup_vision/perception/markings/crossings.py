@@ -11,8 +11,7 @@ import numpy as np
 from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors
-from robocup_vision.perception.markings.marking import Crossing, CrossingKind
-from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.marking import Crossing, CrossingKind, MarkingSettings
 from robocup_vision.perception.markings.straight import Straight, is_bare, marked_at
 
 # an arm is sampled from this distance off the crossing's centre (line widths, pixels) to a multiple of it

@@ -20,9 +20,8 @@ from robocup_vision.perception.markings.crossings import LinePicture, find_cross
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.goal_posts import PostFinder
 from robocup_vision.perception.markings.line_pieces import gather_pieces
-from robocup_vision.perception.markings.marking import Circle, LineSegment, Markings
+from robocup_vision.perception.markings.marking import Circle, LineSegment, Markings, MarkingSettings
 from robocup_vision.perception.markings.painted_spots import SpotFinder
-from robocup_vision.perception.markings.settings import MarkingSettings
 from robocup_vision.perception.markings.straight import Straight, find_straight, fit_middles
 
 # within these the width of a line in the picture is as good as the same

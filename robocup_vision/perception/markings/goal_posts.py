@@ -10,11 +10,19 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.perception.goal_color import hue_families, hue_masks, is_chromatic
-from robocup_vision.perception.goal_region import Strip, carpet_mask, mask_runs, strips, white_runs, whiteness
+from robocup_vision.perception.goal_region import (
+    Strip,
+    carpet_mask,
+    hue_families,
+    hue_masks,
+    is_chromatic,
+    mask_runs,
+    strips,
+    white_runs,
+    whiteness,
+)
 from robocup_vision.perception.markings.correlated_errors import FloorErrors
-from robocup_vision.perception.markings.marking import Post
-from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.marking import MarkingSettings, Post
 
 _WHITE_STEP, _HUE_STEP = 4, 2
 

@@ -12,8 +12,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.lines.ridges import least_of_red_and_blue
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors
-from robocup_vision.perception.markings.marking import PenaltyMark
-from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.marking import MarkingSettings, PenaltyMark
 
 # margin of bare carpet before what lies on it
 _BARE_MARGIN_PX = 4

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.perception.line_points import FloorCamera, LinePoints
 from robocup_vision.perception.markings.line_pieces import LinePieces
-from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.marking import MarkingSettings
 
 # distances in the picture at which each piece looks for a partner to propose a line
 _PAIRS_PX = (20.0, 60.0, 180.0)

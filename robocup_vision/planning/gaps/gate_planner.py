@@ -20,7 +20,7 @@ from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.motion import gate_problem
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.normal import normal_below
-from robocup_vision.planning.gaps.gap import Gap, Point, WidthSensor
+from robocup_vision.planning.gaps.gap_choice import Gap, Point, WidthSensor
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from robocup_vision.checks import require_at_least, require_not_negative
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.perception.goal_color import is_chromatic
+from robocup_vision.perception.goal_region import is_chromatic
 from robocup_vision.planning.gaze.goal_evidence import (
     CORNERS,
     NEGATIVE,

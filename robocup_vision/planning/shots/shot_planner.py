@@ -20,7 +20,7 @@ from robocup_vision.disc import Disc
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.normal import normal_below
-from robocup_vision.planning.gaps.gap import Point
+from robocup_vision.planning.gaps.gap_choice import Point
 
 
 @dataclass(frozen=True, slots=True)

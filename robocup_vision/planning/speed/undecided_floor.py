@@ -16,7 +16,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int16Array
 from robocup_vision.checks import require_positive
 from robocup_vision.motion_limits import MotionLimits
-from robocup_vision.planning.gaps.gap import Point
+from robocup_vision.planning.gaps.gap_choice import Point
 from robocup_vision.planning.speed.speed_planner import SpeedPlan, checked_path
 
 # in `UndecidedFloor.looks`

@@ -17,7 +17,7 @@ from typing import Any
 
 from field_models.errors import PacketError
 from robocup_vision.evaluation.dataset import Truth
-from robocup_vision.messages.poses import place_of
+from robocup_vision.messages.topics import place_of
 from robocup_vision.messages.types import to_seconds
 from robocup_vision.recording.bags.bag import Bag
 

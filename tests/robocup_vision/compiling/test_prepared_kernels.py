@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from robocup_vision.compiling.listed_loop import spelled_type
-from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module
+from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module, spelled_type
 from robocup_vision.kernels.floor.colors import tabulate
 
 TESTS = Path(__file__).parents[2]
@@ -82,7 +81,7 @@ if "silent" in sys.argv:
     logging.getLogger("robocup_vision").setLevel(logging.ERROR)
 sys.stderr.isatty = lambda: "terminal" in sys.argv
 from robocup_vision.compiling.prepared_kernels import prepare_kernel, groups
-from robocup_vision.compiling.waiting import note_ready
+from robocup_vision.compiling.compile_cache import note_ready
 for ready, entry in enumerate(groups()["landmarks"][-2:]):
     note_ready(ready, 2)
     prepare_kernel(*entry)

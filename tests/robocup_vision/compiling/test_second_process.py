@@ -7,9 +7,8 @@ from collections import deque
 
 import pytest
 
-from robocup_vision.compiling import second_process as module
-from robocup_vision.compiling.prepared_kernels import groups
-from robocup_vision.compiling.second_process import second_process
+from robocup_vision.compiling import prepared_kernels as module
+from robocup_vision.compiling.prepared_kernels import groups, second_process
 
 
 def entries() -> deque[module.Entry]:

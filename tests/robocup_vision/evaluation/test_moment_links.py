@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.evaluation.moment_links import LIVE_PORT, moment_link
-from robocup_vision.live.handover.server_address import DEFAULT_PORT
+from robocup_vision.live.handover.page_settings import DEFAULT_PORT
 
 
 @given(st.text(min_size=1), st.floats(0.0, 1e6))

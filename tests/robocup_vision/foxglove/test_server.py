@@ -19,8 +19,7 @@ from websockets.typing import Subprotocol
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.foxglove import FoxgloveServer
 from robocup_vision.messages.images import frame_of
-from robocup_vision.messages.poses import pose_of
-from robocup_vision.messages.topics import TOPIC_TYPES
+from robocup_vision.messages.topics import TOPIC_TYPES, pose_of
 from robocup_vision.messages.types import decode, definition
 
 _LAYOUT = Path(__file__).parents[3] / "ros" / "foxglove" / "layout.json"

@@ -11,8 +11,7 @@ from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.landmarks.matching import Described
 from robocup_vision.landmarks.features import Features, SiftExtractor, from_bytes, match, match_by_loop, near, to_bytes
-from robocup_vision.landmarks.index import MapIndex
-from robocup_vision.landmarks.landmark_map import expect
+from robocup_vision.landmarks.landmark_map import MapIndex, expect
 from robocup_vision.landmarks.locate import LandmarkPoseEstimator
 from robocup_vision.landmarks.selection import Selection, TimeBudget, delegates, select
 from robocup_vision.landmarks.vision import LandmarkVision, draw_landmarks

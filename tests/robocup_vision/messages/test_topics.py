@@ -19,7 +19,6 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.camera_infos import camera_info
-from robocup_vision.messages.poses import pose_of
 from robocup_vision.messages.topics import (
     TOPIC_TYPES,
     FrameNames,
@@ -31,6 +30,7 @@ from robocup_vision.messages.topics import (
     covariance_6x6,
     occupancy_grid,
     pose_message,
+    pose_of,
     sphere_outline,
 )
 from robocup_vision.messages.types import decode, encode, to_seconds

@@ -6,18 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import COLOR_NAMES, load_field
-from robocup_vision.perception.goal_color import (
+from robocup_vision.perception.goal_region import (
+    carpet_mask,
+    enlarged,
     hue_families,
     hue_masks,
     hue_of,
     is_chromatic,
-    white_gains,
-)
-from robocup_vision.perception.goal_region import (
-    carpet_mask,
-    enlarged,
     mask_runs,
     strips,
+    white_gains,
     white_runs,
     whiteness,
 )

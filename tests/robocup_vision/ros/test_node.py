@@ -17,8 +17,7 @@ from robocup_vision.commands import ros as ros_command
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.camera_infos import camera_info
 from robocup_vision.messages.images import image_message
-from robocup_vision.messages.poses import pose_of
-from robocup_vision.messages.topics import Topics, covariance_6x6, pose_message
+from robocup_vision.messages.topics import Topics, covariance_6x6, pose_message, pose_of
 from robocup_vision.messages.types import header, make
 from robocup_vision.ros.node import VisionNode
 from robocup_vision.ros.settings import NodeSettings

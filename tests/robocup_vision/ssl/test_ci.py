@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from benchmarks.worlds.damaged_messages import REFEREE
 from field_models.errors import ArgumentError, PacketError
-from robocup_vision.ssl.ci import CiClient
+from robocup_vision.ssl.controller_clients import CiClient
 from robocup_vision.ssl.framed import MAX_FRAME_BYTES, take_frame, varint
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.referee import CiInput, CiOutput

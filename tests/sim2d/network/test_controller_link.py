@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.worlds.damaged_messages import REFEREE
 from field_models import load_field
-from robocup_vision.ssl.ci import CiClient
+from robocup_vision.ssl.controller_clients import CiClient
 from robocup_vision.ssl.framed import take_frame, varint
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.referee import CiInput, CiOutput

@@ -12,7 +12,7 @@ from benchmarks.worlds.damaged_messages import REFEREE
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.cli import main
-from robocup_vision.ssl.ci import CiClient
+from robocup_vision.ssl.controller_clients import CiClient
 from robocup_vision.ssl.framed import take_frame, varint
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.referee import CiInput, CiOutput, DesignatedPosition, RefereeCommand

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from field_models import load_field
+from robocup_vision.calibration.omni.choice import confirmed
 from robocup_vision.calibration.omni.fit import Fit
 from robocup_vision.calibration.omni.model import SCALE, CameraModel
-from robocup_vision.calibration.omni.sightings import Observer
-from robocup_vision.calibration.omni.trust import confirmed
+from robocup_vision.calibration.omni.starts import Observer
 from robocup_vision.geometry import Pose2
 
 FIELD = load_field("msl_6x4")

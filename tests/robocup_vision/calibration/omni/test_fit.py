@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from robocup_vision.calibration.omni.choice import Chooser
-from robocup_vision.calibration.omni.fit import JointFit, Points, spread_px
+from robocup_vision.calibration.omni.choice import Chooser, range_std
+from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points, homogeneous, spread_px
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel, hyperboloid_of
-from robocup_vision.calibration.omni.result import range_std
-from robocup_vision.calibration.omni.shape import FieldShape, homogeneous
 from robocup_vision.camera import Tangent
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from field_models import load_field
+from robocup_vision.calibration.omni.choice import Trust
 from robocup_vision.calibration.omni.fit import Fit, Points
 from robocup_vision.calibration.omni.model import CameraModel
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
-from robocup_vision.calibration.omni.trust import Trust
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 from sim2d.rendering.cameras import sekimori_camera

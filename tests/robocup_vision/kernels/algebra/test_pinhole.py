@@ -8,7 +8,7 @@ from strategies import numbers
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.pinhole import camera_rotation, project_ideal
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera, point_in_camera, slopes_to_floor
-from robocup_vision.landmarks.index import pinhole_view
+from robocup_vision.landmarks.landmark_map import pinhole_view
 from robocup_vision.landmarks.pose_fit import to_camera
 
 CAMERA = PinholeCamera(

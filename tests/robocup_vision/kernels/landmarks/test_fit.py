@@ -4,7 +4,7 @@ import numpy as np
 
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.kernels.landmarks.fit import LandmarkPixels, fit_pose
-from robocup_vision.landmarks.index import pinhole_view
+from robocup_vision.landmarks.landmark_map import pinhole_view
 from robocup_vision.landmarks.pose_fit import (
     CHI2_2DOF,
     project,

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from robocup_vision.calibration.omni.shape import homogeneous
+from robocup_vision.calibration.omni.fit import homogeneous
 from robocup_vision.camera import Hyperboloid, OmniCamera, Tangent
 
 

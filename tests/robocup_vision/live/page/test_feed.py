@@ -5,7 +5,7 @@ import threading
 import pytest
 
 from field_models.errors import ArgumentError
-from robocup_vision.live.handover.feed_settings import FeedSettings
+from robocup_vision.live.handover.page_settings import FeedSettings
 from robocup_vision.live.page.feed import Feed
 
 

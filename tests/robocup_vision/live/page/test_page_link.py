@@ -106,7 +106,7 @@ def test_back_shows_what_was_so_long_ago(feed, fill):
 
 
 def test_what_a_page_stands_still_at_stays_though_it_is_kept_no_more(setup, moment):
-    from robocup_vision.live.handover.feed_settings import FeedSettings
+    from robocup_vision.live.handover.page_settings import FeedSettings
 
     feed = Feed(FeedSettings(history_s=1.0))
     feed.set_robots((setup,))

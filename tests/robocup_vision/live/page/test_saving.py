@@ -8,7 +8,7 @@ import pytest
 from field_models.errors import ArgumentError, FileError
 from robocup_vision import Pose2
 from robocup_vision.evaluation.dataset import load_dataset
-from robocup_vision.live.handover.feed_settings import FeedSettings
+from robocup_vision.live.handover.page_settings import FeedSettings
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.saving import save_from, save_moment
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robocup_vision.live.sources.frame_rate import FrameRate
+from robocup_vision.live.sources.source import FrameRate
 
 
 def feed(rate, begin_s, step_s, seconds):

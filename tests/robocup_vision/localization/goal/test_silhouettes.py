@@ -11,8 +11,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEADING, TILT
 from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
-from robocup_vision.perception.goal_color import hue_masks
-from robocup_vision.perception.goal_region import carpet_mask
+from robocup_vision.perception.goal_region import carpet_mask, hue_masks
 from sim2d.match.setups import camera_for
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
 from sim2d.rendering.pinhole import render_pinhole

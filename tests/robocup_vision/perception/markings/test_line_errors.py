@@ -15,7 +15,7 @@ from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors, slow_covariance, slow_error_px
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.finder import MarkingFinder
-from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.marking import MarkingSettings
 from robocup_vision.perception.markings.straight import middle_shifts_m, stretch_of
 
 CAMERA = PinholeCamera(

@@ -17,8 +17,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.finder import MarkingFinder, MarkingSource
-from robocup_vision.perception.markings.marking import Markings
-from robocup_vision.perception.markings.settings import MarkingSettings
+from robocup_vision.perception.markings.marking import Markings, MarkingSettings
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera
 

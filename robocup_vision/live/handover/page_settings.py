@@ -1,10 +1,12 @@
-"""How much of what was seen is kept for the pages."""
+"""Where the page is served by default, how much is kept for it, and which packages it needs: without loading them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 from field_models.errors import ArgumentError
+from robocup_vision.evaluation.moment_links import LIVE_PORT
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,3 +35,20 @@ class FeedSettings:
             raise ArgumentError("history_s, max_history_bytes and max_raw_bytes must be positive")
         if not 1 <= self.jpeg_quality <= 100:
             raise ArgumentError(f"jpeg_quality must be 1 to 100, got {self.jpeg_quality}")
+
+
+DEFAULT_PORT = LIVE_PORT
+LOOPBACK = "127.0.0.1"
+
+
+def require_packages() -> None:
+    """Refuse to go on without the extra `live`.
+
+    Raises
+    ------
+    ArgumentError
+        If one of its packages is missing; the message names it.
+    """
+    missing = [name for name in ("starlette", "uvicorn", "websockets") if find_spec(name) is None]
+    if missing:
+        raise ArgumentError(f"the page needs {' and '.join(missing)}: pip install 'robocup-vision[live]'")

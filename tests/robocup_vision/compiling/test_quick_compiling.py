@@ -6,7 +6,7 @@ import gc
 
 import pytest
 
-from robocup_vision.compiling.listed_loop import quick_compiling, spelled_type
+from robocup_vision.compiling.prepared_kernels import quick_compiling, spelled_type
 
 
 def test_a_type_that_is_not_known_is_told() -> None:
