@@ -31,6 +31,6 @@ class Sweeper:
 
 
 if __name__ == "__main__":
-    team = BuiltInTeam(remembers=True, plans=True, talks=True, parts=PlayerParts(tactics=Sweeper))
+    team = BuiltInTeam(("memory", "plans", "messages"), parts=PlayerParts(tactics=Sweeper))
     summary = run_match(MatchPlan("four_legged_2007", 2, seconds=4.0, seed=1, ours=team), "out/own_tactics")
     print("score {} : {},".format(*summary.figures.score), summary.report or summary.out)

@@ -37,7 +37,8 @@ def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
     add("--robot", metavar="R", help="every robot: " + ", ".join(ROBOT_NAMES))
     add("--seconds", type=float, default=60.0, metavar="T", help="length of a match (default: 60)")
     add("--seed", type=int, default=0, metavar="S", help="the same seed plays the same match (default: 0)")
-    names = "plain, memory, planning, asking, looking, silent, or one's own as MODULE:NAME (default: plain)"
+    names = "plain, memory, planning, asking, looking, silent, what they use as memory+plans, or one's own as "
+    names += "MODULE:NAME (default: plain)"
     add("--ours", default="plain", metavar="NAME", help=f"players of the side that attacks +x: {names}")
     add("--theirs", default="plain", metavar="NAME", help=f"players of the other side: {names}")
     add(

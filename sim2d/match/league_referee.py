@@ -93,10 +93,6 @@ class LeagueReferee:
 
     Attributes
     ----------
-    keepers : dict of int to int
-        Number of each side's goalkeeper.
-    score : dict of int to int
-        Goals of each side.
     command, command_side, command_counter, command_s : str, int, int, float
         What was commanded last, whose turn it is (0: nobody's), how many commands there were, and when.
     stage, stage_end_s : str, float
@@ -203,10 +199,6 @@ class LeagueReferee:
 
         Parameters
         ----------
-        command, side : str, int
-            What it is, and whose turn.
-        t_s : float
-            When it was given.
         ball : BallState
             Where a kick begins.
         coming : NextPlay, optional

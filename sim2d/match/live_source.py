@@ -72,8 +72,6 @@ class MatchSource:
 
     Parameters
     ----------
-    name : str
-        What the page calls it.
     robots : sequence of int
         Indices of those that are shown.
     """

@@ -36,8 +36,6 @@ class MatchRecorders:
     ----------
     folder : Path
         Where the files go: robot_0.mcap and so on.
-    match : Match
-        The match, before its first step.
     players : (str, str)
         Names of the players of both sides, the one that attacks +x first.
 

@@ -55,13 +55,7 @@ _US_PER_S = 1e6
 
 
 class Autoref:
-    """Watches one match under a game controller.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    """
+    """Watches one match under a game controller."""
 
     def __init__(self, field: Field) -> None:
         self._referee = LeagueReferee(field, field.robot_radius_m, settings=LeagueRefereeSettings(half_s=math.inf))
@@ -100,8 +94,6 @@ class Autoref:
             Now, by the clock of `hear`.
         robots : sequence of RobotState
             All robots; yellow is side +1.
-        ball : BallState
-            The ball.
         now_s : float
             Seconds since 1970, for the events' stamps.
         """

@@ -7,12 +7,11 @@ import math
 from field_models import Field
 from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from sim2d.match.pitch_rules import penalty_mark
-
-Point = tuple[float, float]
+from sim2d.robot_link import Point
 
 C = RefereeCommand
-_KICK_OFFS = (C.PREPARE_KICKOFF_YELLOW, C.PREPARE_KICKOFF_BLUE)
-_PENALTIES = (C.PREPARE_PENALTY_YELLOW, C.PREPARE_PENALTY_BLUE)
+KICK_OFFS = (C.PREPARE_KICKOFF_YELLOW, C.PREPARE_KICKOFF_BLUE)
+PENALTIES = (C.PREPARE_PENALTY_YELLOW, C.PREPARE_PENALTY_BLUE)
 # a ball lies where it shall that is so near and so slow
 _THERE_M, _STILL_MPS = 0.05, 0.1
 # teams that can place the ball have begun to after so long a stop
@@ -24,11 +23,6 @@ class BallBoy:
 
     Kick-offs and penalties begin with the ball on its mark. In a stop the ball is put where the game controller wants
     it if no team has begun to place it for a while.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
     """
 
     def __init__(self, field: Field) -> None:
@@ -47,15 +41,30 @@ class BallBoy:
         packet = self._packet
         if packet is None:
             return None
-        place = None if packet.designated_position is None else packet.designated_position
-        where = None if place is None else (place.x_m, place.y_m)
-        if packet.command in _KICK_OFFS:
-            where = (0.0, 0.0)
-        elif packet.command in _PENALTIES:
-            yellow = 1 if packet.blue_on_positive_half is not False else -1
-            where = where or penalty_mark(self._field, yellow if packet.command == _PENALTIES[0] else -yellow)
-        elif packet.command != C.STOP or packet.next_command is None or t_s - self._since_s < _BY_HAND_S:
+        if packet.command == C.STOP:
+            # a team that can place the ball has begun to
+            if packet.next_command is None or t_s - self._since_s < _BY_HAND_S:
+                return None
+        elif packet.command not in (*KICK_OFFS, *PENALTIES):
             return None
-        if where is None or not all(map(math.isfinite, where)):
+        where = kick_place(packet, self._field, -1 if packet.blue_on_positive_half is False else 1)
+        if where is None:
             return None
         return where if math.dist(where, ball) > _THERE_M or speed_mps > _STILL_MPS else None
+
+
+def kick_place(packet: Referee, field: Field, yellow_side: int) -> Point | None:
+    """Return where the ball lies before a kick or after a stop; None where that is not known.
+
+    Parameters
+    ----------
+    yellow_side : int
+        +1: yellow attacks the goal at +x.
+    """
+    place = packet.designated_position
+    where = None if place is None else (place.x_m, place.y_m)
+    if packet.command in KICK_OFFS:
+        where = (0.0, 0.0)
+    elif packet.command in PENALTIES and where is None:
+        where = penalty_mark(field, yellow_side if packet.command == C.PREPARE_PENALTY_YELLOW else -yellow_side)
+    return where if where is not None and all(map(math.isfinite, where)) else None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -15,63 +14,24 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.game import Game
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
-from robocup_vision.ssl.values.simulation import LocalVelocity, MoveCommand, RobotCommand, Team
 from robocup_vision.ssl.values.simulation import RobotControlResponse as Response
 from robocup_vision.ssl.values.simulation import RobotFeedback as Feedback
+from robocup_vision.ssl.values.simulation import Team
 from sim2d.match.setups import setup_for
 from sim2d.network.packets import SIDES, robot_states
-from sim2d.network.team.team import OverheadTeam
+from sim2d.network.team.team import OverheadTeam, TeamSettings, robot_command
 from sim2d.network.world import MAX_NUMBER, LeagueWorld
 from sim2d.players.catalog import PLAYERS, player_factory
-from sim2d.robot_link import Command, Player, PlayerSetup, Senses
+from sim2d.robot_link import Player, PlayerSetup, Senses
 from sim2d.sensors.match_camera import MatchCamera
 from sim2d.world.state import WorldState
 
 OVERHEAD = "overhead"
-DRIBBLER_RPS = 150.0
 _MAX_DELAY_S = 0.2
 
 
-class BuiltInRobots(Protocol):
-    """Plays some robots of one team inside the simulator."""
-
-    team: Team
-    numbers: tuple[int, ...]
-    sees_from_above: bool
-
-    def begin(self, world: LeagueWorld) -> None:
-        """Take the robots over."""
-        ...
-
-    def hear_vision(self, packet: VisionPacket) -> None:
-        """Take in what a camera above the field saw."""
-        ...
-
-    def hear_referee(self, packet: Referee) -> None:
-        """Take in what the referee says."""
-        ...
-
-    def lose_referee(self) -> None:
-        """Stand still until the referee speaks again."""
-        ...
-
-    def act(self, world: LeagueWorld, epoch_s: float) -> None:
-        """Command the robots, once a control period."""
-        ...
-
-
 class OverheadRobots:
-    """Robots that are played by the simulator's vision, as real as that is, as `robocup-vision play` plays them.
-
-    Parameters
-    ----------
-    team : Team
-        Whose.
-    numbers : tuple of int
-        Which of its robots.
-    field : Field
-        The pitch.
-    """
+    """Robots that are played by the simulator's vision, as real as that is, as `robocup-vision play` plays them."""
 
     sees_from_above = True
 
@@ -115,12 +75,8 @@ class CameraRobots:
 
     Parameters
     ----------
-    team : Team
-        Whose.
     numbers : tuple of int
-        Which of its robots; the first keeps the goal if there is more than one.
-    field : Field
-        The pitch.
+        Which of the team's robots; the first keeps the goal if there is more than one.
     players : str
         ``plain``, ``memory`` or ``planning``.
     seed : int
@@ -202,13 +158,10 @@ class CameraRobots:
             command = self._players[number].act(senses)
             if command.pan_rad is not None:
                 self._pan_rad[number] = command.pan_rad
-            world.command(self.team, _robot_command(number, command))
+            world.command(self.team, robot_command(number, command, TeamSettings().dribbler_rps))
 
 
-def _robot_command(number: int, command: Command) -> RobotCommand:
-    velocity = LocalVelocity(command.forward_mps, command.left_mps, command.turn_rps)
-    dribbler = DRIBBLER_RPS if command.dribble else 0.0
-    return RobotCommand(number, MoveCommand(local=velocity), command.kick_mps, 0.0, dribbler)
+BuiltInRobots = OverheadRobots | CameraRobots
 
 
 def built_in_robots(text: str, field: Field, players: int, seed: int = 0) -> BuiltInRobots:
@@ -218,8 +171,6 @@ def built_in_robots(text: str, field: Field, players: int, seed: int = 0) -> Bui
     ----------
     text : str
         Team ``yellow`` or ``blue``; kind ``overhead``, ``plain``, ``memory`` or ``planning``.
-    field : Field
-        The pitch.
     players : int
         Of each team, when the words name no numbers.
     seed : int

@@ -24,12 +24,8 @@ class CameraImages(Closing):
 
     Parameters
     ----------
-    folder : str or Path
-        Made if missing.
     every : int
         Of each camera every so many frames, 60 a second.
-    seed : int
-        Of the sensors' noise.
 
     Raises
     ------

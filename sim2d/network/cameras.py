@@ -81,8 +81,6 @@ def camera_rig(field: Field, columns: int, rows: int, overlap_m: float) -> tuple
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     columns, rows : int
         How many along x and along y.
     overlap_m : float

@@ -36,21 +36,10 @@ class ControllerLink(Closing):
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     host : str
         Name or IPv4 address of the machine the game controller runs on.
     drives : bool
         Whether it was started for continuous integration: it is told the time and the truth, and goes by them.
-
-    Attributes
-    ----------
-    drives : bool
-        As above.
-    problems : Problems
-        What went wrong.
-    events : int
-        How many events were told.
 
     Raises
     ------

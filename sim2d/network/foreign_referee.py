@@ -18,32 +18,17 @@ from robocup_vision.ssl.game import Game, GameSettings
 from robocup_vision.ssl.subscriptions import RefereeClient
 from robocup_vision.ssl.values.referee import CiInput, Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
-from robocup_vision.ssl.values.tracked import (
-    TeamColor,
-    TrackedBall,
-    TrackedFrame,
-    TrackedRobot,
-    TrackedRobotId,
-    TrackerPacket,
-    Vector2,
-    Vector3,
-)
-from sim2d.match.pitch_rules import kick_time_s, penalty_mark
-from sim2d.network.packets import TRUTH_SOURCE, TRUTH_UUID
+from robocup_vision.ssl.values.tracked import TrackerPacket
+from sim2d.match.pitch_rules import kick_time_s
+from sim2d.network.ball_boy import KICK_OFFS, PENALTIES, kick_place
+from sim2d.network.packets import TRUTH_SOURCE, TRUTH_UUID, tracked_frame
 from sim2d.robot_link import Phase
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState
 
 # the game controller takes a ball for placed that lies so near
 _PLACED_M = 0.15
-_KICK_OFFS = (RefereeCommand.PREPARE_KICKOFF_YELLOW, RefereeCommand.PREPARE_KICKOFF_BLUE)
-_PENALTIES = (RefereeCommand.PREPARE_PENALTY_YELLOW, RefereeCommand.PREPARE_PENALTY_BLUE)
-_KICKS = (
-    *_KICK_OFFS,
-    *_PENALTIES,
-    RefereeCommand.DIRECT_FREE_YELLOW,
-    RefereeCommand.DIRECT_FREE_BLUE,
-)
+_KICKS = (*KICK_OFFS, *PENALTIES, RefereeCommand.DIRECT_FREE_YELLOW, RefereeCommand.DIRECT_FREE_BLUE)
 _NS_PER_S = 1e9
 # of a game controller that was not heard for a while, every command
 _MAX_PACKETS = 1000
@@ -75,8 +60,6 @@ class DrivenReferee:
 
     Parameters
     ----------
-    client : CiClient
-        The connection to it.
     field : Field
         The pitch, told at the first exchange.
     """
@@ -99,7 +82,7 @@ class DrivenReferee:
         """
         geometry = geometry_from_field(self._field) if self._frames == 0 else None
         self._frames += 1
-        frame = tracked_frame(self._frames, self._begin_ns / _NS_PER_S + t_s, robots, ball, blue_positive)
+        frame = tracked_frame(self._frames, self._begin_ns / _NS_PER_S + t_s, robots, ball, 1 if blue_positive else -1)
         now_ns = self._begin_ns + round(_NS_PER_S * t_s)
         told = CiInput(now_ns, TrackerPacket(TRUTH_UUID, TRUTH_SOURCE, frame), geometry=geometry)
         packets = self._client.exchange(told)
@@ -111,15 +94,7 @@ class DrivenReferee:
 
 
 class ForeignReferee:
-    """Satisfies `sim2d.world.referee.MatchReferee` by what a game controller says.
-
-    Parameters
-    ----------
-    source : RefereeSource
-        Where its packets come from.
-    field : Field
-        The pitch.
-    """
+    """Satisfies `sim2d.world.referee.MatchReferee` by what a game controller says."""
 
     def __init__(self, source: RefereeSource, field: Field) -> None:
         self._source, self._field = source, field
@@ -163,34 +138,7 @@ class ForeignReferee:
             return [Ruling(Event(t_s, "whistle"))]
         if packet.command not in _KICKS:
             return []
-        place = packet.designated_position
-        where = None if place is None else (place.x_m, place.y_m)
-        if packet.command in _KICK_OFFS:
-            where = (0.0, 0.0)
-        elif packet.command in _PENALTIES and where is None:
-            where = penalty_mark(
-                self._field, self._yellow_side if packet.command == _PENALTIES[0] else -self._yellow_side
-            )
-        if where is None or not all(map(math.isfinite, where)):
+        where = kick_place(packet, self._field, self._yellow_side)
+        if where is None or math.dist(where, (ball.x_m, ball.y_m)) <= _PLACED_M:
             return []
-        return [Ruling(None, where)] if math.dist(where, (ball.x_m, ball.y_m)) > _PLACED_M else []
-
-
-def tracked_frame(
-    number: int, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool
-) -> TrackedFrame:
-    """Return a moment of one of sim2d's own matches as a tracker tells it; blue defends the goal at +x, or yellow."""
-    yellow = 1 if blue_positive else -1
-    tracked = tuple(
-        TrackedRobot(
-            TrackedRobotId(robot.number, TeamColor.YELLOW if robot.side == yellow else TeamColor.BLUE),
-            Vector2(robot.pose.x_m, robot.pose.y_m),
-            robot.pose.theta_rad,
-            Vector2(*robot.velocity_mps),
-            robot.turn_rps,
-            1.0,
-        )
-        for robot in robots
-    )
-    here = TrackedBall(Vector3(ball.x_m, ball.y_m, ball.z_m), Vector3(ball.vx_mps, ball.vy_mps, ball.vz_mps), 1.0)
-    return TrackedFrame(number, t_s, (here,), tracked)
+        return [Ruling(None, where)]

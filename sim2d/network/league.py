@@ -78,12 +78,8 @@ class LeagueSimulator:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
     players : int
         Of each team, standing as for a kick-off: yellow plays towards +x.
-    realism : Realism
-        How real vision and radio are.
     seed : int
         The same seed and the same requests at the same steps give the same packets, but for their time.
     epoch_s : float
@@ -92,21 +88,11 @@ class LeagueSimulator:
         Judges a match by the rules and puts the ball where it belongs; default: everybody may play all the time.
     built_in : sequence of BuiltInRobots
         Play some of the robots; the others are there for foreign commands.
-    images : CameraImages, optional
-        Saves what the cameras saw.
 
     Attributes
     ----------
-    world : LeagueWorld
-        The truth.
     speed : float
         How fast simulated time shall go: 1 as a clock, 0 not at all, infinity as fast as it goes.
-    vision_port : int
-        Where vision shall be published.
-    bad_datagrams : int
-        Requests that were none.
-    last_problem : str
-        What was wrong with the last of them.
 
     Raises
     ------

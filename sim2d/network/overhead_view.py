@@ -61,17 +61,7 @@ class BallImage:
 
 
 class OverheadView:
-    """Draws what one camera sees.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    camera : OverheadCamera
-        As calibrated.
-    mounting : Mounting
-        How it really hangs.
-    """
+    """Draws what one camera sees."""
 
     def __init__(self, field: Field, camera: OverheadCamera, mounting: Mounting = Mounting()) -> None:
         self._field, self.camera, self.mounting = field, camera, mounting
@@ -137,13 +127,6 @@ class OverheadView:
 
     def render(self, state: LeagueState, rng: np.random.Generator) -> UInt8Array:
         """Return the camera's image.
-
-        Parameters
-        ----------
-        state : LeagueState
-            The truth at the exposure.
-        rng : numpy.random.Generator
-            Of the sensor's noise.
 
         Returns
         -------

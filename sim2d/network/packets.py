@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from robocup_vision.ssl.values.referee import (
@@ -29,7 +30,7 @@ from robocup_vision.ssl.values.tracked import (
 from sim2d.match.league_referee import Command, LeagueReferee
 from sim2d.network.world import Kick, LeagueState
 from sim2d.world.ball_physics import GRAVITY_MPS2, ROLLS_RATIO, BallSettings
-from sim2d.world.state import RobotState
+from sim2d.world.state import BallState, RobotState
 
 # the same in every run, so that a reader of a log identifies the truth
 TRUTH_UUID, TRUTH_SOURCE = "sim2d-truth", "sim2d"
@@ -55,8 +56,6 @@ _COMMANDS = {
     "direct_free": (RefereeCommand.DIRECT_FREE_YELLOW, RefereeCommand.DIRECT_FREE_BLUE),
     "ball_placement": (RefereeCommand.BALL_PLACEMENT_YELLOW, RefereeCommand.BALL_PLACEMENT_BLUE),
 }
-
-
 _NEXT: dict[str, Command] = {
     "kick_off": "prepare_kick_off",
     "free_kick": "direct_free",
@@ -65,26 +64,29 @@ _NEXT: dict[str, Command] = {
 }
 
 
-def tracker_packet(state: LeagueState, frame_number: int, epoch_s: float) -> TrackerPacket:
-    """Return the truth as a tracker would send it: without noise and delay, however real the vision is."""
-    ball = state.ball
-    robots = tuple(
+def tracked_frame(
+    number: int, t_s: float, robots: Sequence[RobotState], ball: BallState, yellow_side: int
+) -> TrackedFrame:
+    """Return a moment as a tracker tells it; yellow is side +1, which attacks the goal at +x, or -1."""
+    tracked = tuple(
         TrackedRobot(
-            TrackedRobotId(robot.number, _COLORS[robot.team]),
+            TrackedRobotId(robot.number, TeamColor.YELLOW if robot.side == yellow_side else TeamColor.BLUE),
             Vector2(robot.pose.x_m, robot.pose.y_m),
             robot.pose.theta_rad,
             Vector2(*robot.velocity_mps),
             robot.turn_rps,
             1.0,
         )
-        for robot in state.robots
+        for robot in robots
     )
-    tracked = TrackedBall(Vector3(ball.x_m, ball.y_m, ball.z_m), Vector3(ball.vx_mps, ball.vy_mps, ball.vz_mps), 1.0)
-    frame = TrackedFrame(
-        frame_number,
-        epoch_s + state.t_s,
-        (tracked,),
-        robots,
+    here = TrackedBall(Vector3(ball.x_m, ball.y_m, ball.z_m), Vector3(ball.vx_mps, ball.vy_mps, ball.vz_mps), 1.0)
+    return TrackedFrame(number, t_s, (here,), tracked)
+
+
+def tracker_packet(state: LeagueState, frame_number: int, epoch_s: float) -> TrackerPacket:
+    """Return the truth as a tracker would send it: without noise and delay, however real the vision is."""
+    frame = replace(
+        tracked_frame(frame_number, epoch_s + state.t_s, robot_states(state), state.ball, SIDES[Team.YELLOW]),
         kicked_ball=None if state.kick is None else _kicked_ball(state.kick, epoch_s),
         capabilities=(Capability.DETECT_FLYING_BALLS, Capability.DETECT_KICKED_BALLS),
     )

@@ -25,40 +25,29 @@ _OUTLINE_CORNERS = 15
 
 @dataclass(frozen=True, slots=True)
 class LeagueRobotSpec:
-    """What a robot is like; the defaults are those of a fast robot of division B.
+    """What a robot is like; the defaults are those of a fast robot of division B."""
 
-    Parameters
-    ----------
-    radius_m, height_m, mass_kg : float
-        Of its hull.
-    center_to_dribbler_m : float
-        From its centre to its flat front.
-    dribbler_width_m : float
-        Of the mouth in that front.
-    max_kick_mps, max_chip_mps : float
-        Largest speed that a straight kick, and a chip, gives the ball.
-    speed_up_mps2, brake_mps2, turn_speed_up_rps2, turn_brake_rps2 : float
-        Largest accelerations, in any direction.
-    max_speed_mps, max_turn_rps : float
-        Largest velocities, in any direction.
-    wheel_angles_rad : (float, float, float, float)
-        Of front right, back right, back left and front left wheel, counter-clockwise from straight ahead; a wheel
-        drives counter-clockwise about the robot's centre.
-    """
-
+    #: Of its hull.
     radius_m: float = 0.09
     height_m: float = 0.15
     mass_kg: float = 2.5
+    #: From its centre to its flat front.
     center_to_dribbler_m: float = 0.075
+    #: Of the mouth in that front.
     dribbler_width_m: float = 0.07
+    #: Largest speed that a straight kick, and a chip, gives the ball.
     max_kick_mps: float = 8.0
     max_chip_mps: float = 8.0
+    #: Largest accelerations, in any direction.
     speed_up_mps2: float = 4.0
     brake_mps2: float = 6.0
     turn_speed_up_rps2: float = 50.0
     turn_brake_rps2: float = 50.0
+    #: Largest velocities, in any direction.
     max_speed_mps: float = 4.0
     max_turn_rps: float = 20.0
+    #: Of front right, back right, back left and front left wheel, counter-clockwise from straight ahead; a
+    #: wheel drives counter-clockwise about the robot's centre.
     wheel_angles_rad: tuple[float, float, float, float] = (
         math.radians(-60),
         math.radians(-135),
@@ -74,21 +63,7 @@ class LeagueRobotSpec:
 
 
 class LeagueRobot:
-    """A robot in a pymunk space.
-
-    Parameters
-    ----------
-    space : pymunk.Space
-        Where it is added.
-    team : Team
-        Whose it is.
-    number : int
-        On its pattern.
-    spec : LeagueRobotSpec
-        What it is like.
-    pose : Pose2
-        Where it begins.
-    """
+    """A robot in a pymunk space."""
 
     def __init__(self, space: pymunk.Space, team: Team, number: int, spec: LeagueRobotSpec, pose: Pose2) -> None:
         self.team, self.number, self.spec = team, number, spec

@@ -49,53 +49,35 @@ _CLOCK_OFF_S = 0.0005
 
 @dataclass(frozen=True, slots=True)
 class ServerSettings:
-    """Times of a `LeagueServer`.
+    """Times of a `LeagueServer`."""
 
-    Attributes
-    ----------
-    request_time_s : float
-        Time for requests between two steps: a step of the physics takes 0.2 ms, a period 3.3 ms.
-    own_referee_returns : bool
-        Whether the simulator's own referee speaks again when a game controller that was heard has been silent: a match
-        that goes on by itself because a program crashed surprises people.
-    max_behind_s : float
-        A server that is later than this goes on from now, instead of hurrying to catch up.
-    ahead_s : float
-        A step is computed so long before it is due: with vision of 11 against 11 it takes 1 ms. Requests that come
-        meanwhile wait for the next step.
-    spin_s : float
-        A sleep ends late by about this: the rest is waited for without sleeping.
-    paused_wait_s : float
-        While the simulation is paused or slow, requests are waited for in turns of this length.
-    request_steps : int
-        Without a clock, requests are answered every so many steps.
-    latenesses : int
-        So many latenesses of vision packets are stored: half an hour of them.
-    """
-
+    #: Time for requests between two steps: a step of the physics takes 0.2 ms, a period 3.3 ms.
     request_time_s: float = 0.002
+    #: Whether the simulator's own referee speaks again when a game controller that was heard has been silent: a
+    #: match that goes on by itself because a program crashed surprises people.
     own_referee_returns: bool = False
+    #: A server that is later than this goes on from now, instead of hurrying to catch up.
     max_behind_s: float = 0.25
+    #: A step is computed so long before it is due: with vision of 11 against 11 it takes 1 ms. Requests that
+    #: come meanwhile wait for the next step.
     ahead_s: float = 0.002
+    #: A sleep ends late by about this: the rest is waited for without sleeping.
     spin_s: float = 0.0003
+    #: While the simulation is paused or slow, requests are waited for in turns of this length.
     paused_wait_s: float = 0.05
+    #: Without a clock, requests are answered every so many steps.
     request_steps: int = 5
+    #: So many latenesses of vision packets are stored: half an hour of them.
     latenesses: int = 100_000
 
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """Where the simulator listens and publishes; vision's port is the simulator's, for it can be commanded.
+    """Where the simulator listens and publishes; vision's port is the simulator's, for it can be commanded."""
 
-    Parameters
-    ----------
-    control : int
-        Of the simulation control; blue robots are commanded at the next port, yellow ones at the one after.
-    tracker, referee : int
-        Of those groups.
-    """
-
+    #: Of the simulation control; blue robots are commanded at the next port, yellow ones at the one after.
     control: int = SIMULATION_PORT
+    #: Of those groups.
     tracker: int = TRACKER_PORT
     referee: int = REFEREE_PORT
 
@@ -115,14 +97,8 @@ class LeagueServer(Closing):
 
     Parameters
     ----------
-    simulator : LeagueSimulator
-        What is served.
     interface : str
         ``loopback``, a network interface's name or its IPv4 address. Requests are taken on the loopback too.
-    ports : Ports
-        Where.
-    settings : ServerSettings, optional
-        Its times.
     controller : ControllerLink, optional
         A game controller that the simulator is the referee's eyes and hands of.
 

@@ -25,8 +25,6 @@ class SyncServer:
 
     Parameters
     ----------
-    addresses : iterable of str
-        Where.
     ports : dict of int to (Team or None)
         Which port is whose; None: the control's.
     most_bytes : int

@@ -32,17 +32,7 @@ _PROBES = tuple(
 
 
 class OverheadVision:
-    """A vision system over a field.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    realism : Realism
-        What goes wrong.
-    rng : numpy.random.Generator
-        Source of all noise.
-    """
+    """A vision system over a field."""
 
     def __init__(self, field: Field, realism: Realism, rng: np.random.Generator) -> None:
         self.field, self.realism = field, realism
@@ -75,8 +65,6 @@ class OverheadVision:
 
         Parameters
         ----------
-        state : LeagueState
-            The truth at the exposure.
         epoch_s : float
             Seconds since 1970 when the simulation began.
         """

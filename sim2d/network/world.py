@@ -64,15 +64,7 @@ class LeagueState:
 
 
 class LeagueWorld:
-    """A field, a ball and whoever is put there.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch.
-    flight : Flight
-        How a chipped ball flies.
-    """
+    """A field, a ball and whoever is put there."""
 
     def __init__(self, field: Field, flight: Flight) -> None:
         self._robots: dict[RobotKey, LeagueRobot] = {}

@@ -39,23 +39,37 @@ from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, Player, PlayerSet
 _NO_MOTION = Pose2(0.0, 0.0, 0.0)
 
 
+# what a player may use besides the frames and the odometry of its own robot, and what for
+USES = {
+    "memory": "track other robots and keep a map of the floor: steering then keeps clear of where the others will be",
+    "plans": "plan ways between others, speeds, shots and where a head looks; it has a memory then, too",
+    "messages": "tell the others of the team where the ball is, and agree with them who fetches it",
+    "goal_looks": "with a head that turns: while the half of the field is not known, look for a goal that decides",
+    "floor_looks": "with plans and a head that turns: look at undecided floor on the way",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class BuiltInTeam:
-    """Makes built-in players with options; equal to another one of the same options, in other processes too."""
+    """Makes built-in players with options; equal to another one of the same options, in other processes too.
 
-    #: Track other robots and keep a map of the floor: steering then keeps clear of where the others will be.
-    remembers: bool = False
-    #: Plan ways between others, speeds, shots and, for a head that turns, where to look. It remembers then, too.
-    plans: bool = False
-    #: With a head that turns: while the half of the field is not known, look for a goal that decides.
-    asks: bool = False
-    #: With plans and a head that turns: look at undecided floor on the way.
-    looks_again: bool = False
-    #: Tell the others of the team where the ball is, and agree with them who fetches it.
-    talks: bool = False
+    Raises
+    ------
+    ArgumentError
+        If it uses what there is not.
+    """
+
+    #: What its players use: names of `USES`.
+    uses: tuple[str, ...] = ()
     settings: PlayerSettings = PlayerSettings()
     #: What makes its parts; replace some to play with parts of your own.
     parts: PlayerParts = PlayerParts()
+
+    def __post_init__(self) -> None:
+        for name in self.uses:
+            if name not in USES:
+                raise ArgumentError(f"a built-in player cannot use '{name}', only {', '.join(USES)}")
+        object.__setattr__(self, "uses", tuple(name for name in USES if name in self.uses))
 
     def __call__(self, setup: PlayerSetup) -> Player:
         """Make one player."""
@@ -72,20 +86,26 @@ class BuiltInPlayer:
     """
 
     def __init__(self, setup: PlayerSetup, team: BuiltInTeam = BuiltInTeam()) -> None:
-        settings, parts = team.settings, team.parts
+        settings, parts, uses = team.settings, team.parts, team.uses
+        plans = "plans" in uses
         self._setup, self._settings = setup, settings
         field, limits, camera = setup.field, setup.limits, setup.camera
         self._head: Head | None = None
         self._sees_ahead_only = setup.sees_ahead_only
         if self._sees_ahead_only and isinstance(camera, PinholeCamera) and limits.pan_limit_rad > 0:
-            looks_again = team.plans and team.looks_again
             self._head = Head(
-                field, limits, camera, plans=team.plans, asks=team.asks, looks_again=looks_again, settings=settings.head
+                field,
+                limits,
+                camera,
+                plans=plans,
+                asks="goal_looks" in uses,
+                looks_again=plans and "floor_looks" in uses,
+                settings=settings.head,
             )
         # a camera that neither turns nor sees all around is turned with the robot
         is_fixed = self._sees_ahead_only and self._head is None
         self._pose_look = PoseLook(field, settings.look) if is_fixed else None
-        self._localizer = parts.localizer(setup, settings, team.remembers or team.plans)
+        self._localizer = parts.localizer(setup, settings, plans or "memory" in uses)
         if self._localizer.memory is None:
             raise ArgumentError("a player's localizer must have a memory")
         self._memory = self._localizer.memory
@@ -99,10 +119,10 @@ class BuiltInPlayer:
         self._tactics = parts.tactics(setup, settings)
         self._driving = parts.driving(setup, settings)
         self._talk: TeamTalk | None = None
-        if team.talks:
+        if "messages" in uses:
             role = parts.role(setup, settings, self._tactics.is_keeper)
             self._talk = TeamTalk(setup, role, settings.talk)
-        hides = team.plans and self._memory.free_map is not None
+        hides = plans and self._memory.free_map is not None
         self._ball = parts.ball(setup, settings, hides, self._talk)
         self._phase: Phase = "play"
         self._view: View | None = None
@@ -120,7 +140,7 @@ class BuiltInPlayer:
         self._why: Reason | None = None
         self._planner: TravelPlanner | None = None
         self._shooter: Shooter | None = None
-        if team.plans and self._memory.free_map is not None:
+        if plans and self._memory.free_map is not None:
             self._planner = TravelPlanner(field, limits, self._memory.free_map.looks_to_free, settings.travel)
             # a keeper does not shoot
             if field.goals and not self._tactics.is_keeper:

@@ -8,25 +8,25 @@ import sys
 from typing import cast
 
 from field_models.errors import ArgumentError
-from sim2d.players.built_in import BuiltInPlayer, BuiltInTeam
+from sim2d.players.built_in import USES, BuiltInPlayer, BuiltInTeam
 from sim2d.robot_link import PlayerFactory
 
 __all__ = ["PLAYERS", "BuiltInTeam", "player_factory", "player_name"]
 
 PLAYERS: dict[str, PlayerFactory] = {
     "plain": BuiltInPlayer,
-    "memory": BuiltInTeam(remembers=True),
-    "planning": BuiltInTeam(remembers=True, plans=True, talks=True),
-    "asking": BuiltInTeam(remembers=True, plans=True, asks=True, talks=True),
-    "looking": BuiltInTeam(remembers=True, plans=True, looks_again=True, talks=True),
-    "silent": BuiltInTeam(remembers=True, plans=True),
+    "memory": BuiltInTeam(("memory",)),
+    "planning": BuiltInTeam(("memory", "plans", "messages")),
+    "asking": BuiltInTeam(("memory", "plans", "messages", "goal_looks")),
+    "looking": BuiltInTeam(("memory", "plans", "messages", "floor_looks")),
+    "silent": BuiltInTeam(("memory", "plans")),
 }
 
 
 def player_factory(name: str) -> PlayerFactory:
-    """Return what makes the players of a name, or of an import path as ``package.module:Name``.
+    """Return what makes the players of a name, of what they use, or of an import path as ``package.module:Name``.
 
-    Modules in the current folder are found, too.
+    What built-in players use is named as ``memory+plans``. Modules in the current folder are found, too.
 
     Raises
     ------
@@ -35,9 +35,12 @@ def player_factory(name: str) -> PlayerFactory:
     """
     if ":" in name:
         return _imported(name)
-    if name not in PLAYERS:
-        raise ArgumentError(f"there is no player '{name}', only {', '.join(PLAYERS)}, or one's own as MODULE:NAME")
-    return PLAYERS[name]
+    if name in PLAYERS:
+        return PLAYERS[name]
+    uses = name.split("+")
+    if set(uses) <= USES.keys():
+        return BuiltInTeam(tuple(uses))
+    raise ArgumentError(f"there is no player '{name}', only {', '.join(PLAYERS)}, or one's own as MODULE:NAME")
 
 
 def _imported(path: str) -> PlayerFactory:
@@ -63,5 +66,7 @@ def player_name(factory: PlayerFactory) -> str:
     for name, known in PLAYERS.items():
         if known == factory:
             return name
+    if isinstance(factory, BuiltInTeam) and factory == BuiltInTeam(factory.uses):
+        return "+".join(factory.uses)
     inner = getattr(factory, "func", factory)
     return str(getattr(inner, "__qualname__", type(inner).__qualname__))

@@ -42,8 +42,6 @@ class Shooter:
 
     Parameters
     ----------
-    field : Field
-        The pitch, with goals.
     attacks : int
         +1: the goal at +x of the field frame; -1: that at -x.
     motion : MotionSettings

@@ -19,8 +19,6 @@ class StraightFrames:
     ----------
     camera : PinholeCamera
         As its file says; its `readout_s` is the shutter's.
-    odometry : PoseFilter
-        Knows how the body turned.
     """
 
     def __init__(self, camera: PinholeCamera, odometry: PoseFilter) -> None:
@@ -29,15 +27,7 @@ class StraightFrames:
         self._last: tuple[float, float] | None = None  # of the last frame: when it was exposed, and the pan
 
     def straighten(self, frame: UInt8Array, frame_t_s: float, pan_rad: float) -> UInt8Array:
-        """Return a frame (H, W, 3) uint8 as a camera that stands takes it; itself where that is not known.
-
-        Parameters
-        ----------
-        frame_t_s : float
-            When it was exposed.
-        pan_rad : float
-            Pan of the head then.
-        """
+        """Return a frame (H, W, 3) uint8 as a camera that stands takes it; itself where that is not known."""
         last, self._last = self._last, (frame_t_s, pan_rad)
         if last is None:
             return frame

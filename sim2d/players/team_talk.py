@@ -39,13 +39,7 @@ class ChoosesRole(Protocol):
 
 
 class TeamTalk:
-    """One player's messages.
-
-    Attributes
-    ----------
-    refused : int
-        Messages that were none.
-    """
+    """One player's messages."""
 
     def __init__(self, setup: PlayerSetup, roles: ChoosesRole, settings: TeamTalkSettings = TeamTalkSettings()) -> None:
         self._number, self._attacks = setup.number, setup.attacks

@@ -1,7 +1,6 @@
-"""Draws the surroundings of a field for a camera near the floor: curtains, people, furniture, windows, lamps.
+"""Draws what is seen behind a field, from a seed: a room's clutter, or a finer backdrop for cameras near the floor.
 
-Finer than the panorama that a mirror camera needs, and with white and coloured uprights in it, which are what a goal
-can be mistaken for.
+The backdrop has white and coloured uprights in it, which are what a goal can be mistaken for.
 """
 
 from __future__ import annotations
@@ -18,6 +17,9 @@ from robocup_vision.arrays import Float32Array, FloatArray
 
 BackdropKind = Literal["plain", "hall", "orange"]
 
+# of the room's clutter
+ROOM_HEIGHT_M, ROOM_ROWS_PER_M, _ROOM_COLUMNS = 4.0, 24, 1440
+# of the backdrop
 CELL_M = 0.0125
 HEIGHT_M = 3.5
 DRAWN_RADIUS_M = 5.0  # the wall is drawn for a room of this size, and stretched in others
@@ -149,3 +151,50 @@ def _draw_people(picture: Float32Array, rng: np.random.Generator) -> None:
             _block(picture, at + side * stride - 6, rows - 70, 12, 68, trousers)
         _block(picture, at - 16, rows - 122, 32, 54, shirt)
         _block(picture, at - 6, rows - 140, 14, 18, skin)
+
+
+@lru_cache(maxsize=32)
+def room_panorama(seed: int) -> Float32Array:
+    """Return a room's round wall (rows, columns, 3) float32 BGR, row 0 at the floor, columns counter-clockwise."""
+    rng = np.random.default_rng([seed, 0x600D])
+    rows = round(ROOM_HEIGHT_M * ROOM_ROWS_PER_M)
+    wall = rng.uniform(110, 200) * rng.uniform(0.85, 1.1, 3)
+    shade = np.interp(np.arange(_ROOM_COLUMNS), np.linspace(0, _ROOM_COLUMNS, 13), _closed(rng.uniform(0.6, 1.1, 12)))
+    view = np.ones((rows, _ROOM_COLUMNS, 1)) * wall * shade[None, :, None]
+
+    def draw(bearing: float, width: float, low_m: float, high_m: float, color: FloatArray) -> None:
+        columns = (round(bearing * _ROOM_COLUMNS) + np.arange(max(1, round(width * _ROOM_COLUMNS)))) % _ROOM_COLUMNS
+        view[round(low_m * ROOM_ROWS_PER_M) : round(high_m * ROOM_ROWS_PER_M), columns] = color
+
+    for _ in range(rng.integers(1, 5)):  # windows
+        draw(
+            rng.random(), rng.uniform(0.02, 0.08), 0.9, rng.uniform(2.0, 2.8), rng.uniform(225, 300) * _tint(rng, 0.06)
+        )
+    for _ in range(rng.integers(2, 6)):  # doors, curtains, dark areas
+        draw(rng.random(), rng.uniform(0.02, 0.10), 0.0, rng.uniform(1.2, 3.0), rng.uniform(20, 60) * _tint(rng, 0.2))
+    for _ in range(rng.integers(12, 28)):  # tables, boxes, cupboards
+        low = float(rng.choice([0.0, 0.0, 0.6]))
+        draw(
+            rng.random(),
+            rng.uniform(0.01, 0.06),
+            low,
+            low + rng.uniform(0.2, 1.0),
+            rng.uniform(40, 200) * _tint(rng, 0.3),
+        )
+    for _ in range(rng.integers(6, 18)):  # people: trousers, shirt, head
+        bearing, width = rng.random(), rng.uniform(0.010, 0.022)
+        draw(bearing, width, 0.0, 0.85, rng.uniform(25, 90) * _tint(rng, 0.25))
+        draw(bearing - 0.1 * width, 1.2 * width, 0.85, 1.45, rng.uniform(20, 220, 3))
+        draw(bearing + 0.25 * width, 0.5 * width, 1.48, 1.72, rng.uniform(0.5, 1.0) * np.array([125.0, 155.0, 205.0]))
+    view *= np.repeat(rng.normal(1.0, 0.04, (rows, _ROOM_COLUMNS // 4, 1)), 4, axis=1)
+    panorama = np.clip(view, 0, 320).astype(np.float32)
+    panorama.flags.writeable = False
+    return panorama
+
+
+def _closed(values: FloatArray) -> FloatArray:
+    return np.append(values, values[0])
+
+
+def _tint(rng: np.random.Generator, spread: float) -> FloatArray:
+    return rng.uniform(1 - spread, 1 + spread, 3)

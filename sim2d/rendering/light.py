@@ -13,9 +13,9 @@ import numpy.typing as npt
 from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import Float32Array
 from robocup_vision.geometry import Pose2
+from sim2d.rendering.backdrop import ROOM_HEIGHT_M, ROOM_ROWS_PER_M, room_panorama
 from sim2d.rendering.paint import LinePaint
 from sim2d.rendering.rays import RaySet
-from sim2d.rendering.room import HEIGHT_M, ROWS_PER_M, room_panorama
 from sim2d.rendering.scene import Ball, Light, Scene
 from sim2d.rendering.surfaces import FLOOR, FirstHits
 
@@ -95,7 +95,7 @@ def _room_light(
     scene: Scene, hits: FirstHits, cos: Float32Array, sin: Float32Array
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float32]]:
     """Rays that end on the room's round wall, and the light from there; their distances are set."""
-    radius = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
+    radius = scene.room_radius_m
     away = math.hypot(hits.eye.x_m, hits.eye.y_m)
     far = np.flatnonzero(hits.distance_m > max(radius - away, 0.0))
     x, y = np.float32(hits.eye.x_m), np.float32(hits.eye.y_m)
@@ -107,7 +107,7 @@ def _room_light(
     panorama = room_panorama(scene.room.seed)
     columns = panorama.shape[1]
     up = hits.rays.height_m + distance * hits.rays.slope[far]
-    row = np.clip(up, 0, HEIGHT_M - 0.01) * np.float32(ROWS_PER_M)
+    row = np.clip(up, 0, ROOM_HEIGHT_M - 0.01) * np.float32(ROOM_ROWS_PER_M)
     turn = np.arctan2(distance * sin[far] + y, distance * cos[far] + x) * np.float32(columns / math.tau)
     light = panorama[row.astype(np.intp), turn.astype(np.intp) % columns]
     return far, np.asarray(light * np.float32(scene.light.level))

@@ -213,6 +213,19 @@ class Scene:
             return polygon
         return np.asarray(polygon + np.sign(polygon) * self.carpet_margin_m)
 
+    @property
+    def room_radius_m(self) -> float:
+        """Radius of the round wall behind everything, about the field's centre."""
+        return float(np.hypot(*self.carpet_polygon.T).max()) + self.room.distance_m
+
+    def fixed(self) -> Iterator[Wall | Post | Bar | Box]:
+        """Yield everything that does not move, walls as they are lit: what every renderer draws."""
+        yield from (wall.lit for wall in self.walls())
+        yield from self.posts()
+        yield from self.bars()
+        yield from self.boxes
+        yield from self.bystanders()
+
     def walls(self) -> Iterator[Wall]:
         """Yield every wall, board and goal panel."""
         field = self.field

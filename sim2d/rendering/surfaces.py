@@ -52,21 +52,17 @@ class FirstHits:
 
     def add_scene(self, scene: Scene) -> None:
         """Meet everything that stands or lies on the field."""
-        for wall in scene.walls():
-            self._add_wall(wall.lit)
-        for post in scene.posts():
-            self._add_post(post)
-        for bar in scene.bars():
-            self._add_bar(bar)
-        for box in scene.boxes:
-            self._add_box(box)
-        for bystander in scene.bystanders():
-            if isinstance(bystander, Box):
-                self._add_box(bystander)
+        for thing in (*scene.fixed(), *scene.robots):
+            if isinstance(thing, Wall):
+                self._add_wall(thing)
+            elif isinstance(thing, Post):
+                self._add_post(thing)
+            elif isinstance(thing, Bar):
+                self._add_bar(thing)
+            elif isinstance(thing, Box):
+                self._add_box(thing)
             else:
-                self._add_post(bystander)
-        for robot in scene.robots:
-            self._add_robot(robot)
+                self._add_robot(thing)
         if scene.ball is not None:
             self._add_ball(scene.ball)
 

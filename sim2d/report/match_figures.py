@@ -45,13 +45,7 @@ class MatchFigures:
 
 
 class MatchLog:
-    """Counts a match as it is played.
-
-    Parameters
-    ----------
-    state : WorldState
-        At its beginning.
-    """
+    """Counts a match as it is played."""
 
     def __init__(self, state: WorldState, limits: RobotLimits, ball_radius_m: float, faults: Sequence[Fault]) -> None:
         self._reach_m = limits.radius_m + ball_radius_m + _REACH_M

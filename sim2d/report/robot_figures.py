@@ -147,8 +147,6 @@ class RobotLog:
     ----------
     acceleration_mps2 : float
         Of free wheels.
-    faults : sequence of Fault
-        Those of this robot.
     """
 
     def __init__(

@@ -14,12 +14,10 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.camera.pinhole import camera_rotation
-from robocup_vision.geometry import Pose2
 from sim2d.kernels.match_pixels import add_noise
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.forward import EyeInField, ForwardFrames
-from sim2d.rendering.fast.frames import FastFrames
-from sim2d.rendering.fast.leaning import LeaningMirror
+from sim2d.rendering.fast.mirror import MirrorFrames
 from sim2d.rendering.motion_blur import motion_blur
 from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
 from sim2d.rendering.sensor import Sensor
@@ -146,15 +144,14 @@ class MatchCamera:
         self._backdrop = backdrop
         self._frames = self._frames_of(camera)
         self._rolling = RollingBall(field.ball_radius_m)
-        self._own: dict[int, tuple[OmniCamera | PinholeCamera, FastFrames | ForwardFrames]] = {}
-        self._leaning: dict[FastFrames, LeaningMirror] = {}
+        self._own: dict[int, tuple[OmniCamera | PinholeCamera, MirrorFrames | ForwardFrames]] = {}
         size = 3 * camera.size_px[0] * camera.size_px[1]
         self._noise_starts = size
         drawn = rng.standard_normal(2 * size, dtype=np.float32) * np.float32(sensor.noise_sigma)
         # a byte each, as every frame reads many: noise of more than half the sensor's range is clipped
         self._noise = np.rint(np.clip(drawn, -127.0, 127.0)).astype(np.int8)
 
-    def _frames_of(self, camera: OmniCamera | PinholeCamera) -> FastFrames | ForwardFrames:
+    def _frames_of(self, camera: OmniCamera | PinholeCamera) -> MirrorFrames | ForwardFrames:
         """Return what draws the frames of a camera."""
         scene = self._scene((), None)
         if isinstance(camera, PinholeCamera):
@@ -163,7 +160,7 @@ class MatchCamera:
             return ForwardFrames(scene, camera, self.sensor, backdrop=self._backdrop)
         if self._backdrop is not None:
             raise ArgumentError("a mirror camera's match is drawn without a backdrop")
-        return FastFrames(scene, camera, self.sensor)
+        return MirrorFrames(scene, camera, self.sensor)
 
     def set_camera(self, index: int, camera: OmniCamera | PinholeCamera) -> None:
         """Give one robot a camera of its own from now on, of the same kind and image size as the others'.
@@ -175,9 +172,6 @@ class MatchCamera:
         """
         if type(camera) is not type(self.camera) or camera.size_px != self.camera.size_px:
             raise ArgumentError("a robot's own camera must be of the kind and image size of the match's")
-        before = self._own.get(index)
-        if before is not None and isinstance(before[1], FastFrames):
-            self._leaning.pop(before[1], None)
         self._own[index] = (camera, self._frames_of(camera))
 
     def scene(self, state: WorldState, index: int) -> Scene:
@@ -222,8 +216,8 @@ class MatchCamera:
         """
         robots, ball, robot = self._robots(state, index), self._ball(state), state.robots[index]
         camera, frames = self._own.get(index, (self.camera, self._frames))
-        if isinstance(frames, FastFrames):
-            light = self._draw_leaning(frames, robots, ball, robot.pose, sway)
+        if isinstance(frames, MirrorFrames):
+            light = frames.draw(robots, ball, robot.pose, pitch_rad=sway.pitch_rad, roll_rad=sway.roll_rad)
         else:
             assert isinstance(camera, PinholeCamera)
             light = self._expose(frames, robots, ball, state.t_s, index, self._eye(camera, robot, sway))
@@ -234,18 +228,6 @@ class MatchCamera:
             add_noise(frame.reshape(-1), self._noise[start : start + frame.size])
         frame.flags.writeable = False
         return frame
-
-    def _draw_leaning(
-        self, frames: FastFrames, robots: tuple[Robot, ...], ball: Ball | None, pose: Pose2, sway: Sway
-    ) -> UInt8Array:
-        """Draw a mirror camera's frame, leaned over as its body is."""
-        if not (sway.pitch_rad or sway.roll_rad):
-            return frames.draw(robots, ball, pose)
-        if frames not in self._leaning:
-            self._leaning[frames] = LeaningMirror(frames.camera)
-        leaning = self._leaning[frames]
-        moved = Pose2(*leaning.shift_m(sway.pitch_rad, sway.roll_rad), 0.0)
-        return leaning.lean(frames.draw(robots, ball, pose.compose(moved)), sway.pitch_rad, sway.roll_rad)
 
     def _eye(self, camera: PinholeCamera, robot: RobotState, sway: Sway) -> EyeInField:
         """Return where a robot's pinhole camera is: the head pans about the camera's axis, the body turns the head."""

@@ -35,8 +35,7 @@ from sim2d.training.ball_crops import (
     scene_crops,
 )
 from sim2d.training.ball_scenes import Scene, draw_scene
-from sim2d.training.chains import chain, learn, normal, write_chain
-from sim2d.training.light import blurred, relit, uniform
+from sim2d.training.chains import blurred, chain, learn, normal, relit, uniform, write_chain
 
 # channels, kernels and strides of the convolutions; a 1 x 1 to the three answers follows
 FIRST_LAYERS = ((8, 3, 2), (16, 3, 2), (24, 3, 1))

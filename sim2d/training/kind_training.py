@@ -10,9 +10,8 @@ import torch
 from torch.nn import functional
 
 from robocup_vision.perception.kinds.network import FOOT_PX, SEEN_PX
-from sim2d.training.chains import chain, learn, normal, write_chain
+from sim2d.training.chains import blurred, chain, learn, normal, relit, uniform, write_chain
 from sim2d.training.kind_crops import OTHER, RIM_PX, KindCrops
-from sim2d.training.light import blurred, relit, uniform
 
 # channels, kernels and strides of the convolutions; a 1 x 1 to the answers follows
 LAYERS = ((10, 4, 2), (14, 3, 1), (20, 3, 2), (24, 3, 1), (20, 3, 2), (16, (3, 2), 1))

@@ -100,8 +100,6 @@ class RobotBody:
     ----------
     index, side, number : int
         As in `RobotState`.
-    step_s : float
-        Length of a physics step.
     rng : numpy.random.Generator
         Draws its odometry's systematic error here.
     """

@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 import select
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import ExitStack
 
 from field_models import Field
+from field_models.errors import ArgumentError, PacketError
 from robocup_vision.closing import Closing
+from robocup_vision.ssl.controller_clients import TeamPortClient
 from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.requests import RobotClient
 from robocup_vision.ssl.sockets import LOOPBACK, SIMULATED_VISION_PORT
 from robocup_vision.ssl.subscriptions import RefereeClient, VisionClient
+from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.network.team.desk import TeamDesk
 from sim2d.network.team.team import OverheadTeam, TeamSettings
 from sim2d.robot_link import CONTROL_PERIOD_S
 
@@ -27,6 +29,8 @@ _WAY_S = 0.01
 _BLIND_S = 0.3
 # read at once: two control periods of eight cameras, and every command of a referee who was not heard for a while
 _MAX_FRAMES, _MAX_REFEREE_PACKETS, _MAX_ANSWERS = 48, 1000, 100
+# a keeper that has not been seen for so long is not there; asked again after as long
+_ABSENT_S, _AGAIN_S = 2.0, 5.0
 
 
 class TeamClient(Closing):
@@ -34,27 +38,12 @@ class TeamClient(Closing):
 
     Parameters
     ----------
-    team : Team
-        Yellow or blue.
-    field : Field
-        The pitch.
-    settings : TeamSettings
-        How it plays.
-    host : str
-        Where the robots' commands go.
     interface : str
         On which vision and referee are listened to.
-    vision_port, referee_port : int
-        Where.
     robot_port : int, optional
         Default: the league's for that team.
     controller_host : str, optional
         Where a game controller runs that is told who keeps the goal.
-
-    Attributes
-    ----------
-    sent : int
-        Packets of commands so far.
 
     Raises
     ------
@@ -166,3 +155,49 @@ class TeamClient(Closing):
             if bad > self._bad.get(source, 0):
                 self._bad[source] = bad
                 self.problems.add(f"bad datagrams of {source}", f"from {source}: {client.last_problem}")
+
+
+class TeamDesk(Closing):
+    """What a team tells the game controller: who keeps the goal, and that the game shall go on when it was fouled.
+
+    It connects once the game controller has told the team's name. The team plays on whatever goes wrong.
+    """
+
+    def __init__(self, team: Team, host: str, problems: Problems) -> None:
+        self._team, self._host, self._problems = team, host, problems
+        self._client: TeamPortClient | None = None
+        self._is_done = False
+        self._keeper_seen_s, self._asked_s = math.inf, -math.inf
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._client is not None:
+            self._client.close()
+
+    def hear(self, packet: Referee, own: Collection[int], now_s: float) -> None:
+        """Take in a packet of the game controller, with the numbers of the robots that are seen, at a time."""
+        if self._is_done:
+            return
+        try:
+            self._hear(packet, own, now_s)
+        except (ArgumentError, PacketError) as error:
+            self._problems.add(str(error))
+            self._is_done = True
+            self.close()
+
+    def _hear(self, packet: Referee, own: Collection[int], now_s: float) -> None:
+        info = packet.yellow if self._team == Team.YELLOW else packet.blue
+        if self._client is None:
+            if not info.name or info.name == "Unknown":
+                return
+            self._client = TeamPortClient(info.name, self._team, self._host)
+            self._client.choose_advantage(goes_on=True)
+        self._client.listen()
+        for words in self._client.problems.take_new():
+            self._problems.add(words)
+        if info.goalkeeper in own or not own or now_s < self._keeper_seen_s:
+            self._keeper_seen_s = now_s
+        stands = packet.command in (RefereeCommand.HALT, RefereeCommand.STOP)
+        if stands and now_s - self._keeper_seen_s > _ABSENT_S and now_s - self._asked_s > _AGAIN_S:
+            self._asked_s = now_s
+            self._client.change_keeper(min(own))

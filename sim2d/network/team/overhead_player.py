@@ -52,20 +52,13 @@ class Moving:
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What the team tells one of its robots now.
+    """What the team tells one of its robots now."""
 
-    Parameters
-    ----------
-    tactics : Tactics
-        Of the role that it has.
-    keep_outs : tuple of KeepOut
-        Where it may not be, besides what its plans know.
-    goes_to : (float, float) or None
-        It leaves the game and drives there.
-    """
-
+    #: Of the role that it has.
     tactics: Tactics
+    #: Where it may not be, besides what its plans know.
     keep_outs: tuple[KeepOut, ...] = ()
+    #: It leaves the game and drives there.
     goes_to: Point | None = None
 
 
@@ -74,12 +67,6 @@ class OverheadPlayer:
 
     Parameters
     ----------
-    field : Field
-        The pitch.
-    limits : RobotLimits
-        What the robot can do.
-    motion : MotionSettings
-        How it drives.
     seed : int
         For the direction in which it gets free where it is stuck.
     """
@@ -111,14 +98,10 @@ class OverheadPlayer:
 
         Parameters
         ----------
-        orders : Orders
-            Its role.
         now : Situation
             What all robots of the team know alike; pose, ball in the mouth, shot and others are filled in here.
         me : Moving
             The robot when the command will work.
-        others : tuple of Moving
-            All others then.
         """
         pose, limits = me.pose, self._limits
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
@@ -194,8 +177,6 @@ def defence_zones(field: Field, *, is_keeper: bool, their_room_m: float) -> tupl
     ----------
     field : Field
         The pitch; without defence areas there are none to keep out of.
-    is_keeper : bool
-        Whether it keeps the goal.
     their_room_m : float
         How far to stay away from the other team's.
     """

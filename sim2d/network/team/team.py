@@ -27,8 +27,7 @@ from sim2d.network.team.overhead_player import Moving, Orders, OverheadPlayer, d
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.keep_out import Capsule
 from sim2d.players.plan import Situation
-from sim2d.players.tactics.fetch import FetchSettings
-from sim2d.players.tactics.field_player import FieldPlayerSettings
+from sim2d.players.tactics.field_player import FetchSettings, FieldPlayerSettings
 from sim2d.players.tactics.keeper import KeeperSettings
 from sim2d.players.tactics.tactics import Tactics, TacticsSettings
 from sim2d.robot_link import Command, Point, RobotLimits
@@ -41,33 +40,10 @@ _SAME_FIELD_M = 0.2
 
 @dataclass(frozen=True, slots=True)
 class TeamSettings:
-    """Values of `OverheadTeam`.
+    """Values of `OverheadTeam`."""
 
-    Attributes
-    ----------
-    limits : RobotLimits
-        How the robots drive and kick: slower than the league's can, so that they stop in time before each other (the
-        rules forbid to run into somebody at more than 1.5 m/s) and no kick is a foul (6.5 m/s).
-    tactics : TacticsSettings
-        A keeper has the whole defence area; one robot alone goes for the ball.
-    motion : MotionSettings
-        How they drive.
-    tracker : TrackerSettings
-        Of the tracker.
-    dribbler_rps : float
-        How fast the dribbler spins.
-    contact_lasts_s : float
-        What a robot feels is believed for so long.
-    mouth_m, mouth_half_m : float
-        Where no robot tells what it feels: a ball so far before its hull's front, and so far aside, is in the mouth.
-    changes_m : float
-        Another robot fetches the ball only if it is nearer by so much: two that take turns get nowhere.
-    their_room_m : float
-        From the other team's defence area, while the ball is not in play: 0.2 m by the rules.
-    touched_m : float
-        A robot's hull so near to the ball has touched it: who kicked off may then touch it again.
-    """
-
+    #: How the robots drive and kick: slower than the league's can, so that they stop in time before each other
+    #: (the rules forbid to run into somebody at more than 1.5 m/s) and no kick is a foul (6.5 m/s).
     limits: RobotLimits = RobotLimits(
         speed_mps=1.5,
         acceleration_mps2=2.0,
@@ -77,20 +53,30 @@ class TeamSettings:
         turn_rps=8.0,
         kick_speed_mps=5.0,
     )
+    #: A keeper has the whole defence area; one robot alone goes for the ball.
     tactics: TacticsSettings = TacticsSettings(
         keeper=KeeperSettings(area_radii=11.0, area_depth_radii=11.0),
         fetch=FetchSettings(straight_reaches=10.0, straight_rad=0.6, round_reaches=1.8),
         field_player=FieldPlayerSettings(support_limits=(-0.6, 2.5)),
         fetches_in_strip=False,
     )
+    #: How they drive.
     motion: MotionSettings = MotionSettings(holding_mps=1.0, holding_rps=2.5)
+    #: Of the tracker.
     tracker: TrackerSettings = TrackerSettings()
+    #: How fast the dribbler spins.
     dribbler_rps: float = 150.0
+    #: What a robot feels is believed for so long.
     contact_lasts_s: float = 0.07
+    #: Where no robot tells what it feels: a ball so far before its hull's front, and so far aside, is in the
+    #: mouth.
     mouth_m: float = 0.012
     mouth_half_m: float = 0.03
+    #: Another robot fetches the ball only if it is nearer by so much: two that take turns get nowhere.
     changes_m: float = 0.25
+    #: From the other team's defence area, while the ball is not in play: 0.2 m by the rules.
     their_room_m: float = 0.22
+    #: A robot's hull so near to the ball has touched it: who kicked off may then touch it again.
     touched_m: float = 0.03
 
 
@@ -114,15 +100,6 @@ class _Hand:
 
 class OverheadTeam:
     """Drives all robots of one team.
-
-    Parameters
-    ----------
-    team : Team
-        Yellow or blue.
-    field : Field
-        The pitch, with goals.
-    settings : TeamSettings
-        See there.
 
     Attributes
     ----------
@@ -220,7 +197,7 @@ class OverheadTeam:
         if state.phase in ("halt", "time_out") or state.attacks is None:
             self.intents = dict.fromkeys(own, state.phase.replace("_", " "))
             self._kick = None
-            return [self._command(number, _NOTHING) for number in own]
+            return [robot_command(number, _NOTHING, 0.0) for number in own]
         side = state.attacks
         robots = {_key(robot): _in_team(robot, side) for robot in world.robots}
         situation = self._situation(world, state, side, t_s)
@@ -240,7 +217,7 @@ class OverheadTeam:
             mine = replace(situation, in_mouth=self._has_ball(hand, me, situation.ball, t_s))
             orders = self._orders(number, roles, own, state, mine, me)
             command = hand.player.act(orders, mine, me, others)
-            out.append(self._command(number, _slowed(command, slow_mps)))
+            out.append(robot_command(number, _slowed(command, slow_mps), self._settings.dribbler_rps))
             self.intents[number] = hand.player.intent
         return out
 
@@ -392,11 +369,13 @@ class OverheadTeam:
             self._tactics[key] = Tactics(self._field, self._settings.limits, role, players, self._settings.tactics)
         return self._tactics[key]
 
-    def _command(self, number: int, command: Command) -> RobotCommand:
-        # a velocity along the robot's own axes is what every simulator obeys
-        velocity = LocalVelocity(command.forward_mps, command.left_mps, command.turn_rps)
-        dribbler = self._settings.dribbler_rps if command.dribble else 0.0
-        return RobotCommand(number, MoveCommand(local=velocity), command.kick_mps, 0.0, dribbler)
+
+def robot_command(number: int, command: Command, dribbler_rps: float) -> RobotCommand:
+    """Return a player's command as simulators take it: a velocity along the robot's own axes is what each obeys."""
+    velocity = LocalVelocity(command.forward_mps, command.left_mps, command.turn_rps)
+    return RobotCommand(
+        number, MoveCommand(local=velocity), command.kick_mps, 0.0, dribbler_rps if command.dribble else 0.0
+    )
 
 
 def _kick_off_is_next(state: GameState) -> bool:

@@ -21,13 +21,7 @@ Velocity = tuple[float, float]
 
 
 class WheelVelocity:
-    """Estimates one robot's velocity; call `sense` and `command` in turn.
-
-    Parameters
-    ----------
-    period_s : float
-        Between two commands.
-    """
+    """Estimates one robot's velocity; call `sense` and `command` in turn."""
 
     def __init__(self, limits: RobotLimits, period_s: float) -> None:
         self._limits, self._period_s = limits, period_s

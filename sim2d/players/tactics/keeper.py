@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from robocup_vision.planning.shots.shot_planner import cover_goal
 from sim2d.players.ball import BallMemorySettings
 from sim2d.players.plan import Plan, Situation
-from sim2d.players.tactics.fetch import Fetch
+from sim2d.players.tactics.field_player import Fetch
 from sim2d.players.tactics.team_field import TeamField, direction_rad
 from sim2d.robot_link import Point, Reason
 
@@ -37,13 +37,7 @@ class KeeperSettings:
 
 
 class Keeper:
-    """Decides for the keeper while it does not hold the ball.
-
-    Parameters
-    ----------
-    ball : BallMemorySettings
-        When another robot has the ball.
-    """
+    """Decides for the keeper while it does not hold the ball."""
 
     def __init__(self, team: TeamField, fetch: Fetch, settings: KeeperSettings, ball: BallMemorySettings) -> None:
         self._team, self._fetch, self._settings, self._ball_settings = team, fetch, settings, ball

@@ -10,8 +10,7 @@ from robocup_vision.geometry import wrap_angle
 from sim2d.kick_off import kick_off_pose
 from sim2d.players.keep_out import Capsule, KeepOut
 from sim2d.players.plan import Plan, Situation
-from sim2d.players.tactics.fetch import Fetch
-from sim2d.players.tactics.field_player import FieldPlayer
+from sim2d.players.tactics.field_player import Fetch, FieldPlayer
 from sim2d.players.tactics.keeper import Keeper
 from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
 from sim2d.robot_link import Point
@@ -69,8 +68,6 @@ class Restart:
     ----------
     number, players : int
         As in `PlayerSetup`; number 1 takes what is its team's turn, a single player as number 0.
-    kick_speed_mps : float
-        Of a free kick.
     """
 
     def __init__(

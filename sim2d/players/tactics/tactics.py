@@ -9,8 +9,7 @@ from field_models.field import Field
 from sim2d.players.ball import BallMemorySettings
 from sim2d.players.plan import Plan, Situation
 from sim2d.players.tactics.ball_holder import BallHolder, BallHolderSettings
-from sim2d.players.tactics.fetch import Fetch, FetchSettings
-from sim2d.players.tactics.field_player import FieldPlayer, FieldPlayerSettings
+from sim2d.players.tactics.field_player import Fetch, FetchSettings, FieldPlayer, FieldPlayerSettings
 from sim2d.players.tactics.keeper import Keeper, KeeperSettings
 from sim2d.players.tactics.set_pieces import KickOff, Restart, RestartSettings
 from sim2d.players.tactics.team_field import TeamField
@@ -43,11 +42,6 @@ class Tactics:
     Number 0 keeps the goal where there are others. Who of the others fetches the ball is agreed by messages where there
     are any; else number 1 does, and further ones take it only in their own strip of the field. There number 1 gives way
     to whoever is nearer to the ball.
-
-    Parameters
-    ----------
-    ball : BallMemorySettings
-        When another robot has the ball.
     """
 
     def __init__(

@@ -13,23 +13,23 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
-from field_models import COLOR_NAMES
-from robocup_vision.arrays import Float32Array, UInt8Array
+from field_models.errors import ArgumentError
+from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.pinhole import camera_rotation
 from sim2d.kernels.forward.outlines import ARC_PIECES
 from sim2d.kernels.forward.room import pack_cells
 from sim2d.kernels.forward.things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, SHEET
 from sim2d.kernels.forward.tiles import draw_forward
-from sim2d.kernels.forward.values import FloorPaint, ForwardEye, Outlines, UprightThings, WallPicture
-from sim2d.rendering.backdrop import Backdrop
-from sim2d.rendering.fast.frames import SHADE_REACH, EvenlyLit, even_light, refuse_uneven
-from sim2d.rendering.fast.tables import TILE_PX, arc_rows, lens_table, line_rows
-from sim2d.rendering.nets import nets_of
-from sim2d.rendering.room import ROWS_PER_M, room_panorama
-from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene, Wall
-from sim2d.rendering.sensor import Sensor, vignette_gain
+from sim2d.kernels.forward.values import FloorPaint, ForwardEye, ForwardLens, Outlines, UprightThings, WallPicture
+from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, Backdrop, room_panorama
+from sim2d.rendering.fast.match_frames import SHADE_REACH, MatchFrames, arc_rows, line_rows
+from sim2d.rendering.scene import Ball, Bar, Bgr, Post, Robot, Scene, Wall
+from sim2d.rendering.sensor import Sensor
+
+TILE_PX = (8, 32)  # rows and columns: most edges run across the image
 
 
 class EyeInField(NamedTuple):
@@ -47,42 +47,32 @@ class EyeInField(NamedTuple):
     turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-class ForwardFrames(EvenlyLit):
-    """Draws one field and all fixed objects around it for one type of camera.
+class ForwardFrames(MatchFrames):
+    """Draws for a pinhole or fisheye camera, whose place and orientation do not matter; see `MatchFrames`.
 
     Parameters
     ----------
-    scene : Scene
-        Field, boxes, light and room; its robots and ball do not matter.
-    camera : PinholeCamera
-        Its place and orientation do not matter.
-    sensor : Sensor
-        Whose vignette, gain and white balance are applied; blur and noise are not.
     backdrop : Backdrop, optional
         Hangs on the room's wall in place of the scene's own clutter.
 
     Raises
     ------
     ArgumentError
-        If the light has texture, shadow or highlights, the sensor compresses, or the lens leaves part of the image
-        without rays.
+        As `MatchFrames`, or if the lens leaves part of the image without rays.
     """
 
     def __init__(
         self, scene: Scene, camera: PinholeCamera, sensor: Sensor, *, backdrop: Backdrop | None = None
     ) -> None:
-        refuse_uneven(scene.light, sensor)
-        self.scene, self.camera = scene, camera
-        self._cast = np.array(sensor.cast_bgr)
+        super().__init__(scene, camera, sensor)
         width, height = camera.size_px
-        self._lens = lens_table(camera, vignette_gain(height, width, sensor.vignette) * np.float32(sensor.gain))
-        self._light = even_light(scene, scene.light)
-        radius_m = float(np.hypot(*scene.carpet_polygon.T).max()) + scene.room.distance_m
+        self._lens = lens_table(camera, self._gain)
+        radius_m = scene.room_radius_m
         picture, rows_per_m = _wall_picture(scene, backdrop, radius_m / max(camera.focal_px))
         cells = pack_cells((picture * (scene.light.level * self._cast)).astype(np.float32))
         self._wall = WallPicture(cells, picture.shape[1], rows_per_m, radius_m)
         corners = scene.carpet_polygon
-        colors = np.array([COLOR_NAMES["green"], COLOR_NAMES[scene.field.line_color], scene.room.floor_bgr])
+        colors = np.array([*self._paints, scene.room.floor_bgr])
         self._paint = FloorPaint(
             line_rows(scene.field),
             arc_rows(scene.field),
@@ -94,32 +84,30 @@ class ForwardFrames(EvenlyLit):
         self._rows: list[list[float]] = []
         self._colors: list[Bgr] = []
         self._add_fixed(scene)
-        self._nets = nets_of(scene.field, self._cast)
         self._planes = np.zeros((3, height, width), dtype=np.uint8)
         self._all_rows = np.zeros((0, COLUMNS))
         self._outlines = _empty_outlines(0)
 
     def _add_fixed(self, scene: Scene) -> None:
-        for wall in scene.walls():
-            self._add_sheet(wall.lit)
-        for bar in scene.bars():
-            ends = [bar.x_m, -bar.half_length_m, bar.x_m, bar.half_length_m]
-            self._rows.append([BAR, *ends, bar.radius_m, bar.height_m, len(self._colors), 1, -1])
-            self._colors.append(bar.color_bgr)
-        for thing in (*scene.posts(), *scene.boxes, *scene.bystanders()):
-            if isinstance(thing, Post):
-                row = [CYLINDER, thing.x_m, thing.y_m, 0, 0, thing.radius_m, thing.height_m, len(self._colors)]
+        for thing in scene.fixed():
+            number = len(self._colors)
+            if isinstance(thing, Wall):
+                self._add_sheet(thing)
+            elif isinstance(thing, Bar):
+                ends = [thing.x_m, -thing.half_length_m, thing.x_m, thing.half_length_m]
+                self._rows.append([BAR, *ends, thing.radius_m, thing.height_m, number, 1, -1])
+                self._colors.append(thing.color_bgr)
+            elif isinstance(thing, Post):
+                row = [CYLINDER, thing.x_m, thing.y_m, 0, 0, thing.radius_m, thing.height_m, number]
                 self._rows.append([*row, len(thing.bands_bgr), -1])
                 self._colors += thing.bands_bgr
             else:
-                self._add_box(thing)
-
-    def _add_box(self, box: Box) -> None:
-        for face in box.faces():
-            self._add_sheet(face)
-        row = [BOX_TOP, box.x_m, box.y_m, math.cos(box.yaw_rad), math.sin(box.yaw_rad), box.width_m / 2, box.height_m]
-        self._rows.append([*row, len(self._colors), 1, box.depth_m / 2])
-        self._colors.append(box.color_bgr)
+                for face in thing.faces():
+                    self._add_sheet(face)
+                along = math.cos(thing.yaw_rad), math.sin(thing.yaw_rad)
+                row = [BOX_TOP, thing.x_m, thing.y_m, *along, thing.width_m / 2, thing.height_m, len(self._colors)]
+                self._rows.append([*row, 1, thing.depth_m / 2])
+                self._colors.append(thing.color_bgr)
 
     def _add_sheet(self, wall: Wall) -> None:
         number, ends = len(self._colors), [wall.x0_m, wall.y0_m, wall.x1_m, wall.y1_m]
@@ -127,7 +115,7 @@ class ForwardFrames(EvenlyLit):
         self._colors += [wall.left_bgr, wall.right_bgr]
 
     @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
-    def _paints(self, moving: tuple[Bgr, ...]) -> Float32Array:
+    def _colors_with(self, moving: tuple[Bgr, ...]) -> Float32Array:
         colors = np.array([*self._colors, *moving], dtype=np.float64).reshape(-1, 3)
         return np.asarray(colors * self._cast, dtype=np.float32)
 
@@ -161,7 +149,7 @@ class ForwardFrames(EvenlyLit):
             reach_m = SHADE_REACH * ball.radius_m
         if moving_rows:
             rows[fixed:] = moving_rows
-        things = UprightThings(rows, self._paints(tuple(moving)))
+        things = UprightThings(rows, self._colors_with(tuple(moving)))
         rotation = np.ascontiguousarray(camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad), dtype=np.float64)
         at = ForwardEye(float(eye.x_m), float(eye.y_m), float(eye.height_m), rotation, np.array(eye.turn_rad))
         seen = self._lens, at, self._paint, things, self._nets, reach_m, self._light, self._wall
@@ -179,7 +167,9 @@ def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tu
         picture = room_panorama(scene.room.seed)
         half = picture.shape[1] // 2
         # `render_pinhole` rounds columns of negative azimuth up
-        return np.concatenate([picture[:, :half], picture[:, half + 1 :], picture[:, :1]], axis=1), float(ROWS_PER_M)
+        return np.concatenate([picture[:, :half], picture[:, half + 1 :], picture[:, :1]], axis=1), float(
+            ROOM_ROWS_PER_M
+        )
     picture, rows_per_m = backdrop.unrolled()
     # one cell is averaged over at most one pixel
     coarser = max(1, int(pixel_m * rows_per_m))
@@ -188,3 +178,62 @@ def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tu
         shape = (columns // coarser, rows // coarser)
         picture = np.asarray(cv2.resize(picture, shape, interpolation=cv2.INTER_AREA))
     return np.ascontiguousarray(picture[::-1]), rows_per_m * len(picture) / rows
+
+
+def lens_table(camera: PinholeCamera, gain: Float32Array) -> ForwardLens:
+    """Compute the slopes of a camera's pixels, and of its tiles.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        Its orientation does not matter.
+    gain : (H, W) float32
+        Light that each pixel gets, relative.
+
+    Raises
+    ------
+    ArgumentError
+        If the lens leaves part of the image without rays.
+    """
+    width, height = camera.size_px
+    tall, wide = TILE_PX
+    rows, columns = -(-height // tall), -(-width // wide)
+    # the pixels of a last tile that is not whole lie outside the image, where a lens need not show anything
+    u, v = np.minimum(np.arange(columns * wide), width - 1), np.minimum(np.arange(rows * tall), height - 1)
+    right, down = _slopes(camera, u, v)
+    of_pixels = np.stack([right, down]).reshape(2, rows, tall, columns, wide)
+    slopes = of_pixels.transpose(1, 3, 0, 2, 4).reshape(rows, columns, 2, tall * wide)
+    gains = gain[np.ix_(v, u)].reshape(rows, tall, columns, wide).transpose(0, 2, 1, 3)
+    u, v = np.arange(columns + 1) * wide - 0.5, np.arange(rows + 1) * tall - 0.5
+    corners = np.stack(_slopes(camera, np.minimum(u, width - 0.5), np.minimum(v, height - 0.5)), axis=-1)
+    u_in, v_in = np.diff(np.minimum(u, width - 0.5)), np.diff(np.minimum(v, height - 0.5))
+    by_u = np.diff(corners, axis=1)
+    by_u = (by_u[:-1] + by_u[1:]) / 2 / u_in[:, None]
+    by_v = np.diff(corners, axis=0)
+    by_v = (by_v[:, :-1] + by_v[:, 1:]) / 2 / v_in[:, None, None]
+    per_pixel = np.stack([by_u[..., 0], by_v[..., 0], by_u[..., 1], by_v[..., 1]], axis=-1)
+    margin = np.abs(by_u) + np.abs(by_v)
+    low, high = slopes.min(axis=3) - margin, slopes.max(axis=3) + margin
+    u = np.arange(2 * columns + 1) * (wide / 2) - 0.5
+    corners = np.stack(_slopes(camera, np.minimum(u, width - 0.5), np.minimum(v, height - 0.5)), axis=-1)
+    # what is interpolated between a tile's corners goes on beyond the image at the same rate
+    corners += np.maximum(u - width + 0.5, 0.0)[:, None] * by_u[-1, -1]
+    corners += np.maximum(v - height + 0.5, 0.0)[:, None, None] * by_v[-1, -1]
+    return ForwardLens(
+        np.ascontiguousarray(slopes if camera.is_bent else slopes[:0, :0], dtype=np.float32),
+        np.ascontiguousarray(gains.reshape(rows, columns, tall * wide), dtype=np.float32),
+        np.ascontiguousarray(corners),
+        per_pixel.astype(np.float32),
+        np.stack([low[..., 0], high[..., 0], low[..., 1], high[..., 1]], axis=-1).astype(np.float32),
+        np.stack([np.tile(np.arange(wide), tall), np.repeat(np.arange(tall), wide)]).astype(np.float32),
+    )
+
+
+def _slopes(
+    camera: PinholeCamera, u: npt.NDArray[np.float64] | npt.NDArray[np.int64], v: npt.NDArray[np.float64]
+) -> tuple[FloatArray, FloatArray]:
+    """Slopes right and down (V, U) of pixels at columns u (U,) and rows v (V,)."""
+    ray = camera.pixel_to_camera_ray(np.stack(np.meshgrid(u, v), axis=-1))
+    if not np.isfinite(ray).all():
+        raise ArgumentError("the camera's lens distortion leaves part of the image without rays")
+    return -ray[..., 1] / ray[..., 0], -ray[..., 2] / ray[..., 0]

@@ -10,7 +10,8 @@ from robocup_vision.camera import OmniCamera, Tangent
 from sim2d.kernels import floor_lines as kernels
 from sim2d.kernels.frame_values import PaintMarks, Spans, Viewpoint
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.rendering.fast.tables import arc_rows, line_rows, mirror_pixels
+from sim2d.rendering.fast.match_frames import arc_rows, line_rows
+from sim2d.rendering.fast.mirror import mirror_pixels
 from sim2d.rendering.paint import LinePaint
 
 FARTHEST_M = 12.0

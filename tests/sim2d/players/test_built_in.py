@@ -220,7 +220,7 @@ def test_what_a_turning_head_sees_is_seen_from_where_it_was():
 @pytest.mark.slow
 def test_players_that_remember_follow_the_others_and_know_the_floor():
     """Only this finds tracks or a map that a player's own driving smears."""
-    plan = MatchPlan(seconds=3.0, seed=3, ours=BuiltInTeam(remembers=True))
+    plan = MatchPlan(seconds=3.0, seed=3, ours=BuiltInTeam(("memory",)))
     match = plan.begin()
     pictures = MatchPictures(match.arena.field, match.arena.camera, 4, match.arena.limits.radius_m)
     off_m = []

@@ -6,7 +6,6 @@ import functools
 import json
 import pickle
 import sys
-from dataclasses import replace
 
 import pytest
 from sim2d_players import Reckoner, Sleeper
@@ -29,11 +28,19 @@ def test_a_name_survives_the_way_to_another_process(name):
 
 def test_teams_have_the_options_of_their_names():
     assert player_factory("plain") is BuiltInPlayer
-    assert player_factory("memory") == BuiltInTeam(remembers=True)
-    assert player_factory("silent") == BuiltInTeam(remembers=True, plans=True)
-    assert player_factory("planning") == replace(player_factory("silent"), talks=True)
-    assert player_factory("asking") == replace(player_factory("planning"), asks=True)
-    assert player_factory("looking") == replace(player_factory("planning"), looks_again=True)
+    assert player_factory("memory") == BuiltInTeam(("memory",))
+    assert player_factory("silent") == BuiltInTeam(("memory", "plans"))
+    for name, more in (("planning", ()), ("asking", ("goal_looks",)), ("looking", ("floor_looks",))):
+        assert player_factory(name) == BuiltInTeam(("memory", "plans", "messages", *more))
+
+
+def test_players_are_named_by_what_they_use_in_any_order():
+    team = player_factory("messages+memory")
+    assert team == BuiltInTeam(("memory", "messages")) == BuiltInTeam(("messages", "memory", "messages"))
+    assert player_name(team) == "memory+messages"
+    assert player_name(player_factory("plans+memory")) == "silent"
+    with pytest.raises(ArgumentError, match="a built-in player cannot use 'wings', only memory, plans, messages"):
+        BuiltInTeam(("memory", "wings"))
 
 
 def test_players_of_ones_own_are_called_by_their_class():

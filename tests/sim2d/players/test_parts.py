@@ -71,12 +71,12 @@ def play(team, seconds=0.2):
 
 @pytest.fixture(scope="module")
 def usual():
-    return play(BuiltInTeam(remembers=True, plans=True, talks=True))
+    return play(BuiltInTeam(("memory", "plans", "messages")))
 
 
 def test_every_part_is_asked_and_one_that_hands_on_changes_nothing(usual):
     CALLED.clear()
-    assert play(BuiltInTeam(remembers=True, plans=True, talks=True, parts=SPIED)) == usual
+    assert play(BuiltInTeam(("memory", "plans", "messages"), parts=SPIED)) == usual
     asked = {name.split(".")[0] for name in CALLED}
     assert asked == {field.name for field in fields(PlayerParts)}
     assert {"localizer.look", "ball.locate", "role.choose", "tactics.decide", "driving.drive"} <= set(CALLED)
@@ -99,11 +99,11 @@ def test_a_part_of_ones_own_is_obeyed():
 
 
 def test_a_team_with_parts_goes_to_other_processes_and_has_a_name_of_its_own():
-    team = BuiltInTeam(talks=True, parts=SPIED)
+    team = BuiltInTeam(("messages",), parts=SPIED)
     assert pickle.loads(pickle.dumps(team)) == team
-    assert team != BuiltInTeam(talks=True)
+    assert team != BuiltInTeam(("messages",))
     assert player_name(team) == "BuiltInTeam"
-    assert replace(team, parts=PlayerParts()) == BuiltInTeam(talks=True)
+    assert replace(team, parts=PlayerParts()) == BuiltInTeam(("messages",))
 
 
 def test_who_sees_ahead_only_counts_on_the_odometry_of_its_legs_or_wheels():

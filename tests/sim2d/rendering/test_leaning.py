@@ -9,8 +9,7 @@ import pytest
 from field_models import load_field
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.rendering.fast.frames import FastFrames
-from sim2d.rendering.fast.leaning import LeaningMirror
+from sim2d.rendering.fast.mirror import LeaningMirror, MirrorFrames
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.scene import Ball, Robot, Room, Scene
 from sim2d.rendering.sensor import Sensor
@@ -29,8 +28,10 @@ def test_a_leaned_picture_is_that_of_a_tilted_camera(pitch_deg, roll_deg):
     tilt_x, tilt_y = camera.tilt_rad
     tilted = replace(camera, tilt_rad=(tilt_x + roll, tilt_y - pitch))
     moved = pose.compose(Pose2(*leaning.shift_m(pitch, roll), 0.0))
-    upright = FastFrames(scene, camera, SENSOR).draw(robots, scene.ball, moved)
-    leaned = SOFT.expose(leaning.lean(upright, pitch, roll).astype(np.float32), rng)
+    frames = MirrorFrames(scene, camera, SENSOR)
+    upright = frames.draw(robots, scene.ball, moved)
+    drawn = frames.draw(robots, scene.ball, pose, pitch_rad=pitch, roll_rad=roll)
+    leaned = SOFT.expose(drawn.astype(np.float32), rng)
     slow = SENSOR.expose(MirrorRenderer(tilted, 3).render(scene, moved), rng)
     u, v = np.meshgrid(np.arange(camera.size_px[0]), np.arange(camera.size_px[1]))
     radius = np.hypot(u - camera.center_px[0], v - camera.center_px[1])

@@ -12,7 +12,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.match.setups import CAMERAS
 from sim2d.rendering.fast.forward import EyeInField, ForwardFrames
-from sim2d.rendering.fast.frames import FastFrames
+from sim2d.rendering.fast.mirror import MirrorFrames
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.nets import net_rows
 from sim2d.rendering.pinhole import render_pinhole
@@ -113,7 +113,7 @@ def test_a_mirrors_net_is_that_of_the_ray_caster(place):
     frames = []
     for net in ("file", None):
         scene = scene_of("msl_18x12", net)
-        quick = FastFrames(scene, lens, CLEAN).draw(scene.robots, scene.ball, pose)
+        quick = MirrorFrames(scene, lens, CLEAN).draw(scene.robots, scene.ball, pose)
         blurred = cv2.GaussianBlur(quick.astype(np.float32), (0, 0), CLEAN.blur_px, borderType=cv2.BORDER_REPLICATE)
         slow = CLEAN.expose(MirrorRenderer(lens, 3).render(scene, pose), np.random.default_rng(0))
         frames.append((np.rint(blurred), slow.astype(float)))

@@ -10,7 +10,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.values.referee import RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.network.team import desk
+from sim2d.network.team import client as desk
 
 
 class Client:

@@ -1,0 +1,354 @@
+"""A mirror camera's frames in match time: one ray a pixel from precomputed tables, edges averaged along each bearing.
+
+It draws walls, goals with their nets, boxes, robots, ball and lines under evenly changing light, as `MirrorRenderer`
+does. Only `MirrorRenderer` draws texture, shadows, highlights and bystanders.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from field_models.errors import ArgumentError
+from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
+from robocup_vision.camera import OmniCamera
+from robocup_vision.camera.pinhole import camera_rotation
+from robocup_vision.geometry import Pose2
+from sim2d.kernels.floor_lines import GAIN, X, Y
+from sim2d.kernels.frame_values import (
+    BallSphere,
+    Bearings,
+    Crossings,
+    PaintMarks,
+    PixelRays,
+    RoomWall,
+    Spans,
+    Things,
+    Viewpoint,
+)
+from sim2d.kernels.match_frame import FloorPaint, FrameRoom, Standing, draw_over_carpet
+from sim2d.kernels.match_pixels import fill_carpet
+from sim2d.kernels.nets import lay_nets
+from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, room_panorama
+from sim2d.rendering.fast.match_frames import SHADE_REACH, MatchFrames, arc_rows, line_rows
+from sim2d.rendering.mirror import BODY_BGR
+from sim2d.rendering.rays import RIM_MARGIN, MirrorRays
+from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene, Wall
+from sim2d.rendering.sensor import Sensor
+
+ENTRIES, SPANS = 12, 32  # most things along a bearing, and most spans they make
+MARKER_RATIO = 0.3  # of a robot's radius
+# a lean's derivatives are differences over so much; less leans are not drawn: they move nothing by a tenth of a pixel
+_STEP_RAD, _MIN_LEAN_RAD = math.radians(1.0), math.radians(0.01)
+# of maps whose two coordinates stand together
+_NO_MAP = np.empty(0, dtype=np.float32)
+
+
+class MirrorFrames(MatchFrames):
+    """Draws for a mirror camera with a known viewpoint height; see `MatchFrames`.
+
+    Raises
+    ------
+    ArgumentError
+        As `MatchFrames`, or if the room has bystanders.
+    """
+
+    def __init__(self, scene: Scene, camera: OmniCamera, sensor: Sensor) -> None:
+        super().__init__(scene, camera, sensor)
+        if scene.room.bystanders:
+            raise ArgumentError("a mirror camera's match is drawn without bystanders")
+        self.camera = camera
+        width, height = camera.size_px
+        farthest_m = 2 * scene.room_radius_m
+        self._table = mirror_pixels(camera, self._gain, farthest_m)
+        half_line_m = scene.field.line_width_m / 2
+        self._paint = FloorPaint(line_rows(scene.field), arc_rows(scene.field), half_line_m, farthest_m)
+        picture = np.ascontiguousarray(
+            room_panorama(scene.room.seed) * scene.light.level * self._cast, dtype=np.float32
+        )
+        ground = np.array(scene.room.floor_bgr) * self._cast
+        self._walls_behind = RoomWall(picture, float(ROOM_ROWS_PER_M), scene.room_radius_m, ground)
+        self._build_fixed(scene)
+        count, rays = len(self._table.bearings.directions), len(self._table.rays.pixels)
+        crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 4), dtype=np.float32))
+        spans = Spans(
+            np.zeros((count, SPANS), dtype=np.float32),
+            np.zeros((count, SPANS), dtype=np.int32),
+            np.zeros((count, SPANS, 3), dtype=np.float32),
+            np.zeros(count, dtype=np.int32),
+        )
+        marks = PaintMarks(np.zeros(rays, dtype=np.float32), np.zeros(rays, dtype=np.int32))
+        self._room = FrameRoom(crossings, spans, marks, np.zeros(count))
+        self._planes = np.zeros((3, width * height), dtype=np.uint8)
+        self._image_planes = [plane.reshape(height, width) for plane in self._planes]
+        self._plain = (np.array([*self._paints, (0, 0, 0)]) * self._cast).astype(np.float32)
+
+    def _build_fixed(self, scene: Scene) -> None:
+        """Rows of all things that do not move: walls from either side, faces of boxes, posts."""
+        fixed = list(scene.fixed())
+        walls = [thing for thing in fixed if isinstance(thing, Wall)]
+        boxes = [thing for thing in fixed if isinstance(thing, Box)]
+        posts = [thing for thing in fixed if isinstance(thing, Post)]
+        corners = scene.carpet_polygon
+        if not scene.field.is_bounded:
+            # the carpet's end: an edge of the floor without height; else the first walls stand on the floor's edges
+            ends = np.hstack([corners, np.roll(corners, -1, axis=0)]).tolist()
+            walls = [Wall(x0, y0, x1, y1, 0.0, (0, 0, 0), (0, 0, 0)) for x0, y0, x1, y1 in ends] + walls
+        colors: list[Bgr] = []
+        rows: list[list[float]] = []
+
+        def add(height_m: float, bands: Sequence[Bgr], top: Bgr | None = None, is_edge: bool = False) -> None:
+            rows.append([height_m, len(bands), len(colors), -1, -1, 0.0, float(is_edge)])
+            colors.extend(bands)
+            if top is not None:
+                rows[-1][3] = len(colors)
+                colors.append(top)
+
+        for number, wall in enumerate(walls):
+            for side in (wall.left_bgr, wall.right_bgr):
+                add(wall.height_m, (side,), is_edge=number < len(corners))
+        self._first_face = len(rows)
+        for box in boxes:
+            for face in box.faces():
+                add(box.height_m, (face.right_bgr,), box.color_bgr)
+        self._first_cylinder = len(rows)
+        for post in posts:
+            add(post.height_m, post.bands_bgr, post.bands_bgr[-1])
+        self._walls = np.array([[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in walls], dtype=np.float64).reshape(-1, 4)
+        self._boxes = np.array([box.corners for box in boxes], dtype=np.float64).reshape(-1, 4, 2)
+        self._posts = [(post.x_m, post.y_m, post.radius_m) for post in posts]
+        self._rows, self._colors = rows, colors
+
+    @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
+    def _things(self, robots: tuple[tuple[float, float, Bgr, Bgr], ...]) -> Things:
+        """Return all rows and colours, with robots of given radius, height, colour and marker."""
+        rows, colors = [list(row) for row in self._rows], list(self._colors)
+        for radius, height, color, marker in robots:
+            gap = radius**2 * (1 - MARKER_RATIO**2)
+            rows.append([height, 1, len(colors), len(colors), len(colors) + 1, gap, 0.0])
+            colors += [color, marker]
+        return Things(np.array(rows, dtype=np.float64).reshape(-1, 7), np.array(colors, dtype=np.float64) * self._cast)
+
+    def draw(
+        self,
+        robots: tuple[Robot, ...],
+        ball: Ball | None,
+        pose: Pose2,
+        *,
+        pitch_rad: float = 0.0,
+        roll_rad: float = 0.0,
+    ) -> UInt8Array:
+        """Draw a frame (H, W, 3) uint8 of other robots and the ball: light through the lens, without blur and noise.
+
+        Parameters
+        ----------
+        pose : Pose2
+            Of the robot that carries the camera, field frame.
+        pitch_rad, roll_rad : float
+            How its body leans about its foot: nose up and right side down are positive.
+        """
+        if not (pitch_rad or roll_rad):
+            return self._draw_upright(robots, ball, pose)
+        moved = pose.compose(Pose2(*self._leaning.shift_m(pitch_rad, roll_rad), 0.0))
+        return self._leaning.lean(self._draw_upright(robots, ball, moved), pitch_rad, roll_rad)
+
+    @cached_property
+    def _leaning(self) -> LeaningMirror:
+        return LeaningMirror(self.camera)
+
+    def _draw_upright(self, robots: tuple[Robot, ...], ball: Ball | None, pose: Pose2) -> UInt8Array:
+        table, plain = self._table, self._plain
+        eye = self._viewpoint(pose)
+        things = self._things(tuple((r.radius_m, r.height_m, r.color_bgr, r.marker_bgr) for r in robots))
+        round_things = self._posts + [(r.x_m, r.y_m, r.radius_m) for r in robots]
+        cylinders = np.array(round_things, dtype=np.float64).reshape(-1, 3)
+        sphere = BallSphere(0.0, 0.0, 0.0, 0.0)
+        if ball is not None:
+            sphere = BallSphere(float(ball.x_m), float(ball.y_m), ball.radius_m, SHADE_REACH * ball.radius_m)
+            plain[2] = ball.color_bgr
+            plain[2] *= self._cast
+        fill_carpet(table.floor, self._light, eye, plain[0], table.body, self._planes)
+        frame = np.asarray(cv2.merge(self._image_planes), dtype=np.uint8)
+        flat = frame.reshape(-1, 3)
+        standing = Standing(self._walls, self._boxes, self._first_face, cylinders, self._first_cylinder)
+        draw_over_carpet(
+            standing,
+            things,
+            self._paint,
+            sphere,
+            self._walls_behind,
+            self._light,
+            eye,
+            table.bearings,
+            table.rays,
+            plain,
+            self._room,
+            flat,
+        )
+        if len(self._nets.rows):
+            lay_nets(self._nets, table.rays, self._room.crossings, things, eye, sphere, self._light, flat)
+        return frame
+
+    def _viewpoint(self, pose: Pose2) -> Viewpoint:
+        c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
+        forward, left = self.camera.offset_m
+        x_m, y_m = pose.x_m + c * forward - s * left, pose.y_m + s * forward + c * left
+        return Viewpoint(float(x_m), float(y_m), float(pose.theta_rad), self._table.height_m)
+
+
+@dataclass(frozen=True, eq=False)
+class PixelTable:
+    """A camera's pixels as the compiled loops take them (`kernels.match_pixels`)."""
+
+    #: Height of the viewpoint.
+    height_m: float
+    #: Rays of every pixel that shows the scene.
+    rays: PixelRays
+    #: Over a full turn.
+    bearings: Bearings
+    #: (3, H * W) float32: floor point and gain of every pixel in the order of the image; 0 where no ray goes.
+    floor: Float32Array
+    #: (3, H * W) uint8: the picture where no ray goes: the robot's own body, and black.
+    body: UInt8Array
+
+
+def mirror_pixels(camera: OmniCamera, gain: Float32Array, farthest_m: float) -> PixelTable:
+    """Compute a mirror camera's pixels.
+
+    Parameters
+    ----------
+    camera : OmniCamera
+        With a known viewpoint height.
+    gain : (H, W) float32
+        Light that each pixel gets, relative.
+    farthest_m : float
+        Floor points farther away are moved to this distance.
+    """
+    drawn = MirrorRays(camera, 1)
+    per_turn = round(math.tau * camera.usable_radius_px[1])  # as many bearings as the rim has pixels
+    pixel = drawn.pixel_index
+    width = camera.size_px[0]
+    low, high = _slope_range(camera, np.stack([pixel % width, pixel // width], axis=-1).astype(np.float64))
+    place = np.rint(np.arctan2(drawn.sin, drawn.cos) * per_turn / math.tau).astype(np.int32) % per_turn
+    along = np.minimum(drawn.floor_m, farthest_m)
+    on_floor = drawn.floor_m < farthest_m
+    order = np.lexsort((low, place))
+    rows = np.stack(
+        [
+            along * drawn.cos,
+            along * drawn.sin,
+            low,
+            high,
+            gain.ravel()[pixel],
+            drawn.radial_m,
+            drawn.tangential_m,
+            along - drawn.radial_m / 2,
+            along + drawn.radial_m / 2,
+        ]
+    )
+    rays = np.ascontiguousarray(rows[:, order], dtype=np.float32)
+    pixel = pixel[order]
+    angle = np.arange(per_turn) * math.tau / per_turn
+    image = np.zeros((3, gain.size), dtype=np.float32)
+    image[:, pixel] = rays[[X, Y, GAIN]]
+    body = (drawn.body_part * gain).reshape(1, -1) * np.array(BODY_BGR)[:, None]
+    body[:, pixel] = 0
+    directions = np.stack([angle, np.cos(angle), np.sin(angle)], axis=1)
+    return PixelTable(
+        drawn.height_m,
+        PixelRays(
+            rays,
+            pixel.astype(np.uint32),
+            np.searchsorted(place[order], np.arange(per_turn + 1)).astype(np.int32),
+            directions,
+            _spread(along[on_floor], drawn.tangential_m[on_floor] / 2 + along[on_floor] * math.pi / per_turn),
+        ),
+        Bearings(directions, per_turn),
+        image,
+        np.rint(np.clip(body, 0, 255)).astype(np.uint8),
+    )
+
+
+def _spread(along: FloatArray, reach: FloatArray) -> FloatArray:
+    """Return a straight line (constant, per metre of distance) above every reach (N,) to the side."""
+    near, far = np.argmin(along), np.argmax(along)
+    per_m = max(0.0, float(reach[far] - reach[near]) / max(float(along[far] - along[near]), 1e-9))
+    return np.array([float((reach - per_m * along).max()), per_m])
+
+
+def _slope_range(camera: OmniCamera, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least and greatest slope (N,) over each pixel (N, 2), by the gradient half a pixel away."""
+
+    def slope(du: float, dv: float) -> FloatArray:
+        ray = camera.pixel_to_ray(pixels + np.array([du, dv]))
+        return np.asarray(ray[:, 2] / np.maximum(np.hypot(ray[:, 0], ray[:, 1]), 1e-9))
+
+    middle = slope(0.0, 0.0)
+    half = np.hypot(slope(0.25, 0.0) - slope(-0.25, 0.0), slope(0.0, 0.25) - slope(0.0, -0.25))
+    half = np.maximum(np.nan_to_num(half), 1e-6)  # a table's curve may end beside the pixel
+    return middle - half, middle + half
+
+
+class LeaningMirror:
+    """Leans a mirror camera's frames over: what a body that sways a little does to pictures drawn upright.
+
+    Each pixel shows what the upright picture shows where its ray would come from there, which is linear in the lean.
+    """
+
+    def __init__(self, camera: OmniCamera) -> None:
+        self._height_m = camera.height_m or 0.0
+        width, height = camera.size_px
+        u, v = np.meshgrid(np.arange(width), np.arange(height))
+        pixels = np.stack([u, v], axis=-1).astype(np.float64)
+        self._upright = pixels.astype(np.float32)
+        self._source = np.empty_like(self._upright)
+        from_center = pixels - camera.center_px
+        radius = np.hypot(from_center[..., 0], from_center[..., 1])
+        inner, rim = camera.usable_radius_px[0], camera.usable_radius_px[1] * (1 + RIM_MARGIN)
+        # the robot's own body leans with its camera, and beyond the mirror's rim it is black
+        shows = (radius > inner) & (radius < rim)
+        with np.errstate(invalid="ignore"):
+            rays = camera.pixel_to_ray(pixels)
+        self._by_pitch, self._by_roll = (
+            _derivative(camera, rays, shows, lean) for lean in ((_STEP_RAD, 0.0), (0.0, _STEP_RAD))
+        )
+
+    def shift_m(self, pitch_rad: float, roll_rad: float) -> tuple[float, float]:
+        """Return how far forward and left of its upright place the camera is: the body leans about its foot."""
+        return -self._height_m * math.sin(pitch_rad), -self._height_m * math.sin(roll_rad)
+
+    def lean(self, frame: UInt8Array, pitch_rad: float, roll_rad: float) -> UInt8Array:
+        """Return a frame (H, W, 3) uint8 as the leaning camera takes it; itself where it is as good as upright.
+
+        Parameters
+        ----------
+        pitch_rad, roll_rad : float
+            Nose up and right side down are positive.
+        """
+        if max(abs(pitch_rad), abs(roll_rad)) < _MIN_LEAN_RAD:
+            return frame
+        cv2.scaleAdd(self._by_pitch, pitch_rad, self._upright, self._source)
+        cv2.scaleAdd(self._by_roll, roll_rad, self._source, self._source)
+        # OpenCV is fastest at whole pixels and their fractions
+        whole, parts = cv2.convertMaps(self._source, _NO_MAP, cv2.CV_16SC2)
+        moved = cv2.remap(frame, whole, parts, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(moved, dtype=np.uint8)
+
+
+def _derivative(
+    camera: OmniCamera, rays: FloatArray, shows: npt.NDArray[np.bool_], lean: tuple[float, float]
+) -> Float32Array:
+    """Return how far the source of each pixel moves a radian (H, W, 2) float32, by differences to either side."""
+    pixels = []
+    for sign in (1.0, -1.0):
+        turned = rays @ camera_rotation(0.0, sign * lean[0], sign * lean[1]).T
+        with np.errstate(invalid="ignore"):
+            pixels.append(camera.ray_to_pixel(turned))
+    per_rad = (pixels[0] - pixels[1]) / (2 * _STEP_RAD)
+    return np.where(shows[..., None] & np.isfinite(per_rad), per_rad, 0.0).astype(np.float32)
