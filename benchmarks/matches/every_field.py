@@ -36,8 +36,8 @@ from benchmarks.worlds.failed_players import COLUMN, count_failed
 from benchmarks.worlds.near_truth import BOUNDS
 from robocup_vision.files.resume_file import ResumeFile
 from sim2d.match.run import MatchPlan
-from sim2d.report.moment import Moment
 from sim2d.robot_link import CONTROL_PERIOD_S
+from sim2d.world.state import Moment
 
 # (matches of each row, seconds each)
 QUICK, DEFAULT, FULL = (1, 1.0), (4, 10.0), (40, 60.0)

@@ -23,7 +23,7 @@ from sim2d.match.disturbances import LEGS, MIRRORS_ON_WHEELS, Disturbances
 from sim2d.match.run import MatchPlan
 from sim2d.players.catalog import BuiltInTeam
 from sim2d.players.settings import PlayerSettings
-from sim2d.sensors.late_frames import LatencySettings
+from sim2d.sensors.faults import LatencySettings
 from sim2d.sensors.match_camera import LightDriftSettings
 from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings
 

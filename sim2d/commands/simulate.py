@@ -84,12 +84,12 @@ def run_simulate(args: argparse.Namespace) -> int:
     from field_models.errors import ArgumentError
     from sim2d.match.league_referee import LeagueReferee
     from sim2d.network.built_in import built_in_robots, check_apart
-    from sim2d.network.camera_images import CameraImages
     from sim2d.network.control import MAX_CLOCK_RATIO, MIN_CLOCK_RATIO
     from sim2d.network.controller_link import ControllerLink
     from sim2d.network.league import LeagueSimulator
     from sim2d.network.realism import realism_named
     from sim2d.network.server import LeagueServer, Ports, ServerSettings
+    from sim2d.network.vision import CameraImages
 
     if args.speed != 0 and not MIN_CLOCK_RATIO <= args.speed <= MAX_CLOCK_RATIO:
         raise ArgumentError(f"--speed must be 0 or from {MIN_CLOCK_RATIO:g} to {MAX_CLOCK_RATIO:g}, got {args.speed}")

@@ -18,8 +18,7 @@ from sim2d.match.setups import Camera, RobotKind, setup_for
 from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, RobotLimits, Senses
 from sim2d.sensors.body_sway import UPRIGHT, BodySway
-from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, SenseFault
-from sim2d.sensors.late_frames import LateFrames
+from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, LateFrames, SenseFault
 from sim2d.sensors.match_camera import MATCH_SENSOR, LightDrift, MatchCamera, MatchRig
 from sim2d.sensors.team_channel import UNDISTURBED, TeamChannel
 from sim2d.sensors.true_cameras import TrueCamera, with_stated_errors

@@ -10,7 +10,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import OmniCamera, Rig
 from sim2d.match.setups import Camera, RobotKind
 from sim2d.sensors.body_sway import LEGS_SWAY, WHEELS_SWAY, SwaySettings
-from sim2d.sensors.late_frames import LatencySettings
+from sim2d.sensors.faults import LatencySettings
 from sim2d.sensors.match_camera import LightDriftSettings, ShutterSettings
 from sim2d.sensors.team_channel import ChannelSettings
 from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings

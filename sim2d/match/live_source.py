@@ -20,8 +20,7 @@ from robocup_vision.view import RigView
 from robocup_vision.vision import Vision
 from sim2d.match.match import Match
 from sim2d.players.catalog import player_factory
-from sim2d.report.moment import Moment, RobotMoment
-from sim2d.world.state import WorldState
+from sim2d.world.state import Moment, RobotMoment, WorldState
 
 _KEYS = ("players", "seed", "robots", "ours", "theirs")
 

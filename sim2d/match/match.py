@@ -18,7 +18,6 @@ from sim2d.match.setups import Camera, RobotKind
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.rendering.sensor import Sensor
 from sim2d.report.match_figures import MatchFigures, MatchLog
-from sim2d.report.moment import Moment, RobotMoment
 from sim2d.robot_link import (
     CONTROL_PERIOD_S,
     Command,
@@ -34,6 +33,7 @@ from sim2d.sensors.match_camera import MATCH_SENSOR
 from sim2d.sensors.team_channel import check_message
 from sim2d.world.referee import RefereeFactory
 from sim2d.world.robot_body import check_command
+from sim2d.world.state import Moment, RobotMoment
 from sim2d.world.world import WorldSettings
 
 _REASON_LETTERS = 200

@@ -20,8 +20,8 @@ from robocup_vision.recording.run import Run
 from robocup_vision.view import View
 from sim2d.match.match import Match, Seat
 from sim2d.players.catalog import PLAYERS, player_factory
-from sim2d.report.moment import Moment, RobotMoment
 from sim2d.robot_link import Command, PlayerStatus, Senses
+from sim2d.world.state import Moment, RobotMoment
 
 LOOP_NAME = "sim2d.player"
 _ACT = "act"

@@ -38,11 +38,10 @@ from sim2d.kick_off import kick_off_pose
 from sim2d.match.league_referee import LeagueReferee
 from sim2d.network.ball_boy import BallBoy
 from sim2d.network.built_in import BuiltInRobots
-from sim2d.network.camera_images import CameraImages
 from sim2d.network.control import MAX_SPEED_MPS, MAX_TURN_RPS, apply_command
 from sim2d.network.packets import match_packet, referee_packet, robot_states, tracker_packet
 from sim2d.network.realism import Realism
-from sim2d.network.vision import OverheadVision, detection_packets
+from sim2d.network.vision import CameraImages, OverheadVision, detection_packets
 from sim2d.network.world import MAX_NUMBER, STEP_S, STEPS_PER_S, LeagueWorld
 from sim2d.world.ball_physics import Flight
 from sim2d.world.state import BallState

@@ -15,98 +15,75 @@ NS_PER_S = 1e9
 
 @dataclass(frozen=True, slots=True)
 class Realism:
-    """What goes wrong, and how much; the defaults: nothing.
+    """What goes wrong, and how much; the defaults: nothing."""
 
-    Parameters
-    ----------
-    ball_std_m, robot_std_m, robot_std_rad : float
-        Noise of a detection, per axis.
-    ball_area_std_px : float
-        Noise of the ball's area.
-    missing_ball_ratio : float
-        Of the detections of a ball, how many are missing.
-    hides_ball : bool
-        Whether robots hide the ball from cameras.
-    min_visible_ratio : float
-        A ball of whose area less is to be seen is not found.
-    floor_rays : bool
-        A flying ball is reported where its ray meets the floor, without a height; otherwise where it is.
-    camera_columns, camera_rows : int
-        Cameras along x and along y.
-    looks : bool
-        The ball is found in what each camera sees: as much of it as robots leave in view, at the middle of those
-        pixels.
-    camera_position_std_m, camera_rotation_std_rad : float
-        By how much each camera hangs otherwise than its calibration says, per axis.
-    camera_overlap_m : float
-        Strip that two neighbouring cameras both see.
-    vision_delay_s : float
-        From exposure to reception.
-    processing_s : float
-        Of those, from exposure to `t_sent`.
-    command_loss, response_loss : float
-        Of the robots' commands and answers, how many are lost.
-    """
-
+    #: Noise of a detection, per axis.
     ball_std_m: float = 0.0
     robot_std_m: float = 0.0
     robot_std_rad: float = 0.0
+    #: Noise of the ball's area.
     ball_area_std_px: float = 0.0
+    #: Of the detections of a ball, how many are missing.
     missing_ball_ratio: float = 0.0
+    #: Whether robots hide the ball from cameras.
     hides_ball: bool = False
+    #: A ball of whose area less is to be seen is not found.
     min_visible_ratio: float = 0.4
+    #: A flying ball is reported where its ray meets the floor, without a height; otherwise where it is.
     floor_rays: bool = False
+    #: The ball is found in what each camera sees: as much of it as robots leave in view, at the middle of those
+    #: pixels.
     looks: bool = False
+    #: By how much each camera hangs otherwise than its calibration says, per axis.
     camera_position_std_m: float = 0.0
     camera_rotation_std_rad: float = 0.0
+    #: Cameras along x and along y.
     camera_columns: int = 1
     camera_rows: int = 1
+    #: Strip that two neighbouring cameras both see.
     camera_overlap_m: float = 0.0
+    #: From exposure to reception.
     vision_delay_s: float = 0.0
+    #: Of those, from exposure to `t_sent`.
     processing_s: float = 0.0
+    #: Of the robots' commands and answers, how many are lost.
     command_loss: float = 0.0
     response_loss: float = 0.0
 
 
+_RC2021 = Realism(
+    ball_std_m=0.0010,
+    robot_std_m=0.0013,
+    robot_std_rad=0.01,
+    ball_area_std_px=6.0,
+    missing_ball_ratio=0.05,
+    hides_ball=True,
+    floor_rays=True,
+    camera_columns=2,
+    camera_rows=2,
+    camera_overlap_m=1.0,
+    vision_delay_s=0.035,
+    processing_s=0.010,
+    command_loss=0.03,
+    response_loss=0.10,
+)
 REALISMS = {
     "none": Realism(),
-    "rc2021": Realism(
-        ball_std_m=0.0010,
-        robot_std_m=0.0013,
-        robot_std_rad=0.01,
-        ball_area_std_px=6.0,
-        missing_ball_ratio=0.05,
-        hides_ball=True,
-        min_visible_ratio=0.4,
-        floor_rays=True,
-        camera_columns=2,
-        camera_rows=2,
-        camera_overlap_m=1.0,
-        vision_delay_s=0.035,
-        processing_s=0.010,
-        command_loss=0.03,
-        response_loss=0.10,
-    ),
+    "rc2021": _RC2021,
     # cameras that look: as noisy as those of the league, calibrated to about a centimetre at the field's border
-    "cameras": Realism(
+    "cameras": dataclasses.replace(
+        _RC2021,
         ball_std_m=0.0005,
-        robot_std_m=0.0013,
-        robot_std_rad=0.01,
-        hides_ball=True,
+        ball_area_std_px=0.0,
+        missing_ball_ratio=0.0,
         min_visible_ratio=0.25,
-        floor_rays=True,
         looks=True,
         camera_position_std_m=0.01,
         camera_rotation_std_rad=0.001,
-        camera_columns=2,
-        camera_rows=2,
-        camera_overlap_m=1.0,
-        vision_delay_s=0.035,
-        processing_s=0.010,
+        command_loss=0.0,
+        response_loss=0.0,
     ),
 }
-
-
 MAX_CAMERAS = 16
 
 
@@ -115,8 +92,6 @@ def realism_named(name: str, cameras: str | None = None) -> Realism:
 
     Parameters
     ----------
-    name : str
-        Of `REALISMS`.
     cameras : str, optional
         How many cameras, along x and along y, e.g. ``4x2``; default: those of the realism.
 

@@ -1,27 +1,35 @@
-"""What overhead cameras report of the truth: detections with noise, hidden balls, and the geometry."""
+"""What overhead cameras report of the truth: detections with noise, hidden balls, the geometry, and saved images."""
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
+import cv2
 import numpy as np
 
 from field_models import Field
+from field_models.errors import ArgumentError, FileError
+from robocup_vision.closing import Closing
+from robocup_vision.evaluation.result_files import prepare_folder
+from robocup_vision.files.output_folder import telling_write_errors
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.ssl.field import geometry_from_field
 from robocup_vision.ssl.protocol.mapping import encode
 from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot, Source, VisionPacket
 from robocup_vision.ssl.values.geometry import BallModels, BouncingBall, CameraCalibration, Geometry, RollingBall
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.network.cameras import OverheadCamera, camera_rig
-from sim2d.network.overhead_view import Mounting, OverheadView, camera_mounting
+from sim2d.network.overhead_view import Mounting, OverheadCamera, OverheadView, camera_mounting, camera_rig
 from sim2d.network.realism import Realism
 from sim2d.network.world import LeagueRobotState, LeagueState
 from sim2d.world.ball_physics import GRAVITY_MPS2, ROLLS_RATIO, BallSettings, Flight
 
 MAX_PACKET_BYTES = 1024
+TABLE = "images.csv"
+COLUMNS = ("image", "camera_id", "frame_number", "t_capture_s")
 # where on a ball its visible part is probed: its centre and two rings of equal areas
 _RINGS = ((1, 0.0, 0.0), (6, 0.58, 0.0), (12, 0.88, math.pi / 12))
 _PROBES = tuple(
@@ -193,3 +201,56 @@ def _geometry_packets(geometry: Geometry, cameras: tuple[CameraCalibration, ...]
         return [data]
     half = len(cameras) // 2
     return _geometry_packets(geometry, cameras[:half]) + _geometry_packets(geometry, cameras[half:])
+
+
+class CameraImages(Closing):
+    """Saves what each overhead camera saw, and in images.csv to which detection frame each picture belongs. Close it.
+
+    Parameters
+    ----------
+    every : int
+        Of each camera every so many frames, 60 a second.
+
+    Raises
+    ------
+    ArgumentError
+        If `every` is not positive.
+    FileError
+        If the folder cannot be written to.
+    """
+
+    def __init__(self, folder: str | Path, every: int, seed: int = 0) -> None:
+        if every < 1:
+            raise ArgumentError(f"images are saved every so many frames, at least 1, got {every}")
+        self.folder, self._every = Path(folder), every
+        self._rng = np.random.default_rng([seed, 7])
+        self.saved = 0
+        prepare_folder(self.folder, (TABLE,))
+        with telling_write_errors(self.folder / TABLE):
+            self._file = (self.folder / TABLE).open("w", newline="", encoding="utf-8")
+        self._rows = csv.writer(self._file, lineterminator="\n")
+        self._rows.writerow(COLUMNS)
+
+    def close(self) -> None:
+        """Close the table."""
+        self._file.close()
+
+    def add(self, vision: OverheadVision, state: LeagueState, epoch_s: float) -> None:
+        """Save what the cameras saw in the frames that they have just taken, if it is their turn.
+
+        Raises
+        ------
+        FileError
+            If a picture cannot be written.
+        """
+        for view, number in zip(vision.views, vision.frame_numbers, strict=True):
+            if number % self._every:
+                continue
+            camera = view.camera.camera_id
+            name = f"camera{camera}_{number:06d}.png"
+            path = self.folder / name
+            if not cv2.imwrite(str(path), view.render(state, self._rng)):
+                raise FileError(path, "cannot be written")
+            self._rows.writerow([name, camera, number, repr(epoch_s + state.t_s)])
+            self._file.flush()
+            self.saved += 1

@@ -11,35 +11,12 @@ from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
 import cv2
-import numpy as np
-import numpy.typing as npt
 
 from robocup_vision.camera import Camera, save_camera
 from robocup_vision.files.output_folder import require_empty_folder, telling_write_errors, written_at_once
-from robocup_vision.geometry import Pose2
-from sim2d.rendering.scene import Scene
+from sim2d.rendering.random_scenes import Sample
 
 TRUTH_COLUMNS = ("image", "x_m", "y_m", "theta_rad", "ball_x_m", "ball_y_m")
-
-
-class Picture(Protocol):
-    """One picture with its truth, from either camera."""
-
-    @property
-    def frame(self) -> npt.NDArray[np.uint8]:
-        """(H, W, 3) uint8: BGR."""
-
-    @property
-    def pose(self) -> Pose2:
-        """The true pose."""
-
-    @property
-    def scene(self) -> Scene:
-        """What was there."""
-
-    @property
-    def index(self) -> int:
-        """Its number."""
 
 
 class EncodedPicture(NamedTuple):
@@ -50,7 +27,7 @@ class EncodedPicture(NamedTuple):
     truth: tuple[str, ...]
 
 
-def encode_picture(drawn: Picture, jpeg_quality: int | None = None) -> EncodedPicture:
+def encode_picture(drawn: Sample, jpeg_quality: int | None = None) -> EncodedPicture:
     """Encode a picture as a .png file, or as a small .jpg one of a quality of 1 to 100."""
     suffix, options = (".png", []) if jpeg_quality is None else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
     name = f"{drawn.index:04d}{suffix}"
@@ -63,7 +40,7 @@ def encode_picture(drawn: Picture, jpeg_quality: int | None = None) -> EncodedPi
 class SampleByIndex(Protocol):
     """Such as `sample` or `sample_goal` with all arguments given but for the last."""
 
-    def __call__(self, *, indices: Iterable[int]) -> Iterator[Picture]:
+    def __call__(self, *, indices: Iterable[int]) -> Iterator[Sample]:
         """Yield the pictures of these numbers."""
 
 
@@ -98,7 +75,7 @@ def write_dataset(
     folder: str | Path,
     field_name_or_path: str | Path,
     camera: Camera,
-    samples: Iterable[Picture | EncodedPicture],
+    samples: Iterable[Sample | EncodedPicture],
     *,
     symmetry: Literal["none", "point"] = "none",
     command: str | None = None,
@@ -144,7 +121,7 @@ def _write(
     root: Path,
     field: str,
     camera: Camera,
-    samples: Iterable[Picture | EncodedPicture],
+    samples: Iterable[Sample | EncodedPicture],
     symmetry: str,
     command: str | None,
     jpeg_quality: int | None,

@@ -16,7 +16,7 @@ from robocup_vision.geometry import Pose2
 from sim2d.rendering.backdrop import ROOM_HEIGHT_M, ROOM_ROWS_PER_M, room_panorama
 from sim2d.rendering.paint import LinePaint
 from sim2d.rendering.rays import RaySet
-from sim2d.rendering.scene import Ball, Light, Scene
+from sim2d.rendering.scene import SHADE_REACH, Ball, Light, Scene
 from sim2d.rendering.surfaces import FLOOR, FirstHits
 
 SMOOTH_TEXTURE_M, FINE_TEXTURE_M = 0.15, 0.012  # cells of the carpet's two noises
@@ -139,7 +139,7 @@ def _noise(tile: Float32Array, x: Float32Array, y: Float32Array, cell_m: float) 
 def _shade_under_ball(light: Float32Array, hits: FirstHits, ball: Ball, eye: Pose2) -> None:
     """Darken the floor around a ball's foot, softly."""
     x, y = eye.inverse().transform([ball.x_m, ball.y_m])
-    reach = 3 * ball.radius_m
+    reach = SHADE_REACH * ball.radius_m
     away = math.hypot(x, y)
     half = math.asin(reach / away) if away > reach else math.pi
     bearing = math.atan2(y, x)

@@ -11,7 +11,7 @@ from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.ball_patches import is_patch
 from sim2d.rendering.rays import RaySet
-from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Ball, Bar, Bgr, Box, Post, Robot, Scene, Wall
+from sim2d.rendering.scene import LAMP_DIRECTION_RAD, MARKER_RATIO, Ball, Bar, Bgr, Box, Post, Robot, Scene, Wall
 
 FLOOR = 0  # number of the floor among the surfaces
 
@@ -110,7 +110,7 @@ class FirstHits:
         side = self.add_surface(robot.color_bgr)
         marker = self.add_surface(robot.marker_bgr)
         self._add_cylinder(robot.x_m, robot.y_m, robot.radius_m, robot.height_m, [side])
-        self._add_disc(robot.x_m, robot.y_m, 0.3 * robot.radius_m, robot.height_m + 1e-4, marker)
+        self._add_disc(robot.x_m, robot.y_m, MARKER_RATIO * robot.radius_m, robot.height_m + 1e-4, marker)
 
     def _add_bar(self, bar: Bar) -> None:
         """Meet a level cylinder."""

@@ -60,9 +60,11 @@ def render_report(
 
     plots = [(_ways(field, figures, story), _WAYS_CAPTION), (_errors(figures, story), _ERRORS_CAPTION)]
     if story.calibrates:
-        plots.append((_cameras(figures, story), _CAMERAS_CAPTION))
+        moved = dict(enumerate(story.center_moved_px))
+        plots.append((_over_time(figures, story.t_s, moved, "centre moved (px)"), _CAMERAS_CAPTION))
     if planning.planners:
-        plots.append((_speeds(figures, planning), _SPEEDS_CAPTION))
+        speeds = {index: planning.speed_mps[index] for index in planning.planners}
+        plots.append((_over_time(figures, planning.t_s, speeds, "speed allowed (m/s)"), _SPEEDS_CAPTION))
 
     template = (files("sim2d.report") / "report.html").read_text(encoding="utf-8")
     page: str = (
@@ -156,23 +158,14 @@ def _planned_cells(figures: MatchFigures, choice: ChoiceRate) -> tuple[str, str,
     )
 
 
-def _speeds(figures: MatchFigures, planning: PlanningStory) -> str:
+def _over_time(figures: MatchFigures, t_s: Sequence[float], values: dict[int, Sequence[float]], label: str) -> str:
+    """Return a plot of a value of some robots, by their indices, over time."""
     figure = new_figure(8.0, 2.4)
     axes = figure.subplots()
-    for index in planning.planners:
-        axes.plot(planning.t_s, planning.speed_mps[index], color=_color(figures.robots[index]), linewidth=0.9)
+    for index, of_robot in values.items():
+        axes.plot(t_s, of_robot, color=_color(figures.robots[index]), linewidth=0.9)
     axes.set_ylim(bottom=0.0)
-    tidy(axes, "time (s)", "speed allowed (m/s)")
-    return encode(figure)
-
-
-def _cameras(figures: MatchFigures, story: MatchStory) -> str:
-    figure = new_figure(8.0, 2.4)
-    axes = figure.subplots()
-    for robot in figures.robots:
-        axes.plot(story.t_s, story.center_moved_px[robot.robot], color=_color(robot), linewidth=0.9)
-    axes.set_ylim(bottom=0.0)
-    tidy(axes, "time (s)", "centre moved (px)")
+    tidy(axes, "time (s)", label)
     return encode(figure)
 
 

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from field_models.errors import FileError
-from sim2d.report.moment import RobotMoment
+from robocup_vision.files.output_folder import telling_write_errors
 from sim2d.report.robot_figures import FaultFigures, RobotFigures, RobotLog
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.faults import BodyFault, Fault
-from sim2d.world.state import Event, WorldState
+from sim2d.world.state import Event, RobotMoment, WorldState
 
 # a robot has the ball if no other is nearer to it and the gap between them is no larger than this
 _REACH_M = 0.05
@@ -155,11 +154,9 @@ def write_json(path: Path, values: dict[str, Any]) -> None:
     FileError
         If the file cannot be written.
     """
-    try:
+    with telling_write_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileError(error.filename or path, f"cannot be written ({error.strerror or error})") from None
 
 
 def _plain(value: Any) -> Any:

@@ -11,7 +11,7 @@ import math
 from array import array
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -203,19 +203,8 @@ class RobotLog:
         """Add what the player says of its camera, if it says so and the last that was kept is some time ago."""
         if state is None or (self._calibration and t_s < self._calibration[-1].t_s + CALIBRATION_EVERY_S - 1e-9):
             return
-        self._calibration.append(
-            CalibrationFigures(
-                t_s,
-                state.center_px,
-                state.tilt_rad,
-                state.center_std_px,
-                state.tilt_std_rad,
-                state.scale,
-                state.scale_std,
-                state.steps,
-                state.knocks,
-            )
-        )
+        values = (getattr(state, one.name) for one in fields(CalibrationFigures)[1:])
+        self._calibration.append(CalibrationFigures(t_s, *values))
 
     def put_down(self) -> None:
         """Start a new path: the robot was carried elsewhere."""

@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from robocup_vision.estimates import PoseEstimate
-from sim2d.report.moment import Moment
+from sim2d.world.state import Moment
 
 # ten samples a second
 _PERIODS_PER_SAMPLE = 3

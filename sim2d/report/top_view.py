@@ -12,9 +12,8 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.belief import Belief
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from sim2d.report.moment import RobotMoment
 from sim2d.robot_link import PlayerStatus
-from sim2d.world.state import BallState, RobotState, WorldState
+from sim2d.world.state import BallState, RobotMoment, RobotState, WorldState
 
 Bgr = tuple[int, int, int]
 

@@ -19,10 +19,9 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.overlay import draw_layers
 from robocup_vision.vision import Vision
 from sim2d.report.film_file import FilmFile
-from sim2d.report.moment import Moment, RobotMoment
 from sim2d.report.top_view import SIDE_COLORS, Bgr, TopView
 from sim2d.robot_link import CONTROL_PERIOD_S
-from sim2d.world.state import RobotState, WorldState
+from sim2d.world.state import Moment, RobotMoment, RobotState, WorldState
 
 # ten pictures a second, of 0.4 million pixels: more would take more time than the play itself
 _PERIODS_PER_FRAME = 3

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from robocup_vision.geometry import Pose2
-from sim2d.robot_link import Phase
+from sim2d.robot_link import Command, Phase, PlayerStatus, Senses
 
 EventKind = Literal["kick", "goal", "ball_out", "drop", "collision", "carried_back", "whistle"]
 
@@ -80,3 +80,25 @@ class WorldState:
     events: tuple[Event, ...]
     #: Where the ball shall be placed, in phase "ball_placement".
     placement_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RobotMoment:
+    """One robot in one control period."""
+
+    #: What it sensed.
+    senses: Senses
+    #: What its player reported then.
+    status: PlayerStatus
+    #: What its player commanded then.
+    command: Command
+    #: Why its player was stopped; empty if it was not.
+    stopped: str
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One control period of a match: the truth when the senses were taken, and each robot in order of its index."""
+
+    state: WorldState
+    robots: tuple[RobotMoment, ...]

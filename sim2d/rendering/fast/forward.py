@@ -25,8 +25,8 @@ from sim2d.kernels.forward.things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, 
 from sim2d.kernels.forward.tiles import draw_forward
 from sim2d.kernels.forward.values import FloorPaint, ForwardEye, ForwardLens, Outlines, UprightThings, WallPicture
 from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, Backdrop, room_panorama
-from sim2d.rendering.fast.match_frames import SHADE_REACH, MatchFrames, arc_rows, line_rows
-from sim2d.rendering.scene import Ball, Bar, Bgr, Post, Robot, Scene, Wall
+from sim2d.rendering.fast.match_frames import MatchFrames, arc_rows, line_rows
+from sim2d.rendering.scene import SHADE_REACH, Ball, Bar, Bgr, Post, Robot, Scene, Wall
 from sim2d.rendering.sensor import Sensor
 
 TILE_PX = (8, 32)  # rows and columns: most edges run across the image

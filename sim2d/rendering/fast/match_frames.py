@@ -15,8 +15,6 @@ from sim2d.rendering.nets import nets_of
 from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Light, Scene
 from sim2d.rendering.sensor import Sensor, vignette_gain
 
-SHADE_REACH = 3.0  # of a ball, in its radii
-
 
 class MatchFrames:
     """Draws one field and all fixed objects around it for one type of camera.

@@ -36,14 +36,13 @@ from sim2d.kernels.match_frame import FloorPaint, FrameRoom, Standing, draw_over
 from sim2d.kernels.match_pixels import fill_carpet
 from sim2d.kernels.nets import lay_nets
 from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, room_panorama
-from sim2d.rendering.fast.match_frames import SHADE_REACH, MatchFrames, arc_rows, line_rows
+from sim2d.rendering.fast.match_frames import MatchFrames, arc_rows, line_rows
 from sim2d.rendering.mirror import BODY_BGR
 from sim2d.rendering.rays import RIM_MARGIN, MirrorRays
-from sim2d.rendering.scene import Ball, Bgr, Box, Post, Robot, Scene, Wall
+from sim2d.rendering.scene import MARKER_RATIO, SHADE_REACH, Ball, Bgr, Box, Post, Robot, Scene, Wall
 from sim2d.rendering.sensor import Sensor
 
 ENTRIES, SPANS = 12, 32  # most things along a bearing, and most spans they make
-MARKER_RATIO = 0.3  # of a robot's radius
 # a lean's derivatives are differences over so much; less leans are not drawn: they move nothing by a tenth of a pixel
 _STEP_RAD, _MIN_LEAN_RAD = math.radians(1.0), math.radians(0.01)
 # of maps whose two coordinates stand together

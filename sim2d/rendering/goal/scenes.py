@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from field_models import Field, Goal
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
 from sim2d.rendering.backdrop import Backdrop, BackdropKind
-from sim2d.rendering.goal.light import goal_outline
 from sim2d.rendering.goal.surroundings import (
     GlareLevel,
+    goal_outline,
     lamp_glare,
     lying_ball,
     painted_boards,
@@ -30,6 +30,7 @@ from sim2d.rendering.goal.surroundings import (
     sun_patch,
 )
 from sim2d.rendering.pinhole import render_pinhole, smear
+from sim2d.rendering.random_scenes import Sample
 from sim2d.rendering.scene import Light, Room, Scene
 from sim2d.rendering.sensor import Sensor
 
@@ -112,23 +113,15 @@ GOAL_CONDITIONS: dict[str, GoalCondition] = {
 
 
 @dataclass(frozen=True, eq=False)
-class GoalSample:
-    """One picture with its truth."""
+class GoalSample(Sample):
+    """One picture with its truth; its pose is the camera's own place on the floor and its optical axis's heading."""
 
-    #: (H, W, 3) uint8: the picture.
-    frame: npt.NDArray[np.uint8]
-    #: The camera's own place on the floor, and the heading of its optical axis.
-    pose: Pose2
     #: The true camera, with its height, tilt and roll; its pan is 0.
     camera: PinholeCamera
-    #: What stands there.
-    scene: Scene
     #: The goal that was aimed at.
     goal: Goal
     #: "goal", or why there is none to find.
     view: View
-    #: Number of the sample.
-    index: int
 
 
 def paper_places(field: Field) -> list[tuple[float, float]]:
@@ -234,7 +227,7 @@ def _sample(
     sun = tuple(sun_patch(field, rng) for _ in range(int(rng.integers(condition.sun_patches + 1))))
     light = render_pinhole(camera, scene, pose, backdrop=backdrop, glare=glare, sun=sun, supersample=supersample)
     light = smear(light, float(rng.uniform(0.0, condition.smear_px)))
-    return GoalSample(condition.sensor.expose(light, rng), pose, camera, scene, goal, view, index)
+    return GoalSample(condition.sensor.expose(light, rng), scene, pose, index, camera, goal, view)
 
 
 def _goals(field: Field, condition: GoalCondition) -> tuple[Goal, ...]:
@@ -293,7 +286,7 @@ def _aim(
     return None
 
 
-def _turned(points: npt.NDArray[np.float64], heading_rad: float) -> npt.NDArray[np.float64]:
+def _turned(points: FloatArray, heading_rad: float) -> FloatArray:
     """Points (N, 3) about a viewpoint, seen in a frame that heads there."""
     flat = Pose2(0.0, 0.0, -heading_rad).transform(points[:, :2])
     return np.column_stack([flat, points[:, 2]])

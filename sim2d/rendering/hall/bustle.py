@@ -11,8 +11,8 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.hall.hall import Hall, HallLight
-from sim2d.rendering.hall.lecture_textures import clothes
 from sim2d.rendering.hall.solids import Panel, prism, swung
+from sim2d.rendering.hall.textures import clothes
 
 # length of two steps, and how far a leg swings to either side
 _STEP_M, _SWING_RAD = 1.3, 0.4

@@ -11,8 +11,7 @@ import math
 import numpy as np
 
 from robocup_vision.geometry import Pose2
-from sim2d.rendering.hall import lecture_textures as draw
-from sim2d.rendering.hall import textures
+from sim2d.rendering.hall import textures as draw
 from sim2d.rendering.hall.bustle import Bustle, populated
 from sim2d.rendering.hall.hall import Hall, HallBuilder, HallLight
 from sim2d.rendering.hall.solids import Panel, Vector, box, inward
@@ -44,7 +43,7 @@ def make_lecture_hall(seed: int) -> Hall:
     length, depth, height = SIZE_M
     built = HallBuilder(SIZE_M)
     panels, wear = built.panels, built.wear
-    designs = [textures.notice(rng) for _ in range(3)]
+    designs = [draw.notice(rng) for _ in range(3)]
     posters = [(wear(design), design.shape[1] / design.shape[0]) for design in designs]
     brick = draw.bricks(rng)
     for wall, (corner, along, width) in enumerate(built.walls):

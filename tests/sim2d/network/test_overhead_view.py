@@ -15,11 +15,9 @@ from field_models.errors import ArgumentError
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.network.camera_images import CameraImages
-from sim2d.network.cameras import camera_rig
-from sim2d.network.overhead_view import Mounting, OverheadView, camera_mounting
+from sim2d.network.overhead_view import Mounting, OverheadView, camera_mounting, camera_rig
 from sim2d.network.realism import REALISMS, realism_named
-from sim2d.network.vision import OverheadVision, visible_ratio
+from sim2d.network.vision import CameraImages, OverheadVision, visible_ratio
 from sim2d.network.world import LeagueRobotState, LeagueState
 from sim2d.world.state import BallState
 

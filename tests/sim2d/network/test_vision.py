@@ -11,7 +11,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.protocol.mapping import decode
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.simulation import ErForceRealism, Team
-from sim2d.network.cameras import camera_rig
+from sim2d.network.overhead_view import camera_rig
 from sim2d.network.realism import REALISMS, Realism, changed_realism, realism_named
 from sim2d.network.vision import MAX_PACKET_BYTES, OverheadVision, detection_packets, visible_ratio
 from sim2d.network.world import LeagueRobotState, LeagueState

@@ -18,8 +18,8 @@ from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.backdrop import Backdrop
-from sim2d.rendering.goal.light import Glare, Member, SunPatch
 from sim2d.rendering.goal.scenes import ers7_camera
+from sim2d.rendering.goal.surroundings import Glare, Member, SunPatch
 from sim2d.rendering.pinhole import render_pinhole, smear
 from sim2d.rendering.scene import Robot, Room, Scene
 

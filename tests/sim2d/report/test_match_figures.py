@@ -7,10 +7,9 @@ import pytest
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from sim2d.report.match_figures import MatchLog, match_json, write_json
-from sim2d.report.moment import RobotMoment
 from sim2d.robot_link import Command, PlayerStatus, RobotLimits, Senses
 from sim2d.sensors.faults import BodyFault
-from sim2d.world.state import BallState, Event, RobotState, WorldState
+from sim2d.world.state import BallState, Event, RobotMoment, RobotState, WorldState
 
 ODOMETRY = Pose2(0.0, 0.0, 0.0)
 

@@ -7,7 +7,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.scene import Light
 from sim2d.robot_link import CONTROL_PERIOD_S, Senses
-from sim2d.sensors.late_frames import LateFrames, LatencySettings
+from sim2d.sensors.faults import LateFrames, LatencySettings
 from sim2d.sensors.match_camera import LightDrift, LightDriftSettings
 
 FRAME = np.zeros((2, 2, 3), dtype=np.uint8)

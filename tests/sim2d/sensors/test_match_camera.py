@@ -173,7 +173,7 @@ def test_what_a_match_is_not_drawn_with_is_refused():
     def camera(sensor):
         return MatchCamera(load_field("ssl_2001"), SEKIMORI, LIMITS, np.random.default_rng(0), sensor=sensor)
 
-    with pytest.raises(ArgumentError, match="a match is drawn without texture"):
+    with pytest.raises(ArgumentError, match="a match is drawn without compression"):
         camera(replace(CLEAN, jpeg_quality=80))
     with pytest.raises(ArgumentError, match="a match is drawn without texture"):
         camera(CLEAN).set_light(replace(MATCH_LIGHT, texture=0.1))

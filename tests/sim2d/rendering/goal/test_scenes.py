@@ -18,7 +18,6 @@ from field_models.errors import ArgumentError
 from field_models.toml_file import read_toml
 from robocup_vision.camera import PinholeCamera, load_camera
 from sim2d.commands.render_goal import GOAL_CONDITION_NAMES, add_parser, run_render_goal
-from sim2d.rendering.goal.light import Glare, goal_outline
 from sim2d.rendering.goal.scenes import (
     GOAL_CONDITIONS,
     NEGATIVE_VIEWS,
@@ -27,7 +26,7 @@ from sim2d.rendering.goal.scenes import (
     paper_places,
     sample_goal,
 )
-from sim2d.rendering.goal.surroundings import lamp_glare
+from sim2d.rendering.goal.surroundings import Glare, goal_outline, lamp_glare
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Scene
 
