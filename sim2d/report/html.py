@@ -5,7 +5,7 @@ Needs the extra `report` (matplotlib, jinja2), which is imported only when a rep
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -158,7 +158,7 @@ def _planned_cells(figures: MatchFigures, choice: ChoiceRate) -> tuple[str, str,
     )
 
 
-def _over_time(figures: MatchFigures, t_s: Sequence[float], values: dict[int, Sequence[float]], label: str) -> str:
+def _over_time(figures: MatchFigures, t_s: Sequence[float], values: Mapping[int, Sequence[float]], label: str) -> str:
     """Return a plot of a value of some robots, by their indices, over time."""
     figure = new_figure(8.0, 2.4)
     axes = figure.subplots()
