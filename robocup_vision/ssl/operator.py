@@ -6,15 +6,13 @@ and placements, it does by itself.
 
 from __future__ import annotations
 
-import base64
 import json
-import os
-import select
-import struct
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
-from field_models.errors import ArgumentError
+from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.closing import Closing
 from robocup_vision.ssl.framed import connect
 
@@ -27,7 +25,7 @@ _NOT_OFFERED = frozenset({"DISABLED", "WAITING"})
 _SOON_S, _AT_LAST_S, _AGAIN_S = 1.0, 15.0, 2.0
 # the page's messages are of some hundred kilobytes at most
 _MAX_BYTES = 16 * 1024 * 1024
-_TEXT, _CLOSE, _PING, _PONG = 1, 8, 9, 10
+_TIMEOUT_S = 5.0
 
 
 class Operator(Closing):
@@ -42,13 +40,30 @@ class Operator(Closing):
     ------
     ArgumentError
         If there is no connection.
+    RobocupVisionError
+        If websockets is not installed.
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = OPERATOR_PORT, division: str | None = None) -> None:
-        self._name = f"the game controller's page at {host}:{port}"
-        self._socket = connect("the game controller's page", host, port, 5.0)
-        self._buffer = bytearray()
-        self._begin(host, port)
+        try:
+            from websockets.exceptions import ConnectionClosed, WebSocketException
+            from websockets.sync import client
+        except ImportError:
+            raise RobocupVisionError(
+                "the game controller's page needs websockets, which is not installed: pip install 'robocup-vision[ssl]'"
+            ) from None
+        self._name, self._closed = f"the game controller's page at {host}:{port}", ConnectionClosed
+        self._opened = ExitStack()
+        connected = connect("the game controller's page", host, port, _TIMEOUT_S)
+        uri = f"ws://{host}:{port}/api/control"
+        try:
+            opening = client.connect(
+                uri, sock=connected, open_timeout=_TIMEOUT_S, close_timeout=1.0, max_size=_MAX_BYTES
+            )
+            self._socket = self._opened.enter_context(opening)
+        except (WebSocketException, OSError) as error:
+            connected.close()
+            raise ArgumentError(f"{self._name} refuses: {error}") from None
         self._division, self._is_set = division, False
         self._state: dict[str, Any] = {}
         self._actions: list[dict[str, Any]] = []
@@ -58,7 +73,7 @@ class Operator(Closing):
 
     def close(self) -> None:
         """Close the connection."""
-        self._socket.close()
+        self._opened.close()
 
     def look(self, now_s: float | None = None) -> None:
         """Read what the game controller tells, and press what is due; call it some times a second.
@@ -117,75 +132,22 @@ class Operator(Closing):
                 return wish, _AT_LAST_S
         return {"type": "", "forTeam": ""}, 0.0
 
-    # a web socket's client: RFC 6455, as much of it as text takes
+    def _send(self, value: object) -> None:
+        with self._telling_loss():
+            self._socket.send(json.dumps(value))
 
-    def _begin(self, host: str, port: int) -> None:
-        key = base64.b64encode(os.urandom(16)).decode()
-        request = (
-            f"GET /api/control HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-            f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n"
-        )
-        try:
-            self._socket.sendall(request.encode())
-            while b"\r\n\r\n" not in self._buffer:
-                data = self._socket.recv(4096)
-                if not data or len(self._buffer) > _MAX_BYTES:
-                    raise ArgumentError(f"{self._name} does not speak")
-                self._buffer += data
-        except OSError as error:
-            raise ArgumentError(f"{self._name} is gone: {error.strerror or error}") from None
-        head, _, rest = bytes(self._buffer).partition(b"\r\n\r\n")
-        if not head.startswith(b"HTTP/1.1 101"):
-            raise ArgumentError(f"{self._name} refuses: {head[:60].decode(errors='replace')}")
-        self._buffer = bytearray(rest)
-
-    def _send(self, value: object, kind: int = _TEXT) -> None:
-        data = value if isinstance(value, bytes) else json.dumps(value).encode()
-        mask = os.urandom(4)
-        size = len(data)
-        head = bytes([0x80 | kind, 0x80 | (size if size < 126 else 126)])
-        if size >= 126:
-            head += struct.pack(">H", size)
-        try:
-            self._socket.sendall(head + mask + bytes(byte ^ mask[k % 4] for k, byte in enumerate(data)))
-        except OSError as error:
-            raise ArgumentError(f"{self._name} is gone: {error.strerror or error}") from None
-
-    def _texts(self) -> list[bytes]:
-        """Return the whole texts that have come."""
-        texts, end_s = [], time.monotonic() + 0.05
-        while time.monotonic() < end_s and select.select([self._socket], [], [], 0.0)[0]:
-            try:
-                data = self._socket.recv(1 << 16)
-            except OSError as error:
-                raise ArgumentError(f"{self._name} is gone: {error.strerror or error}") from None
-            if not data:
-                raise ArgumentError(f"{self._name} has closed the connection")
-            self._buffer += data
-            while (frame := _take(self._buffer)) is not None:
-                kind, payload = frame
-                if kind == _PING:
-                    self._send(payload[:125], _PONG)
-                elif kind == _CLOSE:
-                    raise ArgumentError(f"{self._name} has closed the connection")
-                elif kind == _TEXT:
-                    texts.append(payload)
+    def _texts(self) -> list[str | bytes]:
+        """Return the texts that have come."""
+        texts: list[str | bytes] = []
+        end_s = time.monotonic() + 0.05
+        with self._telling_loss(), suppress(TimeoutError):
+            while time.monotonic() < end_s:
+                texts.append(self._socket.recv(timeout=0))
         return texts
 
-
-def _take(buffer: bytearray) -> tuple[int, bytes] | None:
-    """Take the first whole frame off a buffer: its kind and its payload; None while it is not there yet."""
-    if len(buffer) < 2:
-        return None
-    size, at = buffer[1] & 0x7F, 2
-    if size == 126:
-        size, at = int.from_bytes(buffer[2:4], "big"), 4
-    elif size == 127:
-        size, at = int.from_bytes(buffer[2:10], "big"), 10
-    if size > _MAX_BYTES:
-        raise ArgumentError(f"the game controller's page sends {size} bytes at once")
-    if len(buffer) < at + size:
-        return None
-    kind, payload = buffer[0] & 0x0F, bytes(buffer[at : at + size])
-    del buffer[: at + size]
-    return kind, payload
+    @contextmanager
+    def _telling_loss(self) -> Iterator[None]:
+        try:
+            yield
+        except self._closed:
+            raise ArgumentError(f"{self._name} has closed the connection") from None

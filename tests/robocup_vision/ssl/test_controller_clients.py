@@ -1,15 +1,14 @@
 """Clients of the game controller's ports, against one of the test's own that speaks as the league's does."""
 
-import base64
-import hashlib
 import json
+import queue
 import socket
-import struct
 import threading
 from contextlib import suppress
 
 import pytest
 from ssl_sockets import free_port
+from websockets.sync.server import serve
 
 from field_models.errors import ArgumentError
 from robocup_vision.ssl.controller_clients import AutoRefClient, TeamPortClient
@@ -131,45 +130,26 @@ class Page:
     """A page of a game controller: a web socket's server for one connection."""
 
     def __init__(self):
-        self.listening = socket.socket()
-        self.listening.bind(("127.0.0.1", 0))
-        self.listening.listen(1)
-        self.listening.settimeout(WAIT_S)
-        self.port = self.listening.getsockname()[1]
-        self.thread = threading.Thread(target=self.accept)
-        self.thread.start()
+        self.heard, self.opened = queue.Queue(), queue.Queue()
+        self.server = serve(self.serve, "127.0.0.1", 0)
+        self.port = self.server.socket.getsockname()[1]
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
 
-    def accept(self):
-        """Shake hands."""
-        self.connection, _ = self.listening.accept()
-        self.connection.settimeout(WAIT_S)
-        request = self.connection.recv(4096).decode()
-        key = next(line for line in request.split("\r\n") if line.startswith("Sec-WebSocket-Key")).split(": ")[1]
-        digest = hashlib.sha1((key + "258EAFA5-E914-47DA-95CA-C5AB0DC85B11").encode()).digest()
-        answer = base64.b64encode(digest).decode()
-        head = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        self.connection.sendall(f"{head}Sec-WebSocket-Accept: {answer}\r\n\r\n".encode())
+    def serve(self, connection):
+        """Hear what comes until the connection ends."""
+        self.opened.put(connection)
+        for text in connection:
+            self.heard.put(json.loads(text))
 
-    def say(self, value, kind=1):
-        """Send a frame."""
-        data = json.dumps(value).encode()
-        size = bytes([len(data)]) if len(data) < 126 else b"\x7e" + struct.pack(">H", len(data))
-        self.connection.sendall(bytes([0x80 | kind]) + size + data)
+    def say(self, value):
+        """Send a text."""
+        if not hasattr(self, "connection"):
+            self.connection = self.opened.get(timeout=WAIT_S)
+        self.connection.send(json.dumps(value))
 
     def hear(self):
-        """Return the next frame's kind and value."""
-        head = self.connection.recv(2)
-        size = head[1] & 0x7F
-        if size == 126:
-            size = struct.unpack(">H", self.connection.recv(2))[0]
-        mask, data = self.connection.recv(4), self.connection.recv(size)
-        return head[0] & 0x0F, json.loads(bytes(byte ^ mask[k % 4] for k, byte in enumerate(data)))
-
-    def close(self):
-        """Close all."""
-        self.thread.join(WAIT_S)
-        self.connection.close()
-        self.listening.close()
+        """Return the next value."""
+        return self.heard.get(timeout=WAIT_S)
 
 
 @pytest.fixture
@@ -177,7 +157,7 @@ def page():
     """Return a page that an operator may connect to."""
     made = Page()
     yield made
-    made.close()
+    made.server.shutdown()
 
 
 def look(operator, now_s, *, until):
@@ -196,27 +176,23 @@ def action(kind, state="READY_MANUAL", *issues):
 
 def test_the_operator_sets_the_match_and_presses_what_a_person_would(page):
     with Operator(port=page.port, division="DIV_B") as operator:
-        page.thread.join(WAIT_S)
         page.say({"matchState": {"matchType": "UNKNOWN_MATCH", "teamState": {"YELLOW": {"name": ""}}}})
         look(operator, 0.0, until=lambda: operator._is_set)
-        assert page.hear() == (1, {"change": {"updateConfigChange": {"matchType": "FRIENDLY", "division": "DIV_B"}}})
+        assert page.hear() == {"change": {"updateConfigChange": {"matchType": "FRIENDLY", "division": "DIV_B"}}}
         named = {"forTeam": "YELLOW", "teamName": "Yellow"}
-        assert page.hear() == (1, {"change": {"updateTeamStateChange": named}})
-        page.say({}, kind=9)
+        assert page.hear() == {"change": {"updateTeamStateChange": named}}
         page.say({"gcState": {"continueActions": [action("STOP_GAME"), action("RESUME_FROM_HALT")]}})
         look(operator, 1.0, until=lambda: operator._wish[0] == "RESUME_FROM_HALT")
-        assert page.hear()[0] == 10
         operator.look(1.9)
         assert operator.pressed == []
         operator.look(2.0)
-        assert page.hear() == (1, {"continueAction": {"type": "RESUME_FROM_HALT", "forTeam": "UNKNOWN"}})
+        assert page.hear() == {"continueAction": {"type": "RESUME_FROM_HALT", "forTeam": "UNKNOWN"}}
         operator.look(3.0)
         assert operator.pressed == ["RESUME_FROM_HALT"]
 
 
 def test_the_operator_leaves_play_alone_and_waits_for_what_is_in_the_way(page):
     with Operator(port=page.port) as operator:
-        page.thread.join(WAIT_S)
         page.say({"gcState": {"continueActions": [action("STOP_GAME"), action("BALL_PLACEMENT_CANCEL")]}})
         look(operator, 0.0, until=lambda: len(operator._actions) == 2)
         operator.look(100.0)
