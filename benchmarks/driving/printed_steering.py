@@ -4,8 +4,8 @@ Section 5.1 and figure 9 of the paper: a robot of 0.4 m/s and 0.3 m/s2 goes to a
 without a touch with and without regard to its velocity; how fast is not printed. "As printed": 6 x 32 cells, r_th 0.8,
 T_th 2.75 s, nothing remembered of earlier frames and no wayfinder; slower speeds are tried where the full one is not
 safe, as ours does. "Ours": as in avoidance.py. The courses are the first of avoidance.py whose straight way two cubes
-block and that have a way with 3 cm of clearance. A drive ends after 60 s. --picture FILE: also draws the ways through
-the first course that all reach (if none, the first), the robot every 1/3 s, as the figure does.
+block and that have a way with 3 cm of clearance. A drive ends after 60 s (--quick: 15 s). --picture FILE: also draws
+the ways through the first course that all reach (if none, the first), the robot every 1/3 s, as the figure does.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
 LIMITS = RobotLimits(speed_mps=0.4, acceleration_mps2=0.3)
-PATIENCE_S, PICTURED_EVERY_S = 60.0, 1 / 3
+PATIENCE_S, QUICK_PATIENCE_S, PICTURED_EVERY_S = 60.0, 15.0, 1 / 3
 _PRINTED = {"time_threshold_s": 2.75, "directions": PRINTED_PERCEPTION.directions, "keep_side": False}
 
 
@@ -84,10 +84,10 @@ def course_of(seed: int, index: int) -> Course:
     return cube_course(FIELD, LIMITS.radius_m, np.random.default_rng([seed, index, False]))
 
 
-def drive(job: tuple[int, int, Method]) -> Way:
-    """Drive a course of a seed by a method."""
+def drive(job: tuple[int, int, Method, float]) -> Way:
+    """Drive a course of a seed by a method, for so many seconds at most."""
     cv2.setNumThreads(0)
-    seed, index, method = job
+    seed, index, method, patience_s = job
     poses: list[Pose2] = []
     pilot = Steering(max(nearest_seen_m(FIELD, CAMERA), LIMITS.radius_m), LIMITS, method.settings)
     rng = np.random.default_rng([seed, index, 2])
@@ -97,7 +97,7 @@ def drive(job: tuple[int, int, Method]) -> Way:
         CAMERA,
         LIMITS,
         rng,
-        patience_s=PATIENCE_S,
+        patience_s=patience_s,
         perception=method.perception,
         watch=poses.append,
     )
@@ -136,8 +136,9 @@ def main() -> None:
     count = 1 if arguments.quick else 40 if arguments.full else 4
     courses = list(islice(blocked_courses(arguments.seed), count))
     with open_pool(arguments) as pool:
-        jobs = [(arguments.seed, index, method) for index in courses for method in METHODS]
-        ways = dict(zip([(index, method.name) for _, index, method in jobs], pool.map(drive, jobs), strict=True))
+        patience_s = QUICK_PATIENCE_S if arguments.quick else PATIENCE_S
+        jobs = [(arguments.seed, index, method, patience_s) for index in courses for method in METHODS]
+        ways = dict(zip([(index, method.name) for _, index, method, _ in jobs], pool.map(drive, jobs), strict=True))
     table = Table(("course", col.label("steering               "), "end", "clearance mm"), name="courses")
     for index in courses:
         for method in METHODS:
