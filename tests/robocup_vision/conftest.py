@@ -22,21 +22,30 @@ def paint_field():
     # with each field, which keeps its identity its own
     maps = {}
 
-    def paint(camera, field, pose, *, margin_m=0.3, gain=1.0, noise=0.0, rng=None):
-        width, height = camera.size_px
-        fine = 3
-        v, u = (np.mgrid[: height * fine, : width * fine] + 0.5) / fine - 0.5
-        floor = camera.pixel_to_floor(np.stack([u, v], axis=-1)).reshape(-1, 2)
-        points = pose.transform(np.nan_to_num(floor, nan=1e3))
-        on_carpet = (np.abs(points) <= (field.length_m / 2 + margin_m, field.width_m / 2 + margin_m)).all(axis=1)
+    def painted(camera, field, pose, rows, margin_m):
+        """Fractions of carpet and of paint of each pixel of some rows."""
+        width, fine = camera.size_px[0], 3
+        v, u = (np.mgrid[: len(rows) * fine, : width * fine] + 0.5) / fine - 0.5
+        floor = camera.pixel_to_floor(np.stack([u, v + rows[0]], axis=-1)).reshape(-1, 2)
+        points = pose.transform(np.nan_to_num(floor, nan=1e3)).reshape(len(rows), fine, width, fine, 2)
+        on_carpet = (np.abs(points) <= (field.length_m / 2 + margin_m, field.width_m / 2 + margin_m)).all(axis=-1)
         if id(field) not in maps:
             maps[id(field)] = field, LineMap(field)
-        line_map = maps[id(field)][1]
-        on_paint = on_carpet.copy()
-        on_paint[on_carpet] = line_map.nearest(points[on_carpet]).distance_m <= field.line_width_m / 2
-        carpet, paint = (
-            part.reshape(height, fine, width, fine).mean(axis=(1, 3))[..., None] for part in (on_carpet, on_paint)
-        )
+        line_map, half_m = maps[id(field)][1], field.line_width_m / 2
+        # only pixels whose middle is as near to a line as to their own corners may show paint
+        middle = points[:, fine // 2, :, fine // 2]
+        reach_m = np.sqrt(((points - middle[:, None, :, None]) ** 2).sum(axis=-1).max(axis=(1, 3)))
+        near = on_carpet.any(axis=(1, 3))
+        near[near] = line_map.nearest(middle[near]).distance_m <= half_m + reach_m[near]
+        on_paint = on_carpet & near[:, None, :, None]
+        on_paint[on_paint] = line_map.nearest(points[on_paint]).distance_m <= half_m
+        return on_carpet.mean(axis=(1, 3)), on_paint.mean(axis=(1, 3))
+
+    def paint(camera, field, pose, *, margin_m=0.3, gain=1.0, noise=0.0, rng=None):
+        # a few rows at a time stay in the processor's cache
+        strips = np.array_split(np.arange(camera.size_px[1]), camera.size_px[1] // 12)
+        parts = zip(*(painted(camera, field, pose, rows, margin_m) for rows in strips), strict=True)
+        carpet, paint = (np.concatenate(part)[..., None] for part in parts)
         image = gain * ((1.0 - carpet) * HALL_BGR + (carpet - paint) * CARPET_BGR + paint * PAINT_BGR)
         if noise:
             image = image + rng.normal(0.0, noise, image.shape)
