@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
-from robocup_vision.pipeline.frames import FrameOptions, FramePipeline
 from robocup_vision.view import View
 
 CAMERA = PinholeCamera((64, 48), (46.0, 46.0), (31.5, 23.5), 0.2)
@@ -43,20 +41,3 @@ def test_a_measurement_is_worked_out_once_and_only_when_asked_for():
 def test_a_measurement_may_be_handed_over_as_it_is(given):
     assert view_with(given).measurement is given
     assert View.measurement is None
-
-
-@pytest.mark.parametrize("field_name", ["four_legged_2007", "spl_2020"])
-def test_suspected_channels_leave_the_half_of_a_measurement_open_where_goals_decide_on_it(field_name):
-    options = FrameOptions(None, None, None, 80, 20, "bgr")
-    pipeline = FramePipeline(load_field(field_name), CAMERA.size_px, options)
-    asked = pipeline._measurement_unless_swapped(lambda: ESTIMATE)
-    pipeline._channel_order._nats = 2.0
-    suspected = pipeline._measurement_unless_swapped(lambda: ESTIMATE)
-    both = ESTIMATE.candidates if field_name == "spl_2020" else (ESTIMATE.pose, ESTIMATE.pose.half_turn())
-    # what was handed over before stays
-    assert asked().candidates == ESTIMATE.candidates
-    assert suspected().candidates == both
-    pipeline._channel_order._nats = 12.0
-    pipeline._channel_order._reason = "swapped"
-    assert (pipeline._measurement_unless_swapped(lambda: ESTIMATE) is None) == (field_name != "spl_2020")
-    assert pipeline._measurement_unless_swapped(None) is None

@@ -92,19 +92,6 @@ def test_a_nodding_robot_knows_where_the_ball_is(nod_deg, lens):
     assert np.sqrt(np.linalg.eigvalsh(view.balls[0].covariance)[-1]) < 0.1
 
 
-@pytest.mark.parametrize("lens", LENSES)
-def test_seeds_lie_so_dense_that_a_ball_anywhere_covers_some(lens):
-    finder = PinholeBallFinder(FIELD, replace(CAMERA, distortion=LENSES[lens]))
-    seeds = finder._seeds[:, ::-1]
-    rng = np.random.default_rng(5)
-    for u, v in rng.uniform((0.0, 60.0), (207.0, 159.0), (200, 2)).tolist():
-        along, across = finder._expected_px(u, v)
-        if min(along, across) < finder.settings.min_half_px:
-            continue
-        away = (seeds - (u, v)) / (max(across, 1.5), max(along, 1.5))
-        assert np.hypot(*away.T).min() < 1.0, (u, v)
-
-
 YELLOW = replace(FIELD, ball_color="yellow")
 
 

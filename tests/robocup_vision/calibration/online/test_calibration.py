@@ -178,16 +178,6 @@ def test_the_camera_may_be_written(ssl_field, paper_camera, walk, tmp_path):
     )
 
 
-def test_colours_and_place_are_kept_when_the_camera_changes(ssl_field, paper_camera, walk):
-    vision = Vision(ssl_field, paper_camera)
-    vision.look(walk[0].frame)
-    pipeline = vision._pipeline
-    other = pipeline.with_camera(dataclasses.replace(paper_camera, center_px=(128.0, 109.0)))
-    assert other.colors is pipeline.colors
-    assert other.camera.center_px == (128.0, 109.0)
-    assert other.grid.directions == pipeline.grid.directions
-
-
 def test_it_is_made_for_one_camera_of_known_tilt(ssl_field, paper_camera):
     online = OnlineCalibration(ssl_field, paper_camera)
     with pytest.raises(ArgumentError, match="online must be made for this very camera"):

@@ -124,14 +124,6 @@ def test_obstacles_at_the_walls_cost_little() -> None:
     assert estimate.pose.error_to(pose, symmetric=True)[0] < 0.08
 
 
-def test_side_walls_of_goals_are_no_walls_to_fit() -> None:
-    walls, is_side = HullFitter(FIELD, CAMERA)._walls
-    assert np.count_nonzero(is_side) == 4
-    np.testing.assert_allclose(np.abs(walls[is_side][:, [1, 3]]), 0.3)
-    _, _, counts = HullFitter(FIELD, CAMERA)._assign(np.array([[1.45, 0.3], [1.55, 0.1], [1.37, 0.6], [0, -0.7]]))
-    assert counts.tolist() == [False, True, True, True]
-
-
 @given(
     half_x=numbers(0.5, 4.0),
     half_y=numbers(0.5, 4.0),

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from field_models import load_field
 from robocup_vision.camera import OmniCamera, Tangent, load_camera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator, refine_by_lines
@@ -269,20 +269,3 @@ def test_photographs_with_legs_and_a_room_in_view_are_located(folder, name, trut
             row = next(row for row in csv.DictReader(table) if row["image"] == name)
         truth = Pose2(float(row["x_m"]), float(row["y_m"]), float(row["theta_rad"]))
     assert answer.pose.error_to(truth, symmetric=True)[0] < max_m
-
-
-@pytest.mark.parametrize("count", [100, 1000])
-def test_residuals_that_are_even_over_the_gate_are_no_pose(estimator, count):
-    rng = np.random.default_rng(4)
-    truth = Pose2(0.4, -0.3, 1.0)
-    points = seen_points(truth, rng, clutter=0.0)
-    points = points.take(rng.choice(len(points), count))
-    gate_px = estimator.settings.fit.inlier_px
-    for spread_px, is_pose in (
-        (np.abs(rng.normal(0.0, gate_px / 4, 4000)), True),
-        (rng.uniform(0, gate_px, 4000), False),
-    ):
-        rms_px = float(np.sqrt(np.mean(spread_px**2)))
-        judged = estimator._judged(PoseEstimate(truth, np.eye(3), 0.9, rms_px), points, 0.5)
-        assert bool(judged) is is_pose
-    assert judged == NotLocated(f"{count} line points lie near lines of the best pose no better than by chance")
