@@ -9,18 +9,35 @@ from hypothesis import given
 from strategies import PAPER_MIRROR, cameras
 
 from field_models import ArgumentError, FileError
-from robocup_vision.camera import Hyperboloid, OmniCamera, Table, Tangent, load_camera, save_camera
+from robocup_vision.camera import Hyperboloid, OmniCamera, PinholeCamera, Table, Tangent, load_camera, save_camera
 
 HYPERBOLOID = 'kind = "hyperboloid"\nA_px_per_m = 10120.0\nB_per_m = 20.54\nC_px2 = 229800.0'
 TABLE = 'kind = "table"\nradius_px = [26.0, 60.0, 112.0]\nrange_m = [0.1, 0.4, 3.0]'
 TANGENT = 'kind = "tangent"\na_m = 0.4\nb_per_px = 0.0125'
-GOOD = f"""format = 1
+GOOD_OMNI = f"""format = 1
 model = "omni"
 size_px = [256, 220]
 center_px = [127.5, 109.5]
 usable_radius_px = [26.0, 112.0]
 [floor_range]
 {HYPERBOLOID}
+"""
+GOOD_PINHOLE = """format = 1
+model = "pinhole"
+size_px = [640, 480]
+focal_px = [616.0, 616.0]
+center_px = [320.0, 240.0]
+height_m = 0.46
+"""
+GOOD_FISHEYE = """format = 1
+model = "fisheye"
+size_px = [640, 600]
+focal_px = [180.0, 180.0]
+center_px = [320.0, 300.0]
+height_m = 0.5
+projection = "equidistant"
+usable_radius_px = [0.0, 290.0]
+tilt_rad = -0.2
 """
 
 Write = Callable[[str], Path]
@@ -64,25 +81,34 @@ def test_camera_of_numpy_and_integer_numbers_saves_too(tmp_path: Path):
 
 
 def test_optional_keys_have_the_documented_defaults(write: Write):
-    camera = load_camera(write(GOOD))
+    camera = load_camera(write(GOOD_OMNI))
     assert_same(camera, OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR))
     assert (camera.mirrored, camera.heading_rad, camera.offset_m, camera.tilt_rad) == (False, 0.0, (0, 0), (0, 0))
+
+
+def test_a_pinhole_camera_s_optional_keys_have_the_documented_defaults(write: Write):
+    camera = load_camera(write(GOOD_PINHOLE))
+    assert isinstance(camera, PinholeCamera)
+    assert camera.distortion == ()
+    assert camera.offset_m == (0.0, 0.0)
+    assert (camera.pan_rad, camera.tilt_rad, camera.roll_rad, camera.roll_std_rad) == (None,) * 4
+    assert (camera.height_std_m, camera.focal_std_px) == (0.01, 0.0)
 
 
 def test_table_may_end_exactly_with_the_usable_radii_and_before_them(write: Write):
     # in between, a rounding error decides whether a pixel on the rim is in the table
     for outer in (112.0, 118.0):
-        text = GOOD.replace(HYPERBOLOID, TABLE).replace("112.0]\n[floor", f"{outer}]\n[floor")
+        text = GOOD_OMNI.replace(HYPERBOLOID, TABLE).replace("112.0]\n[floor", f"{outer}]\n[floor")
         camera = load_camera(write(text))
         assert np.isnan(camera.pixel_to_floor(camera.polar_to_pixel(0.0, 115.0))).all()
 
 
 def test_usable_radius_may_pass_the_horizon(write: Write):
-    camera = load_camera(write(GOOD.replace("[26.0, 112.0]", "[26.0, 125.0]")))
+    camera = load_camera(write(GOOD_OMNI.replace("[26.0, 112.0]", "[26.0, 125.0]")))
     assert np.isnan(camera.pixel_to_floor(camera.polar_to_pixel(0.0, 120.0))).all()
 
 
-BAD = [
+BAD_OMNI = [
     ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
     ("format = 1\n", "", "key 'format': is missing"),
     ('model = "omni"\n', "", "key 'model': is missing"),
@@ -142,13 +168,56 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "message"), BAD)
-def test_bad_file_is_refused_in_one_line_naming_file_key_and_value(write: Write, old: str, new: str, message: str):
-    assert GOOD.count(old) >= 1
-    path = write(GOOD.replace(old, new, 1))
+BAD_PINHOLE = [
+    ('"pinhole"', '"zoom"', "key 'model': must be 'omni', 'pinhole' or 'fisheye', got 'zoom'"),
+    ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
+    ("focal_px = [616.0, 616.0]\n", "", "key 'focal_px': is missing"),
+    ("[616.0, 616.0]", "[616.0, 0.0]", "key 'focal_px[1]': must be above 0.0, got 0.0"),
+    ("[616.0, 616.0]", "616.0", "key 'focal_px': expected `array`, got `float`, got 616.0"),
+    ("0.46", "-0.46", "key 'height_m': must be above 0.0, got -0.46"),
+    ("0.46", "nan", "key 'height_m': must be a finite number, got nan"),
+    ("0.46", "0.46\nfloor_range = 1", "key 'floor_range': is unknown, got 1"),
+    ("320.0", "640.5", "key 'center_px': lies outside the 640x480 image, got [640.5, 240.0]"),
+    ("0.46", "0.46\ntilt_rad = -16.7", "key 'tilt_rad': must lie between -pi/2 and pi/2, got -16.7; -16.7 degrees are"),
+    (
+        "0.46",
+        "460",
+        "key 'height_m': must be in metres, at most 3, got 460.0; in millimetres it is 0.46 m, in centimetres 4.6 m",
+    ),
+    (
+        "0.46",
+        "0.46\noffset_m = [60, 0]",
+        "key 'offset_m': must be in metres, at most 3, got [60.0, 0.0]; in millimetres",
+    ),
+    ("0.46", "0.46\nheight_std_m = -1", "key 'height_std_m': must be at least 0.0, got -1"),
+    ("0.46", "0.46\ndistortion = [0.1]", "key 'distortion': must have 0, 4, 5 or 8 coefficients, got [0.1]"),
+    (
+        "0.46",
+        "0.46\ndistortion = [-2.0, 0.0, 0.0, 0.0]",
+        "key 'distortion': folds back within the picture: this lens shows nothing at pixel (0.0, 0.0)",
+    ),
+]
+BAD_FISHEYE = [
+    ('"equidistant"', '"fish"', "key 'projection'"),
+    ("height_m = 0.5", "height_m = 0.5\ndistortion = [0.1]", "distortion must have 0 coefficients"),
+    ("[0.0, 290.0]", "[290.0, 200.0]", "usable_radius_px must be 0 <= inner < outer"),
+    ("[0.0, 290.0]", "[0.0, 900.0]", "key 'usable_radius_px': reaches beyond what the projection shows"),
+    ("tilt_rad = -0.2", "tilt_rad = -20.0", "key 'tilt_rad': must lie between -pi/2 and pi/2"),
+]
+GOOD = {GOOD_OMNI: BAD_OMNI, GOOD_PINHOLE: BAD_PINHOLE, GOOD_FISHEYE: BAD_FISHEYE}
+BAD = [(good, *row) for good, rows in GOOD.items() for row in rows]
+
+
+@pytest.mark.parametrize(("good", "old", "new", "message"), BAD, ids=[f"{n}" for n in range(len(BAD))])
+def test_bad_file_is_refused_in_one_line_naming_file_key_and_value(
+    write: Write, good: str, old: str, new: str, message: str
+):
+    assert good.count(old) >= 1
+    path = write(good.replace(old, new, 1))
     with pytest.raises(FileError) as caught:
         load_camera(path)
-    assert str(caught.value).startswith(f"{path}: {message}")
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -156,13 +225,22 @@ def test_curve_that_does_not_come_back_names_the_worst_pixel(write: Write, monke
     right = Hyperboloid.radius_px
     monkeypatch.setattr(Hyperboloid, "radius_px", lambda self, q: right(self, q) + np.where(np.asarray(q) > 5, 0.5, 0))
     with pytest.raises(FileError, match=r"key 'floor_range': pixel \(\d+\.\d, \d+\.\d\) maps .* back 0\.5 px away"):
-        load_camera(write(GOOD))
+        load_camera(write(GOOD_OMNI))
+
+
+def test_lens_that_does_not_come_back_names_the_worst_pixel(write: Write, monkeypatch: pytest.MonkeyPatch):
+    right = PinholeCamera.camera_ray_to_pixel
+    monkeypatch.setattr(
+        PinholeCamera, "camera_ray_to_pixel", lambda self, rays: right(self, rays) + np.array([0.5, 0.0])
+    )
+    with pytest.raises(FileError, match=r"pixel \(\d+\.\d, \d+\.\d\) maps to a ray and back 0\.5 px away"):
+        load_camera(write(GOOD_PINHOLE))
 
 
 def test_curve_that_turns_back_is_refused(write: Write, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(Hyperboloid, "inverse_range_per_m", lambda self, radius: 2 + np.sin(np.asarray(radius) / 9))
     with pytest.raises(FileError, match="key 'floor_range': is not strictly increasing over usable_radius_px"):
-        load_camera(write(GOOD))
+        load_camera(write(GOOD_OMNI))
 
 
 def test_saving_where_no_folder_is_names_the_file(tmp_path: Path):
