@@ -5,16 +5,12 @@ Only the starts are kept: they take the time, and what comes after them follows 
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
-import numpy as np
-
-from robocup_vision.arrays import FloatArray
 from robocup_vision.files.resume_file import ResumeFile
+from robocup_vision.files.value_codec import ValueCodec
 from robocup_vision.progress import progress
 from robocup_vision.workers import Workers, run_pieces, this_process
 from robocup_vision.workers.pieces import Start
@@ -23,12 +19,16 @@ P = TypeVar("P")
 R = TypeVar("R")
 
 
-@dataclass(frozen=True)
-class JsonForm:
-    """How a result is kept in a file: as JSON values, and back from them."""
-
-    to_json: Callable[[Any], Any]
-    of_json: Callable[[Any], Any]
+_FITS = "robocup_vision.calibration.omni"
+_CODEC = ValueCodec(
+    {
+        "Fit": f"{_FITS}.fit",
+        "CameraModel": f"{_FITS}.model",
+        "CameraModelSettings": f"{_FITS}.settings",
+        "OmniCamera": "robocup_vision.camera.omni",
+        **dict.fromkeys(("Hyperboloid", "Tangent", "Table"), "robocup_vision.camera.floor_range"),
+    }
+)
 
 
 class StartTrials:
@@ -53,7 +53,7 @@ class StartTrials:
         self._begun = 0
         self.done = 0 if kept is None else len(kept.found)
 
-    def results(self, start: Start[P, R], pieces: Sequence[P], label: str, form: JsonForm) -> list[R]:
+    def results(self, start: Start[P, R], pieces: Sequence[P], label: str) -> list[R]:
         """Return the result of each piece, in order.
 
         Calls must come in the same order with the same pieces whenever a calibration is repeated: results are found
@@ -62,7 +62,7 @@ class StartTrials:
         first, self._begun = self._begun, self._begun + len(pieces)
         found = {} if self._kept is None else self._kept.found
         results: dict[int, R] = {
-            place: form.of_json(found[first + place]) for place in range(len(pieces)) if first + place in found
+            place: _CODEC.from_plain(found[first + place]) for place in range(len(pieces)) if first + place in found
         }
         missing = [place for place in range(len(pieces)) if place not in results]
         trying = run_pieces(start, [pieces[place] for place in missing], self._workers)
@@ -70,18 +70,6 @@ class StartTrials:
             for number, result in progress(trying, len(missing), label):
                 results[missing[number]] = result
                 if self._kept is not None:
-                    self._kept.add(first + missing[number], form.to_json(result))
+                    self._kept.add(first + missing[number], _CODEC.to_plain(result))
                 self.done += 1
         return [results[place] for place in range(len(pieces))]
-
-
-def array_json(array: FloatArray) -> dict[str, Any]:
-    """Return an array of float64 as JSON values that hold its very bits, infinities among them."""
-    plain = np.asarray(array, dtype="<f8")
-    return {"shape": list(plain.shape), "base64": base64.b64encode(plain.tobytes()).decode()}
-
-
-def array_of(values: dict[str, Any]) -> FloatArray:
-    """Return the array that `array_json` took apart."""
-    data = np.frombuffer(base64.b64decode(values["base64"]), dtype="<f8")
-    return data.reshape(values["shape"]).astype(np.float64)

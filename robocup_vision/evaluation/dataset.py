@@ -288,10 +288,10 @@ def _rig_dataset(
     times = None
     frames_path = _beside(folder, description.frames)
     if frames_path is not None:
-        told = read_rig_times(frames_path, source, rig, names)
+        given = read_rig_times(frames_path, source, rig, names)
         times = {
             name: FrameTime(max(one for one in each if one is not None), odometry, camera_times_s=each)
-            for name, (each, odometry) in told.items()
+            for name, (each, odometry) in given.items()
         }
     masks = tuple(
         None if one is None else _mask(one, camera.size_px)
@@ -448,9 +448,9 @@ def _times(path: Path | None, image_names: tuple[str, ...]) -> dict[str, FrameTi
 
 
 def _mounting(path: Path, row: CsvRow) -> Mounting | None:
-    told = {name: row.number(name) for name in MOUNTING_NAMES if row.entries.get(name)}
+    given = {name: row.number(name) for name in MOUNTING_NAMES if row.entries.get(name)}
     try:
-        return Mounting(**told) if told else None
+        return Mounting(**given) if given else None
     except ArgumentError as error:
         raise FileError(path, f"line {row.line}: {error}") from None
 
@@ -461,13 +461,13 @@ def _check_mountings(
     """Refuse mountings that would not be used."""
     from robocup_vision.localization.methods import choose_method
 
-    told = {name for time in (times or {}).values() if time.mounting is not None for name in time.mounting.known}
-    if path is None or not told:
+    given = {name for time in (times or {}).values() if time.mounting is not None for name in time.mounting.known}
+    if path is None or not given:
         return
     if not isinstance(camera, PinholeCamera) or method == "landmarks":
         whose = "a mirror camera" if not isinstance(camera, PinholeCamera) else "method 'landmarks'"
-        raise FileError(path, f"tells how a head holds the camera, which {whose} does not take", value=min(told))
-    others = sorted(told - {"pan_rad", "pan_std_rad"})
+        raise FileError(path, f"tells how a head holds the camera, which {whose} does not take", value=min(given))
+    others = sorted(given - {"pan_rad", "pan_std_rad"})
     if others and (not camera.known_orientation or not choose_method(camera, method).by_edges):
         problem = f"is for method 'edges' and a camera file with tilt_rad; the method is '{method}'"
         raise FileError(path, problem, key=others[0])

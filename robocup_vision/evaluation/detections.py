@@ -189,19 +189,6 @@ def _figures(kind: str, every: list[Detection]) -> KindFigures:
     )
 
 
-def detections_json(detections: Iterable[Detection]) -> list[list[Any]]:
-    """Return detections as JSON values."""
-    return [list(one) for one in detections]
-
-
-def detections_of(values: Iterable[Sequence[Any]]) -> tuple[Detection, ...]:
-    """Return the detections that `detections_json` took apart."""
-    return tuple(
-        Detection(kind, None if box is None else tuple(box), None if place is None else tuple(place), *rest)
-        for kind, box, place, *rest in values
-    )
-
-
 def figures_json(figures: dict[str, KindFigures] | None) -> dict[str, dict[str, Any]] | None:
     """Return the figures of each kind as JSON values; None where nothing was marked."""
     return None if figures is None else {kind: asdict(one) for kind, one in figures.items()}

@@ -5,27 +5,23 @@ And the folder that the files of a run go to.
 
 from __future__ import annotations
 
-import base64
 import csv
 import hashlib
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from robocup_vision.closing import Closing
-from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.dataset import Dataset, FrameTime
-from robocup_vision.evaluation.detections import KindFigures, detections_json, detections_of, figures_json
+from robocup_vision.evaluation.detections import KindFigures, figures_json
 from robocup_vision.evaluation.overlays import Crop
-from robocup_vision.evaluation.scoring import Figures, Row, SteerResult, pose_error
+from robocup_vision.evaluation.scoring import Figures, Row, pose_error
 from robocup_vision.evaluation.steering import SteerPlan
 from robocup_vision.files.output_folder import telling_write_errors
-from robocup_vision.geometry import Pose2
+from robocup_vision.files.value_codec import ValueCodec
 
 RESULT_COLUMNS = (
     "image",
@@ -220,7 +216,7 @@ class FrameResult:
 def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, Any]:
     """Return what the rows of a dataset depend on."""
     return {
-        "format": 4,
+        "format": 5,
         "images": len(dataset.image_names),
         "image names": _digest(dataset.image_names),
         "field": dataset.field.name,
@@ -237,53 +233,30 @@ def _digest(value: object) -> str:
     return hashlib.sha256(repr(value).encode()).hexdigest()[:12]
 
 
-def result_json(result: FrameResult) -> dict[str, Any]:
+_MODULE = "robocup_vision.evaluation"
+_CODEC = ValueCodec(
+    {
+        "FrameResult": __name__,
+        "Row": f"{_MODULE}.scoring",
+        "SteerResult": f"{_MODULE}.scoring",
+        "Detection": f"{_MODULE}.detections",
+        "Crop": f"{_MODULE}.overlays",
+        "PoseEstimate": "robocup_vision.estimates",
+        "Pose2": "robocup_vision.geometry",
+    }
+)
+
+
+def kept_result(result: FrameResult) -> Any:
     """Return a result as JSON values; truth and error are left to the dataset."""
-    row = result.row
-    values: dict[str, Any] = {"image": row.image, "time_s": row.time_s, "reason": row.reason, "failed": row.failed}
-    values["unreadable"] = row.unreadable
-    if row.estimate is not None:
-        estimate = row.estimate
-        values["candidates"] = [pose.array.tolist() for pose in estimate.candidates]
-        values["covariance"] = estimate.covariance.tolist()
-        values["inlier_ratio"], values["residual_px"] = float(estimate.inlier_ratio), float(estimate.residual_px)
-    if row.steering is not None:
-        values["steering"] = asdict(row.steering)
-    values["detections"] = detections_json(row.detections)
-    values["crops"] = [[crop.caption, base64.b64encode(crop.jpeg).decode()] for crop in result.crops]
-    if result.jpeg is not None:
-        values["jpeg"] = base64.b64encode(result.jpeg).decode()
-        values["overlay_problem"] = result.overlay_problem
-    return values
+    return _CODEC.to_plain(replace(result, row=replace(result.row, truth=None, error=None)))
 
 
-def result_of(values: dict[str, Any], dataset: Dataset) -> FrameResult:
-    """Return the result that `result_json` took apart."""
-    truth = dataset.truth.get(values["image"])
-    estimate = error = None
-    if "candidates" in values:
-        candidates = tuple(Pose2(*pose) for pose in values["candidates"])
-        covariance = np.array(values["covariance"])
-        estimate = PoseEstimate(candidates[0], covariance, values["inlier_ratio"], values["residual_px"], candidates)
-        if truth is not None:
-            error = pose_error(estimate, truth, symmetric=dataset.symmetry == "point")
-    steering = values.get("steering")
-    if steering is not None:
-        pairs = {name: tuple(steering[name]) for name in ("velocity_mps", "command_mps")}
-        steering = SteerResult(**{**steering, **pairs})
-    row = Row(
-        values["image"],
-        estimate,
-        truth,
-        error,
-        values["time_s"],
-        values["reason"],
-        values["failed"],
-        values["unreadable"],
-        steering,
-        detections_of(values["detections"]),
-    )
-    jpeg = values.get("jpeg")
-    picture = None if jpeg is None else base64.b64decode(jpeg)
-    crops = tuple(Crop(caption, base64.b64decode(crop)) for caption, crop in values["crops"])
-    return FrameResult(row, picture, values.get("overlay_problem", ""), crops)
+def result_of(values: Any, dataset: Dataset) -> FrameResult:
+    """Return the result that `kept_result` took apart."""
+    result: FrameResult = _CODEC.from_plain(values)
+    row, truth = result.row, dataset.truth.get(result.row.image)
+    error = None
+    if row.estimate is not None and truth is not None:
+        error = pose_error(row.estimate, truth, symmetric=dataset.symmetry == "point")
+    return replace(result, row=replace(row, truth=truth, error=error))

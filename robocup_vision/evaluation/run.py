@@ -29,8 +29,8 @@ from robocup_vision.evaluation.frame_scorer import (
 from robocup_vision.evaluation.overlays import CROP_COUNT, Crop, WorstSoFar, spread_indices
 from robocup_vision.evaluation.result_files import (
     FrameResult,
+    kept_result,
     prepare_folder,
-    result_json,
     result_of,
     results_file,
     run_json,
@@ -197,7 +197,7 @@ def evaluate(
                     tables.append(files.enter_context(steering_file(out / "steering.csv")))
                 for result in progress(chain(before, fresh), len(dataset.image_names), dataset.name):
                     if len(run.rows) >= first and not is_sequence:
-                        kept.add(len(run.rows), result_json(result))
+                        kept.add(len(run.rows), kept_result(result))
                     for table in tables:
                         table.add(result.row)
                     run.take(result)

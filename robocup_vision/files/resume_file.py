@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -71,7 +72,7 @@ class ResumeFile(Closing):
 
     def _write(self, value: Any) -> None:
         with telling_write_errors(self.path):
-            self._stream.write(json.dumps(value, allow_nan=False) + "\n")
+            self._stream.write(json.dumps(value, allow_nan=False, default=_base64) + "\n")
 
     def close(self) -> None:
         """Close the file, which stays."""
@@ -81,3 +82,7 @@ class ResumeFile(Closing):
         """Delete the file: the run is finished."""
         self.close()
         self.path.unlink(missing_ok=True)
+
+
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode()

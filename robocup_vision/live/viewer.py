@@ -69,7 +69,7 @@ class Viewer(Controls, Closing):
         self._vision, self._name = vision, name
         self._rate = FrameRate()
         self._begin_s = time.monotonic()
-        self._told = {"method": vision.method}
+        self._shown_settings = {"method": vision.method}
         radius_m = vision.field.robot_radius_m if radius_m is None else radius_m
         self._page = LivePage(self, Path(out), port=port, host=host, settings=settings)
         self._page.set_robots((RobotSetup(name, vision.field, vision.camera, radius_m),))
@@ -124,14 +124,14 @@ class Viewer(Controls, Closing):
         frame = cast("Frame", frame)
         if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] != 3:
             raise FrameError(f"a frame must be (H, W, 3) uint8, got {frame.shape} {frame.dtype}")
-        told: tuple[float, float, float] | None = None
+        velocity: tuple[float, float, float] | None = None
         if command is not None:
             if len(command) != 3:
                 raise ArgumentError(f"the command must be forward, left and turn, got {command!r}")
-            told = (float(command[0]), float(command[1]), float(command[2]))
+            velocity = (float(command[0]), float(command[1]), float(command[2]))
         t_s = time.monotonic() - self._begin_s if view.t_s is None else view.t_s
         self._rate.add(t_s)
-        plan = RobotPlan(told, tuple((float(x), float(y)) for x, y in way), tuple(map(str, reasons)))
+        plan = RobotPlan(velocity, tuple((float(x), float(y)) for x, y in way), tuple(map(str, reasons)))
         self._page.put(
             Moment(
                 self._name,
@@ -141,7 +141,7 @@ class Viewer(Controls, Closing):
                 colors=self._vision.colors,
                 plan=plan,
                 rate_hz=self._rate.rate_hz,
-                settings=self._told,
+                settings=self._shown_settings,
             )
         )
 

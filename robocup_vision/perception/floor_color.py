@@ -320,7 +320,7 @@ def _follow(
     channels, first = _by_step(samples, valid, level0)
     red_ratio, blue_ratio = [red0] * len(LEVELS), [blue0] * len(LEVELS)
     spread = settings.min_spread, settings.min_spread
-    enough = max(40, channels.shape[1] // 300)
+    min_samples = max(40, channels.shape[1] // 300)
     order = [(_CENTER, _CENTER), *((i, i - 1) for i in range(_CENTER + 1, len(LEVELS)))]
     order += [(i, i + 1) for i in range(_CENTER - 1, -1, -1)]
     for here, before in order:
@@ -337,7 +337,7 @@ def _follow(
         member = (r - last_red * g) ** 2 / var_red + (b - last_blue * g) ** 2 / var_blue < settings.gate
         red_ratio[here], blue_ratio[here] = last_red, last_blue
         b, g, r = b[member], g[member], r[member]
-        if len(g) < enough:
+        if len(g) < min_samples:
             continue
         drifts = []
         for c, last, start in ((r, last_red, red0), (b, last_blue, blue0)):

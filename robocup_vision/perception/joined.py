@@ -65,12 +65,12 @@ def join_free_space(floors: Sequence[SeenFloor], directions: int) -> FreeSpace:
         is_rim[[0, -1]] = True
         whole[index[known & ~is_rim]] = True
         kept.append((index, nearest_m, ranges_m, ranges_m < farthest_m, known, is_rim))
-    told = []
+    bounded = []
     for index, nearest, ranges, is_blocked, known, is_rim in kept:
         counts = known & ~(is_rim & whole[index])
-        told.append((index[counts], nearest[counts], ranges[counts], is_blocked[counts]))
+        bounded.append((index[counts], nearest[counts], ranges[counts], is_blocked[counts]))
         np.minimum.at(from_m, index[counts], nearest[counts])
-    for index, nearest, ranges, is_blocked in told:
+    for index, nearest, ranges, is_blocked in bounded:
         least = np.where(nearest > from_m[index], np.maximum(ranges, nearest), ranges)
         np.minimum.at(blocked_m, index[is_blocked], least[is_blocked])
         np.maximum.at(seen_m, index, least)
@@ -199,5 +199,5 @@ def _joined_obstacle(one: Obstacle, other: Obstacle) -> Obstacle:
 
 def _joined_kind(one: Obstacle, other: Obstacle) -> Kind | None:
     """Return what one of them tells, or both do; None where they contradict each other."""
-    told = {kind for kind in (one.kind, other.kind) if kind is not None}
-    return told.pop() if len(told) == 1 else None
+    kinds = {kind for kind in (one.kind, other.kind) if kind is not None}
+    return kinds.pop() if len(kinds) == 1 else None

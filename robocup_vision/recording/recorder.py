@@ -27,6 +27,7 @@ from robocup_vision.checks import require_at_least
 from robocup_vision.closing import Closing
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
+from robocup_vision.files.value_codec import ValueCodec
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.images import IMAGE_FORMATS, ImageFormat
 from robocup_vision.messages.topics import TOPIC_TYPES, Outgoing, Topics, TopicSettings
@@ -37,7 +38,7 @@ from robocup_vision.pipeline.frames import to_bgr
 from robocup_vision.recording.calls import DROPPED, FORGET, LOOK, PREDICT, STEER, look_outputs, steer_outputs
 from robocup_vision.recording.log_writer import COMPRESSIONS, Compression, Job, LogWriter
 from robocup_vision.recording.run import Run
-from robocup_vision.recording.values import ValueCodec
+from robocup_vision.recording.values import value_codec
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
@@ -116,10 +117,10 @@ class CallWriter(Closing):
         types: Mapping[str, str] | None = None,
     ) -> None:
         self._settings = settings
-        self._codec = ValueCodec(types)
+        self._codec = value_codec(types)
         prepare([CALL, *TOPIC_TYPES.values()])
-        told = TopicSettings(settings.prefix, image_format=settings.image_format, markings=settings.markings)
-        self.topics = Topics(run.field, run.camera, told)
+        what = TopicSettings(settings.prefix, image_format=settings.image_format, markings=settings.markings)
+        self.topics = Topics(run.field, run.camera, what)
         self._log = LogWriter(
             path,
             _attachments(run, self._codec),

@@ -25,7 +25,7 @@ from robocup_vision.recording.log_reader import Logged, LogReader
 from robocup_vision.recording.loops import loop_kind
 from robocup_vision.recording.recorder import RUN_ATTACHMENT, VERSIONS_ATTACHMENT
 from robocup_vision.recording.run import Run
-from robocup_vision.recording.values import ValueCodec
+from robocup_vision.recording.values import value_codec
 
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _TRUTH, _COMMAND = "/truth/pose", "/cmd_vel"
@@ -75,7 +75,7 @@ class Recording:
         data = self._log.attachments[RUN_ATTACHMENT]
         try:
             self._kind = loop_kind(str(json.loads(data)["fields"]["loop"]))
-            self._codec = ValueCodec(self._kind.types)
+            self._codec = value_codec(self._kind.types)
             self.run: Run = self._codec.from_json(data)
         except (PacketError, KeyError, ValueError, TypeError) as error:
             raise FileError(path, f"was written by another version: its run.json cannot be read ({error})") from None

@@ -13,9 +13,9 @@ from robocup_vision.geometry import wrap_angle
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.recording.loops import Changes, loop_kind
 from robocup_vision.recording.recording import Recording
-from robocup_vision.recording.values import ValueCodec
+from robocup_vision.recording.values import value_codec
 
-_CODEC = ValueCodec()
+_CODEC = value_codec()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -90,10 +90,10 @@ class Operator(Closing):
         """
         now_s = time.monotonic() if now_s is None else now_s
         for text in self._texts():
-            told = json.loads(text)
-            self._state = told.get("matchState") or self._state
-            if told.get("gcState"):
-                self._actions = told["gcState"].get("continueActions") or []
+            message = json.loads(text)
+            self._state = message.get("matchState") or self._state
+            if message.get("gcState"):
+                self._actions = message["gcState"].get("continueActions") or []
         if self._state and not self._is_set:
             self._set_match()
         wish, wait_s = self._wanted()

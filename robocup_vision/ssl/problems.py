@@ -40,8 +40,8 @@ class Problems:
 
     def take_new(self) -> list[str]:
         """Return the words of kinds that have come up since the last call."""
-        told, self._untold = self._untold, []
-        return [self._words[kind] for kind in told]
+        kinds, self._untold = self._untold, []
+        return [self._words[kind] for kind in kinds]
 
     def lines(self) -> list[str]:
         """Return one line for each kind: how often, and its newest words."""

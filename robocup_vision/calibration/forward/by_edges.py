@@ -27,7 +27,7 @@ from robocup_vision.calibration.forward.joint_fit import (
     Sighting,
 )
 from robocup_vision.calibration.not_calibrated import NotCalibrated
-from robocup_vision.calibration.starts import JsonForm, StartTrials
+from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
@@ -105,7 +105,7 @@ def calibrate_by_edges(
         within 3 degrees.
     """
     some = dict(list(frames.items())[:: -(-len(frames) // settings.start_frames)])
-    ranks = trials.results(_RankStart(field, some, prior, settings), starts, "starts", JsonForm(float, float))
+    ranks = trials.results(_RankStart(field, some, prior, settings), starts, "starts")
     order = sorted(range(len(starts)), key=lambda place: ranks[place], reverse=True)
     likely = [starts[place] for place in order[: settings.starts_followed] if ranks[place] > 0.0]
     if not likely:

@@ -19,7 +19,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.forward.result import ONLY_ONE, ForwardCalibration, ForwardFrame, too_uncertain
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.online.evidence import eliminate
-from robocup_vision.calibration.starts import JsonForm, StartTrials
+from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
@@ -225,7 +225,7 @@ def _best_starts(
     """Return the starts that find most goals, best first."""
     some = dict(list(frames.items())[:: -(-len(frames) // settings.start_frames)])
     cameras = [_loosened(start, settings) for start in starts]
-    ranks = trials.results(_RankStart(field, some, settings), cameras, "starts", JsonForm(tuple, tuple))
+    ranks = trials.results(_RankStart(field, some, settings), cameras, "starts")
     ranked = [(rank, camera) for rank, camera in zip(ranks, cameras, strict=True) if rank[0]]
     ranked.sort(key=lambda entry: entry[0], reverse=True)
     return [camera for _, camera in ranked[: settings.starts_tried]]

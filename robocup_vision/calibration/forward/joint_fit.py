@@ -20,7 +20,7 @@ from robocup_vision.calibration.online.evidence import (
     NoiseSettings,
     Residuals,
     eliminate,
-    enough_agree,
+    has_support,
     known,
     normal_equations,
     spread_px,
@@ -305,7 +305,7 @@ class JointFitter:
         limit = gate or settings.last_gate * spread
         weight = tukey_weights(residual, limit)
         used = weight > 0
-        if not enough_agree(int(np.count_nonzero(used)), len(used), settings.min_points, settings.min_agreeing_ratio):
+        if not has_support(int(np.count_nonzero(used)), len(used), settings.min_points, settings.min_agreeing_ratio):
             return None
         points = Residuals(residual, by_camera, jacobian[:, :_OWN], feature)
         noise = NoiseSettings(spread, settings.group_std_px * spread / settings.point_std_px)

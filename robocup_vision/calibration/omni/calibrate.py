@@ -390,8 +390,8 @@ class _Explained:
 
     def of_frames(self, count: int) -> _Explained:
         """Return the same with the fit's cost of so many frames: of one that is left out, nothing is explained."""
-        share = len(self.sightings) / count
-        fit = dataclasses.replace(self.fit, cost=share * self.fit.cost + 1.0 - share)
+        ratio = len(self.sightings) / count
+        fit = dataclasses.replace(self.fit, cost=ratio * self.fit.cost + 1.0 - ratio)
         return dataclasses.replace(self, fit=fit)
 
 

@@ -11,7 +11,6 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points
 from robocup_vision.calibration.omni.model import HORIZON, SCALE, TILT, CameraModel
 from robocup_vision.calibration.omni.settings import FramePointSettings, OmniCalibrationSettings
-from robocup_vision.calibration.starts import JsonForm, StartTrials, array_json, array_of
+from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.hull import hull_radius
@@ -103,8 +102,8 @@ class Observer:
     @property
     def inner_radius_px(self) -> float:
         """Image radius beyond which floor surrounds the robot in the frames so far."""
-        enough = self._settings.min_floor_ratio * self.floor_ratio.max()
-        return float(self.polar.radius_px[int(np.argmax(self.floor_ratio >= enough))])
+        least = self._settings.min_floor_ratio * self.floor_ratio.max()
+        return float(self.polar.radius_px[int(np.argmax(self.floor_ratio >= least))])
 
 
 def points_of(sightings: Sequence[Sighting]) -> Points:
@@ -157,7 +156,7 @@ class Search:
             first = self._short_fits(vectors, most[: settings.first_frames], polar, trials, "starts")
             vectors = [fit.vector for fit in first[: settings.curves_kept]]
         kept = self._short_fits(vectors, most, polar, trials, "better starts")[: settings.kept]
-        fits = trials.results(_LongFit(self, most), kept, "best starts", self._form)
+        fits = trials.results(_LongFit(self, most), kept, "best starts")
         return sorted(fits, key=lambda fit: fit.cost)
 
     def _short_fits(
@@ -169,23 +168,8 @@ class Search:
         label: str,
     ) -> list[Fit]:
         """Fits of level cameras from several starts, best first, just long enough to rank them."""
-        tried = trials.results(_ShortFit(self, sightings, polar), vectors, label, self._form)
+        tried = trials.results(_ShortFit(self, sightings, polar), vectors, label)
         return sorted((fit for fit in tried if fit is not None), key=lambda fit: fit.cost)
-
-    @property
-    def _form(self) -> JsonForm:
-        def to_json(fit: Fit | None) -> Any:
-            if fit is None:
-                return None
-            return [fit.cost, *map(array_json, (fit.vector, fit.poses, fit.residual_px))]
-
-        def of_json(values: Any) -> Fit | None:
-            if values is None:
-                return None
-            vector, poses, residual_px = map(array_of, values[1:])
-            return Fit(self.model, vector, poses, values[0], residual_px)
-
-        return JsonForm(to_json, of_json)
 
     def _curves(self, sightings: Sequence[Sighting], polar: PolarView) -> list[FloatArray]:
         low, high = self.bounds

@@ -107,7 +107,7 @@ def gauss_newton_step(
     return np.asarray(np.linalg.solve(system, right), dtype=np.float64)
 
 
-def enough_agree(agreeing: int, total: int, min_points: int, min_ratio: float) -> bool:
+def has_support(agreeing: int, total: int, min_points: int, min_ratio: float) -> bool:
     """Whether so many of a frame's points agree with the field that the frame counts."""
     return agreeing >= max(min_points, min_ratio * total)
 

@@ -15,8 +15,8 @@ from robocup_vision.calibration.online.evidence import (
     Evidence,
     NoiseSettings,
     Residuals,
-    enough_agree,
     gauss_newton_step,
+    has_support,
     known,
     marginal,
     normal_equations,
@@ -112,7 +112,7 @@ class MirrorEvidence:
             lean += step[size + 3 :]
             pull[3:] = -own[3:] * lean
         agreeing = int(np.count_nonzero(weight))
-        if not enough_agree(agreeing, len(points.pixels), settings.min_points, settings.min_agreeing_ratio):
+        if not has_support(agreeing, len(points.pixels), settings.min_points, settings.min_agreeing_ratio):
             return None
         return Evidence(vector, *marginal(information, gradient, size, own, pull))
 

@@ -140,14 +140,14 @@ class ParameterFilter:
         s = self.settings
         self._t_s += dt_s
         keep = math.exp(-dt_s / s.memory_s)
-        most, share = -math.log(s.wrong_ratio), min(dt_s / s.alike_s, 1.0)
+        most, part = -math.log(s.wrong_ratio), min(dt_s / s.alike_s, 1.0)
         for belief in (self._now, *self._moved):
             belief.forget(keep, self.start, self._prior)
         self._add_moment()
         now = log_evidence(evidence, self.mean, self.covariance)
         ratios = [log_evidence(evidence, belief.mean, belief.covariance) - now for belief in self._moved]
         for belief, ratio in zip(self._moved, ratios, strict=True):
-            weight = 1.0 if belief.is_new(pose, s) else share
+            weight = 1.0 if belief.is_new(pose, s) else part
             belief.nats += weight * min(max(ratio, -most), most)
             belief.take(evidence, pose, s)
         likeliest = max(self._moved, key=lambda belief: belief.nats)

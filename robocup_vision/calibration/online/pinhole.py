@@ -20,8 +20,8 @@ from robocup_vision.calibration.online.evidence import (
     Evidence,
     NoiseSettings,
     Residuals,
-    enough_agree,
     gauss_newton_step,
+    has_support,
     known,
     marginal,
     normal_equations,
@@ -92,8 +92,8 @@ class PinholeEvidence:
         self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
         follow = EdgeSettings().for_width(camera.size_px[0], field.line_width_m)
         self._numbers, self._edges = follow, field_edges(field)
-        self._room = empty_room(_MAX_SAMPLES, 0)
-        self._room.reach_px[:] = own.reach_px * px
+        self._workspace = empty_room(_MAX_SAMPLES, 0)
+        self._workspace.reach_px[:] = own.reach_px * px
         # when the last view was taken and how the camera was held: heading, tilt, roll
         self._held: tuple[float, tuple[float, float, float]] | None = None
         self._turn_radps = 0.0
@@ -182,7 +182,7 @@ class PinholeEvidence:
         tilt, roll = held.tilt_rad or 0.0, held.roll_rad or 0.0
         unknowns = np.array([pose.x_m, pose.y_m, pose.theta_rad, tilt, roll, held.height_m, 0.0])
         count = self._search(frame, unknowns, start)
-        found, samples = self._room.found, self._room.samples
+        found, samples = self._workspace.found, self._workspace.samples
         is_seen = (found.candidates[:count] > 0) & ~self._is_masked(samples.uv[:count])
         if np.count_nonzero(is_seen) < settings.min_points:
             return None
@@ -216,7 +216,7 @@ class PinholeEvidence:
                 break
             step = gauss_newton_step(information, gradient, (before, before @ (mean - start)), (self._own, slope))
         agreeing = int(np.count_nonzero(is_used))
-        if not enough_agree(agreeing, len(offsets), settings.min_points, settings.min_agreeing_ratio):
+        if not has_support(agreeing, len(offsets), settings.min_points, settings.min_agreeing_ratio):
             return None
         return FrameTerms(information, gradient, self._own, slope)
 
@@ -232,7 +232,7 @@ class PinholeEvidence:
             self._lens, self._lens_of = lens_table(self.camera(start)), start.copy()
         carpet = np.zeros(5)
         carpet_look(frame, int(self._lens[3] + self._lens[1] * math.tan(unknowns[TILT])), carpet)
-        count = int(predict(self._edges, self._lens, unknowns, self._numbers.spacing_px, self._room.samples))
+        count = int(predict(self._edges, self._lens, unknowns, self._numbers.spacing_px, self._workspace.samples))
         light = brightness(carpet)
-        search(frame, self._edges.channels, carpet, light, self._numbers, self._room, count)
+        search(frame, self._edges.channels, carpet, light, self._numbers, self._workspace, count)
         return count

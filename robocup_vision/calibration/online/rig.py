@@ -173,11 +173,11 @@ class RigEvidence:
 
     def _measured(self, view: View) -> Pose2 | None:
         """Return the body's pose as one camera alone measured it; None where it took the body for elsewhere."""
-        told = view.pose if view.measurement is None else view.measurement
-        if not told or not view.pose:
+        estimate = view.pose if view.measurement is None else view.measurement
+        if not estimate or not view.pose:
             return None
         common = view.pose.pose
-        nearest = min(told.candidates, key=lambda one: one.error_to(common)[0])
+        nearest = min(estimate.candidates, key=lambda one: one.error_to(common)[0])
         is_same = abs(wrap_angle(nearest.theta_rad - common.theta_rad)) <= self._max_turn_rad
         return nearest if is_same else None
 

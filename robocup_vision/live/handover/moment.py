@@ -126,22 +126,22 @@ class MomentWriter:
         """Return a moment without its frame, and what counts as sent once these bytes are on their way."""
         view = moment.view
         now: dict[str, object] = {"colors": moment.colors, "settings": moment.settings}
-        told = None
+        shown = None
         if view is not None:
-            told = {name: getattr(view, name) for name in _VIEW_FIELDS}
-            now |= {name: told.pop(name) for name in ("polar", "grid", "camera")}
-            told["timings_s"] = dict(view.timings_s)
+            shown = {name: getattr(view, name) for name in _VIEW_FIELDS}
+            now |= {name: shown.pop(name) for name in ("polar", "grid", "camera")}
+            shown["timings_s"] = dict(view.timings_s)
             # its frame comes apart from it, and its camera is the view's, held as the frame says
-            source = told.pop("marking_source")
+            source = shown.pop("marking_source")
             now["marking_finder"] = None if source is None else source.finder
-            told["held"] = None if source is None else (_mounting(source.camera), source.held_covariance)
+            shown["held"] = None if source is None else (_mounting(source.camera), source.held_covariance)
             belief = view.belief
             if belief is not None and belief.free_map is not None:
                 now["map_state"] = belief.free_map.state
-                told["belief"] = replace(belief, free_map=replace(belief.free_map, state=_NO_FRAME))
+                shown["belief"] = replace(belief, free_map=replace(belief.free_map, state=_NO_FRAME))
         changed = {name: value for name, value in now.items() if value is not self._sent[name]}
         rest = (moment.robot, moment.t_s, moment.problem, moment.plan, moment.truth, moment.rate_hz, moment.world)
-        return pickle.dumps((changed, told, rest), pickle.HIGHEST_PROTOCOL), changed
+        return pickle.dumps((changed, shown, rest), pickle.HIGHEST_PROTOCOL), changed
 
     def sent(self, changed: dict[str, object]) -> None:
         """Remember what the other side has now."""
@@ -156,19 +156,19 @@ class MomentReader:
 
     def read(self, data: bytes, frame: UInt8Array) -> Moment:
         """Return the moment; its frame comes apart from it."""
-        changed, told, (robot, t_s, problem, plan, truth, rate_hz, world) = pickle.loads(data)
+        changed, shown, (robot, t_s, problem, plan, truth, rate_hz, world) = pickle.loads(data)
         self._known.update(changed)
         known, view = self._known, None
-        if told is not None:
-            belief = told["belief"]
+        if shown is not None:
+            belief = shown["belief"]
             if belief is not None and belief.free_map is not None:
-                told["belief"] = replace(belief, free_map=replace(belief.free_map, state=known["map_state"]))
-            finder, camera, held, source = known["marking_finder"], known["camera"], told.pop("held"), None
+                shown["belief"] = replace(belief, free_map=replace(belief.free_map, state=known["map_state"]))
+            finder, camera, held, source = known["marking_finder"], known["camera"], shown.pop("held"), None
             if held is not None:
                 mounting, covariance = held
                 as_held = camera if mounting is None else camera.held(mounting)
                 source = MarkingSource.of(finder, frame, as_held, covariance)
-            view = View(**told, polar=known["polar"], grid=known["grid"], camera=camera, marking_source=source)
+            view = View(**shown, polar=known["polar"], grid=known["grid"], camera=camera, marking_source=source)
         return Moment(robot, frame, t_s, view, problem, known["colors"], plan, truth, rate_hz, known["settings"], world)
 
 

@@ -74,7 +74,7 @@ class PictureMaker:
             Whether the frame's markings are found and told, too.
         """
         self._number += 1
-        told = {
+        values = {
             "type": "moment",
             "robot": moment.robot,
             "number": self._number,
@@ -85,7 +85,7 @@ class PictureMaker:
         assert encoded, "OpenCV encodes every (H, W, 3) uint8 array"
         belief = None if moment.view is None else moment.view.belief
         png = b"" if belief is None or belief.free_map is None else self._map_png(belief.free_map)
-        json = msgspec.json.encode(told)
+        json = msgspec.json.encode(values)
         data = b"".join((_LENGTHS.pack(len(json), len(jpeg), len(png)), json, jpeg.tobytes(), png))
         return Picture(moment.robot, self._number, moment.t_s, data)
 
@@ -105,14 +105,14 @@ def split_picture(data: bytes) -> tuple[dict[str, Any], bytes, bytes]:
     """Return what a picture's data hold: the values, the JPEG, and the PNG of the map, empty without one."""
     json, jpeg, _ = _LENGTHS.unpack_from(data)
     begin = _LENGTHS.size
-    told: dict[str, Any] = msgspec.json.decode(data[begin : begin + json])
-    return told, data[begin + json : begin + json + jpeg], data[begin + json + jpeg :]
+    values: dict[str, Any] = msgspec.json.decode(data[begin : begin + json])
+    return values, data[begin + json : begin + json + jpeg], data[begin + json + jpeg :]
 
 
 def describe(moment: Moment, layers: ImageLayerMaker, with_markings: bool = False) -> dict[str, Any]:
     """Return all that is known of a moment as plain values: metres and radians, pixels of the frame, milliseconds."""
     height, width = moment.frame.shape[:2]
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "t_s": round(moment.t_s, 4),
         "size_px": [width, height],
         "problem": moment.problem,
@@ -126,9 +126,9 @@ def describe(moment: Moment, layers: ImageLayerMaker, with_markings: bool = Fals
         "colors": [] if moment.colors is None else _swatches(moment.colors),
     }
     if moment.view is not None:
-        told.update(_view(moment.view, layers, moment.truth))
-        told["layers"]["markings"] = _all_flat(marking_paths(moment.view)) if with_markings else []
-    return told
+        values.update(_view(moment.view, layers, moment.truth))
+        values["layers"]["markings"] = _all_flat(marking_paths(moment.view)) if with_markings else []
+    return values
 
 
 def _world(world: TrueWorld) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def _world(world: TrueWorld) -> dict[str, Any]:
 def _view(view: View, maker: ImageLayerMaker, truth: Pose2 | None) -> dict[str, Any]:
     layers = maker.layers(view)
     known = view.pose if view.belief is None else view.belief.pose
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "frame_pose": _estimate(view.pose),
         "pose": _estimate(known),
         "error": _error(view, truth),
@@ -164,25 +164,25 @@ def _view(view: View, maker: ImageLayerMaker, truth: Pose2 | None) -> dict[str, 
         "obstacles": [],
     }
     if known:
-        told.update(_surroundings(view, known.pose))
+        values.update(_surroundings(view, known.pose))
     if view.belief is not None:
-        told.update(_belief(view.belief))
-    return told
+        values.update(_belief(view.belief))
+    return values
 
 
 def _surroundings(view: View, robot: Pose2) -> dict[str, Any]:
     """Return ball, free floor and obstacles in the field frame."""
-    told: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     if view.ball is not None:
-        told["ball"] = _rounded(robot.transform((view.ball.x_m, view.ball.y_m)), 3)
+        values["ball"] = _rounded(robot.transform((view.ball.x_m, view.ball.y_m)), 3)
     bearing, range_m = view.free_space.bearing_rad, view.free_space.range_m
     if view.polar is not None and len(bearing):
         reach = np.nan_to_num(range_m)
         corners = np.stack([reach * np.cos(bearing), reach * np.sin(bearing)], axis=1)
         if not view.polar.is_ring:
             corners = np.vstack([corners, [0.0, 0.0]])
-        told["free_m"] = _rounded(robot.transform(corners).ravel(), 3)
-    told["obstacles"] = [
+        values["free_m"] = _rounded(robot.transform(corners).ravel(), 3)
+    values["obstacles"] = [
         [
             *_rounded(robot.transform((thing.x_m, thing.y_m)), 3),
             round(thing.width_m, 3),
@@ -190,11 +190,11 @@ def _surroundings(view: View, robot: Pose2) -> dict[str, Any]:
         ]
         for thing in view.obstacles
     ]
-    return told
+    return values
 
 
 def _belief(belief: Belief) -> dict[str, Any]:
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "hypotheses": [
             [*_pose(hypothesis.pose), round(hypothesis.probability, 3)]
             for hypothesis in belief.hypotheses
@@ -207,11 +207,11 @@ def _belief(belief: Belief) -> dict[str, Any]:
     }
     if belief.free_map is not None:
         picture = belief.free_map
-        told["map"] = {
+        values["map"] = {
             "corner_m": _rounded(picture.corner_m, 4),
             "size_m": _rounded(np.array(picture.state.shape) * picture.cell_m, 4),
         }
-    return told
+    return values
 
 
 def _estimate(pose: PoseEstimate | NotLocated) -> dict[str, Any]:
@@ -261,11 +261,11 @@ def _swatches(colors: Colors) -> list[list[str]]:
     floor = colors.floor
     lit = floor.lit
     # the level is (R + 2 G + B) / 4
-    told = [["floor", _hex(lit.red_ratio, lit.blue_ratio, 4 * floor.level / (lit.red_ratio + 2 + lit.blue_ratio))]]
+    values = [["floor", _hex(lit.red_ratio, lit.blue_ratio, 4 * floor.level / (lit.red_ratio + 2 + lit.blue_ratio))]]
     for name in ("line", "ball", "goal_positive_x", "goal_negative_x"):
         paint = getattr(colors, name)
-        told.append([name, _hex(paint.red_ratio, paint.blue_ratio, None)])
-    return told
+        values.append([name, _hex(paint.red_ratio, paint.blue_ratio, None)])
+    return values
 
 
 def _hex(red_ratio: float, blue_ratio: float, green: float | None) -> str:
@@ -280,21 +280,21 @@ def _pose(pose: Pose2) -> list[float]:
 
 
 def _rounded(values: Any, digits: int) -> list[float]:
-    told: list[float] = np.round(np.asarray(values, dtype=np.float64), digits).tolist()
-    return told
+    rounded: list[float] = np.round(np.asarray(values, dtype=np.float64), digits).tolist()
+    return rounded
 
 
 def _flat(points: FloatArray) -> list[float]:
-    told: list[float] = np.round(points, 1).ravel().tolist()
-    return told
+    values: list[float] = np.round(points, 1).ravel().tolist()
+    return values
 
 
 def _all_flat(paths: Paths) -> list[list[float]]:
     if not paths:
         return []
-    told, begin = _flat(np.concatenate(paths)), 0
+    values, begin = _flat(np.concatenate(paths)), 0
     cut = []
     for path in paths:
-        cut.append(told[begin : begin + path.size])
+        cut.append(values[begin : begin + path.size])
         begin += path.size
     return cut

@@ -84,9 +84,9 @@ def save_from(feed: Feed, robot: str, number: int, out: Path) -> None:
         picture = next((picture for picture in feed.history(robot) if picture.number == number), None)
         if picture is None:
             raise ArgumentError("this frame is not kept any more")
-        told, jpeg, _ = split_picture(picture.data)
+        header, jpeg, _ = split_picture(picture.data)
         frame = cv2.imdecode(np.frombuffer(jpeg, dtype=np.uint8), cv2.IMREAD_COLOR)
-        moment = Moment(robot, np.asarray(frame, dtype=np.uint8), picture.t_s, settings=told["settings"])
+        moment = Moment(robot, np.asarray(frame, dtype=np.uint8), picture.t_s, settings=header["settings"])
         note = " (from the JPEG that the page shows: the frame itself is not kept so long)"
     if setup is None:
         raise ArgumentError(f"there is no robot {robot!r}")

@@ -88,28 +88,28 @@ class LearnedBallFinder:
 
     def find(self, frame: UInt8Array, camera: PinholeCamera, t_s: float | None = None) -> tuple[Ball, ...]:
         """Find the balls in a frame, the likeliest first."""
-        seen = self._look(frame, self._places_of(camera), self._share(t_s))
+        seen = self._look(frame, self._places_of(camera), self._part_of_work(t_s))
         is_told = [self._is_ball(one) for one in seen]
         self._expect(seen, is_told, t_s)
         placed = (self._ball(one, camera) for one, told in zip(seen, is_told, strict=True) if told)
         return tuple([ball for ball in placed if ball is not None][: self.settings.max_balls])
 
-    def _share(self, t_s: float | None) -> float:
+    def _part_of_work(self, t_s: float | None) -> float:
         """Return how much of the whole frame is searched in the look at this time."""
         since_s = math.inf if t_s is None or self._looked_s is None else t_s - self._looked_s
         self._looked_s = t_s
         return since_s / self.settings.sweep_s if 0.0 < since_s < self.settings.sweep_s else 1.0
 
-    def _look(self, frame: UInt8Array, places: BallPlaces, share: float) -> list[Sighting]:
+    def _look(self, frame: UInt8Array, places: BallPlaces, part: float) -> list[Sighting]:
         """Look at the whole frame, or at the part of it that is next and where balls are expected.
 
         A sighting may be less certain than a ball that is reported.
         """
         strips = places.strips
-        if share >= 1.0:
+        if part >= 1.0:
             self._expected, self._swept = [], 0.0
         else:
-            begin, end = self._swept, self._swept + share
+            begin, end = self._swept, self._swept + part
             self._swept = end - 1.0 if end >= 1.0 else end
             strips = None if strips is None else strips.some(begin, end, [one.seen for one in self._expected])
         min_nats = self.settings.min_nats - self.settings.again_nats

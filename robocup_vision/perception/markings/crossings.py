@@ -127,12 +127,12 @@ def _arms(
     samples = camera.floor_to_pixel(place + reach[..., None] * ways[:, None])
     goes_on = picture.shows_line(samples).mean(axis=1) >= _ARM_SHARE
     ends = picture.shows_carpet(samples).mean(axis=1) >= _ARM_SHARE
-    told = goes_on | ends
+    known = goes_on | ends
     of_one, of_two = goes_on[:2], goes_on[2:]
     if not of_one.any() or not of_two.any():
         return None
     kind: CrossingKind | None = None
-    if told.all():
+    if known.all():
         kinds: dict[int, CrossingKind] = {2: "L", 3: "T", 4: "X"}
         kind = kinds[int(goes_on.sum())]
     return kind, tuple(math.atan2(y, x) for x, y in ways[goes_on].tolist())

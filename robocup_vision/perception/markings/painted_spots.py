@@ -19,7 +19,7 @@ _BARE_MARGIN_PX = 4
 # points of a mark's outline
 _OUTLINE = np.linspace(0.0, math.tau, 17)[:-1]
 # grey levels that white differs from carpet by, and the share of the brightest from which a pixel counts
-_MIN_CONTRAST, _MIN_SHARE = 30.0, 0.15
+_MIN_CONTRAST, _MIN_RATIO = 30.0, 0.15
 # of the lens's blur, pixels
 _BLUR_PX = 0.8
 
@@ -77,15 +77,15 @@ class SpotFinder:
         contrast = float(np.percentile(level, 100 * (1 - 4 / level.size))) - carpet
         if contrast < _MIN_CONTRAST:
             return None
-        share = (level - carpet) / contrast
-        share = np.where(share >= _MIN_SHARE, np.minimum(share, 1.0), 0.0)
+        paint = (level - carpet) / contrast
+        paint = np.where(paint >= _MIN_RATIO, np.minimum(paint, 1.0), 0.0)
         v, u = np.mgrid[top : top + height, left : left + width].astype(np.float64)
         floor = camera.pixel_to_floor(np.stack([u, v], axis=-1))
         if not np.isfinite(floor).all():
             return None
         by_v, by_u = np.gradient(floor, axis=0), np.gradient(floor, axis=1)
         # how much of the floor each pixel shows: so perspective does not move the middle
-        weight = share * np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0])
+        weight = paint * np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0])
         area = float(weight.sum())
         place = np.einsum("vu,vui->i", weight, floor) / area
         off = floor - place

@@ -13,9 +13,9 @@ from field_models.errors import ArgumentError, PacketError
 from robocup_vision.geometry import Pose2
 from robocup_vision.recording.calls import look_outputs
 from robocup_vision.recording.run import Run
-from robocup_vision.recording.values import ValueCodec
+from robocup_vision.recording.values import value_codec
 
-CODEC = ValueCodec()
+CODEC = value_codec()
 arrays = st.builds(
     lambda values, dtype: np.array(values, dtype=dtype),
     st.lists(st.integers(0, 100), max_size=5),
