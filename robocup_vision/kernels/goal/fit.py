@@ -62,25 +62,6 @@ class FitPriors(NamedTuple):
 
 
 @compiled
-def with_marks(
-    samples: FitSamples, marks: FloatArray, uv: FloatArray, directions: FloatArray, sigma: FloatArray
-) -> FitSamples:
-    """Return a goal's samples with other marks (L, 2) and other noise (N + M + L,)."""
-    return FitSamples(
-        samples.edge,
-        samples.uv,
-        samples.foot_post,
-        samples.foot_at,
-        samples.foot_uv,
-        samples.foot_direction,
-        marks,
-        uv,
-        directions,
-        sigma,
-    )
-
-
-@compiled
 def goal_residuals(scene: GoalScene, samples: FitSamples, p: FloatArray, residual: FloatArray) -> None:
     """Signed pixel residuals of edge samples, foot samples and floor marks, in this order; NaN behind the camera."""
     lines, feet = np.empty((6, 3)), np.empty((2, scene.offsets.shape[0], 2))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
-from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 
 MARGIN = 4
@@ -20,8 +20,6 @@ _ALONG_PX, _ACROSS_PX = 1.2, 0.8  # between strokes: along a line blur leaves no
 _REACH = 2
 _WIDE = 2 * _REACH + 1
 _PARTS = 64  # of a pixel, for which strokes are made in advance
-
-_SUMS = {"reassoc", "nsz", "contract"}
 
 
 class LinePen(NamedTuple):
@@ -83,17 +81,13 @@ def _draw_stroke(strokes: Float32Array, u: float, v: float, weight: float, drawi
 
 
 @compiled
-def draw_lines(
-    pen: LinePen, first: int, last: int, view: FloatArray, p: FloatArray, first_row: int, drawing: Float32Array
-) -> tuple[int, int, int, int]:
+def draw_lines(pen: LinePen, view: FloatArray, p: FloatArray, first_row: int, drawing: Float32Array) -> tuple[int, int]:
     """Draw lines into a picture of the fraction of paint in each pixel, 0 to 1.
 
     Parameters
     ----------
     pen : LinePen
         What and how.
-    first, last : int
-        Lines that are drawn: from the first to before the last.
     view, p
         See `kernels.goal.picture.predict_goal`.
     first_row : int
@@ -103,8 +97,8 @@ def draw_lines(
 
     Returns
     -------
-    (int, int, int, int)
-        First row and column of the drawing that may hold paint, and the first ones after it.
+    (int, int)
+        First row of the drawing that may hold paint, and the first one after it.
     """
     points = pen.points
     height, width = drawing.shape
@@ -114,8 +108,8 @@ def draw_lines(
     middle_u, middle_v = view[2] + MARGIN, view[3] + MARGIN - first_row
     z = -p[5]
     low, high_u, high_v = float(_REACH), width - _REACH - 1.0, height - _REACH - 1.0
-    min_u, min_v, max_u, max_v = 1e9, 1e9, -1e9, -1e9
-    for line in range(first, last):
+    min_v, max_v = 1e9, -1e9
+    for line in range(pen.starts.shape[0] - 1):
         is_before = False
         before_u, before_v = 0.0, 0.0
         end = pen.starts[line + 1]
@@ -155,81 +149,7 @@ def draw_lines(
                     cv = from_v + t * (v - from_v) + off * across_v
                     if cu >= low and cu < high_u and cv >= low and cv < high_v:
                         _draw_stroke(pen.strokes, cu, cv, weight, drawing)
-                        min_u, max_u = min(min_u, cu), max(max_u, cu)
                         min_v, max_v = min(min_v, cv), max(max_v, cv)
     if max_v < min_v:
-        return 0, 0, 0, 0
-    return (
-        int(min_v + 0.5) - _REACH,
-        int(min_u + 0.5) - _REACH,
-        int(max_v + 0.5) + _REACH + 1,
-        int(max_u + 0.5) + _REACH + 1,
-    )
-
-
-@compiled(fastmath=_SUMS)
-def _products(first: Float32Array, second: Float32Array, third: Float32Array, fourth: Float32Array) -> float:
-    total = np.float32(0.0)
-    for u in range(first.shape[0]):
-        total += (second[u] - first[u]) * (fourth[u] - third[u])
-    return float(total)
-
-
-@compiled
-def move_drawings(
-    pen: LinePen,
-    view: FloatArray,
-    cameras: FloatArray,
-    first_row: int,
-    drawings: Float32Array,
-    products: FloatArray,
-) -> float:
-    """Draw lines for pairs of cameras, and sum the products of what changes from the first to the second of each.
-
-    Parameters
-    ----------
-    pen, view, first_row
-        See `draw_lines`.
-    cameras : (2 K, 8) float64
-        Pairs, one after the other.
-    drawings : (2 K, H + 2 MARGIN, W + 2 MARGIN) float32
-        Results, zero before.
-    products : (K, K) float64
-        Results: sums over the picture.
-
-    Returns
-    -------
-    float
-        Sum of the squared slopes of the first drawing.
-    """
-    height, width = drawings.shape[1] - 2 * MARGIN, drawings.shape[2] - 2 * MARGIN
-    begin, end = height, 0
-    for k in range(cameras.shape[0]):
-        top, _, bottom, _ = draw_lines(
-            pen, variable(0), pen.starts.shape[0] - 1, view, cameras[k], first_row, drawings[k]
-        )
-        if bottom > top:
-            begin, end = min(begin, max(top, MARGIN)), max(end, min(bottom, height + MARGIN))
-    steepness = 0.0
-    products[:, :] = 0.0
-    for row in range(begin, end):
-        own = drawings[0, row, MARGIN : width + MARGIN]
-        steepness += _products(own[:-1], own[1:], own[:-1], own[1:])
-        if row + 1 < height + MARGIN:
-            below = drawings[0, row + 1, MARGIN : width + MARGIN]
-            steepness += _products(own, below, own, below)
-        for i in range(products.shape[0]):
-            for j in range(i + 1):
-                products[i, j] += _products(
-                    drawings[2 * i, row, MARGIN : width + MARGIN],
-                    drawings[2 * i + 1, row, MARGIN : width + MARGIN],
-                    drawings[2 * j, row, MARGIN : width + MARGIN],
-                    drawings[2 * j + 1, row, MARGIN : width + MARGIN],
-                )
-    if begin > MARGIN and begin < end:  # the step down into the first row that holds paint
-        above, own = drawings[0, begin - 1, MARGIN : width + MARGIN], drawings[0, begin, MARGIN : width + MARGIN]
-        steepness += _products(above, own, above, own)
-    for i in range(products.shape[0]):
-        for j in range(i):
-            products[j, i] = products[i, j]
-    return steepness
+        return 0, 0
+    return int(min_v + 0.5) - _REACH, int(max_v + 0.5) + _REACH + 1

@@ -172,7 +172,7 @@ def compare_drawing(
     (float, float)
         Squares, and products.
     """
-    top, _, bottom, _ = draw_lines(pen, variable(0), pen.starts.shape[0] - 1, view, p, first_row, drawing)
+    top, bottom = draw_lines(pen, view, p, first_row, drawing)
     height, width = carpet.on.shape
     sums, level = np.empty(width + 2 * MARGIN, np.float32), np.empty(width, np.float32)
     own, both = 0.0, 0.0
@@ -185,43 +185,3 @@ def compare_drawing(
         both += with_light
     drawing[top:bottom, :] = 0.0
     return own, both
-
-
-@compiled
-def compare_each_line(
-    carpet: LitCarpet,
-    pen: LinePen,
-    view: FloatArray,
-    p: FloatArray,
-    first_row: int,
-    drawing: Float32Array,
-    sums: FloatArray,
-) -> None:
-    """Part the sums of `compare_drawing` by lines: over the pixels in which each makes more than half of the paint.
-
-    Parameters
-    ----------
-    carpet, pen, view, p, first_row, drawing
-        See `compare_drawing`.
-    sums : (2, L) float64
-        Results: squares and products.
-    """
-    lines = pen.starts.shape[0] - 1
-    top, _, bottom, _ = draw_lines(pen, variable(0), lines, view, p, first_row, drawing)
-    height, width = carpet.on.shape
-    levels, whole = np.zeros((height, width), np.float32), drawing.copy()
-    around = np.empty(width + 2 * MARGIN, np.float32)
-    begin = max(0, top - 2 * MARGIN)
-    for row in range(begin, min(height, bottom)):
-        _level_next(carpet, drawing, row, begin, around, levels[row])
-    drawing[top:bottom, :] = 0.0
-    for line in range(lines):
-        top, left, bottom, right = draw_lines(pen, line, line + 1, view, p, first_row, drawing)
-        own, both = 0.0, 0.0
-        for row in range(max(top - MARGIN, 0), min(bottom - MARGIN, height)):
-            for u in range(max(left - MARGIN, 0), min(right - MARGIN, width)):
-                if drawing[row + MARGIN, u + MARGIN] > np.float32(0.5) * whole[row + MARGIN, u + MARGIN]:
-                    own += levels[row, u] * levels[row, u]
-                    both += levels[row, u] * carpet.light[row, u]
-        drawing[top:bottom, left:right] = 0.0
-        sums[0, line], sums[1, line] = own, both

@@ -14,16 +14,17 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.goal.fit import FitSamples
-from robocup_vision.kernels.goal.lines.arc import ArcCameras, ArcLimits, trace_arc
-from robocup_vision.kernels.goal.lines.settle import ArcFit
-from robocup_vision.localization.goal.edges import EdgeSamples
 from robocup_vision.localization.goal.fit import GoalFit, GoalModel, covariance_of, fit_samples
-from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y
+from robocup_vision.localization.goal.geometry import HEADING, X, Y
 
 # scale of the robust loss in each iteration, pixels: samples on an arc have small residuals
-_SCALES, _CONSTRAINED_SCALES = np.full(4, 0.3), np.full(3, 0.5)
-_LIMITS = ArcLimits()
-_MAX_CAMERAS = 257  # largest number of an arc: on the largest field it has some 140 steps
+_SCALES = np.full(4, 0.3)
+# where an arc ends: beyond this rise of chi-square a camera has no weight left, and farther round the goal it is seen
+# too obliquely
+_MAX_RISE, _MAX_TURN_RAD = 12.0, 1.2
+# steps along it: the first one in standard deviations of the place, each longer than the one before by a factor, and
+# none so long that it steps over a place's own lines
+_FIRST_STEP, _GROWTH, _MAX_STEP_M = 0.5, 1.2, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +53,6 @@ def spread_about(p: FloatArray, unknowns: FloatArray, covariance: FloatArray, pr
     return np.asarray(np.einsum("k,kij->ij", probability, covariance) + np.einsum("k,ki,kj->ij", probability, off, off))
 
 
-def at_one_heading(model: GoalModel) -> GoalModel:
-    """Return the same model, with the heading fixed where a fit starts."""
-    weight = model.weight.copy()
-    weight[HEADING] = np.inf
-    return replace(model, weight=weight)
-
-
 def turned(model: GoalModel, unknowns: FloatArray, turn_rad: float) -> FloatArray:
     """Return a camera (8,) rotated about the goal's middle."""
     line = model.shape.line_x_m
@@ -69,78 +63,59 @@ def turned(model: GoalModel, unknowns: FloatArray, turn_rad: float) -> FloatArra
     return p
 
 
-def follow_arc(model: GoalModel, samples: EdgeSamples, start: FloatArray, std_m: float) -> GoalArc:
-    """Fit a goal's samples at headings to both sides of the best fit's unknowns (8,), as far as they allow it.
-
-    `std_m` is the standard deviation of the place along the arc, by the covariance at the best fit.
-    """
-    cameras = ArcCameras(
-        np.empty((_MAX_CAMERAS, UNKNOWNS)), np.empty((_MAX_CAMERAS, UNKNOWNS, UNKNOWNS)), np.empty(_MAX_CAMERAS)
-    )
-    priors = at_one_heading(model).priors
-    begin, end = trace_arc(model.scene, samples.for_fit, priors, _SCALES, start, std_m, _LIMITS, cameras)
-    unknowns, covariance, cost = (part[begin:end] for part in cameras)
-    return GoalArc(unknowns, covariance, cost - cost.min(initial=math.inf))
-
-
-def open_arc(model: GoalModel, found: GoalFit, covariance: FloatArray, certain_m: float) -> GoalArc | None:
-    """Follow the arc of a goal whose fit, with a covariance (8, 8), leaves the position less certain than `certain_m`.
-
-    None where the position is certain.
-    """
-    std_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
-    return follow_arc(model, found.samples, found.unknowns, std_m) if std_m > certain_m else None
-
-
-class ConstrainedArc:
-    """Cameras near the best fit (8,) at given headings, displaced in the directions that the samples determine least.
-
-    A place (1 + K,) is a turn of the heading, radians, and displacements in K such directions, standard deviations.
-    """
+class FitsByHeading:
+    """The best fit (8,) of a goal's samples at each heading."""
 
     def __init__(self, model: GoalModel, samples: FitSamples, start: FloatArray) -> None:
-        self._constrained = at_one_heading(model)
-        self._samples, self._start = samples, start
+        weight = model.weight.copy()
+        weight[HEADING] = np.inf
+        self._model, self._samples, self._start = replace(model, weight=weight), samples, start
         self._fits: dict[float, tuple[FloatArray, float, FloatArray] | None] = {}
-        first = self._fit(0.0)
-        covariance = np.zeros((UNKNOWNS, UNKNOWNS)) if first is None else covariance_of(self._constrained, first[2])
-        variance, vectors = np.linalg.eigh(covariance)
-        # metres and radians alike: over a few metres they move the picture alike
-        self._loosest = (vectors * np.sqrt(np.maximum(variance, 0.0))).T[::-1]
 
-    @property
-    def for_search(self) -> ArcFit:
-        """The arc as `kernels.goal.lines.settle` takes it."""
-        return ArcFit(
-            self._constrained.scene,
-            self._samples,
-            self._constrained.priors,
-            _CONSTRAINED_SCALES,
-            self._start,
-            np.ascontiguousarray(self._loosest[:2]),
-        )
+    def at(self, turn: float, start: FloatArray | None = None) -> tuple[FloatArray, float, FloatArray] | None:
+        """Unknowns, chi-square and covariance at a heading turned by so much; None where the samples determine none.
 
-    def camera(self, place: FloatArray) -> tuple[FloatArray, float] | None:
-        """Camera (8,) at a place and its cost, chi-square; None where the samples determine none."""
-        found = self._fit(float(place[0]))
-        if found is None:
-            return None
-        off = place[1:]
-        return found[0] + off @ self._loosest[: len(off)], found[1] + float(off @ off)
-
-    def rest(self, place: FloatArray) -> FloatArray:
-        """Covariance (8, 8) at a place, less that along its directions."""
-        found = self._fit(float(place[0]))
-        if found is None:
-            return np.zeros((UNKNOWNS, UNKNOWNS))
-        if len(place) == 1:
-            return covariance_of(self._constrained, found[2])
-        tighter = self._loosest[len(place) - 1 :]
-        return np.asarray(tighter.T @ tighter, np.float64)
-
-    def _fit(self, turn: float) -> tuple[FloatArray, float, FloatArray] | None:
+        `start` is a camera at that heading, by default the first one rotated about the goal.
+        """
         if turn not in self._fits:
-            start = turned(self._constrained, self._start, turn)
-            p, cost, information = fit_samples(self._constrained, self._samples, start, _CONSTRAINED_SCALES)
-            self._fits[turn] = (p, cost, information) if math.isfinite(cost) else None
+            start = turned(self._model, self._start, turn) if start is None else start
+            p, cost, information = fit_samples(self._model, self._samples, start, _SCALES)
+            self._fits[turn] = (p, cost, covariance_of(self._model, information)) if math.isfinite(cost) else None
         return self._fits[turn]
+
+
+def follow_arc(model: GoalModel, samples: FitSamples, start: FloatArray, std_m: float) -> GoalArc | None:
+    """Fit a goal's samples at headings to both sides of the best fit's unknowns (8,), as far as they allow it.
+
+    `std_m` is the standard deviation of the place along the arc, by the covariance at the best fit. None where the
+    samples determine no camera.
+    """
+    fits, line_x_m = FitsByHeading(model, samples, start), model.shape.line_x_m
+    middle = fits.at(0.0)
+    if middle is None:
+        return None
+    distance_m = max(math.hypot(line_x_m - start[X], start[Y]), 0.1)
+    least, ways = middle[1], []
+    for sign in (-1, 1):
+        way, step_m, turn = [middle], _FIRST_STEP * std_m, 0.0
+        while abs(turn) <= _MAX_TURN_RAD:
+            step_m = min(_MAX_STEP_M, step_m)
+            before = turned(model, way[-1][0], sign * step_m / distance_m)
+            turn += sign * step_m / distance_m
+            found = fits.at(turn, before)
+            if found is None or found[0][X] > line_x_m or found[1] > least + _MAX_RISE:
+                break
+            way.append(found)
+            least = min(least, found[1])
+            step_m *= _GROWTH
+        ways.append(way)
+    cameras = [*reversed(ways[0][1:]), *ways[1]]
+    unknowns, cost, covariance = (np.array(part) for part in zip(*cameras, strict=True))
+    return GoalArc(unknowns, covariance, cost - least)
+
+
+def open_arc(model: GoalModel, found: GoalFit, certain_m: float) -> GoalArc | None:
+    """Follow the arc of a goal whose fit leaves the place less certain than `certain_m`; None where it is certain."""
+    covariance = covariance_of(model, found.information)
+    std_m = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    return follow_arc(model, found.samples.for_fit, found.unknowns, std_m) if std_m > certain_m else None

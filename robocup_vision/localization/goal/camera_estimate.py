@@ -10,7 +10,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.goal.arc import open_arc
+from robocup_vision.localization.goal.arc import GoalArc
 from robocup_vision.localization.goal.fit import GoalFit, covariance_of
 from robocup_vision.localization.goal.geometry import HEADING, X, Y, pose_of
 from robocup_vision.localization.goal.search import Candidate
@@ -63,14 +63,10 @@ class CameraEstimate:
         return estimate
 
 
-def goal_alone(candidate: Candidate, certain_m: float) -> CameraEstimate:
-    """Place a camera by a goal without lines.
-
-    Where the position's standard deviation is above `certain_m`, the covariance is that of the goal's whole arc.
-    """
-    found, model = candidate.fit, candidate.model
-    covariance = covariance_of(model, found.information)
-    arc = open_arc(model, found, covariance, certain_m)
-    if arc is not None and len(arc.cost):
-        covariance = arc.covariance_about(found.unknowns)
+def goal_alone(candidate: Candidate, arc: GoalArc | None) -> CameraEstimate:
+    """Place a camera by a goal without lines; its covariance is that of the goal's whole arc where that is open."""
+    found = candidate.fit
+    covariance = (
+        covariance_of(candidate.model, found.information) if arc is None else arc.covariance_about(found.unknowns)
+    )
     return CameraEstimate(found.unknowns, covariance, candidate.sides, found, None)

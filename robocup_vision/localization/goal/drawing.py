@@ -11,14 +11,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.goal.fit import FitSamples
-from robocup_vision.kernels.goal.lines.settle import DrawnPicture, drawn_likelihood, settle_drawing
-from robocup_vision.kernels.lines.drawing import MARGIN, LinePen, move_drawings, stroke_table
-from robocup_vision.kernels.lines.drawn_light import AROUND, LitCarpet, compare_each_line, light_carpet
-from robocup_vision.localization.goal.arc import ConstrainedArc
+from robocup_vision.kernels.lines.drawing import MARGIN, LinePen, draw_lines, stroke_table
+from robocup_vision.kernels.lines.drawn_light import AROUND, LitCarpet, compare_drawing, light_carpet
+from robocup_vision.localization.goal.arc import FitsByHeading
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.perception.goal_region import carpet_mask
 
@@ -37,12 +35,8 @@ class DrawingSettings:
     #: steps to either side of a heading, and how often they are halved
     steps: int = 5
     halvings: int = 4
-    loose_step: float = 0.5  #: first step in the directions that the samples determine least, standard deviations
-    #: common error of all drawn lines for each direction searched: of lens, blur and paint that the drawing leaves out
+    #: common error of all drawn lines of lens, blur and paint that the drawing leaves out
     drawn_to_px: float = 0.15
-    #: greatest mean squared difference, weighted by the drawing, between the light along single lines and along all:
-    #: paint is the same everywhere. A sixth of the drawing on bare carpet, at a wrong place, makes a fifth.
-    max_spread: float = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,121 +46,76 @@ class Drawn:
     likelihood: float  #: log-likelihood ratio to no lines at all
     unknowns: FloatArray
     covariance: FloatArray
-    #: fraction of the drawing, by its pixels' weight, along lines that are at least half as bright as the rest
-    shown_ratio: float
 
 
 class LineDrawing:
     """Compares drawn lines, see `line_pen`, with one frame (H, W, 3) uint8, BGR."""
 
-    def __init__(
-        self,
-        frame: npt.NDArray[np.uint8],
-        pen: LinePen,
-        settings: DrawingSettings = DrawingSettings(),
-    ) -> None:
-        self._settings = settings
-        window = (AROUND, AROUND)
-        self._picture: DrawnPicture | None = None
-        closed = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones(window, np.uint8))
+    def __init__(self, frame: UInt8Array, pen: LinePen, settings: DrawingSettings = DrawingSettings()) -> None:
+        self._settings, self._pen = settings, pen
+        closed = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones((AROUND, AROUND), np.uint8))
         border = np.ones((settings.border_px, settings.border_px), np.uint8)
         carpet = np.asarray(cv2.erode(closed, border), np.uint8)
         rows = np.flatnonzero(carpet.any(axis=1))
-        first_row = int(rows[0]) if len(rows) else frame.shape[0]
-        height, width = frame.shape[0] - first_row, frame.shape[1]
-        if height <= MARGIN:
+        self._first_row = int(rows[0]) if len(rows) else frame.shape[0]
+        height, width = frame.shape[0] - self._first_row, frame.shape[1]
+        self._shows_carpet = height > MARGIN
+        if not self._shows_carpet:
             return
-        lit = LitCarpet(*(np.empty((height, width), np.float32) for _ in range(3)))
-        pixels, light_square = light_carpet(frame[first_row:], carpet[first_row:], settings.max_levels, lit)
-        self._picture = DrawnPicture(
-            lit,
-            pen,
-            first_row,
-            np.zeros((height + 2 * MARGIN, width + 2 * MARGIN), np.float32),
-            light_square,
-            pixels / settings.pixels_for_one,
-        )
+        self._carpet = LitCarpet(*(np.empty((height, width), np.float32) for _ in range(3)))
+        first, levels = self._first_row, settings.max_levels
+        self._pixels, self._light_square = light_carpet(frame[first:], carpet[first:], levels, self._carpet)
+        # working memory, zero before and after each use
+        self._drawing = np.zeros((height + 2 * MARGIN, width + 2 * MARGIN), np.float32)
 
     def likelihood(self, model: GoalModel, unknowns: FloatArray) -> float:
         """Logarithm of how much likelier the carpet's light is with these lines than without any."""
-        if self._picture is None:
+        if not self._shows_carpet:
             return 0.0
-        return float(drawn_likelihood(self._picture, model.scene.camera, unknowns))
+        view, first_row = model.scene.camera, self._first_row
+        own, both = compare_drawing(self._carpet, self._pen, view, unknowns, first_row, self._drawing)
+        if both <= 0.0 or own <= 0.0:
+            return 0.0
+        unexplained = max(1.0 - both * both / (own * self._light_square), 1e-9)
+        return -0.5 * self._pixels / self._settings.pixels_for_one * math.log(unexplained)
 
-    def _single_lines(self, picture: DrawnPicture, model: GoalModel, unknowns: FloatArray) -> tuple[float, float]:
-        """Mean square by which the light along single lines differs from that along all; ratio of the lines shown."""
-        sums, pen = np.empty((2, len(picture.pen.starts) - 1)), picture.pen
-        compare_each_line(picture.carpet, pen, model.scene.camera, unknowns, picture.first_row, picture.drawing, sums)
-        weight, light = sums
-        shown = weight > 0.0
-        if not shown.any() or light.sum() <= 0.0:
-            return math.inf, 0.0
-        bright = light[shown] / weight[shown] * (weight.sum() / light.sum())
-        weight = weight[shown] / weight.sum()
-        return float(weight @ (bright - 1.0) ** 2), float(weight[bright >= 0.5].sum())
-
-    def settle(
-        self, model: GoalModel, samples: FitSamples, start: FloatArray, reach_rad: float, loose: int = 0
-    ) -> Drawn | None:
+    def settle(self, model: GoalModel, samples: FitSamples, start: FloatArray, reach_rad: float) -> Drawn | None:
         """Find the heading within `reach_rad` at which the drawn lines agree best, all else by the samples.
 
-        Parameters
-        ----------
-        start : (8,) float64
-            The samples' best fit.
-        loose : int
-            Number of further directions that are searched: those that the samples determine least at one heading.
-
-        Returns
-        -------
-        Drawn or None
-            None where the samples determine no camera, or some of the lines are not visible.
+        `start` (8,) is the samples' best fit. None where the samples determine no camera, or no lines are visible.
         """
-        picture = self._picture
-        if picture is None:
+        if not self._shows_carpet:
             return None
-        arc = ConstrainedArc(model, samples, start)
-        axes, place = np.zeros(3), np.empty(3)
-        axes[0], axes[1 : 1 + loose] = reach_rad / self._settings.steps, self._settings.loose_step
-        likelihood = settle_drawing(picture, arc.for_search, axes, self._settings.steps, self._settings.halvings, place)
-        if likelihood <= 0.0:
-            return None
-        at, last = place[: 1 + loose], np.diag(axes[: 1 + loose]) / 2**self._settings.halvings
-        covariance = self._covariance(picture, model, arc, at, 2 * last, likelihood)
-        best = arc.camera(at)
-        if best is None or covariance is None:
-            return None
-        spread, shown = self._single_lines(picture, model, best[0])
-        return Drawn(likelihood, best[0], covariance, shown) if spread <= self._settings.max_spread else None
+        fits, steps = FitsByHeading(model, samples, start), self._settings.steps
 
-    def _covariance(
-        self,
-        picture: DrawnPicture,
-        model: GoalModel,
-        arc: ConstrainedArc,
-        at: FloatArray,
-        axes: FloatArray,
-        likelihood: float,
-    ) -> FloatArray | None:
-        """Covariance (8, 8) at a place on an arc, by how far the drawing moves with the camera; axes (K, K) to try."""
-        neighbours = [arc.camera(place) for axis in axes for place in (at - axis, at + axis)]
-        cameras = np.array([found[0] for found in neighbours if found is not None])
-        if len(cameras) < len(neighbours):
+        def value(turn: float) -> float:
+            found = fits.at(turn)
+            return -math.inf if found is None else self.likelihood(model, found[0]) - found[1] / 2
+
+        step = reach_rad / steps
+        likelihood, turn = max((value(k * step), k * step) for k in range(-steps, steps + 1))
+        for _ in range(self._settings.halvings):
+            step /= 2
+            likelihood, turn = max((likelihood, turn), *((value(at), at) for at in (turn - step, turn + step)))
+        near = [fits.at(turn + offset) for offset in (-2 * step, 0.0, 2 * step)]
+        before, best, after = near
+        if likelihood <= 0.0 or before is None or best is None or after is None:
             return None
-        length = 2 * np.diag(axes)
-        along = (cameras[1::2] - cameras[::2]).T / length
-        motion = self._motion(picture, model, cameras) / np.outer(length, length)
+        along = (after[0] - before[0]) / (4 * step)
+        motion = self._motion_px2(model, before[0], after[0]) / (4 * step) ** 2
         # a faint drawing is located as well as noise allows, a plain one as well as the model describes the picture
-        off_px2 = (len(axes) * self._settings.drawn_to_px) ** 2 + self._settings.blur_px**2 / likelihood
-        spread = np.linalg.inv(motion / off_px2 + np.diag([1e-9] + (len(axes) - 1) * [1.0]))
-        return np.asarray(arc.rest(at) + along @ spread @ along.T, np.float64)
+        off_px2 = self._settings.drawn_to_px**2 + self._settings.blur_px**2 / likelihood
+        covariance = best[2] + np.outer(along, along) * off_px2 / max(motion, 1e-9 * off_px2)
+        return Drawn(likelihood, best[0], covariance)
 
-    def _motion(self, picture: DrawnPicture, model: GoalModel, cameras: FloatArray) -> FloatArray:
-        """How far lines move across themselves between two cameras each, (2K, 8): mean products (K, K), px^2."""
-        drawn = np.zeros((len(cameras), *picture.drawing.shape), np.float32)
-        products = np.empty((len(cameras) // 2, len(cameras) // 2))
-        steepness = move_drawings(picture.pen, model.scene.camera, cameras, picture.first_row, drawn, products)
-        return products / max(steepness, 1e-12)
+    def _motion_px2(self, model: GoalModel, before: FloatArray, after: FloatArray) -> float:
+        """Mean square of how far lines move across themselves between two cameras (8,)."""
+        drawn = np.zeros((2, *self._drawing.shape), np.float32)
+        for p, picture in zip((before, after), drawn, strict=True):
+            draw_lines(self._pen, model.scene.camera, p, self._first_row, picture)
+        drawn = drawn[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
+        steepness = sum(float((np.diff(drawn[0], axis=axis) ** 2).sum()) for axis in (0, 1))
+        return float(((drawn[1] - drawn[0]) ** 2).sum()) / max(steepness, 1e-12)
 
 
 def line_pen(points: FloatArray, line_width_m: float, settings: DrawingSettings = DrawingSettings()) -> LinePen:

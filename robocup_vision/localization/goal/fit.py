@@ -23,7 +23,6 @@ from robocup_vision.kernels.goal.fit import (
     goal_residuals,
     normal_equations,
 )
-from robocup_vision.kernels.goal.lines.arc import invert_information
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.edges import (
     FOOT_OFFSETS,
@@ -170,11 +169,6 @@ def agreement(samples: EdgeSamples, residual_px: FloatArray, settings: GoalFitSe
     return float(score.sum() / (int(samples.expected.sum()) + weight * max(len(score) - n, len(FOOT_OFFSETS))))
 
 
-def are_mostly_within(residual_px: FloatArray, limit_px: float) -> bool:
-    """Whether their median is within the limit."""
-    return bool(2 * np.count_nonzero(np.abs(residual_px) < limit_px) > len(residual_px))
-
-
 def max_prior_deviation(model: GoalModel, unknowns: FloatArray) -> float:
     """How far the unknown that deviates most from its prior is off, standard deviations."""
     return float((np.abs(unknowns - model.prior) * model.tightness).max())
@@ -206,12 +200,8 @@ def system_at(model: GoalModel, samples: EdgeSamples, p: FloatArray, scale_px: f
 
 def covariance_of(model: GoalModel, information: FloatArray) -> FloatArray:
     """Invert an information matrix (8, 8); fixed unknowns have no variance."""
-    covariance = np.empty((UNKNOWNS, UNKNOWNS))
-    if not invert_information(information, model.weight, covariance):
-        # rounding may leave one that is hardly definite indefinite
-        fixed = np.isinf(model.weight)
-        covariance = np.where(fixed | fixed[:, None], 0.0, np.linalg.inv(information))
-    return covariance
+    fixed = np.isinf(model.weight)
+    return np.where(fixed | fixed[:, None], 0.0, np.linalg.inv(information))
 
 
 def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -> EdgeSamples:

@@ -13,120 +13,163 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import BoolArray, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.fit import FitSamples
-from robocup_vision.kernels.goal.lines.marked_cameras import (
-    MarkModel,
-    MarkReach,
-    SeenMarks,
-    choose_marks,
-    due_marks,
-    fit_marked,
-    gather_marks,
-    mark_evidence,
-)
-from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, measure_ridges
-from robocup_vision.kernels.goal.lines.reweighting import Reweighting, fit_reweighted, goal_misfit
-from robocup_vision.localization.goal.arc import GoalArc, at_one_heading, open_arc
+from robocup_vision.kernels.goal.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
+from robocup_vision.kernels.goal.picture import FLOOR_UNKNOWNS, floor_derivatives, floor_residuals
+from robocup_vision.localization.goal.arc import GoalArc
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, LineFit
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
-from robocup_vision.localization.goal.edges import from_ideal, no_samples
-from robocup_vision.localization.goal.fit import (
-    GoalFit,
-    GoalModel,
-    covariance_of,
-    fit_samples,
-    sample_residuals,
-)
-from robocup_vision.localization.goal.geometry import HEADING
+from robocup_vision.localization.goal.edges import from_ideal
+from robocup_vision.localization.goal.fit import GoalModel, covariance_of, fit_samples, sample_residuals
+from robocup_vision.localization.goal.geometry import EDGES, HEADING
 from robocup_vision.localization.goal.search import Candidate
 from robocup_vision.localization.lines.line_map import LineMap
 
 
 @dataclass(frozen=True, slots=True)
-class GoalLineSettings:
-    """Settings of the fit of a goal of a hue and the lines around it."""
+class MarkSettings:
+    """Where lines are measured, what they look like at one place, and how often one is seen."""
 
     spacing_px: float = 6.0  #: between places on a line
     #: lines that look narrower are left out; those thinner than a pixel are averaged along themselves
     min_width_px: float = 0.15
     clear_px: float = 2.5  #: between the edges of two lines; where they come nearer, both are left out
     along_px: float = 3.0  #: length of line over which one place is averaged
+    #: ridges fainter than this fraction of the median contrast are no lines; lines narrower than the width have less
+    #: contrast in proportion
+    min_contrast: float = 0.4
+    contrast_width_px: float = 1.5
+    min_seen: int = 10  #: least number of places that show a line
+    #: noise of one place; lines that look thinner than the width are fainter, and noisier in proportion
+    sample_error_px: float = 0.45
+    sharp_width_px: float = 0.5
+    line_error_px: float = 0.045  #: common error of all places: lens and paint
+    paint_error_m: float = 0.003  #: standard deviation of painted lines
+    #: probability of seeing a line that is due, less where it looks thinner than the width; its spread about its place
+    seen_ratio: float = 0.8
+    full_width_px: float = 0.35
+    spread_px: float = 0.4
+    clutter_ratio: float = 0.2  #: probability that something passes for a line where none is due
+
+
+@dataclass(frozen=True, slots=True)
+class GoalLineSettings:
+    """Settings of the fit of a goal of a hue and the lines around it."""
+
+    marks: MarkSettings = MarkSettings()
     #: longest search from a line's predicted place, and the loss's scale, round by round
     reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
     scales_px: tuple[float, ...] = (3.0, 1.5, 1.0)
     #: length of a search, in standard deviations of the prediction, and its margin
     reach_stds: float = 3.0
     min_reach_px: float = 1.5
-    marks: MarkModel = MarkModel()  #: appearance of a line at one place, and probability of seeing one
     #: common error of all places on fields with white goals: their cameras' lenses are calibrated less exactly
     white_line_error_px: float = 1.0
-    paint_error_m: float = 0.003  #: standard deviation of painted lines
     min_evidence: float = 5.0  #: least log odds of lines against clutter
     same_m: float = 0.2  #: fits nearer to each other count as one
-    max_starts: int = 3  #: cameras along the goal's arc that are tried beside the goal's own
     reach_on_arc_stds: float = 2.5  #: longest way along the arc by drawn lines, in standard deviations of the fit
-    min_drawn_evidence: float = 6.0  #: least log odds of drawn lines where too few places show a line
     #: a goal that leaves its camera's position more uncertain than this is searched along its arc
     certain_m: float = 0.06
     iterations: int = 4  #: steps of each round
-    #: reduces the weight of edges that contradict the rest: the border of a lamp's streak along a bar, say
-    reweighting: Reweighting = Reweighting()
+    reweighted: int = 3  #: last rounds, whose weights follow the residuals of the round before
+    #: edges farther off are no edges of the goal, and tell nothing of the others: blur moves one by half a pixel
+    max_edge_error_px: float = 0.5
+    prior_marks: float = 4.0  #: number of marks of the expected noise that are added to those whose scatter is measured
 
 
-class _Marked(NamedTuple):
-    """A goal's samples with marks on lines, which of the searched places are seen, line widths and searches there."""
+class Marks(NamedTuple):
+    """Places on lines that a camera predicts, and what is seen there."""
 
-    samples: FitSamples
-    is_seen: npt.NDArray[np.bool_]
-    width: FloatArray
-    reach: FloatArray
+    floor_m: FloatArray  #: (N, 2): in the field
+    direction: FloatArray  #: (N, 2): across the line there, ideal image
+    uv: FloatArray  #: (N, 2): where it was seen, ideal pixels
+    width_px: FloatArray  #: (N,): predicted width of the line
+    reach_px: FloatArray  #: (N,): length of the search to both sides
+    is_seen: BoolArray  #: (N,): whether a line is seen
+
+    def added_to(self, samples: FitSamples, settings: MarkSettings, line_width_m: float) -> FitSamples:
+        """Add the marks that are seen to a goal's samples."""
+        seen = self.is_seen
+        width_px, count = self.width_px[seen], np.count_nonzero(seen)
+        blurred = settings.sample_error_px * np.maximum(1.0, settings.sharp_width_px / width_px)
+        paint = settings.paint_error_m / line_width_m * width_px
+        # what all have in common counts for each
+        sigma = np.sqrt(blurred**2 + paint**2 + settings.line_error_px**2 * count)
+        return samples._replace(
+            mark_m=self.floor_m[seen],
+            mark_uv=self.uv[seen],
+            mark_direction=self.direction[seen],
+            sigma=np.concatenate([samples.sigma, sigma]),
+        )
+
+    def nats(self, residual_px: FloatArray, settings: MarkSettings) -> float:
+        """Log-likelihood ratio of lines to clutter, by residuals (N,); those not seen do not count."""
+        seen = settings.seen_ratio * np.minimum(1.0, self.width_px / settings.full_width_px)
+        near = np.exp(-0.5 * (residual_px / settings.spread_px) ** 2) / (settings.spread_px * math.sqrt(math.tau))
+        anywhere = settings.clutter_ratio / (2.0 * self.reach_px)
+        of_seen = np.log1p(seen * (near / anywhere - 1.0))
+        return float(np.where(self.is_seen, of_seen, np.log1p(-seen)).sum())
 
 
 _MISFIT_SCALE_PX = 0.3  # of the loss by which a goal's own edges contradict a camera
+_FAR2 = 9.0  # squared residual in variances: a mark farther off counts as one so far off
 
 # log-likelihood ratio; the fit; its samples
 _Fitted = tuple[float, LineFit, FitSamples]
 
 
 class GoalLines:
-    """Fits goals of a hue and the lines of one field together."""
+    """Fits goals and the lines of one field together."""
 
     def __init__(self, lines: LineMap, camera: PinholeCamera, settings: GoalLineSettings = GoalLineSettings()) -> None:
         self._settings, self._camera = settings, camera
-        line_width_m = float(lines.field.line_width_m)
+        self._line_width_m = float(lines.field.line_width_m)
         self._points, self._directions = along_lines(lines)
-        self._limits = MarkLimits(line_width_m, settings.spacing_px, settings.min_width_px, settings.clear_px)
-        self._model = settings.marks._replace(paint_part=settings.paint_error_m / line_width_m)
-        self._pen = line_pen(self._points, line_width_m)
+        marks = settings.marks
+        self._limits = MarkLimits(self._line_width_m, marks.spacing_px, marks.min_width_px, marks.clear_px)
+        self._pen = line_pen(self._points, self._line_width_m)
 
-    def join(self, frame: npt.NDArray[np.uint8], model: GoalModel, goal: Candidate) -> list[CameraEstimate]:
-        """Fit goal and lines together: candidate cameras, none where no lines are in view."""
-        found = goal.fit
-        covariance = covariance_of(model, found.information)
-        arc = open_arc(model, found, covariance, self._settings.certain_m)
-        starts = [(found.unknowns, covariance)] if arc is None else self._starts(frame, model, found, arc)
-        fits = [t for t in (self._from(frame, model, found, p, c) for p, c in starts) if t is not None]
-        fits = [t for t in fits if t[0] >= self._settings.min_evidence]
-        if arc is not None:
+    def join(self, frame: UInt8Array, goal: Candidate, arc: GoalArc | None) -> list[CameraEstimate]:
+        """Fit goal and lines together: candidate cameras, none where no lines are in view.
+
+        `arc` holds the cameras that the goal leaves open; None: its own fit is certain.
+        """
+        found, model, of_goal = goal.fit, goal.model, goal.fit.samples.for_fit
+        if arc is None:
+            starts = [(found.unknowns, covariance_of(model, found.information))]
+            fits = self._fits(frame, model, of_goal, starts)
+        else:
             drawing = LineDrawing(frame, self._pen)
-            fits = self._drawn(drawing, model, fits) if fits else self._drawn_alone(drawing, model, found, arc)
+            likely = np.array([drawing.likelihood(model, p) for p in arc.unknowns]) - arc.cost / 2
+            # the likeliest cameras by the goal alone, and with the lines drawn
+            best = int(np.argmax(likely))
+            chosen = sorted({int(np.argmin(arc.cost)), best})
+            fits = self._fits(frame, model, of_goal, [(arc.unknowns[k], arc.covariance[k]) for k in chosen])
+            if not fits and len(likely) > 1 and likely[best] >= self._settings.min_evidence:
+                # too few places show a line, but all of them together do: as certain as its neighbours are far
+                covariance = arc.covariance[best].copy()
+                covariance[HEADING, HEADING] = np.gradient(arc.unknowns[:, HEADING])[best] ** 2
+                fits = [(likely[best], LineFit(arc.unknowns[best], covariance, 0.0, np.empty(0)), of_goal)]
+            fits = self._drawn(drawing, model, fits)
         return [CameraEstimate(one.unknowns, one.covariance, goal.sides, found, one) for _, one, _ in fits]
 
-    def nats(self, frame: npt.NDArray[np.uint8], model: GoalModel, p: FloatArray) -> tuple[float, float]:
+    def nats(self, frame: UInt8Array, model: GoalModel, p: FloatArray) -> tuple[float, float]:
         """Log-likelihood ratio of lines to clutter at the places where a camera (8,) predicts them, and its maximum.
 
         The maximum is reached where all of them are seen exactly at their places.
         """
-        reach = self._settings.reaches_px[-1]
-        due, is_seen = self._look_from(frame, model, p, np.zeros((len(p), len(p))), MarkReach(0.0, reach, reach))
-        marked = self._gathered(no_samples().for_fit, due, is_seen)
-        all_seen = np.ones(len(is_seen), np.bool_)
-        most = mark_evidence(np.zeros(len(is_seen)), due.widths, due.reach, all_seen, self._model)
-        return self._evidence(marked, sample_residuals(model, marked.samples, p)), float(most)
+        marks = self._look(frame, model, p, None, self._settings.reaches_px[-1])
+        exact = marks._replace(is_seen=np.ones_like(marks.is_seen))
+        nats = marks.nats(self._residual(model, marks, p), self._settings.marks)
+        return nats, exact.nats(np.zeros(len(marks.width_px)), self._settings.marks)
+
+    def _residual(self, model: GoalModel, marks: Marks, p: FloatArray) -> FloatArray:
+        residual = np.empty(len(marks.width_px))
+        floor_residuals(model.scene.camera, p, marks.floor_m, marks.uv, marks.direction, residual)
+        return residual
 
     def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
         """Settle each fit along its arc by all lines drawn."""
@@ -140,172 +183,100 @@ class GoalLines:
             reach = self._settings.reach_on_arc_stds * math.sqrt(line_fit.covariance[HEADING, HEADING])
             drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
             if drawn is not None:
-                ratio = max(line_fit.line_ratio, drawn.shown_ratio)
-                moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance, line_ratio=ratio)
+                moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
                 settled.append((drawn.likelihood, moved, samples))
         return settled
 
-    def _drawn_alone(self, drawing: LineDrawing, model: GoalModel, found: GoalFit, arc: GoalArc) -> list[_Fitted]:
-        """Settle the goal along its arc by all lines drawn, where too few are seen one by one."""
-        if len(arc.cost) < 2:
-            return []
-        evidence = np.array([drawing.likelihood(model, p) for p in arc.unknowns]) - arc.cost / 2
-        best = int(np.argmax(evidence))
-        if evidence[best] <= 0.0:
-            return []
-        turns = np.abs(np.diff(arc.unknowns[:, HEADING]))
-        reach = 2 * float(turns[max(best - 1, 0) : best + 1].max())
-        drawn = drawing.settle(model, found.samples.for_fit, arc.unknowns[best], reach, loose=2)
-        if drawn is None or drawn.likelihood < self._settings.min_drawn_evidence:
-            return []
-        line_fit = LineFit(drawn.unknowns, drawn.covariance, 0.0, np.empty(0))
-        return [(drawn.likelihood, line_fit, found.samples.for_fit)]
+    def _fits(
+        self, frame: UInt8Array, model: GoalModel, samples: FitSamples, starts: list[tuple[FloatArray, FloatArray]]
+    ) -> list[_Fitted]:
+        """Fit goal and lines from each start, a camera and its covariance; those that lines confirm."""
+        fits = (self._fit(frame, model, samples, p, covariance) for p, covariance in starts)
+        return [one for one in fits if one is not None and one[0] >= self._settings.min_evidence]
 
-    def _starts(
-        self, frame: npt.NDArray[np.uint8], model: GoalModel, found: GoalFit, arc: GoalArc
-    ) -> list[tuple[FloatArray, FloatArray]]:
-        """Cameras on the arc: the goal's own, and those that lines confirm best."""
-        settings, fixed = self._settings, at_one_heading(model)
-        how_far = MarkReach(settings.reach_stds, settings.min_reach_px, settings.reaches_px[0])
-        seen = self._look(frame, model, arc.unknowns, arc.covariance, how_far)
-        scales = np.full(settings.iterations, settings.scales_px[1])
-        cameras, evidence = arc.unknowns.copy(), np.empty(len(arc.cost))
-        fit_marked(
-            fixed.scene,
-            found.samples.for_fit,
-            fixed.priors,
-            scales,
-            seen,
-            self._model,
-            cameras,
-            evidence,
-        )
-        evidence -= arc.cost / 2
-        likeliest = int(np.argmin(arc.cost))
-        chosen = [(arc.unknowns[likeliest], arc.covariance[likeliest])]
-        for k in np.argsort(-evidence, kind="stable"):
-            if len(chosen) > settings.max_starts or math.isinf(evidence[k]):
-                break
-            if all(math.dist(cameras[k, :2], other[:2]) > settings.same_m for other, _ in chosen):
-                chosen.append((cameras[k], arc.covariance[k]))
-        return chosen
-
-    def _evidence(self, marked: _Marked, residual: FloatArray) -> float:
-        """Log-likelihood ratio of the ridges being these lines to their being clutter."""
-        of_marks = residual[len(residual) - len(marked.samples.mark_m) :]
-        return float(mark_evidence(of_marks, marked.width, marked.reach, marked.is_seen, self._model))
-
-    def _from(
-        self,
-        frame: npt.NDArray[np.uint8],
-        model: GoalModel,
-        found: GoalFit,
-        start: FloatArray,
-        covariance: FloatArray,
+    def _fit(
+        self, frame: UInt8Array, model: GoalModel, of_goal: FitSamples, p: FloatArray, covariance: FloatArray
     ) -> _Fitted | None:
         """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
-        settings, of_goal = self._settings, found.samples.for_fit
-        p = start
+        settings = self._settings
         is_near = False  # whether the last round already searched no farther than the next one
-        marked = None
+        joined, marks = of_goal, None
         for reach, scale in zip(settings.reaches_px, settings.scales_px, strict=True):
             if is_near and reach > settings.reaches_px[-1]:
                 continue
-            marked = self._marked(frame, model, of_goal, p, covariance, reach)
-            if marked is None:
+            marks = self._look(frame, model, p, covariance, reach)
+            if np.count_nonzero(marks.is_seen) < settings.marks.min_seen:
                 return None
-            is_near = float(marked.reach.max()) <= settings.reaches_px[1]
-            p, cost, information = fit_samples(model, marked.samples, p, np.full(settings.iterations, scale))
+            is_near = float(marks.reach_px.max()) <= settings.reaches_px[1]
+            joined = marks.added_to(of_goal, settings.marks, self._line_width_m)
+            p, cost, information = fit_samples(model, joined, p, np.full(settings.iterations, scale))
             if not math.isfinite(cost):
                 return None
             covariance = covariance_of(model, information)
-        assert marked is not None
-        scales, sigma = np.full(settings.iterations, settings.scales_px[-1]), np.empty(len(marked.samples.sigma))
-        cost = fit_reweighted(
-            model.scene, marked.samples, model.priors, scales, settings.reweighting, p, information, sigma
-        )
-        if not math.isfinite(cost):
-            return None
-        residual = sample_residuals(model, marked.samples, p)
-        misfit = float(goal_misfit(of_goal, residual, model.priors, _MISFIT_SCALE_PX, p))
-        line_fit = LineFit(
-            p, covariance_of(model, information), float(marked.is_seen.mean()), residual[len(of_goal.sigma) :]
-        )
-        return self._evidence(marked, residual) - misfit / 2, line_fit, marked.samples._replace(sigma=sigma)
+        assert marks is not None
+        expected, scales = joined.sigma, np.full(settings.iterations, settings.scales_px[-1])
+        for _ in range(settings.reweighted):
+            residual = sample_residuals(model, joined, p)
+            joined = joined._replace(sigma=self._reweighted(joined.edge, residual, expected, len(of_goal.sigma)))
+            p, cost, information = fit_samples(model, joined, p, scales)
+            if not math.isfinite(cost):
+                return None
+        residual = sample_residuals(model, joined, p)
+        of_marks = residual[len(of_goal.sigma) :]
+        line_fit = LineFit(p, covariance_of(model, information), float(marks.is_seen.mean()), of_marks)
+        nats = marks.nats(self._residual(model, marks, p), settings.marks)
+        return nats - misfit(model, of_goal, residual, p) / 2, line_fit, joined
 
-    def _marked(
-        self,
-        frame: npt.NDArray[np.uint8],
-        model: GoalModel,
-        samples: FitSamples,
-        p: FloatArray,
-        covariance: FloatArray,
-        max_px: float,
-    ) -> _Marked | None:
-        """Look for the lines where a camera predicts them; None where too few are in view or seen."""
-        how_far = MarkReach(self._settings.reach_stds, self._settings.min_reach_px, max_px)
-        due, is_seen = self._look_from(frame, model, p, covariance, how_far)
-        if np.count_nonzero(is_seen) < self._model.min_marks:
-            return None
-        return self._gathered(samples, due, is_seen)
+    def _reweighted(self, edge: Int64Array, residual: FloatArray, sigma: FloatArray, first_mark: int) -> FloatArray:
+        """Noise (S,) of samples by their residuals: of edges as a whole, and of marks as they scatter.
 
-    def _look_from(
-        self,
-        frame: npt.NDArray[np.uint8],
-        model: GoalModel,
-        p: FloatArray,
-        covariance: FloatArray,
-        how_far: MarkReach,
-    ) -> tuple[SeenMarks, npt.NDArray[np.bool_]]:
-        due = self._look(frame, model, p[None], covariance[None], how_far)
-        is_seen = np.empty(len(due.widths), np.bool_)
-        choose_marks(due.contrast, due.widths, self._model, is_seen)
-        return due, is_seen
+        The border of a lamp's streak along a bar passes for the bar's edge: each edge is as uncertain as it is off, so
+        that all others overrule it. Where some edges are off in a picture, the others may be as well, though the fit
+        has followed them: each is also as uncertain as edges are off on average, up to `max_edge_error_px` each.
+        """
+        settings, n = self._settings, len(edge)
+        count = np.bincount(edge, minlength=EDGES)
+        square = (np.bincount(edge, residual[:n], EDGES) / np.maximum(count, 1)) ** 2
+        typical = np.minimum(square, settings.max_edge_error_px**2)[count > 0].mean() if n else 0.0
+        sigma = sigma.copy()
+        sigma[:n] = np.sqrt(sigma[:n] ** 2 + ((square + typical) * count)[edge])
+        squares = np.minimum((residual[first_mark:] / sigma[first_mark:]) ** 2, _FAR2)
+        sigma[first_mark:] *= math.sqrt((squares.sum() + settings.prior_marks) / (len(squares) + settings.prior_marks))
+        return sigma
 
     def _look(
-        self,
-        frame: npt.NDArray[np.uint8],
-        model: GoalModel,
-        cameras: FloatArray,
-        covariances: FloatArray,
-        how_far: MarkReach,
-    ) -> SeenMarks:
-        """Look for lines where each of some cameras (K, 8), with covariances (K, 8, 8), predicts them."""
-        capacity = len(cameras) * len(self._points)
-        places = MarkPlaces(
-            np.empty((capacity, 2)), np.empty((capacity, 2)), np.empty((capacity, 2)), np.empty(capacity)
-        )
-        reach, bounds = np.empty(capacity), np.empty(len(cameras) + 1, np.int64)
-        n = due_marks(
-            self._points,
-            self._directions,
-            model.scene.camera,
-            cameras,
-            covariances,
-            self._camera.size_px,
-            self._limits,
-            how_far,
-            places,
-            reach,
-            bounds,
-        )
-        marks, pixels, direction, width = (part[:n] for part in places)
+        self, frame: UInt8Array, model: GoalModel, p: FloatArray, covariance: FloatArray | None, max_reach_px: float
+    ) -> Marks:
+        """Look for lines where a camera (8,) with a covariance (8, 8) predicts them; None: up to the greatest reach."""
+        capacity, settings = len(self._points), self._settings
+        floor_m, pixels, direction, width_px = *np.empty((3, capacity, 2)), np.empty(capacity)
+        places = MarkPlaces(floor_m, pixels, direction, width_px)
+        view, size_px = model.scene.camera, self._camera.size_px
+        n = line_marks(self._points, self._directions, view, p, size_px, self._limits, places)
+        floor_m, pixels, direction, width_px = (part[:n] for part in places)
+        reach_px = np.full(n, max_reach_px)
+        if covariance is not None:
+            jacobian = np.empty((n, FLOOR_UNKNOWNS))
+            floor_derivatives(view, p, floor_m, direction, jacobian)
+            variance = ((jacobian @ covariance[:FLOOR_UNKNOWNS, :FLOOR_UNKNOWNS]) * jacobian).sum(axis=1)
+            predicted = settings.reach_stds * np.sqrt(np.maximum(variance, 0.0)) + settings.min_reach_px
+            reach_px = np.minimum(predicted, max_reach_px)
         start = np.ascontiguousarray(from_ideal(self._camera, pixels))
         offset, contrast = np.empty(n), np.empty(n)
-        measure_ridges(frame, start, direction, reach[:n], width, self._settings.along_px, offset, contrast)
-        contrast[np.isnan(offset)] = np.nan
+        measure_ridges(frame, start, direction, reach_px, width_px, settings.marks.along_px, offset, contrast)
         uv = np.ascontiguousarray(self._camera.ideal_pixels(start + direction * offset[:, None]))
-        return SeenMarks(bounds, marks, direction, uv, width, reach[:n], contrast)
+        # paint of half the width makes half the contrast
+        contrast = contrast / np.minimum(width_px, settings.marks.contrast_width_px)
+        known = np.isfinite(offset)
+        least = settings.marks.min_contrast * float(np.median(contrast[known])) if known.any() else math.inf
+        return Marks(floor_m, direction, uv, width_px, reach_px, known & (contrast > least))
 
-    def _gathered(self, samples: FitSamples, due: SeenMarks, is_seen: npt.NDArray[np.bool_]) -> _Marked:
-        """Add the lines that are seen to a goal's samples."""
-        count, of_goal = int(np.count_nonzero(is_seen)), len(samples.sigma)
-        marks, uv, direction = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2))
-        sigma = np.empty(of_goal + count)
-        sigma[:of_goal] = samples.sigma
-        gather_marks(due, 0, is_seen, self._model, marks, uv, direction, sigma[of_goal:])
-        joined = samples._replace(mark_m=marks, mark_uv=uv, mark_direction=direction, sigma=sigma)
-        return _Marked(joined, is_seen, due.widths, due.reach)
+
+def misfit(model: GoalModel, of_goal: FitSamples, residual_px: FloatArray, p: FloatArray) -> float:
+    """Chi-square of a goal's own samples, by the first of the residuals, and of the priors at a camera (8,)."""
+    sigma = of_goal.sigma
+    squares = np.log1p((residual_px[: len(sigma)] / _MISFIT_SCALE_PX) ** 2) * (_MISFIT_SCALE_PX / sigma) ** 2
+    return float(squares.sum() + (((p - model.prior) * model.tightness) ** 2).sum())
 
 
 @lru_cache(maxsize=4)

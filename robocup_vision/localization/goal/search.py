@@ -20,7 +20,6 @@ from robocup_vision.localization.goal.fit import (
     GoalFitSettings,
     GoalModel,
     agreement,
-    are_mostly_within,
     fit,
     goal_model,
     max_prior_deviation,
@@ -30,7 +29,7 @@ from robocup_vision.localization.goal.fit import (
 from robocup_vision.localization.goal.geometry import X, goal_shape, project
 from robocup_vision.localization.goal.goal_picture import WHITE, GoalPicture
 from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
-from robocup_vision.localization.goal.starts import bar_rows, rotated, starts, strip_samples, with_bar
+from robocup_vision.localization.goal.starts import bar_rows, starts, strip_samples, with_bar
 from robocup_vision.perception.goal_region import (
     GoalColorSettings,
     Strip,
@@ -57,8 +56,6 @@ class SearchSettings:
     glare: float = 235.0  #: samples brighter than this, of paint half washed white, are dropped
     #: score from which the search ends: edges of clutter agree with a goal in half of their places at most
     clear_score: float = 0.8
-    rival_ratio: float = 0.7  #: score, relative to such a goal's, from which the other branch may be the right one
-    obliquenesses: tuple[float, ...] = (-1.0, 0.0)  #: further starts, in units of the first fit's obliqueness
     min_score: float = 0.3  #: candidates below are dropped
     #: evidence, nats, of edges of a silhouette that all lie at their places to a fraction of a pixel, in addition to
     #: that of their presence
@@ -259,7 +256,7 @@ class GoalSearch:
         return [(a, b) for _, a, b in pairs[:max_pairs]]
 
     def _fits(self, frame: UInt8Array, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
-        """Fits to a pair of strips, best first: for each row the bar may be in, from several obliquenesses."""
+        """Fits to a pair of strips, best first, one for each row that the bar may be in."""
         model, appearance = proposal.model, proposal.appearance
         samples = strip_samples(self.camera, ((0, left), (1, right)))
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
@@ -280,27 +277,8 @@ class GoalSearch:
             start, cost, _ = min(tried, key=lambda r: r[1])
             if not math.isfinite(cost):
                 continue
-            straight = refine(frame, self.camera, model, start, appearance, 3.0 * max(1.0, proposal.scale / 1.5))
-            if straight is None:
-                continue
-            found.append(straight)
-            for obliqueness in self.settings.obliquenesses:
-                other, cost, _ = fit(
-                    model, straight.samples, rotated(model, straight.unknowns, obliqueness), _START_SCALES[:5]
-                )
-                known = any(math.dist(other[:2], f.unknowns[:2]) < self.settings.same_m for f in found)
-                if known or not math.isfinite(cost):
-                    continue
-                off = residuals(model, straight.samples, other)
-                # edges this far off do not converge any more; the fit of a clear goal stays as it is
-                if not are_mostly_within(off, 2 * model.settings.inlier_px) or (
-                    straight.score > self.settings.clear_score
-                    and agreement(straight.samples, off, model.settings) < self.settings.rival_ratio * straight.score
-                ):
-                    continue
-                turned = refine(frame, self.camera, model, other, appearance)
-                if turned is not None:
-                    found.append(turned)
-            if max(f.score for f in found) > self.settings.clear_score:
+            one = refine(frame, self.camera, model, start, appearance, 3.0 * max(1.0, proposal.scale / 1.5))
+            found += [] if one is None else [one]
+            if one is not None and one.score > self.settings.clear_score:
                 break  # no other bar row fits better
         return sorted(found, key=lambda f: -f.score)

@@ -72,21 +72,6 @@ def starts(model: GoalModel, left: Strip, right: Strip) -> Iterator[FloatArray]:
         yield p
 
 
-def rotated(model: GoalModel, unknowns: FloatArray, obliqueness: float) -> FloatArray:
-    """Rotate a camera about the goal's middle to `obliqueness` times its own: the picture stays nearly the same.
-
-    -1 is the mirror branch that the picture of a plane always allows.
-    """
-    p = unknowns.copy()
-    ahead = model.shape.line_x_m - p[X]
-    aside = math.atan2(p[Y], ahead)
-    distance = math.hypot(ahead, p[Y])
-    p[X] = model.shape.line_x_m - distance * math.cos(obliqueness * aside)
-    p[Y] = distance * math.sin(obliqueness * aside)
-    p[HEADING] += aside - obliqueness * aside
-    return p
-
-
 def with_bar(samples: EdgeSamples, bar_px: FloatArray) -> EdgeSamples:
     """Rough samples with points (K, 2) on the bar's upper edge, ideal pixels, added."""
     n, k = len(samples.edge), len(bar_px)

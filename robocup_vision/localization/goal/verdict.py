@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robocup_vision.estimates import NotLocated
-from robocup_vision.localization.goal.arc import spread_about
+from robocup_vision.localization.goal.arc import open_arc, spread_about
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, goal_alone
 from robocup_vision.localization.goal.fit import as_built, beside_lines
 from robocup_vision.localization.goal.goal_lines import GoalLines, GoalLineSettings
@@ -53,7 +53,7 @@ class GoalVerdict:
     ) -> None:
         self._search, self._settings, self._line_settings = search, settings, line_settings
         if not search.families:
-            marks = line_settings.marks._replace(line_error_px=line_settings.white_line_error_px)
+            marks = replace(line_settings.marks, line_error_px=line_settings.white_line_error_px)
             line_settings = replace(line_settings, marks=marks)
         self._lines = None if line_map is None else GoalLines(line_map, search.camera, line_settings)
 
@@ -81,17 +81,17 @@ class GoalVerdict:
 
     def _cameras(self, picture: GoalPicture, candidate: Candidate) -> Iterator[CameraEstimate]:
         """Yield the cameras that a goal gives by itself and with lines, where they can stand and see all of it."""
-        search, goal, model = self._search, candidate, candidate.model
+        search, model, found = self._search, candidate.model, candidate.fit
         if model is search.white_model:
             model = beside_lines(model)
-            samples = as_built(model, candidate.fit.samples, candidate.fit.unknowns)
-            goal = replace(candidate, fit=replace(candidate.fit, samples=samples))
+            found = replace(found, samples=as_built(model, found.samples, found.unknowns))
         else:
-            fit = polish(picture.frame, search.camera, model, candidate.fit, candidate.appearance)
-            goal = replace(candidate, fit=fit)
-        cameras = [goal_alone(goal, self._line_settings.certain_m)]
+            found = polish(picture.frame, search.camera, model, found, candidate.appearance)
+        goal = replace(candidate, fit=found, model=model)
+        arc = open_arc(model, found, self._line_settings.certain_m)
+        cameras = [goal_alone(goal, arc)]
         if self._lines is not None:
-            cameras += self._lines.join(picture.frame, model, goal)
+            cameras += self._lines.join(picture.frame, goal, arc)
         for one in cameras:
             # posts and a bar that are not visible in full are hidden by somebody
             is_whole = search.washable(picture, one.sides, one.unknowns).min() >= self._settings.min_washable

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.kernels.goal.edges import EdgeOffsets, EdgeStarts, measure_edges
-from robocup_vision.kernels.goal.lines.marks import measure_ridges
+from robocup_vision.kernels.goal.marks import measure_ridges
 
 CYAN, GREY = np.array([215.0, 185.0, 35.0]), np.array([90.0, 90.0, 90.0])
 TOWARDS = (CYAN - CYAN.mean()) / np.linalg.norm(CYAN - CYAN.mean())

@@ -21,13 +21,12 @@ def pen(*lines, width_m=0.02):
     return LinePen(np.ascontiguousarray(np.vstack(lines)), starts, width_m, STROKES)
 
 
-def whole_drawing(p, pen, first_row=0, lines=None):
+def whole_drawing(p, pen, first_row=0):
     drawing = np.zeros((160 - first_row + 2 * MARGIN, 208 + 2 * MARGIN), np.float32)
-    first, last = lines or (0, len(pen.starts) - 1)
-    top, left, bottom, right = draw_lines(pen, first, last, VIEW_ARRAY, p, first_row, drawing)
+    top, bottom = draw_lines(pen, VIEW_ARRAY, p, first_row, drawing)
     drawing.setflags(write=False)
     painted = drawing.copy()
-    painted[top:bottom, left:right] = 0.0
+    painted[top:bottom] = 0.0
     assert not painted.any()
     return drawing
 

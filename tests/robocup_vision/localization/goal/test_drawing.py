@@ -16,7 +16,6 @@ FIELD = load_field("four_legged_2007")
 CONDITION = GOAL_CONDITIONS["mild_glare_208x160"]
 POINTS = along_lines(LineMap(FIELD))[0]
 PEN = line_pen(POINTS, FIELD.line_width_m)
-SIDE_X_M = float(np.abs(FIELD.lines).max())
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +42,7 @@ def test_a_drawing_settles_where_the_camera_stands(far, turn_rad):
     candidate = search.candidates(search.picture(frame))[0][0]
     drawing = LineDrawing(frame, PEN)
     start = turned(candidate.model, truth, turn_rad)
-    drawn = drawing.settle(candidate.model, candidate.fit.samples.for_fit, start, 0.06, loose=2)
+    drawn = drawing.settle(candidate.model, candidate.fit.samples.for_fit, start, 0.06)
     assert drawn is not None
     # the value told pays for what the samples give up there
     assert drawn.likelihood <= drawing.likelihood(candidate.model, drawn.unknowns)
@@ -51,17 +50,6 @@ def test_a_drawing_settles_where_the_camera_stands(far, turn_rad):
     assert np.hypot(off[0], off[1]) < 0.1
     assert abs(off[HEADING]) < np.radians(1.0)
     assert np.all(np.linalg.eigvalsh(drawn.covariance[:3, :3]) > 0)
-    assert drawn.shown_ratio > 0.8
-
-
-def test_no_drawing_settles_where_lines_of_it_are_missing(far):
-    frame, search, truth = far
-    candidate = search.candidates(search.picture(frame))[0][0]
-    # a line that nobody painted, across the carpet before the camera
-    ahead = truth[0] + 0.3 * (SIDE_X_M - truth[0])
-    unpainted = np.column_stack([np.full(51, ahead), np.linspace(-1.0, 1.0, 51)])
-    drawing = LineDrawing(frame, line_pen(np.concatenate([POINTS, unpainted]), FIELD.line_width_m))
-    assert drawing.settle(candidate.model, candidate.fit.samples.for_fit, truth, 0.06) is None
 
 
 def test_without_carpet_nothing_is_estimated(far):

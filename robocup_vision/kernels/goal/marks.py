@@ -11,7 +11,6 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.algebra.pinhole import camera_axes, in_camera
-from robocup_vision.kernels.goal.picture import FLOOR_UNKNOWNS, floor_derivatives
 
 # grey levels that a line's middle must be brighter than its sides in one sample; samples along it are so far apart
 _MIN_RIDGE, _ALONG_STEP_PX = 6.0, 1.5
@@ -154,39 +153,6 @@ def _apart(count: int, limits: MarkLimits, places: MarkPlaces) -> int:
             widths[n] = widths[i]
             n += 1
     return n
-
-
-@compiled
-def mark_stds(
-    marks: FloatArray,
-    normals: FloatArray,
-    view: FloatArray,
-    p: FloatArray,
-    covariance: FloatArray,
-    std: FloatArray,
-) -> None:
-    """How far from where it is due each place may be seen, along its normal, one standard deviation, pixels.
-
-    Parameters
-    ----------
-    marks, normals : (N, 2) float64
-        Of `line_marks`.
-    view, p
-        See `kernels.goal.picture.predict_goal`.
-    covariance : (8, 8) float64
-        Of the unknowns.
-    std : (N,) float64
-        Result.
-    """
-    count = marks.shape[0]
-    jacobian = np.empty((count, FLOOR_UNKNOWNS))
-    floor_derivatives(view, p, marks, normals, jacobian)
-    for n in range(count):
-        variance = 0.0
-        for i in range(FLOOR_UNKNOWNS):
-            for j in range(FLOOR_UNKNOWNS):
-                variance += jacobian[n, i] * covariance[i, j] * jacobian[n, j]
-        std[n] = math.sqrt(max(variance, 0.0))
 
 
 @compiled

@@ -1,11 +1,9 @@
 """Which lines of a field are looked for in a picture of a goal."""
 
 import numpy as np
-import pytest
 from goal_samples import VIEW, floor_px
 
-from robocup_vision.kernels.goal.lines.marked_cameras import MarkModel, mark_evidence
-from robocup_vision.kernels.goal.lines.marks import MarkLimits, MarkPlaces, line_marks, mark_stds, measure_ridges
+from robocup_vision.kernels.goal.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
 
 VIEW_ARRAY = np.array([384.0, 380.0, 207.5, 159.5])
 ALONG = np.arange(-1.5, 1.5, 0.02)
@@ -31,32 +29,6 @@ def test_places_lie_where_paint_is_projected_across_it_and_as_wide():
     np.testing.assert_allclose(widths, np.abs(((far - near) * normals).sum(axis=1)), rtol=1e-3)
     along = floor_px(VIEW, p, marks + np.array([0.0, 1e-5])) - pixels
     np.testing.assert_allclose((along * normals).sum(axis=1), 0.0, atol=1e-8)
-
-
-def test_places_are_off_by_as_much_as_those_of_cameras_drawn():
-    p = np.array([0.1, -0.2, 0.15, -0.1, 0.05, 0.3, 0.04, 0.0])
-    marks, pixels, normals, _ = places(p)
-    root = 1e-3 * np.tril(np.random.default_rng(1).normal(size=(8, 8)))
-    std = np.empty(len(marks))
-    mark_stds(marks, normals, VIEW_ARRAY, p, root @ root.T, std)
-    drawn = p + np.random.default_rng(2).normal(size=(4000, 8)) @ root.T
-    off = [((floor_px(VIEW, one, marks) - pixels) * normals).sum(axis=1) for one in drawn]
-    np.testing.assert_allclose(std, np.std(off, axis=0), rtol=0.08)
-
-
-@pytest.mark.parametrize("width", [0.4, 3.0])
-def test_what_clutter_shows_speaks_for_no_camera_on_the_whole(width):
-    model = MarkModel(
-        0.5, 2.0, 3, 0.2, 1.0, 0.1, 0.05, seen_ratio=0.8, full_width_px=1.0, spread_px=0.5, clutter_ratio=0.3
-    )
-    reach, off = 8.0, np.linspace(-8.0, 8.0, 8001)
-    of_mark = np.array([width]), np.array([reach])
-    seen = [mark_evidence(np.array([one]), *of_mark, np.array([True]), model) for one in off]
-    missing = mark_evidence(np.empty(0), *of_mark, np.array([False]), model)
-    # odds by clutter's own chances: a ridge anywhere within reach, or none
-    mean = 0.3 * np.mean(np.exp(seen)) + 0.7 * np.exp(missing)
-    assert mean == pytest.approx(1.0, abs=2e-3)
-    assert seen[len(off) // 2] > 0 > missing
 
 
 def test_thin_and_hidden_lines_are_left_out():
