@@ -39,6 +39,12 @@ class Alignment(NamedTuple):
         Scale of the robust weight in each step; the last one is that of the score too.
     sights : (S, 8) float64
         Beacons and posts, as `sightings.sightings` returns them; their bearings and sizes are weighed as line points.
+    ends : (E, 2) float64
+        Where the carpet ends, as `slopes`: at the feet of walls, or of what stands before them.
+    walls_m : (R, C) float32
+        Distances from the walls' feet, as `Bank.distance_m`.
+    end_weight : float
+        Of an end, in line points.
     """
 
     slopes: FloatArray
@@ -49,6 +55,9 @@ class Alignment(NamedTuple):
     pixel_rad: float
     gates_px: FloatArray
     sights: FloatArray
+    ends: FloatArray
+    walls_m: Float32Array
+    end_weight: float
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -59,25 +68,28 @@ def _weigh_points(
     camera: tuple[float, float, float, float],
     pose: FloatArray,
     gate2: float,
+    one_weight: float,
     system: FloatArray,
     step: FloatArray,
 ) -> float:
-    """Add the line points' normal equations to `system` (lower half) and `step`, and return how many are off.
+    """Add the points' normal equations to `system` (lower half) and `step`, and return how many are off.
 
     Parameters
     ----------
     slopes : (N, 2) float64
         See `Alignment`.
     distance_m : (R, C) float32
-        From the nearest line.
+        From the nearest line, or wall.
     grid : (float, float, float)
         x and y of cell (0, 0)'s middle, and a cell's side.
     camera : (float, float, float, float)
         Tilt and roll at rest, height, angle of a pixel.
     pose : (5,) float64
-        See `align`.
+        x, y, heading, and tilt and roll less those at rest.
     gate2 : float
         Square of the robust weight's scale, pixels.
+    one_weight : float
+        Of a point.
     system, step : (5, 5), (5,) float64
         Added to.
     """
@@ -99,13 +111,13 @@ def _weigh_points(
         over = sr * a + cr * b
         ahead, up = ct - st * over, st + ct * over
         if up > -0.01:
-            total += far2 / (1.0 + far2)
+            total += one_weight * far2 / (1.0 + far2)
             continue
         scale = -height / up
         x, y = ahead * scale, left * scale
         column, line = int(px + (c * x - s * y) * inverse), int(py + (s * x + c * y) * inverse)
         if column < 1 or line < 1 or column > last_column or line > last_row:
-            total += far2 / (1.0 + far2)
+            total += one_weight * far2 / (1.0 + far2)
             continue
         u, v = np.uintp(column), np.uintp(line)
         one_cell = np.uintp(1)
@@ -122,8 +134,8 @@ def _weigh_points(
         one = 1.0 / math.sqrt((along * along * upward2 + across * across * aside2) / away2 + cell2)
         off = distance_m[v, u] * one
         share = 1.0 / (1.0 + off * off / gate2)
-        total += 1.0 - share
-        weight = share * share
+        total += one_weight * (1.0 - share)
+        weight = one_weight * share * share
         factor2 = height / (up * up)
         r0, r1, r2 = gx * one, gy * one, (ry * x - rx * y) * one
         r3 = (rx * (up * up + ahead * ahead) + ry * left * ahead) * factor2 * one
@@ -226,7 +238,9 @@ def _advance(
         system[i, i] = 1.0 / (how.std[i] * how.std[i])
         step[i] = -at * system[i, i]
     cost = 0.5 * ((pose[3] / how.std[3]) ** 2 + (pose[4] / how.std[4]) ** 2)
-    cost += _weigh_points(slopes, bank.distance_m, grid, camera, pose, gate2, system, step)
+    cost += _weigh_points(slopes, bank.distance_m, grid, camera, pose, gate2, 1.0, system, step)
+    if how.ends.shape[0]:
+        cost += _weigh_points(how.ends, how.walls_m, grid, camera, pose, gate2, how.end_weight, system, step)
     for n in range(how.sights.shape[0]):
         aside, larger = _sight(how, pose, n, rows)
         for k in range(2):
@@ -250,70 +264,8 @@ def _advance(
     return float(cost)
 
 
-@compiled(fastmath=True, error_model="numpy", inline="always")
-def align(bank: Bank, how: Alignment, start: FloatArray, pose: FloatArray) -> float:
-    """Move one pose to the line points.
-
-    Parameters
-    ----------
-    bank : Bank
-        Its table of distances from lines.
-    how : Alignment
-        Points and numbers.
-    start : (3,) float64
-        x, y, heading.
-    pose : (5,) float64
-        Result: x, y, heading, and tilt and roll less those at rest.
-
-    Returns
-    -------
-    float
-        Points that are off, each up to 1, and half of the squared distance of tilt and roll from rest.
-    """
-    turns = how.gates_px.shape[0]
-    room = _room()
-    for j in range(SIZE):
-        pose[j] = start[j] if j < 3 else 0.0
-    cost = 0.0
-    for turn in range(turns + 1):
-        cost = _advance(bank, how, how.slopes, start, how.gates_px[min(turn, turns - 1)], turn < turns, room, pose)
-    return cost
-
-
 @compiled(fastmath=True, error_model="numpy")
-def align_all(
-    bank: Bank,
-    how: Alignment,
-    seen: FloatArray,
-    upright_weight: float,
-    starts: FloatArray,
-    poses: FloatArray,
-    costs: FloatArray,
-) -> None:
-    """Move poses and score them; the smaller the cost the better.
-
-    Parameters
-    ----------
-    bank, how
-        See `align`.
-    seen : (K, BINS + 1) float64
-        As `find.upright_bins` returns.
-    upright_weight : float
-        Of a bearing bin that is wrong, in line points.
-    starts : (M, 3) float64
-        x, y, heading.
-    poses : (M, 5) float64
-        Result, see `align`.
-    costs : (M,) float64
-        Result.
-    """
-    for m in range(starts.shape[0]):
-        costs[m] = align(bank, how, starts[m], poses[m])
-        costs[m] += upright_weight * upright_mismatch(bank, seen, poses[m, 0], poses[m, 1], poses[m, 2])
-
-
-@compiled(fastmath=True, error_model="numpy")
-def align_likeliest(
+def align_poses(
     bank: Bank,
     how: Alignment,
     seen: FloatArray,
@@ -327,12 +279,23 @@ def align_likeliest(
 
     Parameters
     ----------
-    bank, how, seen, upright_weight, starts, poses
-        See `align_all`.
+    bank : Bank
+        Its table of distances from lines.
+    how : Alignment
+        Points and numbers.
+    seen : (K, BINS + 1) float64
+        As `find.upright_bins` returns.
+    upright_weight : float
+        Of a bearing bin that is wrong, in line points.
+    starts : (M, 3) float64
+        x, y, heading.
+    poses : (M, 5) float64
+        Result: x, y, heading, and tilt and roll less those at rest.
     likely : int
         How many poses are moved in all steps.
     costs : (M,) float64
-        Result; `LEFT_BEHIND` for those left behind.
+        Result: points that are off, each up to 1, and half of the squared distance of tilt and roll from rest;
+        `LEFT_BEHIND` for those left behind.
     """
     count, turns = starts.shape[0], how.gates_px.shape[0]
     room, order = _room(), np.empty(count)

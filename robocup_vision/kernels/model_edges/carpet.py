@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import BoolArray
 from robocup_vision.compiling.loops import compiled, flag, variable
 from robocup_vision.kernels.model_edges.tables import FloatArray, Int64Array, UInt8Array
 
@@ -29,6 +28,8 @@ MIN_LIGHT, DARK_RATIO = 60.0, 0.5
 MIN_SATURATION, GREY = 0.5, 1.0 / 3.0
 # numbers that describe a carpet, see `carpet_look`; of one in sun and shade
 CARPET, LIT_CARPET = 5, 8
+# rows of carpet below its end, and columns between those in which it is looked for
+END_ROWS, END_STRIDE = 3, 4
 # of a paint: shadows leave less than half of it, blur mixes the background in, lamps have a tint
 MIN_PAINT, MIN_HUE_COS, MIN_WHITENESS = 0.3, 0.7, 0.5
 
@@ -257,29 +258,42 @@ def is_carpet(
     return bool(abs(grey_blue - saturation * to_blue) < slack and abs(grey_red - saturation * to_red) < slack)
 
 
-def carpet_mask(image: UInt8Array, carpet: FloatArray) -> BoolArray:
-    """Return (H, W) bool: which pixels of an image are carpet; the same as `is_carpet`, of whole arrays."""
-    light, known = image.sum(axis=-1, dtype=np.float64), float(carpet[:3].sum())
-    other = float(carpet[5:].sum()) if len(carpet) > CARPET else known
-    if known < 1.0:
-        return np.zeros(light.shape, dtype=np.bool_)
-    level = np.maximum(light, 1.0)
-    slack = 0.05 + 2.0 * carpet[3] / level
-    is_lit = (light >= max(0.45 * min(known, other), 1.0)) & (light <= 1.6 * max(known, other))
-    blue, red = carpet[0] / known, carpet[2] / known
-    if other != known:
-        to_blue, to_red = carpet[5] / other - blue, carpet[7] / other - red
-        share = (image[..., 0] / level - blue) * to_blue + (image[..., 2] / level - red) * to_red
-        share = np.clip(share / max(to_blue**2 + to_red**2, 1e-9), 0.0, 1.0)
-        blue, red = blue + share * to_blue, red + share * to_red
-        lead = image[..., 1] - np.maximum(image[..., 0], image[..., 2]).astype(np.float64)
-        is_lit &= lead >= 0.5 * level * (1.0 - blue - red - np.maximum(blue, red)) - 2.0 * carpet[3]
-    to_blue, to_red = blue - GREY, red - GREY
-    grey_blue, grey_red = image[..., 0] / level - GREY, image[..., 2] / level - GREY
-    saturation = (grey_blue * to_blue + grey_red * to_red) / np.maximum(to_blue**2 + to_red**2, 1e-9)
-    saturation = np.maximum(saturation, np.clip(MIN_SATURATION * known / level, MIN_SATURATION, 1.0))
-    is_hue = (np.abs(grey_blue - saturation * to_blue) < slack) & (np.abs(grey_red - saturation * to_red) < slack)
-    return np.asarray(is_lit & is_hue)
+@compiled(fastmath=True, error_model="numpy")
+def mark_carpet(image: UInt8Array, carpet: FloatArray, rows: int, columns: int, marks: UInt8Array) -> None:
+    """Mark which pixels of an image, so many rows and columns apart, are carpet; `marks` (R, C) is the result."""
+    for i in range(marks.shape[0]):
+        for j in range(marks.shape[1]):
+            y, x = i * rows, j * columns
+            b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
+            marks[i, j] = is_carpet(b, g, r, carpet)
+
+
+def carpet_marks(image: UInt8Array, carpet: FloatArray, rows: int, columns: int) -> UInt8Array:
+    """Return which pixels of an image (H, W, 3), so many rows and columns apart, are carpet: (R, C) uint8, 0 or 1."""
+    height, width = image.shape[:2]
+    marks = np.zeros((-(-height // rows), -(-width // columns)), dtype=np.uint8)
+    mark_carpet(image, carpet, rows, columns, marks)
+    return marks
+
+
+def carpet_ends(image: UInt8Array, horizon_row: int) -> FloatArray:
+    """Return where the carpet ends at the top of columns, as at the foot of a wall, below the horizon.
+
+    Returns
+    -------
+    (N, 3) float64
+        Pixels u and v, and 0: see `bands.line_points`. A column whose carpet reaches the horizon is left out.
+    """
+    top, carpet = max(horizon_row + 1, 0), np.zeros(CARPET)
+    if top + END_ROWS >= image.shape[0]:
+        return np.zeros((0, 3))
+    carpet_look(image, horizon_row, carpet)
+    marks = carpet_marks(image[top:], carpet, 1, END_STRIDE)
+    begins = np.min([marks[k : len(marks) - END_ROWS + k] for k in range(END_ROWS)], axis=0)
+    first = begins.argmax(axis=0)
+    ends = (first > 0) & begins.any(axis=0)
+    columns = END_STRIDE * np.arange(marks.shape[1])
+    return np.asarray(np.column_stack([columns, top + first - 0.5, np.zeros(len(columns))])[ends])
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.kernels.model_edges.align import LEFT_BEHIND, Alignment, align_likeliest, slopes_of
+from robocup_vision.kernels.model_edges.align import LEFT_BEHIND, Alignment, align_poses, slopes_of
+from robocup_vision.kernels.model_edges.carpet import carpet_ends
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
 from robocup_vision.kernels.model_edges.sightings import MAX_SIGHTINGS, NOD_RAD, SIGHT, Horizon, poses_around, sightings
-from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights
+from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights, with_walls
 from robocup_vision.localization.model_edges.evidence import CandidateSettings, accepted, log_weight, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
+
+_AnyPose = TypeVar("_AnyPose", bound=Pose2)
+
+_CORNERS, _QUARTER_RAD = 4, math.pi / 2
+_NO_ENDS, _NOTHING_SEEN = np.zeros((0, 3)), np.zeros((0, BINS + 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +58,10 @@ class FinderSettings:
     max_log_likelihood_drop: float = 4.0
     #: number of the likeliest whose half turns are compared, too, where the halves of the field differ
     turned: int = 2
+    #: number of the likeliest that are compared with their equivalents at the floor's other corners
+    repeated: int = 0
+    #: weight of a place where the carpet ends, in line points, where walls bound the floor: robots end it, too
+    end_weight: float = 0.0
     #: proposals and answers nearer to each other count as one
     apart_m: float = 0.2
     apart_rad: float = math.radians(6.0)
@@ -57,6 +70,8 @@ class FinderSettings:
     #: standard deviations of a pose of the bank, as the prior of its alignment
     near_m: float = 0.12
     near_rad: float = math.radians(3.5)
+    #: of tilt and roll about those that a search begins with; None: as of those at rest
+    near_tilt_roll_rad: tuple[float, float] | None = None
     #: standard deviations of a proposal, as the prior of its fit
     std_m: float = 0.10
     std_rad: float = math.radians(3.5)
@@ -93,6 +108,41 @@ THOROUGH = FinderSettings(
 )
 
 
+def for_walled_fields(field: Field) -> FinderSettings:
+    """Return the settings for a frame that shows little of a floor within walls: their feet look alike at its corners.
+
+    The answer has a candidate for each corner; where halves look alike, for half of them, each with its half turn.
+    """
+    corners = _CORNERS if field.halves_differ else _CORNERS // 2
+    # no photograph of another thing has more than 0.05 together
+    candidates = CandidateSettings(min_together=0.9, max_candidates=corners)
+    return replace(THOROUGH, fitted=24, weighed=12, repeated=4, end_weight=0.5, candidates=candidates)
+
+
+@dataclass(frozen=True, slots=True)
+class TiltedPose(Pose2):
+    """A pose of a camera with its tilt and roll."""
+
+    tilt_rad: float = 0.0
+    roll_rad: float = 0.0
+
+    def half_turn(self) -> TiltedPose:
+        """See `Pose2.half_turn`."""
+        return TiltedPose(-self.x_m, -self.y_m, self.theta_rad + math.pi, self.tilt_rad, self.roll_rad)
+
+
+class Clues(NamedTuple):
+    """What a frame shows of a field at places that no pose is needed to find."""
+
+    points: FloatArray  #: (N, 3) float64: pixels u, v on lines, see `kernels.model_edges.bands.line_points`
+    ends: FloatArray  #: (E, 3) float64: pixels u, v where the carpet ends, and 0
+    uprights: FloatArray  #: (S, 8) float64: see `kernels.model_edges.sightings.sightings`
+    seen: FloatArray  #: (K, BINS + 1) float64: see `kernels.model_edges.find.upright_bins`
+
+
+CluesAt = Callable[[float], Clues]
+
+
 class EdgeFinder:
     """Proposes poses all over the field and lets the follower's fit and verdict decide."""
 
@@ -105,7 +155,9 @@ class EdgeFinder:
         self._is_same_frame = False  # as that of the last fit
         self._scores = np.zeros((len(self._bank.places), len(self._bank.headings)))
         self._seen = np.zeros((len(self._bank.paints), BINS + 1))
-        self._rows = np.zeros((s.points, 3))
+        self._walls = with_walls(self._bank, field) if s.end_weight and field.is_bounded else None
+        self._rows, self._end_rows = np.zeros((s.points, 3)), np.zeros((s.points, 3))
+        self._end_scores = np.zeros_like(self._scores)
         self._points = np.zeros((600, 3))
         self._starts = np.zeros((s.aligned, 4))
         most = s.aligned + s.max_upright_poses
@@ -135,62 +187,104 @@ class EdgeFinder:
         return 1.0 / math.sqrt(fu * fv)
 
     @property
+    def _rest_rad(self) -> tuple[float, float]:
+        """The camera's tilt and roll at rest."""
+        camera = self.follower.camera
+        return camera.tilt_rad or 0.0, camera.roll_rad or 0.0
+
+    @property
+    def _rest_std_rad(self) -> tuple[float, float]:
+        """Standard deviations of tilt and roll about those at rest."""
+        return self.follower.sway_std_rad
+
+    @property
     def _near_std(self) -> FloatArray:
         """(5,) float64: standard deviations of a pose of the bank, and of tilt and roll, as the prior of aligning."""
         s = self.settings
-        return np.array([s.near_m, s.near_m, s.near_rad, *self.follower.sway_std_rad])
+        return np.array([s.near_m, s.near_m, s.near_rad, *(s.near_tilt_roll_rad or self._rest_std_rad)])
 
     @property
     def proposal_std(self) -> FloatArray:
         """(3,) float64: standard deviations that the prior of a proposal's fit has, m, m and rad."""
         return np.asarray(np.sqrt(self._covariance.diagonal()))
 
-    def propose(self, frame: UInt8Array) -> list[Pose2]:
+    def propose(self, frame: UInt8Array) -> list[TiltedPose]:
         """Propose poses of the camera to fit, the likeliest first."""
-        return self._likeliest(self._aligned_poses(frame, 0.0))
+        return self._likeliest(self._aligned_poses(*next(iter(self._searches(frame)))))
 
-    def _likeliest(self, aligned: FloatArray) -> list[Pose2]:
-        """Return, of poses with costs (N, 4), distinct ones whose costs are near the least, the best first."""
-        costs = aligned[:, 3]
+    def _searches(self, frame: UInt8Array) -> Iterator[tuple[CluesAt, FloatArray]]:
+        """Give the clues of a frame and tilts to search by them: the next ones where those before give no answer."""
+        rest, nods = self._rest_rad[0], self.settings.nods
+        clues = partial(self._clues, frame)
+        yield clues, np.array([rest])
+        if nods:
+            # the bank does not match far lines of a nodding body
+            yield clues, rest + np.array(nods) * self._rest_std_rad[0]
+
+    def _likeliest(self, aligned: FloatArray) -> list[TiltedPose]:
+        """Return, of poses with tilts, rolls and costs (N, 6), distinct ones with costs near the least, best first."""
+        costs = aligned[:, 5]
         likely = aligned[costs <= costs.min(initial=math.inf) + self.settings.max_more_missed]
-        poses = (Pose2(*pose) for pose in likely[np.argsort(likely[:, 3], kind="stable"), :3].tolist())
+        poses = (TiltedPose(*pose) for pose in likely[np.argsort(likely[:, 5], kind="stable"), :5].tolist())
         return self._first_apart(poses, self.settings.fitted)
 
-    def _aligned_poses(self, frame: UInt8Array, nod_rad: float) -> FloatArray:
-        """Align poses with a frame of a camera that nods by an angle: (N, 4), poses and costs in line points."""
-        s, follower, camera = self.settings, self.follower, self.follower.camera
-        tilt, roll = (camera.tilt_rad or 0.0) + nod_rad, camera.roll_rad or 0.0
-        horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt)
-        lens, seen = follower.lens, self._seen
-        count = follower.find_line_points(frame, tilt, roll, self._points)
-        upright_bins(frame, lens, horizon, self._bank.paints, self._bank.half_view_rad, seen)
-        number = floor_places(self._points, count, lens, tilt, roll, camera.height_m, s.max_range_m, self._rows)
+    def _clues(self, frame: UInt8Array, tilt_rad: float) -> Clues:
+        """Find the clues of a frame of a camera tilted so."""
+        follower, camera, bank = self.follower, self.follower.camera, self._bank
+        horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt_rad)
+        count = follower.find_line_points(frame, tilt_rad, self._rest_rad[1], self._points)
+        upright_bins(frame, follower.lens, horizon, bank.paints, bank.half_view_rad, self._seen)
         level = Horizon(horizon, camera.height_m, NOD_RAD * camera.focal_px[1])
-        many = sightings(frame, lens, level, seen, self._bank.half_view_rad, self._uprights, self._sightings)
-        seen_uprights = self._sightings[:many]
-        if number < 3 and seen[:, -1].sum() < 2:
-            return np.empty((0, 4))
-        score_bank(self._bank, self._rows, number, seen, 0.0, self._scores)
-        kept = best_poses(self._bank, self._rows, number, self._scores, s.scored, self._apart, self._starts)
-        slopes = slopes_of(self._rows[:number], tilt, roll, camera.height_m)
-        how = Alignment(
-            slopes, tilt, roll, camera.height_m, self._near_std, self._pixel_rad, self._gates_px, seen_uprights
-        )
-        tried = self._tried
-        tried[:kept] = self._starts[:kept, :3]
-        kept += poses_around(seen_uprights, camera.focal_px[0], self._half_m, s.step_m, tried[kept:])
-        starts = tried[:kept]
-        poses, costs = self._aligned[: len(starts)], self._costs[: len(starts)]
-        align_likeliest(self._bank, how, seen, s.upright_weight, starts, s.likely, poses, costs)
-        sway, _ = follower.sway_std_rad
-        # the prior of the tilt is about rest, not about the nod
-        costs += 0.5 * ((poses[:, 3] + nod_rad) ** 2 - poses[:, 3] ** 2) / (sway * sway)
-        ended = costs < 0.5 * LEFT_BEHIND
-        return np.column_stack([poses[ended, :3], costs[ended]])
+        many = sightings(frame, follower.lens, level, self._seen, bank.half_view_rad, self._uprights, self._sightings)
+        ends = _NO_ENDS if self._walls is None else carpet_ends(frame, int(horizon))
+        return Clues(self._points[:count], ends, self._sightings[:many], self._seen)
 
-    def _first_apart(self, poses: Iterable[Pose2], count: int) -> list[Pose2]:
+    def _aligned_poses(self, clues: CluesAt, tilts_rad: FloatArray) -> FloatArray:
+        """Align poses with a frame, begun at some tilts: (N, 6), poses, tilts, rolls and costs in line points."""
+        return np.vstack([np.empty((0, 6)), *(self._aligned_at(tilt, clues(tilt)) for tilt in tilts_rad.tolist())])
+
+    def _aligned_at(self, tilt: float, clues: Clues) -> FloatArray:
+        """See `_aligned_poses`; of one tilt."""
+        s, camera, bank = self.settings, self.follower.camera, self._bank
+        (rest, roll), height_m = self._rest_rad, camera.height_m
+        held = (self.follower.lens, tilt, roll, height_m, s.max_range_m)
+        number = floor_places(clues.points, len(clues.points), *held, self._rows)
+        ends = floor_places(clues.ends, len(clues.ends), *held, self._end_rows)
+        if number < 3 and clues.seen[:, -1].sum() < 2:
+            return np.empty((0, 6))
+        score_bank(bank, self._rows, number, clues.seen, 0.0, self._scores)
+        walls = bank if self._walls is None else self._walls
+        if ends:
+            score_bank(walls, self._end_rows, ends, _NOTHING_SEEN, 0.0, self._end_scores)
+            self._scores += s.end_weight * self._end_scores
+        kept = best_poses(bank, self._rows, number, self._scores, s.scored, self._apart, self._starts)
+        how = Alignment(
+            slopes_of(self._rows[:number], tilt, roll, height_m),
+            tilt,
+            roll,
+            height_m,
+            self._near_std,
+            self._pixel_rad,
+            self._gates_px,
+            clues.uprights,
+            slopes_of(self._end_rows[:ends], tilt, roll, height_m),
+            walls.distance_m,
+            s.end_weight,
+        )
+        starts = self._tried
+        starts[:kept] = self._starts[:kept, :3]
+        kept += poses_around(clues.uprights, camera.focal_px[0], self._half_m, s.step_m, starts[kept:])
+        poses, costs = self._aligned[:kept], self._costs[:kept]
+        align_poses(bank, how, clues.seen, s.upright_weight, starts[:kept], s.likely, poses, costs)
+        # the prior of the tilt is about rest, not about where its search begins
+        nod = poses[:, 3]
+        costs += 0.5 * (((tilt + nod - rest) / self._rest_std_rad[0]) ** 2 - (nod / how.std[3]) ** 2)
+        ended = costs < 0.5 * LEFT_BEHIND
+        return np.column_stack([poses[ended] + (0.0, 0.0, 0.0, tilt, roll), costs[ended]])
+
+    def _first_apart(self, poses: Iterable[_AnyPose], count: int) -> list[_AnyPose]:
         """Return the first distinct poses, at most this number."""
-        chosen: list[Pose2] = []
+        chosen: list[_AnyPose] = []
         for pose in poses:
             if not any(self._is_same(pose, other) for other in chosen):
                 chosen.append(pose)
@@ -210,16 +304,16 @@ class EdgeFinder:
 
     def find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
         """Locate the camera by one BGR frame; `near` is the last pose of a lost camera, which may be near it."""
+        frame = self.follower.copy_of(frame)
         turned = [] if near is None else self._turned(near)
-        if not self.settings.nods:
-            return self.judge(frame, [*turned, *self.propose(frame)], near)
-        aligned = self._aligned_poses(frame, 0.0)
-        answer = self.judge(frame, [*turned, *self._likeliest(aligned)], near)
-        if answer or not len(aligned):
-            return answer
-        # the bank does not match far lines of a nodding body: poses by other tilts are compared, too
-        nods = [self._aligned_poses(frame, ratio * self.follower.sway_std_rad[0]) for ratio in self.settings.nods]
-        return self.judge(frame, self._likeliest(np.vstack([aligned, *nods])), near)
+        aligned = np.empty((0, 6))
+        for clues, tilts in self._searches(frame):
+            aligned = np.vstack([aligned, self._aligned_poses(clues, tilts)])
+            answer = self.judge(frame, [*turned, *self._likeliest(aligned)], near)
+            if answer or not len(aligned):
+                break
+            turned = []
+        return answer
 
     def _turned(self, near: Pose2) -> list[Pose2]:
         """Return poses at a place with headings over a lost robot's error, in steps that a fit converges over."""
@@ -255,6 +349,8 @@ class EdgeFinder:
                 f" (the tilt puts the horizon at row {horizon:.0f} of {camera.size_px[1]})"
             )
         places = self._places(frame, proposals, near)
+        likes = [like for pose in places[: s.repeated] for like in self._likes(pose)]
+        places = self._first_apart([*places, *likes], len(places) + len(likes))
         if not places:
             tried = len(proposals)
             return NotLocated(f"none of the {tried} likeliest poses has {s.min_inliers} places on edges in this frame")
@@ -307,6 +403,28 @@ class EdgeFinder:
         return self._first_apart(
             (pose for weight, pose in ends if weight > ends[0][0] - s.max_log_likelihood_drop), s.weighed
         )
+
+    def _likes(self, pose: Pose2) -> list[Pose2]:
+        """Return the poses on the floor that see its other corners where this one sees the nearest corner ahead."""
+        field = self.follower.field
+        low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
+        corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+        off = corners - (pose.x_m, pose.y_m)
+        bearing = [abs(wrap_angle(math.atan2(y, x) - pose.theta_rad)) for x, y in off.tolist()]
+        away = np.where(np.array(bearing) < self._bank.half_view_rad, np.hypot(*off.T), math.inf)
+        ahead = int(np.argmin(away))
+        # without a corner in view only the half turn of the floor shows the same
+        turns = (1, 2, 3) if math.isfinite(away[ahead]) else (2,)
+        likes = []
+        for turn in turns:
+            c, s = math.cos(turn * _QUARTER_RAD), math.sin(turn * _QUARTER_RAD)
+            x, y = corners[(ahead + turn) % _CORNERS] - np.array([[c, -s], [s, c]]) @ off[ahead]
+            like = Pose2(float(x), float(y), wrap_angle(pose.theta_rad + turn * _QUARTER_RAD))
+            if not field.is_on_floor(like.x_m, like.y_m):
+                continue
+            # of two halves that look alike the bank has one
+            likes.append(like.half_turn() if like.x_m < 0 and not field.halves_differ else like)
+        return likes
 
     def _end(self, answer: FollowedCamera | NotLocated) -> Pose2:
         """Return the result of the last fit, by the frame alone; with the prior where it was not accepted."""

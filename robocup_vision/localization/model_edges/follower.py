@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
+import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError
@@ -124,10 +125,23 @@ def _edge_points(pixels: FloatArray, status: Int64Array) -> EdgePoints:
 
 
 class EdgeFollower:
-    """Follows one camera on one field."""
+    """Follows one camera on one field.
 
-    def __init__(self, field: Field, camera: PinholeCamera, settings: EdgeSettings | None = None) -> None:
-        self.field, self.camera = field, camera
+    Parameters
+    ----------
+    camera : PinholeCamera
+        That of whole frames.
+    reduction : int
+        Frames are followed in copies this many times smaller. In these a blur, which lengthens the step of a line, is
+        shorter by the same factor.
+    """
+
+    def __init__(
+        self, field: Field, camera: PinholeCamera, settings: EdgeSettings | None = None, reduction: int = 1
+    ) -> None:
+        self.field, self.file_camera, self.reduction = field, camera, reduction
+        #: of the copies
+        self.camera = camera = smaller_camera(camera, reduction)
         self.settings = settings or EdgeSettings()
         self._for_proposals = self.settings.for_proposals()
         self.edges = field_edges(field, self.settings.lines_end_m)
@@ -173,7 +187,7 @@ class EdgeFollower:
 
     def with_camera(self, camera: PinholeCamera) -> EdgeFollower:
         """Return a follower that goes on with another calibration of its camera, from where this one is."""
-        other = EdgeFollower(self.field, camera, self.settings)
+        other = EdgeFollower(self.field, camera, self.settings, self.reduction)
         other.state = self.state
         if self._knows_paint:
             other._show_paint(self._paint_ratio)
@@ -188,6 +202,7 @@ class EdgeFollower:
 
         The deviation carried from frame to frame is at most as uncertain as these.
         """
+        self.file_camera = self.file_camera.held_as(camera)
         self.camera = camera = self.camera.held_as(camera)
         self.sway_std_rad = tilt_std, roll_std = camera.sway_std_rad(self.settings.sway_std_rad)
         self._camera_prior[0, :3] = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
@@ -246,13 +261,22 @@ class EdgeFollower:
         self._sway[:], self._last_pose, self._log_odds = state.sway, state.last_pose, state.log_odds
 
     def edge_points(self) -> EdgePoints:
-        """Return the edges that the last fit predicts, and their states in its frame."""
+        """Return the edges that the last fit predicts, in pixels of the whole frame, and their states in it."""
         return self.edge_points_when_asked()()
 
     def edge_points_when_asked(self) -> Callable[[], EdgePoints]:
         """Return a function that returns `edge_points` of this fit, also after other frames."""
-        count = int(self._fit.figures[0])
-        return partial(_edge_points, self._buffers.samples.uv[:count].copy(), self._buffers.found.status[:count].copy())
+        count, camera = int(self._fit.figures[0]), self.camera
+        pixels, status = self._buffers.samples.uv[:count].copy(), self._buffers.found.status[:count].copy()
+        if self.reduction > 1:
+            pixels = (pixels + 0.5) * np.divide(self.file_camera.size_px, camera.size_px) - 0.5
+        return partial(_edge_points, pixels, status)
+
+    def copy_of(self, frame: UInt8Array) -> UInt8Array:
+        """Return the copy of a frame that is followed; the frame itself if it is as small."""
+        if frame.shape[1::-1] == self.camera.size_px:
+            return frame
+        return np.asarray(cv2.resize(frame, self.camera.size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
     def find_line_points(self, frame: UInt8Array, tilt_rad: float, roll_rad: float, points: FloatArray) -> int:
         """Find points on lines without a pose, and learn the brightness of white paint from them.
@@ -344,7 +368,7 @@ class EdgeFollower:
         Parameters
         ----------
         frame : (H, W, 3) uint8
-            BGR, of the camera's size.
+            BGR, of the camera's size; or its copy, see `copy_of`.
         modes : int
             Greatest number of places near the prior that are examined.
         is_proposal : bool
@@ -352,6 +376,7 @@ class EdgeFollower:
         is_same_frame : bool
             Whether the last call was of this frame and tilt at rest, too: the carpet's colour is kept.
         """
+        frame = self.copy_of(frame)
         if dt_s != self._dt_s:
             self._pass_time(dt_s)
         if not self._knows_paint:
@@ -392,11 +417,12 @@ class EdgeFollower:
         self._last_pose = pose = Pose2(p[0], p[1], p[2])
         np.subtract(self._fitted_camera, self._camera_prior[0], out=self._sway[0])
         self._sway[1] = self._fitted_variances
-        estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, evidence.rms_px)
+        residual_px = self.reduction * evidence.rms_px
+        estimate = PoseEstimate(pose, fit.covariance[:3, :3], evidence.found_ratio, residual_px)
         likelihood = PoseLikelihood(pose, fit.information.copy(), fit.gradient.copy())
         camera_unknowns, covariance = (p[3], p[4], p[5], p[6]), fit.covariance[3:, 3:].copy()
         return FollowedCamera(
-            estimate, likelihood, self.camera, camera_unknowns, covariance, evidence, tells_half=self._shows_half()
+            estimate, likelihood, self.file_camera, camera_unknowns, covariance, evidence, tells_half=self._shows_half()
         )
 
     def _shows_half(self) -> bool:
@@ -407,3 +433,18 @@ class EdgeFollower:
         status = self._buffers.found.status[:count][self._telling[self._buffers.samples.feature[:count]]]
         found = int(np.count_nonzero(status == FOUND))
         return found >= self.settings.min_telling and 2 * found > int(np.count_nonzero(status != UNSEEN))
+
+
+def smaller_camera(camera: PinholeCamera, factor: int) -> PinholeCamera:
+    """Return the camera whose frames are this many times smaller."""
+    if factor == 1:
+        return camera
+    size_px = (camera.size_px[0] // factor, camera.size_px[1] // factor)
+    across, down = camera.size_px[0] / size_px[0], camera.size_px[1] / size_px[1]
+    return replace(
+        camera,
+        size_px=size_px,
+        focal_px=(camera.focal_px[0] / across, camera.focal_px[1] / down),
+        center_px=((camera.center_px[0] + 0.5) / across - 0.5, (camera.center_px[1] + 0.5) / down - 0.5),
+        focal_std_px=camera.focal_std_px / factor,
+    )

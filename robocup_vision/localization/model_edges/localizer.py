@@ -18,11 +18,9 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.hypothesis import pose_offset
 from robocup_vision.localization.forward import GoalLocalizer
 from robocup_vision.localization.localizer import FrameEvidence, Localization
-from robocup_vision.localization.model_edges.finder import EdgeFinder
+from robocup_vision.localization.model_edges.finder import EdgeFinder, for_walled_fields
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera, FollowerState
-from robocup_vision.localization.model_edges.second_look import SecondLook
 from robocup_vision.localization.model_edges.settings import EdgeSettings
-from robocup_vision.localization.model_edges.wide_finder import WideFinder
 
 # or a function that makes them
 _Points = EdgePoints | Callable[[], EdgePoints]
@@ -42,10 +40,13 @@ class EdgeLocalizer:
         settings: EdgeSettings | None = None,
     ) -> None:
         self.follower = EdgeFollower(field, camera, settings)
-        self._second_look = SecondLook(field, camera, self.follower.settings)
+        # of frames that confirm nothing, by their reductions
+        self._doubting: dict[int, EdgeFollower] = {}
         self._finder: EdgeFinder | None = None
-        self._wide_finder: WideFinder | None = None
-        self._has_copies = WideFinder.serves(*self._whose)
+        self._doubting_finder: EdgeFinder | None = None
+        self._reductions = self.follower.settings.reductions(camera.size_px[0])
+        # feet of walls lie beside the lines, and stand out in smaller copies
+        self._has_walls = field.is_bounded and max(self._reductions) > 1
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._held = camera  # as in the last look
@@ -54,7 +55,8 @@ class EdgeLocalizer:
     def forget(self) -> None:
         """See `Localizer.forget`."""
         self.follower.forget()
-        self.follower.forget_paint()
+        for follower in (self.follower, *self._doubting.values()):
+            follower.forget_paint()
         self._last_s: float | None = None
         self._was_located = False  # in the last look
         self._located_s: float | None = None  # when it was last
@@ -64,9 +66,9 @@ class EdgeLocalizer:
         """Return a localiser that goes on with another calibration of its camera."""
         other = copy(self)
         other.follower = self.follower.with_camera(camera)
-        other._second_look = SecondLook(self.follower.field, camera, self.follower.settings)
+        other._doubting = {}
         other._finder = None if self._finder is None else self._finder.with_follower(other.follower)
-        other._goal = other._wide_finder = None
+        other._goal = other._doubting_finder = None
         other._held = camera
         return other
 
@@ -96,11 +98,11 @@ class EdgeLocalizer:
             if isinstance(by_goal, Localization):
                 return by_goal
             answer = answer if by_goal is None else by_goal
-        if isinstance(answer, NotLocated) and prior is None and self._has_copies:
-            found = self._made_wide_finder().find(evidence.frame)
+        if isinstance(answer, NotLocated) and prior is None and self._has_walls:
+            found = self._made_doubting_finder().find(evidence.frame)
             if found:
-                answer, points = found, self._made_wide_finder().edge_points()
-                self.follower.state = self._made_wide_finder().follower.state
+                answer, points = found, self._follower_of(max(self._reductions)).edge_points()
+                self.follower.state = self._follower_of(max(self._reductions)).state
         if isinstance(answer, NotLocated):
             return Localization(answer, camera, edge_points=points or self.follower.edge_points_when_asked())
         back = camera.camera_in_robot.inverse()
@@ -116,15 +118,13 @@ class EdgeLocalizer:
         if camera.height_m != self._held.height_m:
             self._goal = None
         self._held = camera
-        self.follower.hold(camera)
-        self._second_look.hold(camera)
-        if self._wide_finder is not None:
-            self._wide_finder.follower.hold(camera)
+        for follower in (self.follower, *self._doubting.values()):
+            follower.hold(camera)
 
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate
     ) -> tuple[FollowedCamera | NotLocated, _Points | None]:
-        """Follow by the frame, or by a second look that shows more; with its edges where it is the answer."""
+        """Follow by the frame, or by a second look that shows more; with the edges where not of the first look."""
         before, dt_s = self.follower.state, self._passed(evidence.t_s)
         answer = first = self.follower.follow(evidence.frame, near, dt_s)
         points: _Points | None = None
@@ -132,13 +132,41 @@ class EdgeLocalizer:
             answer, points = self._follow_slipped(evidence, near, dt_s, before, first)
             if first and not answer:
                 return answer, points
-        if answer and not (self._has_copies and answer.evidence.position_std_m >= self.follower.settings.open_m):
-            return answer, points
-        again = self._second_look.follow(evidence.frame, near, dt_s, before, answer, may_compare=self._has_copies)
-        if not again:
-            return answer, points
-        self.follower.state = self._second_look.state
-        return again, self._second_look.edge_points()
+        return self._look_again(evidence, near, dt_s, before, answer, points)
+
+    def _look_again(
+        self,
+        evidence: FrameEvidence,
+        near: PoseEstimate,
+        dt_s: float,
+        before: FollowerState,
+        answer: FollowedCamera | NotLocated,
+        points: _Points | None,
+    ) -> tuple[FollowedCamera | NotLocated, _Points | None]:
+        """Follow a frame again that confirms no pose, or next to none: by lines of other widths, in smaller copies.
+
+        A line may be two tapes side by side, or worn. A blurred one is a slope as wide as the blur: a search of a few
+        pixels sees too little of the step, and takes its border for something other than carpet.
+        """
+        s = self.follower.settings
+        std_m = answer.evidence.position_std_m if answer else math.inf
+        for reduction in self._reductions:
+            if std_m < (s.open_m if self._has_walls else math.inf):
+                break
+            follower = self._follower_of(reduction)
+            follower.state = before
+            found = follower.follow(evidence.frame, near, dt_s)
+            if found and found.evidence.position_std_m < s.less_open * std_m:
+                std_m = found.evidence.position_std_m
+                answer, points, self.follower.state = found, follower.edge_points_when_asked(), follower.state
+        return answer, points
+
+    def _follower_of(self, reduction: int) -> EdgeFollower:
+        """Return the follower of frames that confirm nothing, in copies so many times smaller."""
+        if reduction not in self._doubting:
+            field, camera, settings = self.follower.field, self.follower.camera, self.follower.settings
+            self._doubting[reduction] = EdgeFollower(field, camera, settings.for_doubted_frames(), reduction)
+        return self._doubting[reduction]
 
     def _follow_slipped(
         self,
@@ -205,14 +233,11 @@ class EdgeLocalizer:
             self._finder = EdgeFinder(self.follower)
         return self._finder
 
-    def _made_wide_finder(self) -> WideFinder:
-        if self._wide_finder is None:
-            self._wide_finder = WideFinder(*self._whose)
-        return self._wide_finder
-
-    @property
-    def _whose(self) -> tuple[Field, PinholeCamera, EdgeSettings]:
-        return self.follower.field, self.follower.camera, self.follower.settings
+    def _made_doubting_finder(self) -> EdgeFinder:
+        if self._doubting_finder is None:
+            follower = self._follower_of(max(self._reductions))
+            self._doubting_finder = EdgeFinder(follower, for_walled_fields(follower.field))
+        return self._doubting_finder
 
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
         """Search for a goal: its pose by all edges where they confirm it, by the goal alone where they do not decide.

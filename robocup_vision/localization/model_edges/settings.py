@@ -145,6 +145,10 @@ class EdgeSettings:
     prior_std_m: float = 0.15
     prior_std_rad: float = 0.1
 
+    def reductions(self, width_px: int) -> list[int]:
+        """Return the factors by which a frame of this width is reduced where it is examined again."""
+        return [k for k in self.copy_factors if k == 1 or width_px >= k * self.min_copy_px]
+
     def for_doubted_frames(self) -> EdgeSettings:
         """Return the settings for a frame that confirmed nothing: it may be blurred, or its lines wider."""
         return replace(self, max_line_widths=self.max_doubted_line_widths, ample_samples=math.inf)

@@ -8,6 +8,7 @@ the lines with tilt and roll as unknowns, then fitted and accepted as in `EdgeFi
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,19 +18,15 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.model_edges.align import Alignment, align_all
 from robocup_vision.kernels.model_edges.bands import line_bands
-from robocup_vision.kernels.model_edges.carpet import LIT_CARPET, carpet_look, carpet_mask
-from robocup_vision.kernels.model_edges.find import best_poses, floor_places, score_bank
+from robocup_vision.kernels.model_edges.carpet import LIT_CARPET, carpet_look, carpet_marks
 from robocup_vision.kernels.model_edges.follow import brightness
-from robocup_vision.kernels.model_edges.sightings import SIGHT
-from robocup_vision.localization.model_edges.finder import THOROUGH, EdgeFinder
+from robocup_vision.localization.model_edges.finder import THOROUGH, Clues, CluesAt, EdgeFinder, TiltedPose
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 # distance beyond the outer lines from which no line is the field's
 _BEYOND_M = 0.3
-_NO_SIGHTINGS = np.zeros((0, SIGHT))
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,18 +64,6 @@ class TiltSettings:
     height_std_m: float = 0.03
 
 
-@dataclass(frozen=True, slots=True)
-class TiltedPose(Pose2):
-    """A pose of a camera with its tilt and roll."""
-
-    tilt_rad: float = 0.0
-    roll_rad: float = 0.0
-
-    def half_turn(self) -> TiltedPose:
-        """See `Pose2.half_turn`."""
-        return TiltedPose(-self.x_m, -self.y_m, self.theta_rad + math.pi, self.tilt_rad, self.roll_rad)
-
-
 class TiltFinder(EdgeFinder):
     """Proposes poses and tilts by the lines of a frame.
 
@@ -100,7 +85,14 @@ class TiltFinder(EdgeFinder):
         )
         # one frame must decide: all samples count
         edges = EdgeSettings(in_sun_and_shade=True, ample_samples=math.inf, lines_end_m=_BEYOND_M)
-        super().__init__(EdgeFollower(field, level, edges), THOROUGH)
+        how = replace(
+            THOROUGH,
+            scored=settings.scored,
+            aligned=settings.aligned,
+            near_tilt_roll_rad=settings.bank_std_rad,
+            upright_weight=0.0,
+        )
+        super().__init__(EdgeFollower(field, level, edges), how)
         self._bands = np.zeros((600, 4))
         focal = math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         roll_std = settings.roll_std_rad if camera.roll_std_rad is None else camera.roll_std_rad
@@ -108,40 +100,25 @@ class TiltFinder(EdgeFinder):
             [settings.tilt_std_rad, roll_std, level.height_std_m, max(camera.focal_std_px / focal, 1e-6)]
         )
 
-    def propose(self, frame: UInt8Array) -> list[Pose2]:
-        """See `EdgeFinder.propose`; these are `TiltedPose`."""
-        s, tilts, follower, camera = self.settings, self._tilts, self.follower, self.follower.camera
+    @property
+    def _rest_rad(self) -> tuple[float, float]:
+        return 0.0, self._file_camera.roll_rad or 0.0
+
+    @property
+    def _rest_std_rad(self) -> tuple[float, float]:
+        tilt_std, roll_std = self._known_std[:2].tolist()
+        return tilt_std, roll_std
+
+    def _searches(self, frame: UInt8Array) -> Iterator[tuple[CluesAt, FloatArray]]:
         top = self._carpet_top(frame)
         bands = self._line_bands(frame, top)
-        if len(bands) < tilts.min_bands:
-            return []
-        lowest, highest = self._tilt_bounds(bands, top)
-        count = max(math.ceil((highest - lowest) / tilts.step_rad), 1)
-        points = np.ascontiguousarray(bands[:, :3])
-        slopes = np.ascontiguousarray((np.array(camera.center_px) - bands[:, :2]) / np.array(camera.focal_px))
-        slopes = slopes[:: max(len(slopes) // s.points, 1)].copy()
-        std = np.array([s.near_m, s.near_m, s.near_rad, *tilts.bank_std_rad])
-        starts = np.zeros((tilts.aligned, 4))
-        found: list[tuple[float, TiltedPose]] = []
-        roll = self._file_camera.roll_rad or 0.0
-        for tilt in lowest + (np.arange(count) + 0.5) * (highest - lowest) / count:
-            number = floor_places(
-                points, len(points), follower.lens, tilt, roll, camera.height_m, s.max_range_m, self._rows
-            )
-            if number < tilts.min_bands // 2:
-                continue
-            score_bank(self._bank, self._rows, number, self._seen, 0.0, self._scores)
-            kept = best_poses(self._bank, self._rows, number, self._scores, tilts.scored, self._apart, starts)
-            how = Alignment(slopes, tilt, roll, camera.height_m, std, self._pixel_rad, self._gates_px, _NO_SIGHTINGS)
-            poses, costs = self._aligned[:kept], self._costs[:kept]
-            align_all(self._bank, how, self._seen, 0.0, np.ascontiguousarray(starts[:kept, :3]), poses, costs)
-            for cost, (x, y, theta, nod, sway) in zip(costs.tolist(), poses.tolist(), strict=True):
-                # the bank's tilt is no evidence
-                bare = cost - 0.5 * (nod / std[3]) ** 2
-                found.append((bare, TiltedPose(x, y, theta, float(tilt) + nod, roll + sway)))
-        found.sort(key=lambda one: one[0])
-        likely = (pose for cost, pose in found if cost <= found[0][0] + s.max_more_missed)
-        return self._first_apart(likely, s.fitted)
+        clues = Clues(np.ascontiguousarray(bands[:, :3]), np.zeros((0, 3)), self._sightings[:0], self._seen)
+        tilts = np.empty(0)
+        if len(bands) >= self._tilts.min_bands:
+            lowest, highest = self._tilt_bounds(bands, top)
+            count = max(math.ceil((highest - lowest) / self._tilts.step_rad), 1)
+            tilts = lowest + (np.arange(count) + 0.5) * (highest - lowest) / count
+        yield (lambda _: clues), tilts
 
     def _carpet_top(self, frame: UInt8Array) -> int:
         """Return the row down to which less than half of each row is carpet: the horizon is not below it."""
@@ -149,7 +126,7 @@ class TiltFinder(EdgeFinder):
         carpet = np.zeros(LIT_CARPET)
         carpet_look(frame, int(tilts.carpet_top * height), carpet)
         stride = max(round(tilts.stride_ratio * frame.shape[1]) // 2, 1)
-        carpet_ratios = carpet_mask(frame[::stride, ::stride], carpet).mean(axis=1)
+        carpet_ratios = carpet_marks(frame, carpet, stride, stride).mean(axis=1)
         bare = np.flatnonzero(carpet_ratios < tilts.min_carpet_ratio)
         return stride * int(bare[-1] + 1) if len(bare) and bare[-1] + 1 < len(carpet_ratios) else 0
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from robocup_vision.estimates import EdgeState, PoseEstimate
+from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.model_edges.follower import EdgeFollower
-from robocup_vision.localization.model_edges.second_look import SecondLook
+from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.vision import Vision
 
@@ -35,10 +36,9 @@ def blurred_shot(spl_shot):
 def test_a_blurred_frame_is_followed_in_a_smaller_copy(blurred_shot):
     prior = PoseEstimate(blurred_shot.pose, np.diag(STD**2), 1.0, 0.0)
     whole = EdgeFollower(blurred_shot.field, blurred_shot.camera)
-    before = whole.state
     assert not whole.follow(blurred_shot.frame, prior)
-    follower = SecondLook(blurred_shot.field, blurred_shot.camera, EdgeSettings())
-    answer = follower.follow(blurred_shot.frame, prior, 1 / 30, before)
+    follower = EdgeFollower(blurred_shot.field, blurred_shot.camera, EdgeSettings().for_doubted_frames(), reduction=3)
+    answer = follower.follow(blurred_shot.frame, prior)
     assert answer
     away, turn = answer.estimate.pose.error_to(blurred_shot.pose)
     assert away < 0.06
@@ -65,18 +65,26 @@ def test_the_edges_are_told_in_pixels_of_the_whole_frame(blurred_shot):
     assert np.mean(light[rows[inside], columns[inside]] > np.median(light)) > 0.7
 
 
-def test_a_small_frame_is_looked_at_in_its_own_size_only(fl_shot):
-    prior = PoseEstimate(fl_shot.pose, np.diag(STD**2), 1.0, 0.0)
-    before = EdgeFollower(fl_shot.field, fl_shot.camera).state
-    answer = SecondLook(fl_shot.field, fl_shot.camera, EdgeSettings()).follow(fl_shot.frame, prior, 1 / 30, before)
-    assert answer
-    no_copy = EdgeSettings(copy_factors=(2, 3))
-    assert not SecondLook(fl_shot.field, fl_shot.camera, no_copy).follow(fl_shot.frame, prior, 1 / 30, before)
+def test_a_follower_of_copies_tells_residuals_and_focal_length_of_the_whole_frame(spl_shot):
+    prior = PoseEstimate(spl_shot.pose, np.diag(STD**2), 1.0, 0.0)
+    whole, half = (EdgeFollower(spl_shot.field, spl_shot.camera, reduction=k) for k in (1, 2))
+    in_whole, in_half = whole.follow(spl_shot.frame, prior), half.follow(spl_shot.frame, prior)
+    assert in_whole
+    assert in_half
+    assert in_half.estimate.pose.error_to(in_whole.estimate.pose) == pytest.approx((0.0, 0.0), abs=0.02)
+    assert in_half.estimate.residual_px == pytest.approx(2 * in_half.evidence.rms_px)
+    assert in_half.as_fitted(spl_shot.camera).focal_px == pytest.approx(in_whole.as_fitted(spl_shot.camera).focal_px)
+    # where it is followed again, the copy is the same
+    assert half.copy_of(half.copy_of(spl_shot.frame)).shape == half.copy_of(spl_shot.frame).shape
+
+
+def test_a_small_frame_has_no_copy():
+    edges = EdgeSettings()
+    assert [edges.reductions(width_px) for width_px in (208, 416, 640)] == [[1], [1, 2], [1, 2, 3]]
 
 
 def test_a_frame_without_a_field_confirms_nothing_in_a_second_look_either(blurred_shot):
     prior = PoseEstimate(blurred_shot.pose, np.diag(STD**2), 1.0, 0.0)
-    before = EdgeFollower(blurred_shot.field, blurred_shot.camera).state
     noise = np.random.default_rng(2).integers(0, 256, blurred_shot.frame.shape).astype(np.uint8)
-    follower = SecondLook(blurred_shot.field, blurred_shot.camera, EdgeSettings())
-    assert not follower.follow(noise, prior, 1 / 30, before)
+    evidence = FrameEvidence(noise, blurred_shot.camera, None, None, np.empty(0), np.empty(0, dtype=np.int64))
+    assert not EdgeLocalizer(blurred_shot.field, blurred_shot.camera).locate(evidence, prior).pose

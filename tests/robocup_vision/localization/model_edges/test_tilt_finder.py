@@ -9,7 +9,8 @@ import pytest
 from field_models import load_field
 from robocup_vision import NotLocated, Vision
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.model_edges.tilt_finder import TiltedPose, TiltFinder
+from robocup_vision.localization.model_edges.finder import TiltedPose
+from robocup_vision.localization.model_edges.tilt_finder import TiltFinder
 from sim2d.rendering.goal.scenes import nao_camera
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Room, Scene

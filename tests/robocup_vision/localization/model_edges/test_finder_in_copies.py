@@ -12,9 +12,10 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.localizer import FrameEvidence
+from robocup_vision.localization.model_edges.finder import EdgeFinder, for_walled_fields
+from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
 from robocup_vision.localization.model_edges.settings import EdgeSettings
-from robocup_vision.localization.model_edges.wide_finder import WideFinder, smallest_copy
 from robocup_vision.vision import Vision
 from sim2d.rendering.motion_blur import motion_blur
 from sim2d.rendering.pinhole import render_pinhole
@@ -57,12 +58,16 @@ def frame_at(pose, blur_px):
     return motion_blur(np.clip(light, 0, 255).astype(np.uint8), *blur_px)
 
 
+def finder_of_copies():
+    return EdgeFinder(EdgeFollower(HALF, CAMERA, EdgeSettings().for_doubted_frames(), 3), for_walled_fields(HALF))
+
+
 def off_m(candidates, truth):
     return min(one.error_to(truth)[0] for one in candidates)
 
 
 def test_a_blurred_frame_of_wide_lines_is_located_among_the_corners_that_look_alike(blurred):
-    answer = WideFinder(HALF, CAMERA, EdgeSettings()).find(blurred.frame)
+    answer = finder_of_copies().find(blurred.frame)
     assert answer
     candidates = answer.estimate.candidates
     assert off_m(candidates, blurred.camera_pose) < 0.05
@@ -96,15 +101,6 @@ def test_what_leaves_the_position_open_is_looked_at_in_smaller_copies_beside_boa
 
 def test_a_picture_of_noise_is_not_located():
     rng = np.random.default_rng(5)
-    finder = WideFinder(HALF, CAMERA, EdgeSettings())
+    finder = finder_of_copies()
     assert not finder.find(rng.integers(0, 255, (480, 640, 3), dtype=np.uint8))
     assert not finder.find(np.full((480, 640, 3), (50, 130, 45), dtype=np.uint8))
-
-
-def test_it_serves_fields_with_boards_and_frames_that_have_smaller_copies():
-    edges = EdgeSettings()
-    assert WideFinder.serves(HALF, CAMERA, edges)
-    assert not WideFinder.serves(load_field("spl_2020"), CAMERA, edges)
-    small = replace(CAMERA, size_px=(208, 160), center_px=(103.5, 79.5))
-    assert not WideFinder.serves(HALF, small, edges)
-    assert [smallest_copy(one, edges) for one in (CAMERA, small)] == [3, 1]
