@@ -36,7 +36,7 @@ from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.follow import brightness
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import search
-from robocup_vision.kernels.model_edges.tables import HEIGHT, LOG_FOCAL, ROLL, TILT, UNKNOWNS, empty_room
+from robocup_vision.kernels.model_edges.tables import HEIGHT, LOG_FOCAL, ROLL, TILT, UNKNOWNS, empty_buffers
 from robocup_vision.localization.model_edges.field_edges import field_edges
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
 from robocup_vision.view import View
@@ -92,7 +92,7 @@ class PinholeEvidence:
         self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
         follow = EdgeSettings().for_width(camera.size_px[0], field.line_width_m)
         self._numbers, self._edges = follow, field_edges(field)
-        self._workspace = empty_room(_MAX_SAMPLES, 0)
+        self._workspace = empty_buffers(_MAX_SAMPLES, 0)
         self._workspace.reach_px[:] = own.reach_px * px
         # when the last view was taken and how the camera was held: heading, tilt, roll
         self._held: tuple[float, tuple[float, float, float]] | None = None

@@ -19,7 +19,7 @@ from robocup_vision.kernels.model_edges.find import Bank, upright_mismatch
 
 SIZE = 5  # x, y, heading, tilt, roll
 FAR = 1e3  # pixels, of a point beside the field
-LEFT_BEHIND = 1e9  # cost of a pose that is not moved on; a loop of fast mathematics knows no infinity
+DROPPED = 1e9  # cost of a pose that is not moved on; a loop of fast mathematics knows no infinity
 
 
 class Alignment(NamedTuple):
@@ -37,7 +37,7 @@ class Alignment(NamedTuple):
         Angle of one pixel.
     gates_px : (G,) float64
         Scale of the robust weight in each step; the last one is that of the score too.
-    sights : (S, 8) float64
+    uprights : (S, 8) float64
         Beacons and posts, as `sightings.sightings` returns them; their bearings and sizes are weighed as line points.
     ends : (E, 2) float64
         Where the carpet ends, as `slopes`: at the feet of walls, or of what stands before them.
@@ -54,7 +54,7 @@ class Alignment(NamedTuple):
     std: FloatArray
     pixel_rad: float
     gates_px: FloatArray
-    sights: FloatArray
+    uprights: FloatArray
     ends: FloatArray
     walls_m: Float32Array
     end_weight: float
@@ -133,9 +133,9 @@ def _weigh_points(
         aside2 = pixel * pixel * slant2
         one = 1.0 / math.sqrt((along * along * upward2 + across * across * aside2) / away2 + cell2)
         off = distance_m[v, u] * one
-        share = 1.0 / (1.0 + off * off / gate2)
-        total += one_weight * (1.0 - share)
-        weight = one_weight * share * share
+        root_weight = 1.0 / (1.0 + off * off / gate2)
+        total += one_weight * (1.0 - root_weight)
+        weight = one_weight * root_weight * root_weight
         factor2 = height / (up * up)
         r0, r1, r2 = gx * one, gy * one, (ry * x - rx * y) * one
         r3 = (rx * (up * up + ahead * ahead) + ry * left * ahead) * factor2 * one
@@ -186,32 +186,32 @@ def _weigh_points(
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
-def _sight(how: Alignment, pose: FloatArray, n: int, rows: FloatArray) -> tuple[float, float]:
+def _upright_residuals(how: Alignment, pose: FloatArray, n: int, rows: FloatArray) -> tuple[float, float]:
     """Bearing and size of a sighting less what a pose predicts, both in pixels, and their derivatives (2, 5)."""
-    sights = how.sights
+    uprights = how.uprights
     best, dx, dy = 9.0, 0.0, 0.0
     for k in range(2):
-        if k == 1 and sights[n, 2] == sights[n, 0] and sights[n, 3] == sights[n, 1]:
+        if k == 1 and uprights[n, 2] == uprights[n, 0] and uprights[n, 3] == uprights[n, 1]:
             break
-        ex, ey = sights[n, 2 * k] - pose[0], sights[n, 2 * k + 1] - pose[1]
-        turn = math.atan2(ey, ex) - pose[2] - sights[n, 4]
+        ex, ey = uprights[n, 2 * k] - pose[0], uprights[n, 2 * k + 1] - pose[1]
+        turn = math.atan2(ey, ex) - pose[2] - uprights[n, 4]
         turn -= math.tau * math.floor((turn + math.pi) / math.tau)
         if abs(turn) < abs(best):
             best, dx, dy = turn, ex, ey
     away2 = max(dx * dx + dy * dy, 0.01)
     away = math.sqrt(away2)
-    size = sights[n, 5] / (how.pixel_rad * away * math.cos(sights[n, 4]))
+    size = uprights[n, 5] / (how.pixel_rad * away * math.cos(uprights[n, 4]))
     for j in range(SIZE):
         rows[0, j], rows[1, j] = 0.0, 0.0
     rows[0, 0], rows[0, 1] = dy / (away2 * how.pixel_rad), -dx / (away2 * how.pixel_rad)
     rows[0, 2] = -1.0 / how.pixel_rad
     rows[1, 0], rows[1, 1] = size * dx / away2, size * dy / away2
-    return best / how.pixel_rad, size - sights[n, 6]
+    return best / how.pixel_rad, size - uprights[n, 6]
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
-def _room() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return room to work in: derivatives of a sighting, system and step."""
+def _work_arrays() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return arrays to work in: derivatives of a sighting, system and step."""
     return np.zeros((2, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE)
 
 
@@ -223,11 +223,11 @@ def _advance(
     start: FloatArray,
     gate_px: float,
     moves: bool,
-    room: tuple[FloatArray, FloatArray, FloatArray],
+    work: tuple[FloatArray, FloatArray, FloatArray],
     pose: FloatArray,
 ) -> float:
     """Move a pose by one step to some line points if it is to move, and return what it cost before."""
-    rows, system, step = room
+    rows, system, step = work
     grid = (bank.origin_m[0], bank.origin_m[1], bank.cell_m)
     camera = (how.tilt_rad, how.roll_rad, how.height_m, how.pixel_rad)
     gate2 = gate_px**2
@@ -241,13 +241,13 @@ def _advance(
     cost += _weigh_points(slopes, bank.distance_m, grid, camera, pose, gate2, 1.0, system, step)
     if how.ends.shape[0]:
         cost += _weigh_points(how.ends, how.walls_m, grid, camera, pose, gate2, how.end_weight, system, step)
-    for n in range(how.sights.shape[0]):
-        aside, larger = _sight(how, pose, n, rows)
+    for n in range(how.uprights.shape[0]):
+        aside, larger = _upright_residuals(how, pose, n, rows)
         for k in range(2):
             off = aside if k == 0 else larger
-            share = 1.0 / (1.0 + off * off / gate2)
-            cost += how.sights[n, 7] * (1.0 - share)
-            weight = how.sights[n, 7] * share * share
+            root_weight = 1.0 / (1.0 + off * off / gate2)
+            cost += how.uprights[n, 7] * (1.0 - root_weight)
+            weight = how.uprights[n, 7] * root_weight * root_weight
             for i in range(SIZE):
                 step[i] -= weight * rows[k, i] * off
                 for j in range(i + 1):
@@ -275,7 +275,7 @@ def align_poses(
     poses: FloatArray,
     costs: FloatArray,
 ) -> None:
-    """Move poses and score them, but leave the costlier half behind after each step, down to the last few.
+    """Move poses and score them, but drop the costlier half after each step, down to the last few.
 
     Parameters
     ----------
@@ -295,10 +295,10 @@ def align_poses(
         How many poses are moved in all steps.
     costs : (M,) float64
         Result: points that are off, each up to 1, and half of the squared distance of tilt and roll from rest;
-        `LEFT_BEHIND` for those left behind.
+        `DROPPED` for those dropped.
     """
     count, turns = starts.shape[0], how.gates_px.shape[0]
-    room, order = _room(), np.empty(count)
+    work, order = _work_arrays(), np.empty(count)
     for m in range(count):
         for j in range(SIZE):
             poses[m, j] = starts[m, j] if j < 3 else 0.0
@@ -311,12 +311,12 @@ def align_poses(
         halves = 0 < turn < turns and left > likely
         number = 0
         for m in range(count):
-            if costs[m] == LEFT_BEHIND:
+            if costs[m] == DROPPED:
                 continue
             mismatch = 0.0
             if halves or turn == turns:
                 mismatch = upright_mismatch(bank, seen, poses[m, 0], poses[m, 1], poses[m, 2])
-            costs[m] = _advance(bank, how, slopes, starts[m], gate_px, turn < turns, room, poses[m])
+            costs[m] = _advance(bank, how, slopes, starts[m], gate_px, turn < turns, work, poses[m])
             costs[m] += upright_weight * mismatch
             order[number] = costs[m]
             number += 1
@@ -326,7 +326,7 @@ def align_poses(
             limit = order[left - 1]
             for m in range(count):
                 if costs[m] > limit:
-                    costs[m] = LEFT_BEHIND
+                    costs[m] = DROPPED
 
 
 def slopes_of(rows: FloatArray, tilt_rad: float, roll_rad: float, height_m: float) -> FloatArray:

@@ -12,16 +12,15 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.algebra.lens import BENT, slopes_at
-from robocup_vision.kernels.model_edges.carpet import is_carpet, other_light
-from robocup_vision.kernels.model_edges.prediction import pose_frame
+from robocup_vision.kernels.algebra.lens import BENT
+from robocup_vision.kernels.model_edges.carpet import is_carpet, is_carpet_at, other_light
+from robocup_vision.kernels.model_edges.prediction import on_floor, pose_frame
 
 ONE, TWO = np.uintp(1), np.uintp(2)
 FLANK = 3  # pixels beside a band that blur leaves to the carpet
 # of a line's width, that a band has on the floor at least; a row or column crosses lines at up to 60 degrees
 MIN_WIDTHS, MAX_WIDTHS = 0.5, 2.0
 BLUR_PX = 3.0  # what blur adds to a band
-MIN_DOWN = 0.02  # of a ray, downwards: what is nearer the horizon is not read
 
 
 class LineLook(NamedTuple):
@@ -31,19 +30,6 @@ class LineLook(NamedTuple):
     width_m: float
     max_widths: float
     stride: int
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _is_carpet_at(flat: UInt8Array, at: int, step: int, beside: int, carpet: FloatArray) -> bool:
-    """Whether the mean of nine pixels about one of a flattened picture is the carpet's colour: noise tints the dark."""
-    blue, green, red = 0, 0, 0
-    for i in range(-1, 2):
-        for j in range(-1, 2):
-            k = np.uintp(at + i * step + j * beside)
-            blue += int(flat[k])
-            green += int(flat[k + ONE])
-            red += int(flat[k + TWO])
-    return is_carpet(blue / 9.0, green / 9.0, red / 9.0, carpet, 1.0 / 3.0)
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -75,31 +61,18 @@ def _is_line(
 def _begins_carpet(flat: UInt8Array, at: int, outwards: int, beside: int, carpet: FloatArray) -> bool:
     """Whether carpet begins within `FLANK` pixels beyond a band's end: blur takes some of them, boards bound others."""
     for away in range(FLANK - 1, FLANK + 1):
-        if _is_carpet_at(flat, at + away * outwards, outwards, beside, carpet):
+        if is_carpet_at(flat, at + away * outwards, outwards, beside, carpet):
             return True
     return False
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _on_floor(lens: FloatArray, frame: FloatArray, u: float, v: float) -> tuple[float, float, bool]:
-    """Return where a pixel shows the floor, from below the camera, and whether it does; frame as of `pose_frame`."""
-    right, down = slopes_at(lens, u, v)
-    right, down = right * lens[0] / frame[12], down * lens[1] / frame[13]
-    up = frame[6] - right * frame[7] - down * frame[8]
-    if up > -MIN_DOWN:
-        return 0.0, 0.0, False
-    scale = -frame[11] / up
-    x = (frame[0] - right * frame[1] - down * frame[2]) * scale
-    return x, (frame[3] - right * frame[4] - down * frame[5]) * scale, True
 
 
 @compiled(fastmath=True, error_model="numpy")
 def _length_m(lens: FloatArray, frame: FloatArray, by_row: bool, at: int, begin: float, end: float) -> float:
     """How long a piece of a row or column is on the floor; -1 where it does not lie there."""
     u, v = (begin, float(at)) if by_row else (float(at), begin)
-    x, y, is_floor = _on_floor(lens, frame, u, v)
+    x, y, is_floor = on_floor(lens, frame, u, v)
     u, v = (end, float(at)) if by_row else (float(at), end)
-    x2, y2, is_floor_too = _on_floor(lens, frame, u, v)
+    x2, y2, is_floor_too = on_floor(lens, frame, u, v)
     return math.sqrt((x - x2) ** 2 + (y - y2) ** 2) if is_floor and is_floor_too else -1.0
 
 
@@ -107,7 +80,7 @@ def _length_m(lens: FloatArray, frame: FloatArray, by_row: bool, at: int, begin:
 def _below_horizon(lens: FloatArray, frame: FloatArray, by_row: bool, at: int, length: int) -> int:
     """Where a row or column may begin to show the floor, by a lens that bends no line; its length where nowhere."""
     if by_row:
-        return 0 if _on_floor(lens, frame, 0.0, at)[2] or _on_floor(lens, frame, length - 1.0, at)[2] else length
+        return 0 if on_floor(lens, frame, 0.0, at)[2] or on_floor(lens, frame, length - 1.0, at)[2] else length
     # rays to the horizon are level
     right = (at - lens[2]) / frame[12]
     return int(lens[3] + frame[13] * (frame[6] - right * frame[7]) / frame[8]) + 2

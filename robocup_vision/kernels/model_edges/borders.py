@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from robocup_vision.compiling.loops import compiled
-from robocup_vision.kernels.model_edges.tables import EDGE, UPRIGHT, Room, UInt8Array
+from robocup_vision.kernels.model_edges.tables import EDGE, UPRIGHT, Buffers, UInt8Array
 
 MIN_ACROSS = 0.8  # of a side's normal, along the rows: bars and rings lie level
 # of a step: pixels on each side, and rows above and below; how far beside a candidate it may go on, as no border is
@@ -47,7 +47,7 @@ def _goes_on(image: UInt8Array, u: float, v: float, least: float) -> bool:
 
 
 @compiled(fastmath=True, error_model="numpy")
-def leave_out_borders(image: UInt8Array, noise: float, clear_px: float, room: Room, count: int) -> None:
+def leave_out_borders(image: UInt8Array, noise: float, clear_px: float, buffers: Buffers, count: int) -> None:
     """Drop the candidates of upright sides that go on below the foot.
 
     Parameters
@@ -58,12 +58,12 @@ def leave_out_borders(image: UInt8Array, noise: float, clear_px: float, room: Ro
         Of the carpet.
     clear_px : float
         How far a foot may be from where it is predicted.
-    room : Room
+    buffers : Buffers
         Its samples, `count` of them, and what was found at them.
     count : int
         Samples.
     """
-    samples, found = room.samples, room.found
+    samples, found = buffers.samples, buffers.found
     for n in range(count):
         nu, nv = samples.normal[n, 0], samples.normal[n, 1]
         if samples.place[n] != UPRIGHT or samples.kind[n] != EDGE or abs(nu) < MIN_ACROSS or found.candidates[n] < 1:

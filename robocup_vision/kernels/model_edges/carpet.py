@@ -12,6 +12,7 @@ import numpy as np
 from robocup_vision.compiling.loops import compiled, flag, variable
 from robocup_vision.kernels.model_edges.tables import FloatArray, Int64Array, UInt8Array
 
+ONE, TWO = np.uintp(1), np.uintp(2)
 GRID = 24  # places along each image axis at which the carpet is looked at
 TONES = 24
 # of all light, by which green leads in a surely green tone, and of the pixels, that a carpet beside somebody near fills
@@ -162,7 +163,7 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
         Where the floor may begin.
     carpet : (5,) or (8,) float64
         Result: blue, green, red of the carpet's tone (`_commonest`), the noise of a channel (grey levels), how many
-        pixels had that tone as a fraction; where there is room for it: blue, green, red in other light
+        pixels had that tone as a fraction; where the array has places for it: blue, green, red in other light
         (`_other_light`), or the same again.
     """
     height, width = image.shape[0], image.shape[1]
@@ -242,10 +243,10 @@ def is_carpet(
     if other != known:
         # between light and shade every tone between the two is carpet
         to_blue, to_red = carpet[5] / other - blue, carpet[7] / other - red
-        share = (b / light - blue) * to_blue + (r / light - red) * to_red
-        share = min(max(share / max(to_blue * to_blue + to_red * to_red, 1e-9), 0.0), 1.0)
-        blue += share * to_blue
-        red += share * to_red
+        fraction = (b / light - blue) * to_blue + (r / light - red) * to_red
+        fraction = min(max(fraction / max(to_blue * to_blue + to_red * to_red, 1e-9), 0.0), 1.0)
+        blue += fraction * to_blue
+        red += fraction * to_red
         # a bleached carpet's tone is not far from grey
         lead = 0.5 * light * (1.0 - blue - red - max(blue, red))
         if g - max(b, r) < lead - 2.0 * noise_ratio * carpet[3]:
@@ -256,6 +257,21 @@ def is_carpet(
     saturation = (grey_blue * to_blue + grey_red * to_red) / max(to_blue * to_blue + to_red * to_red, 1e-9)
     saturation = max(saturation, min(min_saturation * max(known / light, 1.0), 1.0))
     return bool(abs(grey_blue - saturation * to_blue) < slack and abs(grey_red - saturation * to_red) < slack)
+
+
+@compiled(fastmath=True, error_model="numpy")
+def is_carpet_at(
+    flat: UInt8Array, at: int, step: int, beside: int, carpet: FloatArray, min_saturation: float = MIN_SATURATION
+) -> bool:
+    """Whether the mean of nine pixels about one of a flattened picture is the carpet's colour: noise tints the dark."""
+    blue, green, red = 0, 0, 0
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            k = np.uintp(at + i * step + j * beside)
+            blue += int(flat[k])
+            green += int(flat[k + ONE])
+            red += int(flat[k + TWO])
+    return is_carpet(blue / 9.0, green / 9.0, red / 9.0, carpet, 1.0 / 3.0, min_saturation)
 
 
 @compiled(fastmath=True, error_model="numpy")

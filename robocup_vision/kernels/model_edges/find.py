@@ -12,7 +12,8 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.algebra.lens import distorted, slopes_at
+from robocup_vision.kernels.algebra.lens import distorted
+from robocup_vision.kernels.model_edges.prediction import on_floor, pose_frame
 
 BINS = 96  # of bearing across the picture
 LIKENESS = 0.93  # cosine between a colour and the paint that it is
@@ -126,23 +127,14 @@ def floor_places(
     stride = max(1, int(0.381966 * count))
     while count > 0 and stride > 1 and math.gcd(stride, count) != 1:
         stride -= 1
-    ct, st = math.cos(tilt), math.sin(tilt)
-    cr, sr = math.cos(roll), math.sin(roll)
+    frame = np.empty(16)
+    pose_frame(np.array((0.0, 0.0, 0.0, tilt, roll, height_m, 0.0)), lens, frame)
     at = 0
     for _ in range(count):
-        right, down = slopes_at(lens, points[at, 0], points[at, 1])
-        a, b = -right, -down
+        x, y, is_floor = on_floor(lens, frame, points[at, 0], points[at, 1])
         at = (at + stride) % count
-        # Ry(-tilt) Rx(roll)
-        left = cr * a - sr * b
-        up = sr * a + cr * b
-        ahead, up = ct - st * up, st + ct * up
-        if up > -0.02:
-            continue
-        scale = -height_m / up
-        x, y = ahead * scale, left * scale
         away = math.sqrt(x * x + y * y)
-        if away > max_m:
+        if not is_floor or away > max_m:
             continue
         out[kept, 0], out[kept, 1] = x, y
         out[kept, 2] = 0.12 + 0.06 * away + 0.012 * away * away / height_m

@@ -20,7 +20,14 @@ from robocup_vision.kernels.model_edges.strays import (
     off_the_rest,
     shared_variance,
 )
-from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Findings, FloatArray, FollowSettings, Int64Array, Room
+from robocup_vision.kernels.model_edges.tables import (
+    UNKNOWNS,
+    Buffers,
+    Findings,
+    FloatArray,
+    FollowSettings,
+    Int64Array,
+)
 
 BINS = 64  # of the histogram of residuals
 
@@ -40,15 +47,15 @@ def msac(
     z: FloatArray,
     gate_px: float,
     prior_ratio: float,
-    enough: float,
+    max_cost: float,
 ) -> float:
     """Cost a hypothesis: squared residuals in gates, at most 1 a sample, and the distance from the prior.
 
-    A cost of `enough` or more may be returned for a greater one.
+    A cost of `max_cost` or more may be returned for a greater one.
     """
     cost = 0.0
     for n in range(count):
-        if cost >= enough:
+        if cost >= max_cost:
             return cost
         if found.candidates[n] < 1:
             continue
@@ -64,19 +71,19 @@ def msac(
 
 
 @compiled(fastmath=True, error_model="numpy")
-def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSettings, modes: FloatArray) -> int:
+def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: FollowSettings, modes: FloatArray) -> int:
     """Choose among hypotheses, each of three candidates and the prior.
 
     Parameters
     ----------
-    room : Room
+    buffers : Buffers
         Candidates and derivatives of `count` samples.
     count : int
         Samples in use.
     draws : (H, 6) float64
         Numbers in [0, 1): which samples and candidates each hypothesis takes.
     settings : FollowSettings
-        `gate_px`, `prior_ratio` and `enough` count.
+        `gate_px`, `prior_ratio` and `max_failed_ratio` count.
     modes : (K, 7) float64
         The best hypothesis and the next best that differ from all before by more than two gates.
 
@@ -85,7 +92,7 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
     int
         How many modes there are.
     """
-    rows, found, gate_px, prior_ratio = room.rows, room.found, settings.gate_px, settings.prior_ratio
+    rows, found, gate_px, prior_ratio = buffers.rows, buffers.found, settings.gate_px, settings.prior_ratio
     sigma_px = 0.5 * gate_px
     usable = np.empty(count, dtype=np.int64)
     number = 0
@@ -120,14 +127,14 @@ def choose_mode(room: Room, count: int, draws: FloatArray, settings: FollowSetti
             for j in range(UNKNOWNS):
                 z[j] = rows[pick[0], j] * right[0] + rows[pick[1], j] * right[1] + rows[pick[2], j] * right[2]
             # of one mode alone only the best matters
-            enough = costs[first] if modes.shape[0] == 1 else 1e9
-            costs[made] = msac(rows, count, found, z, gate_px, prior_ratio, enough)
+            max_cost = costs[first] if modes.shape[0] == 1 else 1e9
+            costs[made] = msac(rows, count, found, z, gate_px, prior_ratio, max_cost)
             for j in range(UNKNOWNS):
                 tried[made, j] = z[j]
             if costs[made] < costs[first]:
                 first = made
             made += 1
-            if made >= 8 and costs[first] < settings.enough * number:
+            if made >= 8 and costs[first] < settings.max_failed_ratio * number:
                 break
     kept = 0
     for _ in range(made):
@@ -183,7 +190,7 @@ def _things(feature: Int64Array, count: int) -> int:
 
 @compiled(fastmath=True, error_model="numpy")
 def _gather(
-    room: Room,
+    buffers: Buffers,
     count: int,
     weight: FloatArray,
     residual: FloatArray,
@@ -200,7 +207,7 @@ def _gather(
     while several agree by chance the less the more they are. If it is, the edge may be within the gate of where they
     are, or so far off them as all others put it, see `off_the_rest`; and `off_alone` of single samples.
     """
-    rows, samples, information, gradient = room.rows, room.samples, room.information, room.gradient
+    rows, samples, information, gradient = buffers.rows, buffers.samples, buffers.information, buffers.gradient
     agree[:] = 0.0
     for n in range(count):
         agree[samples.feature[n] >> 1] += weight[n]
@@ -243,7 +250,7 @@ def _gather(
 
 @compiled(fastmath=True, error_model="numpy")
 def robust_fit(
-    room: Room, count: int, settings: FollowSettings, gates: Gates, z0: FloatArray, z: FloatArray
+    buffers: Buffers, count: int, settings: FollowSettings, gates: Gates, z0: FloatArray, z: FloatArray
 ) -> tuple[int, float, bool]:
     """Tukey-weighted Gauss-Newton steps under narrowing gates.
 
@@ -251,7 +258,7 @@ def robust_fit(
 
     Parameters
     ----------
-    room : Room
+    buffers : Buffers
         Candidates and derivatives of `count` samples; takes information and gradient.
     count : int
         Samples in use.
@@ -269,8 +276,8 @@ def robust_fit(
     int, float, bool
         Inliers of the narrowest given gate, root mean square of their residuals, whether it was solvable.
     """
-    rows, found = room.rows, room.found
-    information, gradient = room.information, room.gradient
+    rows, found = buffers.rows, buffers.found
+    information, gradient = buffers.information, buffers.gradient
     system, step = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
     weight, residual = np.empty(count), np.empty(count)
     inliers, rms, scale = 0, 0.0, 1.0
@@ -279,7 +286,7 @@ def robust_fit(
     gate = narrowest
     stray_px = settings.gate_px / math.sqrt(3.0)
     is_doubting = settings.stray_ratio > 0.0 and gates.sharp_steps > 0
-    off2 = np.zeros(_things(room.samples.feature, count))
+    off2 = np.zeros(_things(buffers.samples.feature, count))
     agree, own2, crossed = np.empty(off2.shape[0]), np.zeros(count), np.zeros(count, np.bool_)
     for turn in range(given + gates.sharp_steps + 1):
         if turn < given:
@@ -304,14 +311,14 @@ def robust_fit(
                 weight[n], residual[n] = t * t, r
         rms = math.sqrt(total / inliers) if inliers else 0.0
         if turn == given - 1 and is_doubting:
-            find_crossed(room, count, settings, z, settings.sigma_px * scale, weight, crossed)
+            find_crossed(buffers, count, settings, z, settings.sigma_px * scale, weight, crossed)
         if turn >= given - 1:
             for n in range(count):
                 if crossed[n]:
                     weight[n] = 0.0
         scale = max(1.0, 1.48 * _median_size(residual, weight, gate) / settings.sigma_px)
         noise = Noise(settings.sigma_px * scale, settings.shared_px * scale, stray_px, settings.stray_ratio)
-        _gather(room, count, weight, residual, noise, off2, own2, agree)
+        _gather(buffers, count, weight, residual, noise, off2, own2, agree)
         if turn == given + gates.sharp_steps:
             break
         if turn >= given - 1 and gates.sharp_steps > 0:
@@ -324,8 +331,8 @@ def robust_fit(
         if not factor(system, UNKNOWNS):
             return inliers, rms, False
         if turn == given - 1 and is_doubting:
-            off_the_rest(room, count, weight, residual, noise, system, agree, off2)
-            off_alone(room, count, weight, residual, noise, system, agree, off2, own2)
+            off_the_rest(buffers, count, weight, residual, noise, system, agree, off2)
+            off_alone(buffers, count, weight, residual, noise, system, agree, off2, own2)
         substitute(system, UNKNOWNS, step)
         for i in range(UNKNOWNS):
             z[i] += step[i]

@@ -10,18 +10,18 @@ from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor
 from robocup_vision.kernels.model_edges.bands import MAX_WIDTHS, LineLook, line_points
 from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
-from robocup_vision.kernels.model_edges.conclude import covariance_with_prior, gained_nats, pose_alone, position_std
+from robocup_vision.kernels.model_edges.posterior import covariance_with_prior, gained_nats, pose_alone, position_std
 from robocup_vision.kernels.model_edges.refine import moved, propose, refine
 from robocup_vision.kernels.model_edges.tables import (
     FOUND,
     UNKNOWNS,
+    Buffers,
     FieldEdges,
     Findings,
     Fit,
     FloatArray,
     FollowSettings,
     Prior,
-    Room,
     Samples,
     Scene,
     UInt8Array,
@@ -29,7 +29,7 @@ from robocup_vision.kernels.model_edges.tables import (
 from robocup_vision.kernels.model_edges.verdict import explained, judge
 
 MODES = 5  # looked at before giving up
-NO_FIT = -1e9  # worth of a mode that cannot be fitted
+NO_FIT = -1e9  # score of a mode that cannot be fitted
 CARPET_LIGHT = 225.0  # blue, green and red of the carpet under the light that channels' steps are given for
 
 
@@ -99,7 +99,7 @@ def follow(
     scene: Scene,
     prior: Prior,
     settings: FollowSettings,
-    room: Room,
+    buffers: Buffers,
     fit: Fit,
     most_modes: int,
     knows_carpet: bool,
@@ -116,7 +116,7 @@ def follow(
         Of the unknowns.
     settings : FollowSettings
         Numbers.
-    room : Room
+    buffers : Buffers
         To work in; holds the fit's samples, findings and line points afterwards.
     fit : Fit
         Result.
@@ -131,13 +131,15 @@ def follow(
         Whether there was anything to fit.
     """
     edges = FieldEdges(*scene[0])
-    of_room = Room(Samples(*room[0]), Findings(*room[1]), room[2], room[3], room[4], room[5], room[6])
+    of_buffers = Buffers(
+        Samples(*buffers[0]), Findings(*buffers[1]), buffers[2], buffers[3], buffers[4], buffers[5], buffers[6]
+    )
     return _follow(
         image,
         Scene(edges, scene[1], scene[2]),
         Prior(*prior),
         FollowSettings(*settings),
-        of_room,
+        of_buffers,
         Fit(*fit),
         most_modes,
         knows_carpet,
@@ -150,7 +152,7 @@ def _follow(
     scene: Scene,
     prior: Prior,
     settings: FollowSettings,
-    room: Room,
+    buffers: Buffers,
     fit: Fit,
     most_modes: int,
     knows_carpet: bool,
@@ -163,37 +165,37 @@ def _follow(
     light = brightness(fit.carpet)
     # the best mode alone is chosen sooner, and in most frames no other needs a look
     modes = np.zeros((1, UNKNOWNS))
-    looked, kept = propose(image, scene, prior, settings, room, fit.carpet, light, modes)
+    looked, kept = propose(image, scene, prior, settings, buffers, fit.carpet, light, modes)
     if kept == 0:
         return False
     # where much is in view, samples farther apart tell as much
     spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * looked / settings.ample_samples)
     z = modes[0].copy()
-    clear, best_worth = _assess(image, scene, prior, settings, spacing_px, room, fit, light, z)
+    clear, best_score = _assess(image, scene, prior, settings, spacing_px, buffers, fit, light, z)
     if not clear and most_modes > 1:
         modes = np.zeros((most_modes, UNKNOWNS))
-        _, kept = propose(image, scene, prior, settings, room, fit.carpet, light, modes)
+        _, kept = propose(image, scene, prior, settings, buffers, fit.carpet, light, modes)
         # proposing anew has overwritten what the first was fitted by
         best, last = variable(0), variable(-1)
         for k in range(1, kept):
             for j in range(UNKNOWNS):
                 z[j] = modes[k, j]
-            clear, worth = _assess(image, scene, prior, settings, spacing_px, room, fit, light, z)
+            clear, score = _assess(image, scene, prior, settings, spacing_px, buffers, fit, light, z)
             last = k
-            if worth > best_worth:
-                best, best_worth = k, worth
+            if score > best_score:
+                best, best_score = k, score
                 if clear:
                     break
         if best != last:
             # back to the best of them
             for j in range(UNKNOWNS):
                 z[j] = modes[best, j]
-            _assess(image, scene, prior, settings, spacing_px, room, fit, light, z)
-    if best_worth == NO_FIT:
+            _assess(image, scene, prior, settings, spacing_px, buffers, fit, light, z)
+    if best_score == NO_FIT:
         return False
-    if not covariance_with_prior(prior.root, room.information, fit.covariance):
+    if not covariance_with_prior(prior.root, buffers.information, fit.covariance):
         return False
-    if not pose_alone(prior.root, z, room.information, room.gradient, fit.information, fit.gradient):
+    if not pose_alone(prior.root, z, buffers.information, buffers.gradient, fit.information, fit.gradient):
         return False
     fit.figures[11] = position_std(fit.information)
     fit.figures[13] = gained_nats(prior.root, fit.covariance)
@@ -207,7 +209,7 @@ def _assess(
     prior: Prior,
     settings: FollowSettings,
     spacing_px: float,
-    room: Room,
+    buffers: Buffers,
     fit: Fit,
     light: float,
     z: FloatArray,
@@ -220,28 +222,28 @@ def _assess(
         Whether no other mode needs a look, and what the mode is worth among others; `NO_FIT` if it cannot be fitted.
     """
     figures, step = fit.figures, np.empty(UNKNOWNS)
-    count, inliers, rms, ok = refine(image, scene, prior, settings, spacing_px, room, fit.carpet, light, z, step)
+    count, inliers, rms, ok = refine(image, scene, prior, settings, spacing_px, buffers, fit.carpet, light, z, step)
     if not ok:
         return False, NO_FIT
-    seen, missing, upright, hidden = judge(image, fit.carpet, settings, room, count, step)
+    seen, missing, upright, hidden = judge(image, fit.carpet, settings, buffers, count, step)
     moved(prior, z, fit.unknowns)
     least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * light
     max_widths = max(MAX_WIDTHS, settings.max_line_widths)
     look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, max_widths, settings.point_stride)
-    number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, room.points)
+    number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, buffers.points)
     silent, lens = scene.field.silent, scene.lens
-    right, neutral = explained(room, number, count, step, spacing_px, settings.gate_px, silent, lens, fit.unknowns)
+    right, neutral = explained(buffers, number, count, step, spacing_px, settings.gate_px, silent, lens, fit.unknowns)
     number -= neutral
     far = 0.0
     for j in range(UNKNOWNS):
         far += z[j] * z[j]
-    figures[0], figures[1], figures[2], figures[3] = count, _looked_for(room, count), seen, missing
+    figures[0], figures[1], figures[2], figures[3] = count, _looked_for(buffers, count), seen, missing
     figures[4] = upright
     figures[5], figures[6], figures[7], figures[8], figures[9] = inliers, rms, far, number, right
     figures[10] = hidden
-    figures[12] = _edges_found(room, count)
+    figures[12] = _edges_found(buffers, count)
     weights = settings.mode_weights
-    worth = (
+    score = (
         weights[0] * math.log(1.0 + inliers)
         - weights[1] * missing / (seen + missing + 4.0)
         - weights[2] * hidden / (upright + hidden + 4.0)
@@ -251,29 +253,29 @@ def _assess(
     )
     clear = missing <= settings.clear_missing * seen and number - right <= 1.0 + settings.clear_unexplained * number
     clear = clear and rms <= settings.clear_rms_px
-    return clear, worth
+    return clear, score
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _looked_for(room: Room, count: int) -> int:
+def _looked_for(buffers: Buffers, count: int) -> int:
     """Count the samples that could be looked for."""
     looked = 0
     for n in range(count):
-        if room.found.candidates[n] >= 0:
+        if buffers.found.candidates[n] >= 0:
             looked += 1
     return looked
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _edges_found(room: Room, count: int) -> int:
+def _edges_found(buffers: Buffers, count: int) -> int:
     """Count the edges of the field of which samples were found."""
     last = 0
     for n in range(count):
-        last = max(last, room.samples.feature[n])
+        last = max(last, buffers.samples.feature[n])
     is_found, found = np.zeros(last + 1, np.bool_), 0
     for n in range(count):
-        feature = room.samples.feature[n]
-        if room.found.status[n] == FOUND and not is_found[feature]:
+        feature = buffers.samples.feature[n]
+        if buffers.found.status[n] == FOUND and not is_found[feature]:
             is_found[feature] = True
             found += 1
     return found

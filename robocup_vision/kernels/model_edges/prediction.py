@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.algebra.lens import BENT, MAX_SLOPE2, TALL, WIDE, distorted
+from robocup_vision.kernels.algebra.lens import BENT, MAX_SLOPE2, TALL, WIDE, distorted, slopes_at
 from robocup_vision.kernels.algebra.pinhole import camera_axes
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
@@ -24,6 +24,7 @@ from robocup_vision.kernels.model_edges.tables import (
 )
 
 NEAR_M = 0.05
+MIN_DOWN = 0.02  # of a ray, downwards: what is nearer the horizon is not read
 RING_POINTS = 5
 THIN_PX = 4.0
 MIN_RADIUS_PX = 12.0  # of a curve: three times what is read on both sides of a thin line
@@ -43,6 +44,28 @@ def pose_frame(p: FloatArray, lens: FloatArray, frame: FloatArray) -> None:
     scale = math.exp(p[6])
     frame[12], frame[13] = lens[0] * scale, lens[1] * scale
     frame[14], frame[15] = math.sin(p[2]), math.cos(p[2])
+
+
+@compiled(fastmath=True, error_model="numpy", inline="always")
+def ray(lens: FloatArray, frame: FloatArray, u: float, v: float) -> Triple:
+    """Return the direction, field frame, in which a pixel looks; its length along the axis is 1."""
+    right, down = slopes_at(lens, u, v)
+    right, down = right * lens[0] / frame[12], down * lens[1] / frame[13]
+    return (
+        frame[0] - right * frame[1] - down * frame[2],
+        frame[3] - right * frame[4] - down * frame[5],
+        frame[6] - right * frame[7] - down * frame[8],
+    )
+
+
+@compiled(fastmath=True, error_model="numpy")
+def on_floor(lens: FloatArray, frame: FloatArray, u: float, v: float) -> tuple[float, float, bool]:
+    """Return where a pixel shows the floor, from below the camera, and whether it does; frame as of `pose_frame`."""
+    x, y, up = ray(lens, frame, u, v)
+    if up > -MIN_DOWN:
+        return 0.0, 0.0, False
+    scale = -frame[11] / up
+    return x * scale, y * scale, True
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")

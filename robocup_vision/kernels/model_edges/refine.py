@@ -15,10 +15,10 @@ from robocup_vision.kernels.model_edges.search import reaches, search, whiten
 from robocup_vision.kernels.model_edges.tables import (
     HEADING,
     UNKNOWNS,
+    Buffers,
     FloatArray,
     FollowSettings,
     Prior,
-    Room,
     Scene,
     UInt8Array,
 )
@@ -63,7 +63,7 @@ def propose(
     scene: Scene,
     prior: Prior,
     settings: FollowSettings,
-    room: Room,
+    buffers: Buffers,
     carpet: FloatArray,
     light: float,
     modes: FloatArray,
@@ -72,7 +72,7 @@ def propose(
 
     Parameters
     ----------
-    image, scene, prior, settings, room
+    image, scene, prior, settings, buffers
         See `follow.follow`.
     carpet : (5,) or (8,) float64
         See `carpet_look`.
@@ -87,21 +87,21 @@ def propose(
         Samples that could be looked for in the picture, and modes.
     """
     wide, beside_px = widened(scene.lens, prior, settings)
-    count = predict(scene.field, wide, prior.mean, settings.coarse_spacing_px, room.samples)
+    count = predict(scene.field, wide, prior.mean, settings.coarse_spacing_px, buffers.samples)
     if count < 3:
         return 0, 0
     for n in range(count):
-        room.samples.uv[n, 0] -= beside_px
-    whiten(room.samples, count, prior.root, room.rows)
-    reaches(room.rows, count, settings, room.reach_px)
-    search(image, scene.field.channels, carpet, light, settings, room, count)
-    kept = choose_mode(room, count, scene.draws, settings, modes)
+        buffers.samples.uv[n, 0] -= beside_px
+    whiten(buffers.samples, count, prior.root, buffers.rows)
+    reaches(buffers.rows, count, settings, buffers.reach_px)
+    search(image, scene.field.channels, carpet, light, settings, buffers, count)
+    kept = choose_mode(buffers, count, scene.draws, settings, modes)
     origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
     for k in range(kept):
-        robust_fit(room, count, settings, gates, origin, modes[k])
+        robust_fit(buffers, count, settings, gates, origin, modes[k])
     looked = 0
     for n in range(count):
-        if room.found.candidates[n] >= 0 and 0.0 <= room.samples.uv[n, 0] < image.shape[1]:
+        if buffers.found.candidates[n] >= 0 and 0.0 <= buffers.samples.uv[n, 0] < image.shape[1]:
             looked += 1
     return looked, kept
 
@@ -113,7 +113,7 @@ def refine(
     prior: Prior,
     settings: FollowSettings,
     spacing_px: float,
-    room: Room,
+    buffers: Buffers,
     carpet: FloatArray,
     light: float,
     z: FloatArray,
@@ -123,7 +123,7 @@ def refine(
 
     Parameters
     ----------
-    image, scene, prior, settings, room
+    image, scene, prior, settings, buffers
         See `follow.follow`.
     spacing_px : float
         Between samples.
@@ -148,25 +148,25 @@ def refine(
             origin[j] = -z[j]
             step[j] = 0.0
         moved(prior, z, here)
-        count = predict(scene.field, scene.lens, here, spacing_px, room.samples)
-        whiten(room.samples, count, prior.root, room.rows)
+        count = predict(scene.field, scene.lens, here, spacing_px, buffers.samples)
+        whiten(buffers.samples, count, prior.root, buffers.rows)
         again_px, gates = near_px, fine
         # most frames are followed, where nothing far is looked for
         if turn == 0 and settings.bent_ratio > 0.0:
-            bent_px = settings.bent_ratio * _farthest(room, count, z, variable(POSE), flag(False))
+            bent_px = settings.bent_ratio * _farthest(buffers, count, z, variable(POSE), flag(False))
             if bent_px > MIN_SEARCHES * near_px:
                 again_px = min(bent_px, MAX_SEARCHES * near_px)
                 gates = _rough_gates(settings)
         for n in range(count):
-            room.reach_px[n] = again_px
-        search(image, scene.field.channels, carpet, light, settings, room, count)
-        leave_out_borders(image, carpet[3], near_px, room, count)
-        inliers, rms, ok = robust_fit(room, count, settings, gates, origin, step)
+            buffers.reach_px[n] = again_px
+        search(image, scene.field.channels, carpet, light, settings, buffers, count)
+        leave_out_borders(image, carpet[3], near_px, buffers, count)
+        inliers, rms, ok = robust_fit(buffers, count, settings, gates, origin, step)
         if not ok:
             return count, inliers, rms, False
         for j in range(UNKNOWNS):
             z[j] += step[j]
-        if _farthest(room, count, step, variable(UNKNOWNS), flag(True)) < 0.5 * near_px:
+        if _farthest(buffers, count, step, variable(UNKNOWNS), flag(True)) < 0.5 * near_px:
             break
     return count, inliers, rms, True
 
@@ -179,14 +179,14 @@ def _rough_gates(settings: FollowSettings) -> Gates:
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _farthest(room: Room, count: int, z: FloatArray, unknowns: int, found_only: bool) -> float:
+def _farthest(buffers: Buffers, count: int, z: FloatArray, unknowns: int, found_only: bool) -> float:
     """Return how far, in pixels, the first unknowns of z move a sample at most."""
     farthest = 0.0
     for n in range(count):
-        if found_only and room.found.candidates[n] < 1:
+        if found_only and buffers.found.candidates[n] < 1:
             continue
         way = 0.0
         for j in range(unknowns):
-            way += room.rows[n, j] * z[j]
+            way += buffers.rows[n, j] * z[j]
         farthest = max(farthest, abs(way))
     return farthest

@@ -18,10 +18,10 @@ from robocup_vision.kernels.model_edges.tables import (
     PEAKS,
     RIDGE,
     UNKNOWNS,
+    Buffers,
     Findings,
     FloatArray,
     FollowSettings,
-    Room,
     Samples,
     UInt8Array,
 )
@@ -161,7 +161,7 @@ def search(
     carpet: FloatArray,
     brightness: float,
     settings: FollowSettings,
-    room: Room,
+    buffers: Buffers,
     count: int,
 ) -> None:
     """Look for each sample's edge within its reach.
@@ -178,12 +178,12 @@ def search(
         Light of this picture, relative to that of `channels`.
     settings : FollowSettings
         `min_ratio` counts.
-    room : Room
+    buffers : Buffers
         Its samples, `count` of them, and their reach; `found` takes offsets, strengths and counts.
     count : int
         Samples.
     """
-    samples, reach_px, found, min_ratio = room.samples, room.reach_px, room.found, settings.min_ratio
+    samples, reach_px, found, min_ratio = buffers.samples, buffers.reach_px, buffers.found, settings.min_ratio
     height, width = image.shape[0], image.shape[1]
     flat = image.reshape(-1)
     sums, response = np.empty(MAX_PROFILE_PX + 1), np.empty(MAX_PROFILE_PX)

@@ -14,7 +14,7 @@ from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.model_edges.find import BINS, LIKENESS, chroma, column_of
 
-SIGHT = 8  # columns of a sighting
+SIGHTING_COLUMNS = 8
 MIN_RUN_PX = 3
 BLUR_PX = 3  # of a colour that is neither of two bands, between them
 MAX_SIGHTINGS = 12
@@ -200,13 +200,13 @@ def sightings(
 
 @compiled
 def poses_around(
-    sights: FloatArray, focal_px: float, half_m: tuple[float, float], step_m: float, poses: FloatArray
+    found: FloatArray, focal_px: float, half_m: tuple[float, float], step_m: float, poses: FloatArray
 ) -> int:
     """Write the poses from which each beacon or post lies at its bearing and looks as large as it does.
 
     Parameters
     ----------
-    sights : (S, 8) float64
+    found : (S, 8) float64
         As `sightings` returns them.
     focal_px : float
         Of the camera.
@@ -223,16 +223,16 @@ def poses_around(
         How many.
     """
     count = 0
-    for n in range(sights.shape[0]):
-        bearing, size_m, size_px = sights[n, 4], sights[n, 5], sights[n, 6]
+    for n in range(found.shape[0]):
+        bearing, size_m, size_px = found[n, 4], found[n, 5], found[n, 6]
         away_m = size_m * focal_px / (size_px * math.cos(bearing))
         around = max(8, int(math.ceil(2.0 * math.pi * away_m / step_m)))
-        is_one = sights[n, 0] == sights[n, 2] and sights[n, 1] == sights[n, 3]
+        is_one = found[n, 0] == found[n, 2] and found[n, 1] == found[n, 3]
         for place in range(1 if is_one else 2):
             for k in range(around):
                 turn = 2.0 * math.pi * k / around
-                x = sights[n, 2 * place] + away_m * math.cos(turn)
-                y = sights[n, 2 * place + 1] + away_m * math.sin(turn)
+                x = found[n, 2 * place] + away_m * math.cos(turn)
+                y = found[n, 2 * place + 1] + away_m * math.sin(turn)
                 if abs(x) < half_m[0] and abs(y) < half_m[1]:
                     if count == poses.shape[0]:
                         return count

@@ -14,7 +14,7 @@ import numpy as np
 from robocup_vision.arrays import BoolArray
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import substitute
-from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UNKNOWNS, Findings, FloatArray, FollowSettings, Room
+from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UNKNOWNS, Buffers, Findings, FloatArray, FollowSettings
 
 # so unlikely, samples that agree are not stray
 _FEW_STRAY = 0.01
@@ -47,7 +47,7 @@ def nearest(found: Findings, n: int, expected: float) -> float:
 
 @compiled(fastmath=True, error_model="numpy")
 def find_crossed(
-    room: Room,
+    buffers: Buffers,
     count: int,
     settings: FollowSettings,
     z: FloatArray,
@@ -59,7 +59,7 @@ def find_crossed(
 
     It is that line's, whether or not its own is there as well. `noise_px` is that of one sample.
     """
-    rows, found, samples = room.rows, room.found, room.samples
+    rows, found, samples = buffers.rows, buffers.found, buffers.samples
     gate_px, near_px = settings.sharp_gates * noise_px, settings.coarse_spacing_px
     which, number = np.empty(count, np.int64), 0
     # where each candidate lies, and of each line its normal and its distance from the picture's corner along that
@@ -98,7 +98,7 @@ def shared_variance(noise: Noise, agree: float, off2: float) -> float:
 
 @compiled(fastmath=True, error_model="numpy")
 def off_the_rest(
-    room: Room,
+    buffers: Buffers,
     count: int,
     weight: FloatArray,
     residual: FloatArray,
@@ -113,7 +113,7 @@ def off_the_rest(
     without the thing is its residual over the part that the fit leaves of it. `root` is the factor of the fit's system,
     `agree` as of `_gather`; things whose samples are too many to be stray keep their 0.
     """
-    rows, feature = room.rows, room.samples.feature
+    rows, feature = buffers.rows, buffers.samples.feature
     mean, off = np.zeros((off2.shape[0], UNKNOWNS)), np.zeros(off2.shape[0])
     for n in range(count):
         thing, same = feature[n] >> 1, 0.0
@@ -133,16 +133,16 @@ def off_the_rest(
         for j in range(UNKNOWNS):
             part[j] = mean[thing, j]
         substitute(root, UNKNOWNS, part)
-        told = 0.0
+        predicted = 0.0
         for j in range(UNKNOWNS):
-            told += part[j] * mean[thing, j]
+            predicted += part[j] * mean[thing, j]
         variance = noise.sample_px**2 / agree[thing] + shared_variance(noise, agree[thing], 0.0)
-        off2[thing] = (off[thing] / max(1.0 - told / variance, 0.01)) ** 2
+        off2[thing] = (off[thing] / max(1.0 - predicted / variance, 0.01)) ** 2
 
 
 @compiled(fastmath=True, error_model="numpy")
 def off_alone(
-    room: Room,
+    buffers: Buffers,
     count: int,
     weight: FloatArray,
     residual: FloatArray,
@@ -160,19 +160,19 @@ def off_alone(
     would put it anywhere, those of any sample. The more it may be off, the less it tells. Arguments as of
     `off_the_rest`, which comes first.
     """
-    feature, begin = room.samples.feature, 0
+    feature, begin = buffers.samples.feature, 0
     for n in range(1, count + 1):
         if n == count or feature[n] != feature[begin]:
             thing = feature[begin] >> 1
             shared2 = shared_variance(noise, agree[thing], 0.0)
             doubt2 = shared_variance(noise, agree[thing], off2[thing]) - noise.shared_px**2
-            _doubt_each(room, begin, n, weight, residual, noise, root, shared2, doubt2, own2)
+            _doubt_each(buffers, begin, n, weight, residual, noise, root, shared2, doubt2, own2)
             begin = n
 
 
 @compiled(fastmath=True, error_model="numpy")
 def _doubt_each(
-    room: Room,
+    buffers: Buffers,
     begin: int,
     end: int,
     weight: FloatArray,
@@ -188,7 +188,7 @@ def _doubt_each(
     A sample is compared with what all others say of it: those of its edge by the offset that they share, and everything
     by the fit without it, which follows from the fit with it.
     """
-    rows, alone = room.rows, 1.0 / noise.sample_px**2
+    rows, alone = buffers.rows, 1.0 / noise.sample_px**2
     common, part, common_weight, common_residual = np.zeros(UNKNOWNS), np.empty(UNKNOWNS), 0.0, 0.0
     for n in range(begin, end):
         own2[n] = 0.0
@@ -205,16 +205,16 @@ def _doubt_each(
         if w == 0.0:
             continue
         # of the offset, as the others tell it
-        told = shared2 / (1.0 + shared2 * (common_weight - w))
-        variance, by_fit2 = 1.0 / w + told, 0.0
+        shared_gain = shared2 / (1.0 + shared2 * (common_weight - w))
+        variance, by_fit2 = 1.0 / w + shared_gain, 0.0
         for i in range(UNKNOWNS):
-            part[i] = rows[n, i] - told * (common[i] - w * rows[n, i])
+            part[i] = rows[n, i] - shared_gain * (common[i] - w * rows[n, i])
             for k in range(i):
                 part[i] -= root[i, k] * part[k]
             part[i] /= root[i, i]
             by_fit2 += part[i] * part[i]
         left = max(1.0 - by_fit2 / variance, 0.01)
-        off = (residual[n] - told * (common_residual - w * residual[n])) / left
+        off = (residual[n] - shared_gain * (common_residual - w * residual[n])) / left
         open2 = by_fit2 / left
         spread2 = open2 + variance
         rightly = (1.0 - noise.stray_ratio) * math.exp(-0.5 * off * off / spread2) / math.sqrt(math.tau * spread2)

@@ -153,7 +153,7 @@ class FollowSettings(NamedTuple):
         Of an inlier.
     prior_ratio : float
         Weight of the squared distance from the prior where modes are chosen, in samples.
-    enough : float
+    max_failed_ratio : float
         Fraction of the samples that a hypothesis may fail and still end the search for modes.
     again_px : float
         How far candidates are searched for around a fit.
@@ -190,7 +190,7 @@ class FollowSettings(NamedTuple):
     sharp_steps: int
     gate_px: float
     prior_ratio: float
-    enough: float
+    max_failed_ratio: float
     again_px: float
     line_width_m: float
     point_stride: int
@@ -205,7 +205,7 @@ class FollowSettings(NamedTuple):
     bent_ratio: float
 
 
-class Room(NamedTuple):
+class Buffers(NamedTuple):
     """Arrays that every frame uses anew.
 
     Parameters
@@ -288,9 +288,9 @@ class Fit(NamedTuple):
     figures: FloatArray
 
 
-def empty_room(samples: int, points: int) -> Room:
-    """Return room for so many samples and line points."""
-    return Room(
+def empty_buffers(samples: int, points: int) -> Buffers:
+    """Return buffers for so many samples and line points."""
+    return Buffers(
         empty_samples(samples),
         empty_findings(samples),
         np.zeros((samples, UNKNOWNS)),
@@ -302,7 +302,7 @@ def empty_room(samples: int, points: int) -> Room:
 
 
 def empty_samples(size: int) -> Samples:
-    """Return room for so many samples."""
+    """Return buffers for so many samples."""
     channel, feature, kind, place = (np.zeros(size, dtype=np.int64) for _ in range(4))
     return Samples(
         np.zeros((size, 3)),
@@ -319,7 +319,7 @@ def empty_samples(size: int) -> Samples:
 
 
 def empty_findings(size: int) -> Findings:
-    """Return room for so many samples."""
+    """Return buffers for so many samples."""
     return Findings(
         np.zeros((size, PEAKS)), np.zeros((size, PEAKS)), np.zeros(size, np.int64), np.zeros(size, np.int64)
     )

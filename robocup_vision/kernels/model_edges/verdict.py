@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled
-from robocup_vision.kernels.algebra.lens import slopes_at
-from robocup_vision.kernels.model_edges.carpet import is_carpet
-from robocup_vision.kernels.model_edges.prediction import pose_frame
+from robocup_vision.kernels.model_edges.carpet import is_carpet_at
+from robocup_vision.kernels.model_edges.prediction import pose_frame, ray
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
     FOUND,
@@ -17,9 +16,9 @@ from robocup_vision.kernels.model_edges.tables import (
     RIDGE,
     UNKNOWNS,
     UNSEEN,
+    Buffers,
     FloatArray,
     FollowSettings,
-    Room,
     UInt8Array,
 )
 
@@ -28,24 +27,18 @@ SURE_PX = 1.0
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _patch(image: UInt8Array, u: float, v: float, carpet: FloatArray) -> bool:
-    """Return whether plain carpet lies at a pixel: the mean of three by three pixels is the carpet's colour."""
+def _shows_carpet(image: UInt8Array, flat: UInt8Array, u: float, v: float, carpet: FloatArray) -> bool:
+    """Return whether carpet as deep in colour as it is elsewhere lies at a pixel."""
     x, y = int(round(u)), int(round(v))
-    if x < 1 or y < 1 or x > image.shape[1] - 2 or y > image.shape[0] - 2:
+    height, width = image.shape[0], image.shape[1]
+    if x < 1 or y < 1 or x > width - 2 or y > height - 2:
         return False
-    b, g, r = 0.0, 0.0, 0.0
-    for i in range(-1, 2):
-        for j in range(-1, 2):
-            b += image[y + i, x + j, 0]
-            g += image[y + i, x + j, 1]
-            r += image[y + i, x + j, 2]
-    # a mean of nine: with a pixel's noise a dark robot would be as green as carpet
-    return is_carpet(b / 9.0, g / 9.0, r / 9.0, carpet, 1.0 / 3.0, 1.0)
+    return is_carpet_at(flat, 3 * (y * width + x), 3, 3 * width, carpet, 1.0)
 
 
 @compiled(fastmath=True, error_model="numpy")
 def judge(
-    image: UInt8Array, carpet: FloatArray, settings: FollowSettings, room: Room, count: int, z: FloatArray
+    image: UInt8Array, carpet: FloatArray, settings: FollowSettings, buffers: Buffers, count: int, z: FloatArray
 ) -> tuple[int, int, int, int]:
     """Classify each sample.
 
@@ -58,8 +51,9 @@ def judge(
         How many were found, are missing, are found on something upright, are hidden there; `found.status` takes each
         one's.
     """
-    samples, rows, found, gate_px = room.samples, room.rows, room.found, settings.gate_px
+    samples, rows, found, gate_px = buffers.samples, buffers.rows, buffers.found, settings.gate_px
     seen, missing, upright, hidden = 0, 0, 0, 0
+    flat = image.reshape(-1)
     for n in range(count):
         if found.candidates[n] < 0:
             found.status[n] = UNSEEN
@@ -86,7 +80,7 @@ def judge(
             into += 0.5 * min(samples.width_px[n], 8.0)
         u = samples.uv[n, 0] + samples.normal[n, 0] * into
         v = samples.uv[n, 1] + samples.normal[n, 1] * into
-        if _patch(image, u, v, carpet):
+        if _shows_carpet(image, flat, u, v, carpet):
             found.status[n] = MISSING
             missing += 1
         else:
@@ -98,7 +92,7 @@ def judge(
 
 @compiled(fastmath=True, error_model="numpy")
 def explained(
-    room: Room,
+    buffers: Buffers,
     number: int,
     count: int,
     z: FloatArray,
@@ -112,7 +106,7 @@ def explained(
 
     Parameters
     ----------
-    room : Room
+    buffers : Buffers
         With samples and line points.
     number, count : int
         How many points and samples it holds.
@@ -132,7 +126,7 @@ def explained(
     int, int
         How many are explained, and how many more speak neither for nor against the pose.
     """
-    points, samples, rows = room.points, room.samples, room.rows
+    points, samples, rows = buffers.points, buffers.samples, buffers.rows
     right, neutral = 0, 0
     frame = np.empty(16)
     pose_frame(p, lens, frame)
@@ -167,14 +161,12 @@ def explained(
 @compiled(fastmath=True, error_model="numpy")
 def _is_silent(silent: FloatArray, lens: FloatArray, frame: FloatArray, u: float, v: float) -> bool:
     """Return whether the ray of a pixel passes through a silent box; `frame` as `pose_frame` prepares it."""
-    right, down = slopes_at(lens, u, v)
-    right, down = right * lens[0] / frame[12], down * lens[1] / frame[13]
+    direction = ray(lens, frame, u, v)
     for n in range(silent.shape[0]):
         # of the way along the ray, its length ahead being 1
         begin, end = 0.0, 1e9
         for k in range(3):
-            step = frame[3 * k] - right * frame[3 * k + 1] - down * frame[3 * k + 2]
-            times = 1.0 / step if abs(step) > 1e-9 else 1e9
+            times = 1.0 / direction[k] if abs(direction[k]) > 1e-9 else 1e9
             low, high = (silent[n, 2 * k] - frame[9 + k]) * times, (silent[n, 2 * k + 1] - frame[9 + k]) * times
             begin, end = max(begin, min(low, high)), min(end, max(low, high))
         if begin <= end:

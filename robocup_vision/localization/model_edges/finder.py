@@ -15,10 +15,17 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.kernels.model_edges.align import LEFT_BEHIND, Alignment, align_poses, slopes_of
+from robocup_vision.kernels.model_edges.align import DROPPED, Alignment, align_poses, slopes_of
 from robocup_vision.kernels.model_edges.carpet import carpet_ends
 from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
-from robocup_vision.kernels.model_edges.sightings import MAX_SIGHTINGS, NOD_RAD, SIGHT, Horizon, poses_around, sightings
+from robocup_vision.kernels.model_edges.sightings import (
+    MAX_SIGHTINGS,
+    NOD_RAD,
+    SIGHTING_COLUMNS,
+    Horizon,
+    poses_around,
+    sightings,
+)
 from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights, with_walls
 from robocup_vision.localization.model_edges.evidence import CandidateSettings, accepted, log_weight, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
@@ -165,7 +172,7 @@ class EdgeFinder:
         self._half_m = (field.length_m / 2 + 0.2, field.width_m / 2 + 0.2)
         self._aligned, self._costs = np.zeros((most, 5)), np.zeros(most)
         self._uprights = prepare_uprights(field, self._bank)
-        self._sightings = np.zeros((MAX_SIGHTINGS, SIGHT))
+        self._sightings = np.zeros((MAX_SIGHTINGS, SIGHTING_COLUMNS))
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
         self._candidates = replace(s.candidates, of_rms=s.candidates.of_rms / scale)
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
@@ -279,7 +286,7 @@ class EdgeFinder:
         # the prior of the tilt is about rest, not about where its search begins
         nod = poses[:, 3]
         costs += 0.5 * (((tilt + nod - rest) / self._rest_std_rad[0]) ** 2 - (nod / how.std[3]) ** 2)
-        ended = costs < 0.5 * LEFT_BEHIND
+        ended = costs < 0.5 * DROPPED
         return np.column_stack([poses[ended] + (0.0, 0.0, 0.0, tilt, roll), costs[ended]])
 
     def _first_apart(self, poses: Iterable[_AnyPose], count: int) -> list[_AnyPose]:

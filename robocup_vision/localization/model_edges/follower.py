@@ -22,10 +22,10 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.model_edges.alone import frame_alone
 from robocup_vision.kernels.model_edges.bands import MAX_WIDTHS, LineLook, line_points
 from robocup_vision.kernels.model_edges.carpet import CARPET, LIT_CARPET, carpet_look
 from robocup_vision.kernels.model_edges.follow import MODES, brightness, follow, prepare
+from robocup_vision.kernels.model_edges.posterior import frame_alone
 from robocup_vision.kernels.model_edges.tables import (
     FOUND,
     HEIGHT,
@@ -37,7 +37,7 @@ from robocup_vision.kernels.model_edges.tables import (
     Fit,
     Prior,
     Scene,
-    empty_room,
+    empty_buffers,
 )
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
 from robocup_vision.localization.model_edges.field_edges import field_edges, telling_features
@@ -160,7 +160,7 @@ class EdgeFollower:
         self._plain_numbers, self._proposed_numbers, self._followed_numbers = plain((self.numbers, proposed, followed))
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
-        self._buffers = empty_room(_MAX_SAMPLES, _MAX_POINTS)
+        self._buffers = empty_buffers(_MAX_SAMPLES, _MAX_POINTS)
         self._fit = Fit(
             np.zeros(UNKNOWNS),
             np.zeros((UNKNOWNS, UNKNOWNS)),

@@ -178,7 +178,7 @@ class EdgeSettings:
             sharp_steps=self.sharp_steps,
             gate_px=self.gate_px,
             prior_ratio=self.prior_ratio,
-            enough=self.max_failed_ratio,
+            max_failed_ratio=self.max_failed_ratio,
             again_px=self.again_px,
             line_width_m=line_width_m,
             point_stride=max(4, round(self.point_stride_px * scale)),

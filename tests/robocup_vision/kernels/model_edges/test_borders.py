@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robocup_vision.kernels.model_edges.borders import leave_out_borders
-from robocup_vision.kernels.model_edges.tables import EDGE, ON_FLOOR, UPRIGHT, empty_room
+from robocup_vision.kernels.model_edges.tables import EDGE, ON_FLOOR, UPRIGHT, empty_buffers
 
 WALL, CARPET, POST, ROBOT = (190, 185, 200), (45, 125, 42), (235, 235, 235), (35, 35, 38)
 HORIZON, FOOT, PER_M = 60, 70, 100.0
@@ -30,17 +30,17 @@ def picture(*, post_from=None, robot_from=None, robot_until=110, noise=NOISE, tu
 
 def left(frame, offsets=(0.0,), normal=(1.0, 0.0), place=UPRIGHT, foot_v=FOOT):
     """Offsets of the candidates that are left of a sample at column 80, whose inside lies to the right."""
-    room = empty_room(1, 1)
-    room.samples.uv[0], room.samples.normal[0] = (79.5, SAMPLE_V), normal
-    room.samples.point_m[0] = 0.0, 0.0, (foot_v - SAMPLE_V) / PER_M
-    room.samples.jacobian[0] = 0.0
-    room.samples.jacobian[0, 1] = PER_M
-    room.samples.kind[0], room.samples.place[0] = EDGE, place
-    room.found.candidates[0] = len(offsets)
-    room.found.offset_px[0, : len(offsets)] = offsets
-    room.found.strength[0, : len(offsets)] = np.arange(len(offsets), 0, -1)
-    leave_out_borders(frame, NOISE, CLEAR_PX, room, 1)
-    return room.found.offset_px[0, : room.found.candidates[0]].tolist()
+    buffers = empty_buffers(1, 1)
+    buffers.samples.uv[0], buffers.samples.normal[0] = (79.5, SAMPLE_V), normal
+    buffers.samples.point_m[0] = 0.0, 0.0, (foot_v - SAMPLE_V) / PER_M
+    buffers.samples.jacobian[0] = 0.0
+    buffers.samples.jacobian[0, 1] = PER_M
+    buffers.samples.kind[0], buffers.samples.place[0] = EDGE, place
+    buffers.found.candidates[0] = len(offsets)
+    buffers.found.offset_px[0, : len(offsets)] = offsets
+    buffers.found.strength[0, : len(offsets)] = np.arange(len(offsets), 0, -1)
+    leave_out_borders(frame, NOISE, CLEAR_PX, buffers, 1)
+    return buffers.found.offset_px[0, : buffers.found.candidates[0]].tolist()
 
 
 def test_a_post_keeps_its_side():

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from robocup_vision.kernels.model_edges.carpet import carpet_look, carpet_mask, is_carpet, is_paint, other_light
+from robocup_vision.kernels.model_edges.carpet import (
+    carpet_ends,
+    carpet_look,
+    carpet_marks,
+    is_carpet,
+    is_paint,
+    other_light,
+)
 
 CARPET = np.array([45.0, 125.0, 42.0])
 GLARE = np.array([135.0, 187.0, 142.0])
@@ -102,7 +109,7 @@ def test_a_pale_or_deep_tone_of_the_carpet_s_hue_is_carpet_and_plain_only_if_it_
     shown = light * (grey + saturation * (CARPET - grey))
     assert is_carpet(*shown.tolist(), carpet)
     assert is_carpet(*shown.tolist(), carpet, 1.0, 1.0) == (saturation >= 0.7)
-    assert carpet_mask(np.clip(shown, 0, 255).astype(np.uint8)[None, None], carpet).all()
+    assert carpet_marks(np.clip(shown, 0, 255).astype(np.uint8)[None, None], carpet, 1, 1).all()
     # another hue as far from grey
     assert not is_carpet(*(light * (grey + saturation * (CARPET[[2, 0, 1]] - grey))).tolist(), carpet)
 
@@ -137,18 +144,22 @@ def test_lines_that_blur_mixes_with_the_carpet_are_no_other_light():
     np.testing.assert_array_equal(carpet[5:], carpet[:3])
 
 
-@pytest.mark.parametrize("other", [CARPET, GLARE])
-@pytest.mark.parametrize("noise", [0.8, 6.0])
-def test_the_mask_of_an_image_says_of_each_pixel_what_is_carpet_says(noise, other):
+def test_the_carpet_ends_where_a_wall_stands_and_at_no_horizon():
+    picture = np.tile(CARPET, (160, 208, 1))
+    # a wall from the horizon down to row 70, and a column of carpet up to the horizon
+    picture[:70, :104] = 200.0
+    ends = carpet_ends(picture.astype(np.uint8), 30)
+    assert set(ends[:, 1]) == {69.5}
+    assert ends[:, 0].max() < 104
+    assert len(ends) == 26
+    assert not len(carpet_ends(picture.astype(np.uint8), 159))
+
+
+def test_marks_of_an_image_are_taken_so_many_rows_and_columns_apart():
     rng = np.random.default_rng(3)
-    carpet = np.array([*CARPET, noise, 0.5, *other])
-    share = rng.uniform(-0.2, 1.2, (40, 60, 1))
-    near = (CARPET + share * (other - CARPET)) * rng.uniform(0.3, 2.0, (40, 60, 1))
-    near += rng.normal(0.0, 8.0, (40, 60, 3))
-    image = np.clip(near, 0, 255).astype(np.uint8)
-    image[0] = 0
-    mask = carpet_mask(image, carpet)
-    expected = [[is_carpet(*map(float, pixel), carpet) for pixel in row] for row in image]
-    np.testing.assert_array_equal(mask, expected)
-    assert 0.1 < mask.mean() < 0.9
-    assert not carpet_mask(image, np.zeros(8)).any()
+    carpet = np.array([*CARPET, 1.5, 0.5])
+    image = np.where(rng.random((41, 60, 1)) < 0.5, CARPET, 200.0).astype(np.uint8)
+    every = carpet_marks(image, carpet, 1, 1)
+    np.testing.assert_array_equal(every == 1, (image == CARPET.astype(np.uint8)).all(axis=-1))
+    np.testing.assert_array_equal(carpet_marks(image, carpet, 3, 4), every[::3, ::4])
+    assert not carpet_marks(image, np.zeros(8), 1, 1).any()

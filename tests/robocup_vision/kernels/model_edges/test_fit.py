@@ -5,7 +5,7 @@ import pytest
 
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.follow import brightness, prepare
-from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Prior, empty_room
+from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Prior, empty_buffers
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 NUMBERS = EdgeSettings().for_width(208, 0.025)
@@ -14,69 +14,69 @@ COUNT = 60
 
 def planted(seed, z, outliers=0.3, noise=0.2):
     """Plant samples whose candidates lie where `z` puts them, some elsewhere, each with a second one anywhere."""
-    rng, room = np.random.default_rng(seed), empty_room(COUNT, 4)
-    room.rows[:] = rng.normal(0.0, 4.0, room.rows.shape)
-    room.found.candidates[:] = 2
-    room.found.offset_px[:, 0] = room.rows @ z + rng.normal(0.0, noise, COUNT)
-    room.found.offset_px[:, 1] = rng.uniform(-40.0, 40.0, COUNT)
+    rng, buffers = np.random.default_rng(seed), empty_buffers(COUNT, 4)
+    buffers.rows[:] = rng.normal(0.0, 4.0, buffers.rows.shape)
+    buffers.found.candidates[:] = 2
+    buffers.found.offset_px[:, 0] = buffers.rows @ z + rng.normal(0.0, noise, COUNT)
+    buffers.found.offset_px[:, 1] = rng.uniform(-40.0, 40.0, COUNT)
     wrong = rng.random(COUNT) < outliers
-    room.found.offset_px[wrong, 0] = rng.uniform(-40.0, 40.0, np.count_nonzero(wrong))
+    buffers.found.offset_px[wrong, 0] = rng.uniform(-40.0, 40.0, np.count_nonzero(wrong))
     # no line crosses another
-    room.samples.normal[:] = (0.0, 1.0)
+    buffers.samples.normal[:] = (0.0, 1.0)
     # samples of one edge follow each other
-    room.samples.feature[:] = np.sort(rng.integers(0, 8, COUNT))
-    return room
+    buffers.samples.feature[:] = np.sort(rng.integers(0, 8, COUNT))
+    return buffers
 
 
-def plain_msac(room, z, gate, fraction):
-    off = np.abs(room.found.offset_px[:, :2] - (room.rows @ z)[:, None]).min(axis=1) / gate
+def plain_msac(buffers, z, gate, fraction):
+    off = np.abs(buffers.found.offset_px[:, :2] - (buffers.rows @ z)[:, None]).min(axis=1) / gate
     return np.minimum(off**2, 1.0).sum() + fraction * z @ z
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_planted_mode_is_chosen_and_fitted(seed):
     z = np.random.default_rng(seed).normal(0.0, 0.6, UNKNOWNS)
-    room = planted(seed, z, outliers=0.2)
+    buffers = planted(seed, z, outliers=0.2)
     # a hypothesis has three candidates; seven unknowns are only near the truth where the others are small
     z[3:] *= 0.1
-    room.found.offset_px[:, 0] = room.rows @ z
+    buffers.found.offset_px[:, 0] = buffers.rows @ z
     draws, modes = np.random.default_rng(0).random((400, 6)), np.zeros((3, UNKNOWNS))
-    kept = choose_mode(room, COUNT, draws, NUMBERS, modes)
+    kept = choose_mode(buffers, COUNT, draws, NUMBERS, modes)
     assert 1 <= kept <= 3
-    costs = [plain_msac(room, mode, NUMBERS.gate_px, NUMBERS.prior_ratio) for mode in modes[:kept]]
+    costs = [plain_msac(buffers, mode, NUMBERS.gate_px, NUMBERS.prior_ratio) for mode in modes[:kept]]
     assert costs == sorted(costs)
-    assert costs[0] <= plain_msac(room, np.zeros(UNKNOWNS), NUMBERS.gate_px, NUMBERS.prior_ratio)
+    assert costs[0] <= plain_msac(buffers, np.zeros(UNKNOWNS), NUMBERS.gate_px, NUMBERS.prior_ratio)
 
 
 def test_one_sample_of_another_line_hardly_moves_the_fit():
     z = np.zeros(UNKNOWNS)
-    room = planted(10, z, outliers=0.0, noise=0.05)
-    room.found.candidates[:] = 1
-    room.samples.feature[:] = [0, *[2] * (COUNT - 1)]
+    buffers = planted(10, z, outliers=0.0, noise=0.05)
+    buffers.found.candidates[:] = 1
+    buffers.samples.feature[:] = [0, *[2] * (COUNT - 1)]
     # the first unknown is open but for a sample that is two pixels off
-    room.rows[1:, 0], room.rows[0] = 0.0, 0.0
-    room.rows[0, 0], room.found.offset_px[0, 0] = 4.0, 2.0
-    room.found.offset_px[1:, 0] = room.rows[1:] @ z
+    buffers.rows[1:, 0], buffers.rows[0] = 0.0, 0.0
+    buffers.rows[0, 0], buffers.found.offset_px[0, 0] = 4.0, 2.0
+    buffers.found.offset_px[1:, 0] = buffers.rows[1:] @ z
     fit = z.copy()
-    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), z, fit)
+    robust_fit(buffers, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), z, fit)
     # a standard deviation of its own is a quarter of a unknown's; it says so instead of an eighteenth
     assert abs(fit[0]) < 0.5
-    assert 1.0 / np.sqrt(room.information[0, 0]) > 0.2
+    assert 1.0 / np.sqrt(buffers.information[0, 0]) > 0.2
 
 
 def test_the_farther_one_sample_lies_off_the_rest_the_less_it_tells():
     told = []
     for far in (0.5, 8.0):
-        room = planted(11, np.zeros(UNKNOWNS), outliers=0.0, noise=0.05)
-        room.found.candidates[:] = 1
-        room.samples.feature[:] = [0, *[2] * (COUNT - 1)]
-        room.rows[1:, 0], room.rows[0] = 0.0, 0.0
-        room.rows[0, 0], room.found.offset_px[0, 0] = 4.0, far
+        buffers = planted(11, np.zeros(UNKNOWNS), outliers=0.0, noise=0.05)
+        buffers.found.candidates[:] = 1
+        buffers.samples.feature[:] = [0, *[2] * (COUNT - 1)]
+        buffers.rows[1:, 0], buffers.rows[0] = 0.0, 0.0
+        buffers.rows[0, 0], buffers.found.offset_px[0, 0] = 4.0, far
         # the mode that was chosen lies where the sample does
         fit = np.zeros(UNKNOWNS)
         fit[0] = far / 4.0
-        robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
-        told.append(room.information[0, 0])
+        robust_fit(buffers, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
+        told.append(buffers.information[0, 0])
     # where the prior would put it anywhere within the gate, nearly every second one is stray
     assert told[0] > 0.4**-2
     # it is stray in three of ten cases, and off by as much then; so the prior, which has it at 0, pulls as hard
@@ -86,38 +86,38 @@ def test_the_farther_one_sample_lies_off_the_rest_the_less_it_tells():
 
 @pytest.mark.parametrize("witnesses", [3, 12])
 def test_others_of_its_line_are_no_witnesses_of_what_they_do_not_see(witnesses):
-    room = planted(12, np.zeros(UNKNOWNS), outliers=0.0, noise=0.05)
-    room.found.candidates[:] = 1
+    buffers = planted(12, np.zeros(UNKNOWNS), outliers=0.0, noise=0.05)
+    buffers.found.candidates[:] = 1
     # one line's first sample alone tells the first unknown: two pixels off
-    room.samples.feature[:] = [*[0] * (1 + witnesses), *[2] * (COUNT - 1 - witnesses)]
-    room.rows[1:, 0], room.rows[0] = 0.0, 0.0
-    room.rows[0, 0], room.found.offset_px[0, 0] = 4.0, 2.0
+    buffers.samples.feature[:] = [*[0] * (1 + witnesses), *[2] * (COUNT - 1 - witnesses)]
+    buffers.rows[1:, 0], buffers.rows[0] = 0.0, 0.0
+    buffers.rows[0, 0], buffers.found.offset_px[0, 0] = 4.0, 2.0
     fit = np.zeros(UNKNOWNS)
-    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
-    assert 1.0 / np.sqrt(room.information[0, 0]) > 0.2
+    robust_fit(buffers, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
+    assert 1.0 / np.sqrt(buffers.information[0, 0]) > 0.2
     # where as many see it, it is followed
-    room.rows[: 1 + witnesses] = room.rows[0]
-    room.found.offset_px[: 1 + witnesses, 0] = 2.0
-    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
-    assert 1.0 / np.sqrt(room.information[0, 0]) < 0.15
+    buffers.rows[: 1 + witnesses] = buffers.rows[0]
+    buffers.found.offset_px[: 1 + witnesses, 0] = 2.0
+    robust_fit(buffers, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
+    assert 1.0 / np.sqrt(buffers.information[0, 0]) < 0.15
     assert fit[0] == pytest.approx(0.5, abs=0.03)
 
 
 @pytest.mark.parametrize("is_there", [True, False])
 def test_what_lies_on_a_line_that_crosses_is_that_lines(is_there):
-    room = planted(13, np.zeros(UNKNOWNS), outliers=0.0, noise=0.05)
-    room.found.candidates[:] = 1
+    buffers = planted(13, np.zeros(UNKNOWNS), outliers=0.0, noise=0.05)
+    buffers.found.candidates[:] = 1
     # a level line of all but four samples, which are of another line and tell the first unknown alone
-    room.samples.uv[:, 0], room.samples.uv[:, 1] = 4.0 * np.arange(COUNT), 50.0
-    room.samples.feature[:] = [*[0] * 4, *[2] * (COUNT - 4)]
-    room.samples.normal[:4] = (0.6, 0.8)
-    room.rows[:, 0] = 0.0
-    room.rows[:4] = 4.0 * np.eye(UNKNOWNS)[0]
-    room.found.offset_px[:4, 0] = 0.0
-    room.samples.uv[:4] = (100.0, 50.0 if is_there else 70.0)
+    buffers.samples.uv[:, 0], buffers.samples.uv[:, 1] = 4.0 * np.arange(COUNT), 50.0
+    buffers.samples.feature[:] = [*[0] * 4, *[2] * (COUNT - 4)]
+    buffers.samples.normal[:4] = (0.6, 0.8)
+    buffers.rows[:, 0] = 0.0
+    buffers.rows[:4] = 4.0 * np.eye(UNKNOWNS)[0]
+    buffers.found.offset_px[:4, 0] = 0.0
+    buffers.samples.uv[:4] = (100.0, 50.0 if is_there else 70.0)
     fit = np.zeros(UNKNOWNS)
-    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
-    told = room.information[0, 0]
+    robust_fit(buffers, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
+    told = buffers.information[0, 0]
     assert (told < 1e-6) if is_there else (told > 100.0)
 
 
@@ -125,18 +125,18 @@ def test_residuals_worse_than_the_noise_know_less():
     z = np.zeros(UNKNOWNS)
     known = []
     for noise in (0.05, 1.0):
-        room = planted(8, z, outliers=0.0, noise=noise)
-        robust_fit(room, COUNT, NUMBERS, Gates(np.array([10.0]), 2), z, z.copy())
-        known.append(np.linalg.slogdet(room.information)[1])
+        buffers = planted(8, z, outliers=0.0, noise=noise)
+        robust_fit(buffers, COUNT, NUMBERS, Gates(np.array([10.0]), 2), z, z.copy())
+        known.append(np.linalg.slogdet(buffers.information)[1])
     # their standard deviation is some seven times that of the noise
     assert known[0] - known[1] > 2 * UNKNOWNS * np.log(3.0)
 
 
 def test_outliers_do_not_move_the_fit():
     z = np.array([0.5, -0.4, 0.3, 0.0, 0.0, 0.0, 0.0])
-    room = planted(9, z, outliers=0.3)
+    buffers = planted(9, z, outliers=0.3)
     fit = z + 0.02
-    robust_fit(room, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
+    robust_fit(buffers, COUNT, NUMBERS, Gates(NUMBERS.fine_gates_px, 2), np.zeros(UNKNOWNS), fit)
     np.testing.assert_allclose(fit, z, atol=0.08)
 
 

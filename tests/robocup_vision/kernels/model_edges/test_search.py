@@ -8,7 +8,7 @@ import pytest
 
 from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.search import search
-from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, empty_room
+from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, empty_buffers
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 CARPET, WHITE = np.array([45.0, 125.0, 42.0]), np.array([230.0, 230.0, 230.0])
@@ -30,14 +30,14 @@ def stripe(angle_rad, offset_px, width_px, noise=2.0):
 
 
 def look_at(frame, normal, kind, width_px, reach_px=8.0, at=(100.0, 80.0), numbers=NUMBERS):
-    room = empty_room(4, 4)
-    room.samples.uv[0], room.samples.normal[0] = at, normal
-    room.samples.width_px[0], room.samples.expected[0] = width_px, 365.0
-    room.samples.kind[0], room.reach_px[0] = kind, reach_px
+    buffers = empty_buffers(4, 4)
+    buffers.samples.uv[0], buffers.samples.normal[0] = at, normal
+    buffers.samples.width_px[0], buffers.samples.expected[0] = width_px, 365.0
+    buffers.samples.kind[0], buffers.reach_px[0] = kind, reach_px
     carpet = np.zeros(5)
     carpet_look(frame, 0, carpet)
-    search(frame, CHANNELS, carpet, 1.0, numbers, room, 1)
-    return room.found
+    search(frame, CHANNELS, carpet, 1.0, numbers, buffers, 1)
+    return buffers.found
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 20.0, 44.0, 90.0, 130.0, -60.0])
