@@ -34,26 +34,17 @@ TILE_MARGIN_PX = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Features:
-    """Keypoints of one image.
+    """Keypoints of one image."""
 
-    Parameters
-    ----------
-    pixels : (N, 2) float64
-        Where they are, u and v, with the lens's distortion taken out: x, y of an ideal camera of equal focal length.
-    size_px : (N,) float64
-        Diameter of what each describes.
-    spacing_px : (N,) float64
-        d_s: pixels between samples of the octave each was found in.
-    contrast : (N,) float64
-        |D|.
-    descriptors : (N, D) float32
-        Unit vectors; D is 128 for SIFT.
-    """
-
+    #: where they are, u and v, with the lens's distortion taken out: x, y of an ideal camera of equal focal length
     pixels: FloatArray
+    #: diameter of what each describes
     size_px: FloatArray
+    #: d_s: pixels between samples of the octave each was found in
     spacing_px: FloatArray
+    #: |D|
     contrast: FloatArray
+    #: unit vectors; D is 128 for SIFT
     descriptors: Float32Array
 
     def __len__(self) -> int:

@@ -66,46 +66,24 @@ class GameSettings:
 
 @dataclass(frozen=True, slots=True)
 class GameState:
-    """What one team must know of the game now.
+    """What one team must know of the game now."""
 
-    Parameters
-    ----------
-    phase : Phase
-        A kick-off that has been started is a free kick until the ball has moved.
-    own_turn : bool
-        This team has the kick-off, free kick, penalty, ball placement or time-out.
-    attacks : int or None
-        +1: this team plays towards +x; -1: towards -x; None: the game controller does not say.
-    goalkeeper, opponent_goalkeeper : int
-        Numbers of the robots that keep the goals.
-    max_robots : int or None
-        So many robots of this team may be on the field, its yellow cards counted; None: it is not said.
-    placement_m : (float, float) or None
-        Where the ball shall be placed, field frame.
-    next_phase : Phase or None
-        What comes after this stop or placement; None: it is not said.
-    next_own_turn : bool
-        Whether it will be this team's turn then.
-    action_left_s : float or None
-        How long the kick, placement or preparation may take yet; None: it is not said.
-    can_place_ball : bool
-        Whether the game controller lets this team place the ball.
-    doubt : str
-        Why the game is taken for halted though no halt was commanded; empty if it is not.
-    """
-
-    phase: Phase
+    phase: Phase  #: a kick-off that has been started is a free kick until the ball has moved
+    #: this team has the kick-off, free kick, penalty, ball placement or time-out
     own_turn: bool
-    attacks: int | None
+    attacks: int | None  #: +1: this team plays towards +x; -1: towards -x; None: the game controller does not say
+    #: numbers of the robots that keep the goals
     goalkeeper: int
     opponent_goalkeeper: int
+    #: so many robots of this team may be on the field, its yellow cards counted; None: it is not said
     max_robots: int | None
-    placement_m: tuple[float, float] | None
-    next_phase: Phase | None = None
-    next_own_turn: bool = False
+    placement_m: tuple[float, float] | None  #: where the ball shall be placed, field frame
+    next_phase: Phase | None = None  #: what comes after this stop or placement; None: it is not said
+    next_own_turn: bool = False  #: whether it will be this team's turn then
+    #: how long the kick, placement or preparation may take yet; None: it is not said
     action_left_s: float | None = None
-    can_place_ball: bool = True
-    doubt: str = ""
+    can_place_ball: bool = True  #: whether the game controller lets this team place the ball
+    doubt: str = ""  #: why the game is taken for halted though no halt was commanded; empty if it is not
 
 
 # before the first packet nobody may move

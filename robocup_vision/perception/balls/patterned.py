@@ -31,78 +31,56 @@ _SIGMAS, _ROWS = 3.0, 8
 
 @dataclass(frozen=True, slots=True)
 class PatternedBallSettings:
-    """What the search for patterned balls can be tuned by.
+    """What the search for patterned balls can be tuned by."""
 
-    Parameters
-    ----------
-    min_radius_px, max_radius_px, radius_step : float
-        Of the balls that are looked for, and the factor from one size to the next: half a step is blur.
-    search : DiscSearch
-        Where rims are looked for.
-    carpet_hue, min_green, min_carpet_ratio : float
-        Below this hue and above this greenness (see the kernel) a pixel of the lower half may be carpet; so many of
-        them must be.
-    max_hue_range : float
-        Between the quartiles of the carpet's hue: it is of one material. In sun and shadow it is 0.25, of leaves of
-        many plants 0.3 to 0.6.
-    min_carpet_level : float
-        Carpet in the deepest shadow has so much of the usual one's brightness; less is black.
-    max_discs, max_kept, max_balls : int
-        Discs that are found, weighed, and reported at most.
-    rim_ratio, chance_rim_ratio, rim_signs : float
-        Of the directions at a rim, those that part ball from carpet, at a ball and elsewhere; independent ones of a
-        whole rim.
-    dark_ratio, dark_std, chance_dark_ratio, chance_any : float
-        Of a disc, what is dark: mean and standard deviation at a ball, whose patches cover 28 % and fade with distance;
-        mean elsewhere, and the ratio of discs elsewhere that have any.
-    around_ratio, chance_around_ratio, around_signs : float
-        Of places two and three radii away, those that are carpet, at a ball and elsewhere; independent ones.
-    signs_per_px : float
-        Of either at most so many for each pixel of the radius: neighbours that the blur covers say the same.
-    min_white, max_white : float
-        The white is so many times as bright as the carpet at the ball's rim: more is a lamp, or before the dark.
-    radius_std, tilt_std_rad, tilt_span_rad : float
-        Of a measured radius, relative; of the camera's tilt, which sways; angle over which the tilts lie that other
-        discs would need.
-    outlier_ratio : float
-        Of balls, those whose size says nothing: half hidden, or half in the dark.
-    min_log_likelihood_ratio : float
-        A find with less is no ball.
-    place_std : float
-        Of a disc's centre, of its radius.
-    """
-
+    #: of the balls that are looked for, and the factor from one size to the next: half a step is blur
     min_radius_px: float = 5.0
     max_radius_px: float = 50.0
     radius_step: float = 1.12
+    #: where rims are looked for
     search: kernel.DiscSearch = kernel.DiscSearch(0.82, 1.12, 1.5, 0.25, 0.8, 0.5, 0.7, 0.55, 0.04)
+    #: below this hue and above this greenness (see the kernel) a pixel of the lower half may be carpet; so many of them
+    #: must be
     carpet_hue: float = -0.12
     min_green: float = 0.1
+    #: between the quartiles of the carpet's hue: it is of one material. In sun and shadow it is 0.25, of leaves of many
+    #: plants 0.3 to 0.6.
     max_hue_range: float = 0.4
+    #: carpet in the deepest shadow has so much of the usual one's brightness; less is black
     min_carpet_level: float = 0.3
     min_carpet_ratio: float = 0.5
+    #: discs that are found, weighed, and reported at most
     max_discs: int = 20000
     max_kept: int = 80
     max_balls: int = 8
+    #: of the directions at a rim, those that part ball from carpet, at a ball and elsewhere; independent ones of a
+    #: whole rim
     rim_ratio: float = 0.85
     chance_rim_ratio: float = 0.45
     rim_signs: float = 6.0
+    #: of a disc, what is dark: mean and standard deviation at a ball, whose patches cover 28 % and fade with distance;
+    #: mean elsewhere, and the ratio of discs elsewhere that have any
     dark_ratio: float = 0.24
     dark_std: float = 0.09
     chance_dark_ratio: float = 0.06
     chance_any: float = 0.1
+    #: of places two and three radii away, those that are carpet, at a ball and elsewhere; independent ones
     around_ratio: float = 0.88
     chance_around_ratio: float = 0.6
     around_signs: float = 8.0
+    #: of either at most so many for each pixel of the radius: neighbours that the blur covers say the same
     signs_per_px: float = 0.7
+    #: the white is so many times as bright as the carpet at the ball's rim: more is a lamp, or before the dark
     min_white: float = 1.0
     max_white: float = 2.6
+    #: of a measured radius, relative; of the camera's tilt, which sways; angle over which the tilts lie that other
+    #: discs would need
     radius_std: float = 0.12
     tilt_std_rad: float = 0.013
     tilt_span_rad: float = 0.5
-    outlier_ratio: float = 0.05
-    min_log_likelihood_ratio: float = 4.0
-    place_std: float = 0.1
+    outlier_ratio: float = 0.05  #: of balls, those whose size says nothing: half hidden, or half in the dark
+    min_log_likelihood_ratio: float = 4.0  #: a find with less is no ball
+    place_std: float = 0.1  #: of a disc's centre, of its radius
 
 
 @dataclass(frozen=True, slots=True)
