@@ -36,7 +36,7 @@ def next_picture(link):
             return told, jpeg
 
 
-def test_what_is_shown_arrives_in_a_page(viewer, vision, frames, tmp_path):
+def test_what_is_shown_arrives_in_a_page_and_what_cannot_be_shown_is_refused(viewer, vision, frames, tmp_path):
     with link_to(viewer) as link:
         view = vision.look(frames[0], t_s=4.5)
         viewer.show(frames[0], view, command=(0.1, 0.2, 0.3), way=[(1.0, 0.0)], reasons=["towards the ball"])
@@ -57,6 +57,11 @@ def test_what_is_shown_arrives_in_a_page(viewer, vision, frames, tmp_path):
         assert path.exists()
         assert np.array_equal(cv2.imread(str(path.parent / "images" / "000000.png")), frames[1])
     assert viewer.cpu_s > 0
+    for frame in (frames[0][..., 0], frames[0].astype(np.float32)):
+        with pytest.raises(FrameError, match=r"\(H, W, 3\) uint8"):
+            viewer.show(frame, view)
+    with pytest.raises(ArgumentError, match="forward, left and turn"):
+        viewer.show(frames[0], view, command=(0.1, 0.2))
 
 
 @pytest.mark.slow
@@ -67,15 +72,6 @@ def test_frames_of_another_size_pass_too(viewer, vision, frames):
         for number, frame in enumerate((frames[0], np.zeros((900, 1600, 3), np.uint8), frames[0])):
             viewer.show(frame, view)
             assert next_picture(link)[0]["size_px"] == [frame.shape[1], frame.shape[0]], number
-
-
-def test_bad_arguments_are_refused(viewer, vision, frames):
-    view = vision.look(frames[0])
-    for frame in (frames[0][..., 0], frames[0].astype(np.float32)):
-        with pytest.raises(FrameError, match=r"\(H, W, 3\) uint8"):
-            viewer.show(frame, view)
-    with pytest.raises(ArgumentError, match="forward, left and turn"):
-        viewer.show(frames[0], view, command=(0.1, 0.2))
 
 
 @pytest.mark.slow

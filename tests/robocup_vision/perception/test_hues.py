@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-import pytest
 
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera, Table
@@ -30,35 +29,41 @@ def hue_of_paint(name):
     return 2 * math.radians(int(cv2.cvtColor(np.uint8([[PAINTS[name]]]), cv2.COLOR_BGR2HSV)[0, 0, 0]))
 
 
-def seen_obstacles(color_bgr, away_m=1.0):
-    x, y = POSE.transform((away_m, 0.05)).tolist()
-    scene = Scene(FIELD, robots=(Robot(x, y, FIELD.robot_radius_m, color_bgr=color_bgr, marker_bgr=color_bgr),))
-    frame = Sensor(noise_sigma=4.0, blur_px=0.7).expose(render_pinhole(CAMERA, scene, POSE), np.random.default_rng(0))
+def seen_robots(colors_bgr, places):
+    """Return what is seen of robots of some colours at places in the robot's frame."""
+    robots = [
+        Robot(*POSE.transform(place).tolist(), FIELD.robot_radius_m, color_bgr=color, marker_bgr=color)
+        for color, place in zip(colors_bgr, places, strict=True)
+    ]
+    light = render_pinhole(CAMERA, Scene(FIELD, robots=tuple(robots)), POSE)
+    frame = Sensor(noise_sigma=4.0, blur_px=0.7).expose(light, np.random.default_rng(0))
     view = Vision(FIELD, CAMERA).look(frame)
     # the frame may be the driver's buffer: what is asked for later does not depend on it
     frame[:] = 0
-    return [one for one in view.obstacles if abs(one.range_m - away_m) < 0.2]
+    found = [min(view.obstacles, key=lambda one: math.dist((one.x_m, one.y_m), place)) for place in places]
+    assert all(math.dist((one.x_m, one.y_m), place) < 0.2 for one, place in zip(found, places, strict=True))
+    return found
 
 
-@pytest.mark.parametrize("name", PAINTS)
-def test_a_painted_robot_has_the_hue_of_its_paint(name):
-    (robot,) = seen_obstacles(PAINTS[name])
-    assert robot.hue_rad is not None
-    assert abs(math.remainder(robot.hue_rad - hue_of_paint(name), math.tau)) < 0.15
-    assert 0.0 <= robot.hue_rad < math.tau
+def test_painted_robots_have_the_hue_of_their_paint():
+    robots = seen_robots(PAINTS.values(), [(1.2, y) for y in (-0.45, -0.15, 0.15, 0.45)])
+    for name, robot in zip(PAINTS, robots, strict=True):
+        assert robot.hue_rad is not None
+        assert abs(math.remainder(robot.hue_rad - hue_of_paint(name), math.tau)) < 0.15
+        assert 0.0 <= robot.hue_rad < math.tau
 
 
-@pytest.mark.parametrize("tone", [30, 120, 200])
-def test_what_is_black_grey_or_white_has_no_hue(tone):
-    (robot,) = seen_obstacles((tone, tone, tone))
-    assert robot.hue_rad is None
+def test_what_is_black_grey_or_white_has_no_hue():
+    robots = seen_robots([(tone, tone, tone) for tone in (30, 120, 200)], [(1.0, y) for y in (-0.35, 0.0, 0.35)])
+    assert [robot.hue_rad for robot in robots] == [None, None, None]
 
 
 def test_a_range_is_as_good_as_it_says():
-    for away_m in (0.6, 1.0, 1.6):
-        (robot,) = seen_obstacles((60, 60, 60), away_m)
+    places = [(0.6, 0.15), (1.0, -0.15), (1.6, 0.05)]
+    for (x, y), robot in zip(places, seen_robots([(60, 60, 60)] * 3, places), strict=True):
         # the middle of a disc's near side, seen whole, lies so far before its centre
-        true_m = math.hypot(away_m, 0.05) - math.pi / 4 * FIELD.robot_radius_m
+        away_m = math.hypot(x, y)
+        true_m = away_m - math.pi / 4 * FIELD.robot_radius_m
         assert 0.0 < robot.range_std_m < 0.1 * away_m
         assert abs(robot.range_m - true_m) < 3.5 * robot.range_std_m + 0.005
 

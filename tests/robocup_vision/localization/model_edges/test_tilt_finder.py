@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ PLACES = [
 ]
 
 
+@lru_cache
 def frame_at(pose, tilt_rad, seed=4, field=FIELD, roll_rad=0.02):
     held = replace(CAMERA, pan_rad=0.0, tilt_rad=tilt_rad, roll_rad=roll_rad, height_m=0.44)
     light = render_pinhole(held, Scene(field, room=Room(seed=seed), carpet_margin_m=0.2), pose, supersample=2)
