@@ -30,7 +30,7 @@ from robocup_vision.mapping.range_profile import RangeProfile
 from robocup_vision.mapping.sensor_model import default_sensors
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.scene import Robot
-from sim2d.sensors.cell_truth import CellTruth
+from sim2d.sensors.learning import CellTruth
 from sim2d.sensors.runs import KINDS, SensorFrame, map_vision, sensor_run
 
 FIELD, CAMERA = "ssl_2001", sekimori_camera()

@@ -76,7 +76,7 @@ def _run_table(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from field_models.errors import ArgumentError
-    from sim2d.match.table import RoundRobin
+    from sim2d.match.tournament import RoundRobin
     from sim2d.players.catalog import player_factory
 
     if (args.ours, args.theirs) != ("plain", "plain"):

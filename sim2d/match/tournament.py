@@ -1,23 +1,43 @@
 """Many matches, each a piece of work for processes of this machine or for a cluster.
 
 Match i of a tournament is the match of seed S + i, so results do not depend on the workers. A match that is lost with
-its worker is played again.
+its worker is played again. In a table every player meets every other.
+
+Each pair of players meets on some seeds, twice on each, with sides changed between the two: neither the side nor what
+chance gives it favours a player.
+
+The ratings are the model of Bradley and Terry, fitted by maximum likelihood with a prior. Player i wins against j with
+the probability 1 / (1 + 10^((r_j - r_i) / 400)). A draw counts as half a match won and half a match lost. The posterior
+is concave in the ratings, so Newton's method finds its one maximum. The standard errors come from the
+information matrix there. A draw varies less than a match that is won or lost with the same mean, so errors are rather
+too large where there are many draws.
+
+Source: Bradley and Terry, Rank analysis of incomplete block designs, Biometrika 39, 1952.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
 from robocup_vision.workers import Workers, run_pieces
 from sim2d.match.run import MatchPlan
 from sim2d.players.catalog import player_name
 from sim2d.report.match_figures import match_json
+from sim2d.robot_link import PlayerFactory
+
+_ELO_PER_LOGIT = 400.0 / math.log(10.0)
+# Newton's method doubles the digits with each step
+_MAX_STEPS = 100
+_CONVERGED_LOGIT = 1e-12
 
 
 def plan_matches(plan: MatchPlan, matches: int) -> list[MatchPlan]:
@@ -103,3 +123,220 @@ def tournament_json(plan: MatchPlan, results: Sequence[dict[str, Any]]) -> dict[
         },
         "matches": list(results),
     }
+
+
+@dataclass(frozen=True, slots=True)
+class RatingSettings:
+    """Values of `rate_players`."""
+
+    #: Mean of all ratings: results tell differences alone.
+    mean_elo: float = 1500.0
+    #: Standard deviation of a rating before any match. Keeps a player finite that won or lost all its matches. 400 Elo
+    #: are ten matches won for one lost; among players of one program that is a large difference.
+    prior_std_elo: float = 400.0
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.mean_elo):
+            raise ArgumentError(f"mean_elo must be finite, got {self.mean_elo!r}")
+        if not 0.0 < self.prior_std_elo < math.inf:
+            raise ArgumentError(f"prior_std_elo must be positive, got {self.prior_std_elo!r}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ratings:
+    """Ratings of some players."""
+
+    #: (n,) float64: rating of each player.
+    elo: FloatArray
+    #: (n, n) float64: of the errors of the ratings about their common mean, Elo squared.
+    covariance: FloatArray
+
+    @property
+    def std_error_elo(self) -> FloatArray:
+        """Standard error of each rating about the mean of all, (n,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def difference(self, first: int, second: int) -> tuple[float, float]:
+        """Return by how much the first player is rated above the second, and the standard error of that, in Elo."""
+        apart = np.zeros(len(self.elo))
+        apart[first] += 1.0
+        apart[second] -= 1.0
+        variance = float(apart @ self.covariance @ apart)
+        return float(self.elo[first] - self.elo[second]), math.sqrt(max(variance, 0.0))
+
+
+def rate_players(points: FloatArray, settings: RatingSettings = RatingSettings()) -> Ratings:
+    """Rate players by what they won against each other.
+
+    Parameters
+    ----------
+    points : (n, n) float64
+        ``points[i, j]``: what player i won against player j, 1 for a match won and 0.5 for a draw. The diagonal is 0.
+
+    Raises
+    ------
+    ArgumentError
+        If the points are no such matrix.
+    """
+    won = np.asarray(points, dtype=np.float64)
+    if won.ndim != 2 or won.shape[0] != won.shape[1] or not won.size:
+        raise ArgumentError(f"points must be square, got shape {won.shape}")
+    if not np.isfinite(won).all() or (won < 0.0).any() or np.diag(won).any():
+        raise ArgumentError("points must be finite, not negative, and 0 on the diagonal")
+    players = len(won)
+    matches = won + won.T
+    prior = (_ELO_PER_LOGIT / settings.prior_std_elo) ** 2
+    rating = np.zeros(players)
+    information = np.eye(players)
+    value = _log_posterior(rating, won, prior)
+    for _ in range(_MAX_STEPS):
+        probability = 1.0 / (1.0 + np.exp(rating[None, :] - rating[:, None]))
+        gradient = (won - matches * probability).sum(axis=1) - prior * rating
+        weight = matches * probability * (1.0 - probability)
+        information = np.diag(weight.sum(axis=1) + prior) - weight
+        step = np.linalg.solve(information, gradient)
+        if np.abs(step).max() < _CONVERGED_LOGIT:
+            break
+        # far from the maximum a whole step may go past it
+        part = 1.0
+        while part > _CONVERGED_LOGIT and _log_posterior(rating + part * step, won, prior) < value:
+            part *= 0.5
+        rating = rating + part * step
+        value = _log_posterior(rating, won, prior)
+    centred = np.eye(players) - 1.0 / players
+    covariance = centred @ np.linalg.inv(information) @ centred * _ELO_PER_LOGIT**2
+    rating = rating - rating.mean()
+    return Ratings(settings.mean_elo + _ELO_PER_LOGIT * rating, covariance)
+
+
+def _log_posterior(rating: FloatArray, won: FloatArray, prior: float) -> float:
+    """Return the logarithm of the ratings' probability, but for a constant."""
+    return float(-(won * np.logaddexp(0.0, rating[None, :] - rating[:, None])).sum() - 0.5 * prior * rating @ rating)
+
+
+@dataclass(frozen=True, slots=True)
+class RoundRobin:
+    """Who meets whom.
+
+    Raises
+    ------
+    ArgumentError
+        If there are fewer than two players, two have one name, or the number of matches is not even.
+    """
+
+    #: Plan of every match but for its players; its seed is that of the first two matches of each pair.
+    plan: MatchPlan
+    #: The players and their names.
+    players: tuple[tuple[str, PlayerFactory], ...]
+    #: Matches of each pair, an even number: two on each seed.
+    matches: int
+
+    def __post_init__(self) -> None:
+        names = self.names
+        if len(names) < 2:
+            raise ArgumentError(f"a table needs at least two players, got {len(names)}")
+        for name in names:
+            if names.count(name) > 1:
+                raise ArgumentError(f"a table has each player once, '{name}' is named {names.count(name)} times")
+        if self.matches < 2 or self.matches % 2:
+            raise ArgumentError(
+                "a table needs an even number of matches of each pair, half of them with sides changed, "
+                f"got {self.matches}"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the players."""
+        return tuple(name for name, _ in self.players)
+
+    @property
+    def meetings(self) -> list[tuple[int, int]]:
+        """Indices of the players of each match: which attacks the goal at +x, and which the other.
+
+        All pairs meet on one seed before the next seed: an interrupted tournament has played all pairs about equally
+        often, and a longer one begins with the same matches.
+        """
+        pairs = list(combinations(range(len(self.players)), 2))
+        return [sides for _ in range(self.matches // 2) for a, b in pairs for sides in ((a, b), (b, a))]
+
+    @property
+    def plans(self) -> list[MatchPlan]:
+        """The match of each meeting."""
+        meetings = self.meetings
+        on_each_seed = 2 * len(meetings) // self.matches
+        return [
+            replace(
+                self.plan,
+                seed=self.plan.seed + index // on_each_seed,
+                ours=self.players[ours][1],
+                theirs=self.players[theirs][1],
+            )
+            for index, (ours, theirs) in enumerate(meetings)
+        ]
+
+    def run_json(self) -> dict[str, Any]:
+        """Return as JSON values what the matches depend on, besides their number."""
+        values = {key: value for key, value in plan_json(self.plan).items() if key not in ("ours", "theirs")}
+        return {**values, "table": list(self.names)}
+
+    def table_json(
+        self, results: Sequence[dict[str, Any]], settings: RatingSettings = RatingSettings()
+    ) -> dict[str, Any]:
+        """Return the table as JSON values: a row for each player, the best first.
+
+        Parameters
+        ----------
+        results : sequence of dict
+            What stands in the match.json of each match, in the order of `plans`.
+        """
+        ratings = rate_players(self._points(results), settings)
+        order = sorted(range(len(self.players)), key=lambda index: (-ratings.elo[index], self.names[index]))
+        return {
+            "format": 1,
+            "field": results[0]["field"],
+            "players": self.plan.setup.players,
+            "seconds": results[0]["seconds"],
+            "seed": self.plan.seed,
+            "matches_of_a_pair": self.matches,
+            "table": [self._row(order, place, ratings, results) for place in range(len(order))],
+            "matches": [
+                {**result, "ours": self.names[ours], "theirs": self.names[theirs]}
+                for (ours, theirs), result in zip(self.meetings, results, strict=True)
+            ],
+        }
+
+    def _points(self, results: Sequence[dict[str, Any]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+        points = np.zeros((len(self.players), len(self.players)))
+        for (ours, theirs), result in zip(self.meetings, results, strict=True):
+            won = 0.5 + 0.5 * float(np.sign(result["score"][0] - result["score"][1]))
+            points[ours, theirs] += won
+            points[theirs, ours] += 1.0 - won
+        return points
+
+    def _row(
+        self, order: Sequence[int], place: int, ratings: Ratings, results: Sequence[dict[str, Any]]
+    ) -> dict[str, Any]:
+        player = order[place]
+        goals, leads, stopped = [0, 0], [], 0
+        for sides, result in zip(self.meetings, results, strict=True):
+            if player not in sides:
+                continue
+            own = sides.index(player)
+            own_goals, other_goals = result["score"][own], result["score"][1 - own]
+            goals = [goals[0] + own_goals, goals[1] + other_goals]
+            leads.append(int(np.sign(own_goals - other_goals)))
+            side = 1 if own == 0 else -1
+            stopped += sum(r["stopped_s"] is not None and r["side"] == side for r in result["robots"])
+        ahead = ratings.difference(player, order[place + 1]) if place + 1 < len(order) else None
+        return {
+            "player": self.names[player],
+            "elo": round(float(ratings.elo[player]), 1),
+            "std_error_elo": round(float(ratings.std_error_elo[player]), 1),
+            "ahead_of_next_elo": None if ahead is None else round(ahead[0], 1),
+            "ahead_std_error_elo": None if ahead is None else round(ahead[1], 1),
+            "won": leads.count(1),
+            "drawn": leads.count(0),
+            "lost": leads.count(-1),
+            "goals": goals,
+            "stopped_players": stopped,
+        }

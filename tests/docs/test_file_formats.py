@@ -26,8 +26,7 @@ from robocup_vision.mapping import sensor_model
 from robocup_vision.perception import color_table
 from robocup_vision.planning.gaze import goal_evidence
 from sim2d.match.run import MatchPlan
-from sim2d.match.table import RoundRobin
-from sim2d.match.tournament import tournament_json
+from sim2d.match.tournament import RoundRobin, tournament_json
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.report.match_figures import MatchFigures, match_json
 from sim2d.report.robot_figures import FaultFigures, RobotFigures

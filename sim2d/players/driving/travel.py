@@ -16,8 +16,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.mapping.occupancy import UNDECIDED
 from robocup_vision.planning import Disc, SpeedPlan
 from robocup_vision.planning.speed.undecided_floor import FREE, UndecidedFloor, UndecidedSpeed, safe_speed_mps
-from sim2d.players.driving.opponent_row import in_way, unit
-from sim2d.players.driving.route import RoutePlanner, RouteSettings, speed_planner
+from sim2d.players.driving.route import RoutePlanner, RouteSettings, in_way, speed_planner, unit
 from sim2d.players.plan import Surroundings
 from sim2d.robot_link import CONTROL_PERIOD_S, Point, Reason, RobotLimits
 

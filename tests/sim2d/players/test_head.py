@@ -1,7 +1,8 @@
-"""Heads that ask for the half of the field while two mirrored modes are left, and that look at undecided floor."""
+"""Where a player looks: a head to ball, goals and undecided floor, a fixed camera to crossings while it is unsure."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -15,9 +16,23 @@ from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.mapping.occupancy import FREE, UNDECIDED
 from robocup_vision.planning import Neck
 from sim2d.match.match import Match
+from sim2d.match.setups import camera_for, setup_for
+from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import player_factory
-from sim2d.players.head import FieldHalf, FieldHalfSettings, Head, HeadSettings, HeadView, mirrored
-from sim2d.robot_link import RobotLimits
+from sim2d.players.head import (
+    FieldHalf,
+    FieldHalfSettings,
+    FloorLook,
+    FloorLookSettings,
+    Head,
+    HeadSettings,
+    HeadView,
+    PoseLook,
+    PoseLookSettings,
+    mirrored,
+)
+from sim2d.players.plan import Plan
+from sim2d.robot_link import PlayerSetup, RobotLimits
 
 FIELD = load_field("four_legged_2007")
 CAMERA = PinholeCamera((208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, tilt_rad=-0.2, roll_rad=0.0)
@@ -124,3 +139,96 @@ def test_players_that_ask_or_look_again_play_on(name):
     robots = [moment.robots[0] for moment in match.play(2.0)]
     assert not any(robot.stopped for robot in robots)
     assert any(robot.status.gaze_rad is not None for robot in robots)
+
+
+FLOOR_LOOK_HERE = Pose2(0.0, 0.0, 0.3)
+TARGET = (1.2, 0.0)
+
+
+def picture():
+    """80 cells of 4 cm about the origin: free, but for a strip across the way."""
+    state = np.full((80, 80), FREE, dtype=np.uint8)
+    state[60:64, :] = UNDECIDED
+    return MapPicture(state, (-1.6, -1.6), 0.04)
+
+
+def look():
+    return FloorLook(RobotLimits(), 0.5, FloorLookSettings())
+
+
+def test_it_looks_at_the_strip_across_the_way():
+    pan_rad, reason = look().choose(picture(), FLOOR_LOOK_HERE, TARGET)
+    assert pan_rad == pytest.approx(-0.3, abs=0.2)
+    assert reason.startswith("look at (0.8")
+
+
+def test_two_looks_from_one_place_are_enough():
+    planner = look()
+    for _ in range(2):
+        pan_rad, _ = planner.choose(picture(), FLOOR_LOOK_HERE, TARGET)
+        planner.observe(pan_rad + 1.0)  # not there yet: no look
+        planner.observe(pan_rad)
+    left = planner.choose(picture(), FLOOR_LOOK_HERE, TARGET)
+    assert left is None or abs(math.remainder(left[0] - pan_rad, math.tau)) > 0.4
+
+
+def test_known_floor_needs_no_look():
+    free = MapPicture(np.full((80, 80), FREE, dtype=np.uint8), (-1.6, -1.6), 0.04)
+    assert look().choose(free, FLOOR_LOOK_HERE, TARGET) is None
+
+
+def test_a_target_off_the_map_counts_as_on_its_rim_and_a_robot_off_it_does_not_look():
+    assert look().choose(picture(), FLOOR_LOOK_HERE, (9.0, 0.0)) is not None
+    assert look().choose(picture(), Pose2(3.0, 0.0, 0.0), TARGET) is None
+
+
+POSE_LOOK_FIELD = load_field("ssl_division_b")
+SETTINGS = PoseLookSettings()
+
+
+def robot(std_m, x_m=1.5, y_m=-1.0):
+    return PoseEstimate(Pose2(x_m, y_m, 0.0), np.diag([std_m, 0.01, 0.02]) ** 2, 1.0, 0.0)
+
+
+def test_the_nearest_crossing_is_faced_from_unsure_until_sure():
+    look = PoseLook(POSE_LOOK_FIELD)
+    assert look.direction_rad(robot(0.9 * SETTINGS.unsure_m)) is None
+    # the centre circle crosses the halfway line 0.5 m from the centre
+    circle_rad = math.atan2(0.5, -1.5)
+    assert look.direction_rad(robot(1.1 * SETTINGS.unsure_m)) == pytest.approx(circle_rad)
+    assert look.direction_rad(robot(0.9 * SETTINGS.unsure_m)) == pytest.approx(circle_rad)
+    assert look.direction_rad(robot(0.9 * SETTINGS.sure_m)) is None
+    assert look.direction_rad(robot(0.9 * SETTINGS.unsure_m)) is None
+
+
+def test_a_crossing_below_the_picture_is_none():
+    assert PoseLook(POSE_LOOK_FIELD).direction_rad(robot(0.1, 0.1, -0.5)) == pytest.approx(math.atan2(1.0, -0.1))
+
+
+def test_on_a_field_without_lines_nothing_helps():
+    bare = dataclasses.replace(POSE_LOOK_FIELD, lines=POSE_LOOK_FIELD.lines[:0], arcs=POSE_LOOK_FIELD.arcs[:0])
+    assert PoseLook(bare).direction_rad(robot(0.1)) is None
+
+
+def player(attacks, field=POSE_LOOK_FIELD):
+    limits = setup_for(field).robot.limits
+    return BuiltInPlayer(PlayerSetup(field, camera_for(field), limits, attacks, 1, 2, 0))
+
+
+@pytest.mark.parametrize("attacks", [1, -1])
+def test_a_player_looks_there_on_its_way_unless_the_ball_is_close(attacks):
+    way = Plan("search", (1.0, 0.0), 0.3)
+    looks = player(attacks)._look_for_pose(way, robot(0.1))
+    in_field_rad = math.atan2(0.5, -1.5)
+    assert looks.looks
+    assert math.remainder(
+        looks.heading_rad - in_field_rad - (0.0 if attacks > 0 else math.pi), math.tau
+    ) == pytest.approx(0.0)
+    for near in (dataclasses.replace(way, close=True), dataclasses.replace(way, holding=True)):
+        assert player(attacks)._look_for_pose(near, robot(0.1)) == near
+    assert player(attacks)._look_for_pose(way, robot(0.01)) == way
+
+
+def test_a_head_is_turned_instead():
+    way = Plan("search", (1.0, 0.0), 0.3)
+    assert player(1, load_field("four_legged_2007"))._look_for_pose(way, robot(0.1)) == way

@@ -1,4 +1,4 @@
-"""The pinhole renderer against geometry: silhouettes of posts and bar, feet, tops, area averages, light, clutter."""
+"""The pinhole renderer against geometry: silhouettes, feet, tops, area averages, light, clutter; a fisheye's circle."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from strategies import numbers
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array, FloatArray
-from robocup_vision.camera import PinholeCamera
+from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.goal.scenes import ers7_camera
 from sim2d.rendering.goal.surroundings import Glare, Member, SunPatch
-from sim2d.rendering.pinhole import render_pinhole, smear
+from sim2d.rendering.pinhole import dark_pixels, render_pinhole, smear
 from sim2d.rendering.scene import Robot, Room, Scene
 
 FIELD = dataclasses.replace(load_field("four_legged_2007"), beacons=())
@@ -267,3 +267,30 @@ def test_a_backdrop_without_points_has_no_colors():
     """A camera that looks down shows none of the room's wall."""
     nothing = np.empty(0, dtype=np.float32)
     assert Backdrop("hall", seed=1).colors(nothing, nothing, nothing).shape == (0, 3)
+
+
+POSE = Pose2(0.4, -0.3, 0.6)
+MOUNTING = {"pan_rad": 0.0, "tilt_rad": -0.2, "roll_rad": 0.05}
+
+
+def frame(camera):
+    scene = Scene(load_field("four_legged_2007"), room=Room(3, bystanders=0))
+    return render_pinhole(camera, scene, POSE, supersample=4)
+
+
+def test_a_lens_shows_what_a_pinhole_camera_sees_where_it_says_and_nothing_beyond_its_circle():
+    fisheye = FisheyeCamera(
+        (200, 180), (90.0, 90.0), (99.5, 89.5), 0.4, projection="equidistant", usable_radius_px=(0.0, 85.0), **MOUNTING
+    )
+    pinhole = PinholeCamera((161, 121), (150.0, 150.0), (80.0, 60.0), 0.4, **MOUNTING)
+    bent, straight = frame(fisheye), frame(pinhole)
+    dark = dark_pixels(fisheye)
+    assert 0.3 < dark.mean() < 0.5
+    assert not bent[dark].any()
+    assert bent[~dark].any(axis=-1).all()
+    u, v = np.meshgrid(np.arange(5, 156, 10), np.arange(5, 116, 10))
+    places = np.stack([u, v], axis=-1).reshape(-1, 2)
+    at = np.rint(fisheye.ray_to_pixel(pinhole.pixel_to_ray(places))).astype(int)
+    # a pixel of the fisheye covers four of the other, some of them at edges
+    off = np.abs(bent[at[:, 1], at[:, 0]] - straight[places[:, 1], places[:, 0]]).max(axis=-1)
+    assert np.median(off) < 4.0

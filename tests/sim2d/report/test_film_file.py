@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from field_models.errors import FrameError
-from sim2d.report.film_file import FilmFile
+from sim2d.report.video import FilmFile
 
 SIZE = (320, 240)
 

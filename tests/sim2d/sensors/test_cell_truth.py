@@ -7,7 +7,7 @@ from field_models import load_field
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from sim2d.rendering.scene import Ball, Box, Robot, Scene
-from sim2d.sensors.cell_truth import CellTruth
+from sim2d.sensors.learning import CellTruth
 
 FIELD = load_field("ssl_2001")
 BALL = Ball(0.05, -0.3, 0.0215)

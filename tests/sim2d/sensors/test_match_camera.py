@@ -1,4 +1,4 @@
-"""Quick frames against the ray caster's, and the pictures of a match as a player's eyes get them."""
+"""Frames of a match against the ray caster, their light, noise and blur, and the turn of a rolling ball."""
 
 import math
 from dataclasses import replace
@@ -16,7 +16,7 @@ from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.mirror import MirrorRenderer
 from sim2d.rendering.scene import BOX_COLORS, Box
 from sim2d.robot_link import RobotLimits
-from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_SENSOR, MatchCamera, ShutterSettings
+from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_SENSOR, MatchCamera, RollingBall, ShutterSettings
 from sim2d.world.state import BallState, RobotState, WorldState
 
 LIMITS = RobotLimits()
@@ -206,3 +206,30 @@ def test_a_head_that_pans_blurs_upright_edges_and_slants_them():
     # a robot that is carried elsewhere does not blur
     away = replace(world_state([(0.0, 0.3, 0.0), *post], ball=(-1.0, 1.0), pan=1.2), t_s=2 / 30)
     assert (moving.render(away, 0) == still.render(away, 0)).all()
+
+
+RADIUS_M = 0.05
+
+
+def roll(*places):
+    """Return the turn of a ball that has been at these places."""
+    ball = RollingBall(RADIUS_M)
+    turns = [ball.turn_rad(BallState(x_m, y_m, 0.0, 0.0)) for x_m, y_m in places]
+    return turns[-1]
+
+
+def test_a_ball_that_lies_still_does_not_turn():
+    assert roll((0.3, 0.4), (0.3, 0.4)) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("way_m", [0.02, -0.05])
+def test_it_turns_by_the_way_over_its_radius(way_m):
+    # ahead about y, to the left about -x
+    assert roll((0.0, 0.0), (way_m, 0.0)) == pytest.approx((0.0, way_m / RADIUS_M, 0.0))
+    assert roll((0.0, 0.0), (0.0, way_m)) == pytest.approx((-way_m / RADIUS_M, 0.0, 0.0))
+
+
+def test_after_a_whole_turn_it_looks_as_before():
+    around_m = math.tau * RADIUS_M
+    places = [(around_m * k / 50 * 0.6, around_m * k / 50 * 0.8) for k in range(51)]
+    assert roll(*places) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)

@@ -1,4 +1,4 @@
-"""What a player knows of the ball: its own sighting first, then who hides it, then what others told."""
+"""What a player knows of the ball: sightings, who hides it, what others told."""
 
 from __future__ import annotations
 
@@ -15,7 +15,15 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.team.message import BallSighting, TeamMessage
 from robocup_vision.team.roles import RoleChooser
-from sim2d.players.ball import BallKnowledge, BallMemorySettings, NoddingCamera
+from sim2d.players.ball import (
+    BallKnowledge,
+    BallMemory,
+    BallMemorySettings,
+    HiddenBall,
+    NoddingCamera,
+    block_ball,
+    is_in_sight,
+)
 from sim2d.players.team_talk import TeamTalk
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import PlayerSetup, RobotLimits
@@ -172,3 +180,62 @@ def test_a_ball_at_the_horizon_has_a_covariance(range_m, bearing_rad):
     # what rounding leaves open may make it less sure, never surer
     expected_m = math.hypot(0.05 * away_m**2, 0.01)
     assert 0.9 * expected_m < math.sqrt(values[1]) < (1.1 if range_m < 1e8 else 3.0) * expected_m
+
+
+BALL_MEMORY_OPEN = FreeSpace(BEARING, np.full(64, 1.0))
+
+
+def test_a_rolling_ball_has_a_velocity_and_an_unseen_one_is_forgotten():
+    memory = BallMemory()
+    assert memory.place(0.0) is None
+    for k in range(20):
+        memory.update((0.03 * k, 0.0), k / 30)
+    assert memory.velocity_mps == (pytest.approx(0.9, abs=0.01), 0.0)
+    assert memory.place(1.0) == (pytest.approx(0.57), 0.0)
+    assert memory.age_s(1.0) == pytest.approx(1.0 - 19 / 30)
+    assert memory.place(9.0) is None
+    # seen elsewhere later, it has not rolled there
+    memory.update((-1.0, 0.0), 2.0)
+    assert memory.velocity_mps == (0.0, 0.0)
+    memory.miss()
+    assert memory.place(2.0) is None
+
+
+def test_a_ball_that_jumps_did_not_roll():
+    memory = BallMemory()
+    memory.update((0.0, 0.0), 0.0)
+    memory.update((1.0, 0.0), 1 / 30)
+    assert memory.velocity_mps == (0.0, 0.0)
+
+
+def test_a_ball_blocks_its_own_directions_only():
+    blocked = block_ball(BALL_MEMORY_OPEN, (0.5, 0.0), 0.02).range_m
+    assert blocked[0] == blocked[-1] == pytest.approx(0.48)
+    assert np.all(blocked[2:-2] == 1.0)
+    assert block_ball(BALL_MEMORY_OPEN, (0.01, 0.0), 0.02) is BALL_MEMORY_OPEN
+
+
+def test_a_place_is_in_sight_where_the_floor_is_free_up_to_it():
+    assert is_in_sight(BALL_MEMORY_OPEN, (0.6, 0.3))
+    assert not is_in_sight(BALL_MEMORY_OPEN, (1.2, 0.3))
+    ahead = FreeSpace(np.linspace(-0.3, 0.3, 9), np.full(9, 2.0))
+    assert not is_in_sight(ahead, (-1.0, 0.0))
+
+
+def track(number, x_m, y_m, vx_mps=0.0):
+    return Track(number, x_m, y_m, vx_mps, 0.0, np.eye(4) * 1e-4, 0.99, 10, 0)
+
+
+def test_a_ball_goes_out_of_sight_behind_who_had_it():
+    hidden = HiddenBall(0.11)
+    assert hidden.place((0.0, 0.0), [track(4, 0.5, 0.0)], 0.0) is None
+    hidden.update((0.52, 0.1), [track(4, 0.5, 0.0), track(7, 0.9, 0.9)], 0.0)
+    later = [track(4, 0.5, 0.5, vx_mps=0.2), track(7, 0.9, 0.9)]
+    place, velocity = hidden.place((0.0, 0.0), later, 0.5)
+    there = math.hypot(0.6, 0.5)
+    assert place == (pytest.approx(0.6 * (1 + 0.11 / there)), pytest.approx(0.5 * (1 + 0.11 / there)))
+    assert velocity == (0.2, 0.0)
+    # who is no longer followed hides nothing
+    assert hidden.place((0.0, 0.0), later[1:], 0.0) is None
+    hidden.update((0.0, 0.5), later, 0.0)
+    assert hidden.place((0.0, 0.0), later, 0.0) is None
