@@ -45,13 +45,15 @@ _FREE_KICK_OF: frozenset[FoulKind] = frozenset({"fast_ball", "double_touch", "th
 # a free kick's distance from lines and defence areas, and a goal kick's from its goal line
 _CLEAR_M, _GOAL_KICK_M = 0.2, 1.0
 
-# fields of division A are 12 m long, of division B 9 m
-_DIVISION_A_M = 10.5
+
+def is_division_a(field: Field) -> bool:
+    """Return whether a field is of division A, whose fields are 12 m long; those of division B are 9 m long."""
+    return field.length_m > 10.5
 
 
 def kick_time_s(field: Field) -> float:
     """Return how long a team may take for a kick: five seconds on division A, else ten."""
-    return 5.0 if field.length_m > _DIVISION_A_M else 10.0
+    return 5.0 if is_division_a(field) else 10.0
 
 
 def penalty_mark(field: Field, side: int) -> Point:

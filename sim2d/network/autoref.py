@@ -22,6 +22,7 @@ from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.match.league_referee import Command, Foul, LeagueReferee, LeagueRefereeSettings
 from sim2d.match.pitch_rules import NextPlay, Restart
+from sim2d.network.packets import US_PER_S
 from sim2d.world.state import BallState, RobotState
 
 C, K = RefereeCommand, EventKind
@@ -51,7 +52,6 @@ _FOULS = {
     "own_area": K.DEFENDER_IN_DEFENSE_AREA,
     "their_area": K.ATTACKER_TOUCHED_BALL_IN_DEFENSE_AREA,
 }
-_US_PER_S = 1e6
 
 
 class Autoref:
@@ -129,7 +129,7 @@ class Autoref:
             key = kind, told.team, getattr(told, "number", None)
             if key not in self._told:
                 self._told.add(key)
-                out.append(referee_event(kind, told, round(_US_PER_S * now_s)))
+                out.append(referee_event(kind, told, round(US_PER_S * now_s)))
         return out
 
     def _follow(self, ball: BallState, *, is_in_play: bool) -> None:

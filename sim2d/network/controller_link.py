@@ -17,16 +17,14 @@ from robocup_vision.ssl.field import geometry_from_field
 from robocup_vision.ssl.operator import Operator
 from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.values.referee import CiInput, Referee
-from sim2d.match.pitch_rules import kick_time_s
+from sim2d.match.pitch_rules import is_division_a
 from sim2d.network.autoref import Autoref
-from sim2d.network.packets import robot_states, tracker_packet
+from sim2d.network.packets import NS_PER_S, robot_states, tracker_packet
 from sim2d.network.world import STEPS_PER_S, LeagueState
 
 IDENTIFIER = "sim2d"
-_NS_PER_S = 1e9
 # a person's eyes and fingers are no faster
 _OPERATOR_S = 0.2
-_DIVISION_A_KICK_S = 5.0
 
 
 class ControllerLink(Closing):
@@ -54,7 +52,7 @@ class ControllerLink(Closing):
         self.events = 0
         self._looks_s = -math.inf
         self._frames = 0
-        division = "DIV_A" if kick_time_s(field) == _DIVISION_A_KICK_S else "DIV_B"
+        division = "DIV_A" if is_division_a(field) else "DIV_B"
         opened = ExitStack()
         try:
             self._client: AutoRefClient | None = opened.enter_context(AutoRefClient(IDENTIFIER, host))
@@ -81,7 +79,7 @@ class ControllerLink(Closing):
         self._frames += 1
         packet = tracker_packet(state, self._frames, epoch_s)
         try:
-            answers = self._ci.exchange(CiInput(round(_NS_PER_S * (epoch_s + state.t_s)), packet, geometry=geometry))
+            answers = self._ci.exchange(CiInput(round(NS_PER_S * (epoch_s + state.t_s)), packet, geometry=geometry))
         except (ArgumentError, PacketError) as error:
             self.problems.add(str(error))
             self._ci = None

@@ -21,7 +21,7 @@ from robocup_vision.ssl.values.simulation import Team
 from robocup_vision.ssl.values.tracked import TrackerPacket
 from sim2d.match.pitch_rules import kick_time_s
 from sim2d.network.ball_boy import KICK_OFFS, PENALTIES, kick_place
-from sim2d.network.packets import TRUTH_SOURCE, TRUTH_UUID, tracked_frame
+from sim2d.network.packets import NS_PER_S, TRUTH_SOURCE, TRUTH_UUID, tracked_frame
 from sim2d.robot_link import Phase
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState
@@ -29,7 +29,6 @@ from sim2d.world.state import BallState, Event, RobotState
 # the game controller takes a ball for placed that lies so near
 _PLACED_M = 0.15
 _KICKS = (*KICK_OFFS, *PENALTIES, RefereeCommand.DIRECT_FREE_YELLOW, RefereeCommand.DIRECT_FREE_BLUE)
-_NS_PER_S = 1e9
 # of a game controller that was not heard for a while, every command
 _MAX_PACKETS = 1000
 # a game controller that answers nothing for so long does not work
@@ -82,8 +81,8 @@ class DrivenReferee:
         """
         geometry = geometry_from_field(self._field) if self._frames == 0 else None
         self._frames += 1
-        frame = tracked_frame(self._frames, self._begin_ns / _NS_PER_S + t_s, robots, ball, 1 if blue_positive else -1)
-        now_ns = self._begin_ns + round(_NS_PER_S * t_s)
+        frame = tracked_frame(self._frames, self._begin_ns / NS_PER_S + t_s, robots, ball, 1 if blue_positive else -1)
+        now_ns = self._begin_ns + round(NS_PER_S * t_s)
         told = CiInput(now_ns, TrackerPacket(TRUTH_UUID, TRUTH_SOURCE, frame), geometry=geometry)
         packets = self._client.exchange(told)
         if packets:

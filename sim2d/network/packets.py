@@ -35,8 +35,8 @@ from sim2d.world.state import BallState, RobotState
 # the same in every run, so that a reader of a log identifies the truth
 TRUTH_UUID, TRUTH_SOURCE = "sim2d-truth", "sim2d"
 REFEREE_SOURCE = "sim2d"
-_COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
-_US_PER_S = 1e6
+TEAM_COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
+US_PER_S, NS_PER_S = 1e6, 1e9
 _HALF_US = 300_000_000
 # yellow plays towards +x, as sim2d's side +1 does
 SIDES = {Team.YELLOW: 1, Team.BLUE: -1}
@@ -111,22 +111,22 @@ def _kicked_ball(kick: Kick, epoch_s: float) -> KickedBall:
         epoch_s + kick.t_s,
         stop_s,
         stop_m,
-        TrackedRobotId(kick.number, _COLORS[kick.team]),
+        TrackedRobotId(kick.number, TEAM_COLORS[kick.team]),
     )
 
 
 def referee_packet(epoch_s: float, t_s: float) -> Referee:
     """Return the referee's message that lets everybody play from the beginning: yellow towards +x."""
-    begin_us = round(epoch_s * _US_PER_S)
+    begin_us = round(epoch_s * US_PER_S)
     return Referee(
-        packet_time_us=begin_us + round(t_s * _US_PER_S),
+        packet_time_us=begin_us + round(t_s * US_PER_S),
         stage=Stage.NORMAL_FIRST_HALF,
         command=RefereeCommand.FORCE_START,
         command_counter=1,
         command_time_us=begin_us,
         yellow=_team("yellow"),
         blue=_team("blue"),
-        stage_time_left_us=_HALF_US - round(t_s * _US_PER_S),
+        stage_time_left_us=_HALF_US - round(t_s * US_PER_S),
         blue_on_positive_half=True,
         source_identifier=REFEREE_SOURCE,
         match_type=MatchType.FRIENDLY,
@@ -135,11 +135,11 @@ def referee_packet(epoch_s: float, t_s: float) -> Referee:
 
 def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: int) -> Referee:
     """Return what the game controller would say of a match that `referee` judges."""
-    begin_us = round(epoch_s * _US_PER_S)
+    begin_us = round(epoch_s * US_PER_S)
     place, coming, left_s = referee.placement_m, referee.next_play, referee.action_left_s(t_s)
     teams = []
     for name, side in (("yellow", 1), ("blue", -1)):
-        cards = tuple(max(round((end - t_s) * _US_PER_S), 0) for end in referee.cards[side])
+        cards = tuple(max(round((end - t_s) * US_PER_S), 0) for end in referee.cards[side])
         fouls = referee.foul_count(side)
         info = _team(name)
         teams.append(
@@ -155,18 +155,18 @@ def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: in
             )
         )
     return Referee(
-        packet_time_us=begin_us + round(t_s * _US_PER_S),
+        packet_time_us=begin_us + round(t_s * US_PER_S),
         stage=_STAGES[referee.stage],
         command=_COMMANDS[referee.command][referee.command_side < 0],
         command_counter=referee.command_counter,
-        command_time_us=begin_us + round(referee.command_s * _US_PER_S),
+        command_time_us=begin_us + round(referee.command_s * US_PER_S),
         yellow=teams[0],
         blue=teams[1],
-        stage_time_left_us=round((referee.stage_end_s - t_s) * _US_PER_S),
+        stage_time_left_us=round((referee.stage_end_s - t_s) * US_PER_S),
         designated_position=None if place is None else DesignatedPosition(*place),
         blue_on_positive_half=True,
         next_command=None if coming is None else _COMMANDS[_NEXT[coming.kind]][coming.side < 0],
-        action_time_left_us=None if left_s is None else round(left_s * _US_PER_S),
+        action_time_left_us=None if left_s is None else round(left_s * US_PER_S),
         source_identifier=REFEREE_SOURCE,
         match_type=MatchType.FRIENDLY,
     )

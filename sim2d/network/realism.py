@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 from field_models.errors import ArgumentError
 from robocup_vision.ssl.values.simulation import ErForceRealism
-
-NS_PER_S = 1e9
+from sim2d.network.packets import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import LocalVelocity, MoveCommand, RobotCommand, RobotControlResponse, Team
 from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot
 from sim2d.match.pitch_rules import kick_time_s
+from sim2d.network.packets import TEAM_COLORS
 from sim2d.network.team.overhead_player import Moving, Orders, OverheadPlayer, defence_zones
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.keep_out import Capsule
@@ -32,7 +33,6 @@ from sim2d.players.tactics.keeper import KeeperSettings
 from sim2d.players.tactics.tactics import Tactics, TacticsSettings
 from sim2d.robot_link import Command, Point, RobotLimits
 
-_COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
 _NOTHING = Command()
 # vision may measure between the lines' outer edges, and an organiser lays lines by hand
 _SAME_FIELD_M = 0.2
@@ -193,7 +193,7 @@ class OverheadTeam:
         world = self._tracker.at_steady(t_s)
         ball = (world.balls[0].position_m.x, world.balls[0].position_m.y) if world.balls else None
         state = self.state = self._game.state(t_s, ball)
-        own = {r.robot.number: r for r in world.robots if r.robot.team == _COLORS[self._team]}
+        own = {r.robot.number: r for r in world.robots if r.robot.team == TEAM_COLORS[self._team]}
         if state.phase in ("halt", "time_out") or state.attacks is None:
             self.intents = dict.fromkeys(own, state.phase.replace("_", " "))
             self._kick = None
@@ -212,8 +212,8 @@ class OverheadTeam:
                 hand = self._hands[number] = _Hand(
                     OverheadPlayer(self._field, self._settings.limits, self._settings.motion, number)
                 )
-            me = robots[_COLORS[self._team], number]
-            others = tuple(other for key, other in robots.items() if key != (_COLORS[self._team], number))
+            me = robots[TEAM_COLORS[self._team], number]
+            others = tuple(other for key, other in robots.items() if key != (TEAM_COLORS[self._team], number))
             mine = replace(situation, in_mouth=self._has_ball(hand, me, situation.ball, t_s))
             orders = self._orders(number, roles, own, state, mine, me)
             command = hand.player.act(orders, mine, me, others)
@@ -260,7 +260,7 @@ class OverheadTeam:
         center = ball or (0.0, 0.0)
 
         def away(number: int) -> tuple[bool, float]:
-            pose = robots[_COLORS[self._team], number].pose
+            pose = robots[TEAM_COLORS[self._team], number].pose
             # who is off the field already stays there
             outside = abs(pose.y_m) > self._field.width_m / 2
             return (outside, math.dist((pose.x_m, pose.y_m), center))
@@ -277,7 +277,7 @@ class OverheadTeam:
         now: Situation,
     ) -> dict[int, int]:
         """Return each playing robot's role: 0 keeps the goal, 1 goes for the ball, the others from right to left."""
-        places = {number: robots[_COLORS[self._team], number].pose for number in numbers}
+        places = {number: robots[TEAM_COLORS[self._team], number].pose for number in numbers}
         field_players = [number for number in numbers if number != state.goalkeeper]
         if not field_players:
             return dict.fromkeys(numbers, 0)
@@ -314,7 +314,7 @@ class OverheadTeam:
         if ball is None:
             return
         reach = self._settings.limits.radius_m + self._field.ball_radius_m + self._settings.touched_m
-        who = (_COLORS[self._team], self._kick.kicker)
+        who = (TEAM_COLORS[self._team], self._kick.kicker)
         if any(
             math.dist((robot.pose.x_m, robot.pose.y_m), ball) < reach for key, robot in robots.items() if key != who
         ):
