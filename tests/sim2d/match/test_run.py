@@ -17,7 +17,6 @@ from robocup_vision import cli
 from sim2d.match import run as match_run
 from sim2d.match.match import Match
 from sim2d.match.run import MatchPlan, run_match
-from sim2d.report import video
 from sim2d.report import html as match_report
 from sim2d.report import video as match_video
 from sim2d.report.video import MatchVideo
@@ -111,7 +110,7 @@ def test_a_film_that_cannot_be_written_is_one_note(tmp_path, monkeypatch):
         def release(self):
             pass
 
-    monkeypatch.setattr(video, "_open_writer", Nothing)
+    monkeypatch.setattr(match_video, "_open_writer", Nothing)
     monkeypatch.setattr(match_report, "missing_packages", lambda: ("jinja2",))
     summary = run_match(SHORT, tmp_path)
     assert summary.video is None

@@ -14,7 +14,7 @@ from robocup_vision.cli import main
 from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.values.referee import RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.network.team import client as desk
+from sim2d.network.team import client as team_client
 from sim2d.network.team.client import TeamClient
 
 FIELD = load_field("ssl_division_b")
@@ -101,7 +101,7 @@ class Client:
 def clients(monkeypatch):
     """Let a desk have such clients."""
     monkeypatch.setattr(Client, "made", [])
-    monkeypatch.setattr(desk, "TeamPortClient", Client)
+    monkeypatch.setattr(team_client, "TeamPortClient", Client)
     return Client.made
 
 
@@ -111,7 +111,7 @@ def say(made, t_s, own, command=RefereeCommand.STOP, name="us", keeper=0):
 
 
 def test_a_keeper_that_is_not_there_is_replaced_in_a_stop(clients):
-    made = desk.TeamDesk(Team.BLUE, "here", Problems())
+    made = team_client.TeamDesk(Team.BLUE, "here", Problems())
     say(made, 0.0, [], name="")
     assert clients == []
     for t_s in (0.0, 1.0, 2.0, 3.0):
@@ -125,7 +125,7 @@ def test_a_keeper_that_is_not_there_is_replaced_in_a_stop(clients):
 
 
 def test_a_keeper_that_is_there_stays(clients):
-    made = desk.TeamDesk(Team.BLUE, "here", Problems())
+    made = team_client.TeamDesk(Team.BLUE, "here", Problems())
     for t_s in range(9):
         say(made, float(t_s), [0, 3])
     assert clients[0].told[4:] == []
@@ -133,7 +133,7 @@ def test_a_keeper_that_is_there_stays(clients):
 
 def test_a_refusal_is_said_once_and_the_team_plays_on(clients):
     problems = Problems()
-    made = desk.TeamDesk(Team.BLUE, "here", problems)
+    made = team_client.TeamDesk(Team.BLUE, "here", problems)
     for t_s in range(3):
         say(made, float(t_s), [0, 3], name="refused")
     assert problems.lines() == ["1 x the port refuses: nobody knows you"]
