@@ -19,7 +19,7 @@ from sim2d.rendering.sensor import Sensor
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, PlayerSetup, RobotLimits, Senses
 from sim2d.sensors.body_sway import UPRIGHT, BodySway
 from sim2d.sensors.faults import BodyFault, Fault, FaultySenses, LateFrames, SenseFault
-from sim2d.sensors.match_camera import MATCH_SENSOR, LightDrift, MatchCamera, MatchRig
+from sim2d.sensors.match_camera import MATCH_SENSOR, LightDrift, MatchCamera
 from sim2d.sensors.team_channel import UNDISTURBED, TeamChannel
 from sim2d.sensors.true_cameras import TrueCamera, with_stated_errors
 from sim2d.world.referee import RefereeFactory
@@ -104,12 +104,11 @@ class Arena:
         camera_rng = np.random.default_rng([seed, _SENSOR])
         shutter = self.disturbances.shutter if isinstance(self.camera, PinholeCamera) else None
         self._cameras = MatchCamera(field, self.camera, self.limits, camera_rng, sensor=sensor, shutter=shutter)
-        self._further = MatchRig(
-            [
-                MatchCamera(field, camera, self.limits, camera_rng, sensor=sensor)
-                for camera in (() if self.rig is None else self.rig.cameras[1:])
-            ]
-        )
+        # of a rig the cameras after the first
+        self._further = [
+            MatchCamera(field, camera, self.limits, camera_rng, sensor=sensor)
+            for camera in (() if self.rig is None else self.rig.cameras[1:])
+        ]
         self._faulty = [
             FaultySenses(
                 [f for f in faults if isinstance(f, SenseFault) and f.robot == index],
@@ -187,8 +186,8 @@ class Arena:
         sensed = []
         if self._drift is not None:
             light = self._drift.at(state.t_s)
-            self._cameras.set_light(light)
-            self._further.set_light(light)
+            for camera in (self._cameras, *self._further):
+                camera.set_light(light)
         for index, true in enumerate(self._true_cameras):
             if true.is_knocked_by(state.t_s):
                 self._cameras.set_camera(index, true.camera)
@@ -199,7 +198,8 @@ class Arena:
                 sway = self._sways[robot.index].update(robot, robot.index in kickers)
             frame = np.array(self._cameras.render(state, robot.index, sway))
             frame.flags.writeable = False
-            rig_frames = None if self.rig is None else (frame, *self._further.render(state, robot.index, sway))
+            others = (camera.render(state, robot.index, sway) for camera in self._further)
+            rig_frames = None if self.rig is None else (frame, *others)
             senses = Senses(
                 state.t_s,
                 frame,

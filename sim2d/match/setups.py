@@ -105,6 +105,18 @@ def _msl_fisheyes() -> Rig:
 # a kick with the body or a leg
 _LEG_KICK = BodySettings(kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)
 
+_HUMANOID = RobotLimits(
+    0.4,
+    0.6,
+    radius_m=0.15,
+    height_m=0.55,
+    turn_rps=1.5,
+    turn_acceleration_rps2=6.0,
+    kick_speed_mps=2.5,
+    pan_rps=5.0,
+    pan_limit_rad=2.0,
+)
+
 CAMERAS: dict[str, Callable[[], Camera | Rig]] = {
     "sekimori": sekimori_camera,
     "ers7": lambda: _tilted(ers7_camera(*_HEAD_SIZE_PX), -12.0),
@@ -139,49 +151,24 @@ ROBOTS: dict[str, RobotKind] = {
         WorldSettings(replace(_LEG_KICK, mass_kg=1.7)),
     ),
     # an Aldebaran Nao
-    "humanoid": RobotKind(
-        RobotLimits(
-            0.4,
-            0.6,
-            radius_m=0.15,
-            height_m=0.55,
-            turn_rps=1.5,
-            turn_acceleration_rps2=6.0,
-            kick_speed_mps=2.5,
-            pan_rps=5.0,
-            pan_limit_rad=2.0,
-        ),
-        True,
-        WorldSettings(replace(_LEG_KICK, mass_kg=5.4)),
-    ),
+    "humanoid": RobotKind(_HUMANOID, True, WorldSettings(replace(_LEG_KICK, mass_kg=5.4))),
     # of a child's size, with its league's ball
     "kid": RobotKind(
-        RobotLimits(
-            0.4,
-            0.6,
-            radius_m=0.15,
-            height_m=0.65,
-            turn_rps=1.5,
-            turn_acceleration_rps2=6.0,
-            kick_speed_mps=3.0,
-            pan_rps=5.0,
-            pan_limit_rad=2.0,
-        ),
+        replace(_HUMANOID, height_m=0.65, kick_speed_mps=3.0),
         True,
         WorldSettings(replace(_LEG_KICK, mass_kg=7.0), BallSettings(mass_kg=0.2)),
     ),
     # of an adult's size, with a football
     "adult": RobotKind(
-        RobotLimits(
-            0.6,
-            0.6,
+        replace(
+            _HUMANOID,
+            speed_mps=0.6,
             radius_m=0.25,
             height_m=1.4,
             turn_rps=1.2,
             turn_acceleration_rps2=4.0,
             kick_speed_mps=4.0,
             pan_rps=4.0,
-            pan_limit_rad=2.0,
         ),
         True,
         WorldSettings(replace(_LEG_KICK, mass_kg=30.0), BallSettings(mass_kg=0.43)),

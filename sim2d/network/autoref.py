@@ -22,29 +22,17 @@ from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.match.league_referee import Command, Foul, LeagueReferee, LeagueRefereeSettings
 from sim2d.match.pitch_rules import NextPlay, Restart
-from sim2d.network.packets import US_PER_S
+from sim2d.network.packets import COMMANDS, NEXT, US_PER_S
 from sim2d.world.state import BallState, RobotState
 
-C, K = RefereeCommand, EventKind
+K = EventKind
 # each command here, and whose turn it is
 _COMMANDS: dict[RefereeCommand, tuple[Command, Team]] = {
-    C.STOP: ("stop", Team.UNKNOWN),
-    C.NORMAL_START: ("normal_start", Team.UNKNOWN),
-    C.FORCE_START: ("force_start", Team.UNKNOWN),
-    C.PREPARE_KICKOFF_YELLOW: ("prepare_kick_off", Team.YELLOW),
-    C.PREPARE_KICKOFF_BLUE: ("prepare_kick_off", Team.BLUE),
-    C.PREPARE_PENALTY_YELLOW: ("prepare_penalty", Team.YELLOW),
-    C.PREPARE_PENALTY_BLUE: ("prepare_penalty", Team.BLUE),
-    C.DIRECT_FREE_YELLOW: ("direct_free", Team.YELLOW),
-    C.DIRECT_FREE_BLUE: ("direct_free", Team.BLUE),
-    C.BALL_PLACEMENT_YELLOW: ("ball_placement", Team.YELLOW),
-    C.BALL_PLACEMENT_BLUE: ("ball_placement", Team.BLUE),
+    one: (command, Team.UNKNOWN if yellow == blue else team)
+    for command, (yellow, blue) in COMMANDS.items()
+    for one, team in ((yellow, Team.YELLOW), (blue, Team.BLUE))
 }
-_KINDS: dict[Command, Restart] = {
-    "prepare_kick_off": "kick_off",
-    "prepare_penalty": "penalty",
-    "direct_free": "free_kick",
-}
+_KINDS: dict[Command, Restart] = {command: kind for kind, command in NEXT.items()}
 _FOULS = {
     "fast_in_stop": K.BOT_TOO_FAST_IN_STOP,
     "fast_ball": K.BOT_KICKED_BALL_TOO_FAST,

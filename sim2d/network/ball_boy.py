@@ -7,11 +7,11 @@ import math
 from field_models import Field
 from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from sim2d.match.pitch_rules import penalty_mark
+from sim2d.network.packets import COMMANDS
 from sim2d.robot_link import Point
 
 C = RefereeCommand
-KICK_OFFS = (C.PREPARE_KICKOFF_YELLOW, C.PREPARE_KICKOFF_BLUE)
-PENALTIES = (C.PREPARE_PENALTY_YELLOW, C.PREPARE_PENALTY_BLUE)
+KICK_OFFS, PENALTIES = COMMANDS["prepare_kick_off"], COMMANDS["prepare_penalty"]
 # a ball lies where it shall that is so near and so slow
 _THERE_M, _STILL_MPS = 0.05, 0.1
 # teams that can place the ball have begun to after so long a stop

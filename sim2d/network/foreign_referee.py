@@ -21,14 +21,14 @@ from robocup_vision.ssl.values.simulation import Team
 from robocup_vision.ssl.values.tracked import TrackerPacket
 from sim2d.match.pitch_rules import kick_time_s
 from sim2d.network.ball_boy import KICK_OFFS, PENALTIES, kick_place
-from sim2d.network.packets import NS_PER_S, TRUTH_SOURCE, TRUTH_UUID, tracked_frame
+from sim2d.network.packets import COMMANDS, NS_PER_S, TRUTH_SOURCE, TRUTH_UUID, tracked_frame
 from sim2d.robot_link import Phase
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState
 
 # the game controller takes a ball for placed that lies so near
 _PLACED_M = 0.15
-_KICKS = (*KICK_OFFS, *PENALTIES, RefereeCommand.DIRECT_FREE_YELLOW, RefereeCommand.DIRECT_FREE_BLUE)
+_KICKS = (*KICK_OFFS, *PENALTIES, *COMMANDS["direct_free"])
 # of a game controller that was not heard for a while, every command
 _MAX_PACKETS = 1000
 # a game controller that answers nothing for so long does not work

@@ -28,6 +28,7 @@ from robocup_vision.ssl.values.tracked import (
     Vector3,
 )
 from sim2d.match.league_referee import Command, LeagueReferee
+from sim2d.match.pitch_rules import Restart
 from sim2d.network.world import Kick, LeagueState
 from sim2d.world.ball_physics import GRAVITY_MPS2, ROLLS_RATIO, BallSettings
 from sim2d.world.state import BallState, RobotState
@@ -46,7 +47,8 @@ _STAGES = {
     "second_half": Stage.NORMAL_SECOND_HALF,
     "post_game": Stage.POST_GAME,
 }
-_COMMANDS = {
+# each command of a referee here: the packet's for yellow's turn, and for blue's
+COMMANDS: dict[Command, tuple[RefereeCommand, RefereeCommand]] = {
     "halt": (RefereeCommand.HALT,) * 2,
     "stop": (RefereeCommand.STOP,) * 2,
     "normal_start": (RefereeCommand.NORMAL_START,) * 2,
@@ -56,7 +58,8 @@ _COMMANDS = {
     "direct_free": (RefereeCommand.DIRECT_FREE_YELLOW, RefereeCommand.DIRECT_FREE_BLUE),
     "ball_placement": (RefereeCommand.BALL_PLACEMENT_YELLOW, RefereeCommand.BALL_PLACEMENT_BLUE),
 }
-_NEXT: dict[str, Command] = {
+# how each way to go on begins
+NEXT: dict[Restart, Command] = {
     "kick_off": "prepare_kick_off",
     "free_kick": "direct_free",
     "penalty": "prepare_penalty",
@@ -157,7 +160,7 @@ def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: in
     return Referee(
         packet_time_us=begin_us + round(t_s * US_PER_S),
         stage=_STAGES[referee.stage],
-        command=_COMMANDS[referee.command][referee.command_side < 0],
+        command=COMMANDS[referee.command][referee.command_side < 0],
         command_counter=referee.command_counter,
         command_time_us=begin_us + round(referee.command_s * US_PER_S),
         yellow=teams[0],
@@ -165,7 +168,7 @@ def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: in
         stage_time_left_us=round((referee.stage_end_s - t_s) * US_PER_S),
         designated_position=None if place is None else DesignatedPosition(*place),
         blue_on_positive_half=True,
-        next_command=None if coming is None else _COMMANDS[_NEXT[coming.kind]][coming.side < 0],
+        next_command=None if coming is None else COMMANDS[NEXT[coming.kind]][coming.side < 0],
         action_time_left_us=None if left_s is None else round(left_s * US_PER_S),
         source_identifier=REFEREE_SOURCE,
         match_type=MatchType.FRIENDLY,

@@ -293,19 +293,3 @@ def rotation_vector(rotation: FloatArray) -> FloatArray:
     sine = float(np.linalg.norm(skew)) / 2
     angle = math.atan2(sine, (float(np.trace(rotation)) - 1) / 2)
     return np.asarray(skew / 2 * (angle / sine if sine > 1e-12 else 1.0))
-
-
-class MatchRig:
-    """Takes the pictures of all cameras of a robot at one moment."""
-
-    def __init__(self, cameras: Sequence[MatchCamera]) -> None:
-        self._cameras = tuple(cameras)
-
-    def render(self, state: WorldState, index: int, sway: Sway = UPRIGHT) -> tuple[UInt8Array, ...]:
-        """Take one robot's pictures, (H, W, 3) uint8 each, read-only; see `MatchCamera.render`."""
-        return tuple(camera.render(state, index, sway) for camera in self._cameras)
-
-    def set_light(self, light: Light) -> None:
-        """See `MatchCamera.set_light`."""
-        for camera in self._cameras:
-            camera.set_light(light)

@@ -1,7 +1,9 @@
 """A mirror camera's frames in match time: one ray a pixel from precomputed tables, edges averaged along each bearing.
 
 It draws walls, goals with their nets, boxes, robots, ball and lines under evenly changing light, as `MirrorRenderer`
-does. Only `MirrorRenderer` draws texture, shadows, highlights and bystanders.
+does. Only `MirrorRenderer` draws texture, shadows, highlights and bystanders. Along a bearing of an upright mirror what
+stands on the floor hides the rest in one order, which is several times faster a pixel than the tiles of
+`ForwardFrames`; these need rays that change evenly from pixel to pixel, and a mirror's do not.
 """
 
 from __future__ import annotations
