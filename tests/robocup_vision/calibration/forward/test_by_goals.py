@@ -101,7 +101,7 @@ def test_a_field_without_posts_is_refused():
 @pytest.mark.slow
 def test_the_command(samples, tmp_path, capsys):
     """Only this finds a command that hands start or images over wrongly."""
-    for one in samples:
+    for one in samples[:3]:
         cv2.imwrite(str(tmp_path / f"{one.index}.png"), one.frame)
     save_camera(off(1.05, 0.19), tmp_path / "start.toml")
     out = tmp_path / "camera.toml"
@@ -139,8 +139,9 @@ def test_each_mistake_is_one_line(arguments, said, tmp_path, capsys):
 @pytest.mark.slow
 def test_a_pose_helps_where_the_prior_is_right(field, samples):
     """Only this finds poses that are matched to other images than theirs."""
-    poses = {str(s.index): Pose2(s.pose.x_m, s.pose.y_m, s.pose.theta_rad) for s in samples}
-    names = [str(s.index) for s in samples]
-    result = calibrate_forward(field, [s.frame for s in samples], off(0.95, 0.18), names=names, poses=poses)
+    few = samples[:3]
+    poses = {str(s.index): Pose2(s.pose.x_m, s.pose.y_m, s.pose.theta_rad) for s in few}
+    names = [str(s.index) for s in few]
+    result = calibrate_forward(field, [s.frame for s in few], off(0.95, 0.18), names=names, poses=poses)
     assert result
     assert result.camera.focal_px[0] == pytest.approx(TRUE.focal_px[0], rel=0.04)
