@@ -209,7 +209,7 @@ class JointFitter:
         self._parameters, self._settings = parameters, settings
         width, edges = parameters.start.size_px[0], field_edges(field)
         self._numbers = EdgeSettings().for_doubted_frames().for_width(width, field.line_width_m)
-        self._workspace = tables.empty_room(_MAX_SAMPLES, 0)
+        self._workspace = tables.empty_buffers(_MAX_SAMPLES, 0)
         self._scale = max(width / DESIGN_WIDTH_PX, 1.0)
         own = settings
         roll_std = parameters.start.roll_std_rad
