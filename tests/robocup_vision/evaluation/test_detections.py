@@ -15,8 +15,6 @@ from robocup_vision.evaluation.boxes import Box, load_boxes
 from robocup_vision.evaluation.dataset import load_dataset
 from robocup_vision.evaluation.detections import (
     detection_figures,
-    detections_json,
-    detections_of,
     match_boxes,
     told_kinds,
 )
@@ -120,12 +118,6 @@ def test_what_a_file_does_not_mark_is_not_scored():
     assert match_boxes(view(obstacles=[thing]), [], FIELD, told_kinds([ball])) == ()
     assert len(match_boxes(view(obstacles=[thing]), [], FIELD, told_kinds([]))) == 1
     assert set(detection_figures([], told_kinds([ball]))) == {"ball"}
-
-
-def test_detections_survive_json():
-    ball = ball_at(0.8, 0.0)
-    found = match_boxes(view([ball]), [Box("ball", 1, 1, 9, 9)], FIELD)
-    assert detections_of(json.loads(json.dumps(detections_json(found)))) == found
 
 
 def test_a_localiser_without_balls_is_told():
