@@ -7,16 +7,24 @@ from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.geometry import (
+    BAR_BOTTOM,
+    BAR_TOP,
     BLOOM,
+    EDGES,
     HEADING,
+    HEIGHT,
+    LEFT_INNER,
+    LEFT_OUTER,
     LOG_FOCAL,
+    RIGHT_INNER,
+    RIGHT_OUTER,
     ROLL,
     TILT,
     IdealView,
-    foot_points,
+    X,
+    Y,
     goal_shape,
     project,
-    silhouette_normals,
 )
 
 SHAPE = goal_shape(load_field("four_legged_2007"))
@@ -27,6 +35,50 @@ SCENE = GoalScene(
     np.array([384.0, 380.0, 207.5, 159.5]),
     OFFSETS,
 )
+
+
+def silhouette_normals(shape, unknowns):
+    """Outward unit normals (..., 6, 3), field frame, of the planes through the camera that touch posts and bar.
+
+    The camera, unknowns (..., 8), must stand outside the cylinders.
+    """
+    p = np.asarray(unknowns, dtype=np.float64)
+    dx = shape.line_x_m - p[..., X]
+    normals = np.zeros((*p.shape[:-1], EDGES, 3))
+    for post, (outer, inner) in enumerate(((LEFT_OUTER, LEFT_INNER), (RIGHT_OUTER, RIGHT_INNER))):
+        dy = shape.post_y_m[post] - p[..., Y]
+        bearing = np.arctan2(dy, dx)
+        half = np.arcsin(np.minimum(1.0, shape.radius_m / np.hypot(dx, dy)))
+        left, right = (outer, inner) if post == 0 else (inner, outer)
+        normals[..., left, 0], normals[..., left, 1] = -np.sin(bearing + half), np.cos(bearing + half)
+        normals[..., right, 0], normals[..., right, 1] = np.sin(bearing - half), -np.cos(bearing - half)
+    dz = shape.height_m - p[..., HEIGHT]
+    elevation = np.arctan2(dz, np.abs(dx))
+    half = np.arcsin(np.minimum(1.0, shape.radius_m / np.hypot(dx, dz)))
+    side = np.where(dx < 0, -1.0, 1.0)
+    normals[..., BAR_TOP, 0], normals[..., BAR_TOP, 2] = -side * np.sin(elevation + half), np.cos(elevation + half)
+    normals[..., BAR_BOTTOM, 0] = side * np.sin(elevation - half)
+    normals[..., BAR_BOTTOM, 2] = -np.cos(elevation - half)
+    return normals
+
+
+def foot_points(shape, unknowns, offsets):
+    """Points (..., 2, K, 3), field frame, where the near half of each post meets the floor, for cameras (..., 8).
+
+    The offsets (K,) are across the post as seen, from -1, its left edge, to 1.
+    """
+    p = np.asarray(unknowns, dtype=np.float64)
+    across = np.asarray(offsets, dtype=np.float64)
+    along = np.sqrt(1.0 - across**2)
+    posts = []
+    for post_y in shape.post_y_m:
+        dx, dy = shape.line_x_m - p[..., X], post_y - p[..., Y]
+        distance = np.hypot(dx, dy)
+        ux, uy = (dx / distance)[..., None], (dy / distance)[..., None]
+        x = shape.line_x_m + shape.radius_m * (across * uy - along * ux)
+        y = post_y + shape.radius_m * (-across * ux - along * uy)
+        posts.append(np.stack([x, y, np.zeros_like(x)], axis=-1))
+    return np.stack(posts, axis=-3)
 
 
 def silhouette_lines(shape, view, unknowns):

@@ -14,9 +14,10 @@ import numpy.typing as npt
 from benchmarks.harness import Table, finish, parse_arguments
 from benchmarks.harness import columns as col
 from field_models import load_field
-from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, edge_segments
+from robocup_vision.kernels.goal.edge_places import goal_points
+from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples
 from robocup_vision.localization.goal.fit import GoalModel, fit, goal_model, weigh
-from robocup_vision.localization.goal.geometry import BLOOM, HEIGHT, LOG_FOCAL, foot_points, goal_shape, project
+from robocup_vision.localization.goal.geometry import BLOOM, HEIGHT, LOG_FOCAL, goal_shape
 from sim2d.rendering.goal.scenes import ers7_camera, paper_places
 
 FIELD = load_field("four_legged_2007")
@@ -25,17 +26,17 @@ SCALES = np.full(12, 100.0)
 
 def picture(model: GoalModel, truth: npt.NDArray[np.float64], noise_px: float, rng: np.random.Generator) -> EdgeSamples:
     """Twenty samples of each edge and all feet, every edge and foot off as a whole by the noise."""
-    segments = edge_segments(model.shape, truth)
+    count = len(FOOT_OFFSETS)
+    points = np.empty((12 + 4 * count, 2))
+    goal_points(model.scene, truth, points)
     edge, uv = [], []
-    for e, (a, b) in enumerate(segments):
-        ends = project(model.view, truth, np.array([a, b]))
+    for e, ends in enumerate(points[:12].reshape(6, 2, 2)):
         along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
         shift = noise_px * rng.standard_normal() * np.array([along[1], -along[0]])
         for t in np.linspace(0.02, 0.98, 20):
             edge.append(e)
             uv.append(ends[0] + t * (ends[1] - ends[0]) + shift)
-    feet = project(model.view, truth, foot_points(model.shape, truth, FOOT_OFFSETS).reshape(-1, 3))
-    count = len(FOOT_OFFSETS)
+    feet = points[12 : 12 + 2 * count]
     feet[:, 1] += np.repeat(noise_px * rng.standard_normal(2), count)
     return weigh(
         EdgeSamples(

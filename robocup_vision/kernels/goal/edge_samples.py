@@ -109,9 +109,13 @@ def sample_edges(image: UInt8Array, due: DueEdges, look: EdgeLook, found: FoundE
     (int, int)
         How many edge samples and how many feet there are.
     """
-    room = found.edge.shape[0]
+    capacity = found.edge.shape[0]
     places = EdgePlaces(
-        np.empty((room, 2)), np.empty((room, 2)), np.empty(room, np.int64), np.empty(room), found.expected
+        np.empty((capacity, 2)),
+        np.empty((capacity, 2)),
+        np.empty(capacity, np.int64),
+        np.empty(capacity),
+        found.expected,
     )
     size = (image.shape[1], image.shape[0])
     count = spread_samples(due.points, due.feet, size, due.spacing_px, due.max_samples, places)

@@ -9,7 +9,6 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.algebra.pinhole import camera_axes, in_camera
 
 # grey levels that a line's middle must be brighter than its sides in one sample; samples along it are so far apart
@@ -32,15 +31,11 @@ class MarkLimits(NamedTuple):
         Between places on a line.
     min_width_px : float
         Lines that look thinner are left out.
-    clear_px : float
-        Between the edges of two lines: where they come nearer, they cannot be separated, and both are left out.
-        Minus infinity: lines may cross.
     """
 
     line_width_m: float
     spacing_px: float
     min_width_px: float
-    clear_px: float
 
 
 class MarkPlaces(NamedTuple):
@@ -125,33 +120,6 @@ def line_marks(
         widths[n] = width
         last_u, last_v = u, v
         n += 1
-    if math.isinf(limits.clear_px):
-        return n
-    return _apart(n, limits, places)
-
-
-@compiled
-def _apart(count: int, limits: MarkLimits, places: MarkPlaces) -> int:
-    """Keep the places that no place on another line comes near to, in order; returns how many there are."""
-    marks, pixels, normals, widths = places
-    alone = np.ones(count, np.bool_)
-    for i in range(count):
-        for j in range(count):
-            du, dv = pixels[j, 0] - pixels[i, 0], pixels[j, 1] - pixels[i, 1]
-            # those on the same line are a spacing away along it
-            if i == j or abs(du * normals[i, 1] - dv * normals[i, 0]) > 0.95 * limits.spacing_px:
-                continue
-            if abs(du * normals[i, 0] + dv * normals[i, 1]) < 0.5 * (widths[i] + widths[j]) + limits.clear_px:
-                alone[i] = False
-                break
-    n = 0
-    for i in range(count):
-        if alone[i]:
-            copy_vector(marks[i], marks[n])
-            copy_vector(pixels[i], pixels[n])
-            copy_vector(normals[i], normals[n])
-            widths[n] = widths[i]
-            n += 1
     return n
 
 
@@ -219,7 +187,7 @@ def measure_ridges(
     bright, blue, red = np.empty(_MAX_STEPS), np.empty(_MAX_STEPS), np.empty(_MAX_STEPS)
     repeats = 1 + int(along_px / _ALONG_STEP_PX)
     least = _MIN_RIDGE / math.sqrt(repeats)
-    aside, share, flat = 0.5 * (repeats - 1) * _ALONG_STEP_PX, 1.0 / repeats, image.reshape(-1)
+    aside, weight, flat = 0.5 * (repeats - 1) * _ALONG_STEP_PX, 1.0 / repeats, image.reshape(-1)
     row = np.uint64(3 * columns)
     for n in range(starts.shape[0]):
         offset[n] = np.nan
@@ -241,7 +209,7 @@ def measure_ridges(
                 at_blue, weights = _pixels_at(middle_u - s * normals[n, 1], middle_v + s * normals[n, 0], columns)
                 b += _mean_of(flat, at_blue, row, weights)
                 r += _mean_of(flat, at_blue + _RED, row, weights)
-            blue[i], red[i], bright[i] = b, r, min(b, r) * share
+            blue[i], red[i], bright[i] = b, r, min(b, r) * weight
         half = max(0, int(0.3 * width[n] / step))
         far = int(round(side / step))
         best, at = least, -1

@@ -389,7 +389,7 @@ def fit_sections(
     every: int,
     responses: tuple[Response, Response, Response, Response],
     variance: FloatArray,
-    told: FloatArray,
+    evidence: FloatArray,
     misfit: FloatArray,
 ) -> None:
     """Fit the levels of sections where their edges are taken to be, and sum up what is left of them about the edges.
@@ -404,20 +404,20 @@ def fit_sections(
         For rows in colour and brightness, then for columns.
     variance : (2, 2) float64
         Of a pixel's noise in rows and columns, by channel, about as it is.
-    told : (S, 2, 5) float64
+    evidence : (S, 2, 5) float64
         Results: information (aa, ab, bb) and gradient (a, b) of each section and channel, pixels and grey levels.
     misfit : (S, 2) float64
         Results: squared residuals of each section for each value left over.
     """
     work = _work(responses[0].knots.shape[0])
-    for s in range(0, told.shape[0], every):
+    for s in range(0, evidence.shape[0], every):
         axis = 0 if sections.kind[s] < BAR else 1
         for c in range(CHANNELS):
             noise = variance[axis, c]
             left, squares, aa, ab, bb, ga, gb = _fit_section(sections, s, c, responses[2 * axis + c], noise, work)
             misfit[s, c] = squares / left
-            told[s, c, 0], told[s, c, 1], told[s, c, 2] = aa, ab, bb
-            told[s, c, 3], told[s, c, 4] = ga, gb
+            evidence[s, c, 0], evidence[s, c, 1], evidence[s, c, 2] = aa, ab, bb
+            evidence[s, c, 3], evidence[s, c, 4] = ga, gb
 
 
 @compiled

@@ -63,7 +63,7 @@ class CameraEstimate:
         return estimate
 
 
-def goal_alone(candidate: Candidate, arc: GoalArc | None) -> CameraEstimate:
+def without_lines(candidate: Candidate, arc: GoalArc | None) -> CameraEstimate:
     """Place a camera by a goal without lines; its covariance is that of the goal's whole arc where that is open."""
     found = candidate.fit
     covariance = (

@@ -15,14 +15,9 @@ from robocup_vision.kernels.goal.edge_samples import DueEdges, EdgeLook, FoundEd
 from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.geometry import (
-    BAR_BOTTOM,
-    BAR_TOP,
     EDGES,
-    LEFT_INNER,
-    LEFT_OUTER,
     GoalShape,
     IdealView,
-    silhouette_normals,
 )
 
 FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
@@ -91,12 +86,6 @@ class EdgeSamples:
         )
 
 
-def no_samples() -> EdgeSamples:
-    """Return empty samples: lines alone are fitted with them."""
-    index = np.empty(0, np.int64)
-    return EdgeSamples(index, _none(), index, index, _none(), _none(), np.empty(0), np.zeros(EDGES, np.int64))
-
-
 @lru_cache(maxsize=16)
 def goal_scene(shape: GoalShape, view: IdealView) -> GoalScene:
     """Goal and camera as the kernels take them."""
@@ -113,27 +102,6 @@ def from_ideal(camera: PinholeCamera, ideal: FloatArray) -> FloatArray:
         return ideal
     slopes = (ideal - np.array(camera.center_px)) / np.array(camera.focal_px)
     return camera.camera_ray_to_pixel(np.concatenate([np.ones((*slopes.shape[:-1], 1)), -slopes], axis=-1))
-
-
-def edge_segments(shape: GoalShape, unknowns: FloatArray) -> FloatArray:
-    """End points (6, 2, 3), field frame, of the stretches on which each silhouette edge stands free.
-
-    Posts from a radius above the floor to a radius below the bar, the bar's top over its whole length and its lower
-    edge between the posts.
-    """
-    normals = silhouette_normals(shape, unknowns)
-    r, left, right = shape.radius_m, *shape.post_y_m
-    ends = np.empty((EDGES, 2, 3))
-    for e in range(EDGES):
-        if e < BAR_TOP:
-            y = left if e in (LEFT_OUTER, LEFT_INNER) else right
-            top = shape.height_m + (-2 * r if e % 3 else 0.5 * r)  # the outer edges go on over the bar's end
-            ends[e] = [[shape.line_x_m, y, 0.7 * r], [shape.line_x_m, y, top]]
-        else:
-            trim = 2 * r if e == BAR_BOTTOM else 0.0
-            ends[e] = [[shape.line_x_m, left - trim, shape.height_m], [shape.line_x_m, right + trim, shape.height_m]]
-        ends[e] += r * normals[e]
-    return ends
 
 
 def measure(

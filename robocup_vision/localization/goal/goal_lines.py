@@ -36,7 +36,6 @@ class MarkSettings:
     spacing_px: float = 6.0  #: between places on a line
     #: lines that look narrower are left out; those thinner than a pixel are averaged along themselves
     min_width_px: float = 0.15
-    clear_px: float = 2.5  #: between the edges of two lines; where they come nearer, both are left out
     along_px: float = 3.0  #: length of line over which one place is averaged
     #: ridges fainter than this fraction of the median contrast are no lines; lines narrower than the width have less
     #: contrast in proportion
@@ -129,7 +128,7 @@ class GoalLines:
         self._line_width_m = float(lines.field.line_width_m)
         self._points, self._directions = along_lines(lines)
         marks = settings.marks
-        self._limits = MarkLimits(self._line_width_m, marks.spacing_px, marks.min_width_px, marks.clear_px)
+        self._limits = MarkLimits(self._line_width_m, marks.spacing_px, marks.min_width_px)
         self._pen = line_pen(self._points, self._line_width_m)
 
     def join(self, frame: UInt8Array, goal: Candidate, arc: GoalArc | None) -> list[CameraEstimate]:

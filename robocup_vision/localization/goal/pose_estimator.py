@@ -13,7 +13,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.arc import open_arc
-from robocup_vision.localization.goal.camera_estimate import CameraEstimate, goal_alone
+from robocup_vision.localization.goal.camera_estimate import CameraEstimate, without_lines
 from robocup_vision.localization.goal.fit import GoalFitSettings
 from robocup_vision.localization.goal.goal_lines import GoalLineSettings
 from robocup_vision.localization.goal.half_goal import PriorSettings, find_half_goal
@@ -91,7 +91,7 @@ class GoalPoseEstimator:
         part = find_half_goal(self._search, picture, prior, self.settings.prior)
         if part is None:
             return NotLocated(f"{found.reason}; too little of it confirms the prior")
-        return goal_alone(part, open_arc(part.model, part.fit, self.settings.lines.certain_m))
+        return without_lines(part, open_arc(part.model, part.fit, self.settings.lines.certain_m))
 
     def _check(self, frame: UInt8Array) -> None:
         width, height = self.camera.size_px

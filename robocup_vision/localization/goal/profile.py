@@ -346,10 +346,10 @@ def polish(
 ) -> GoalFit:
     """Fit the sections of a BGR frame from the edges' fit; return that unchanged where they do not confirm it."""
     sections = _SectionFit(image, camera, model, found.unknowns, appearance, settings)
-    alone = sections.samples() if sections.count >= settings.min_samples and sections.fit() else None
-    if alone is None or len(alone.edge) < settings.min_samples or len(np.unique(alone.edge)) < EDGES:
+    measured = sections.samples() if sections.count >= settings.min_samples and sections.fit() else None
+    if measured is None or len(measured.edge) < settings.min_samples or len(np.unique(measured.edge)) < EDGES:
         return found
-    samples, single = _with_feet(*_weighed(alone, settings), found.samples)
+    samples, single = _with_feet(*_weighed(measured, settings), found.samples)
     p, cost, information = fit(model, samples, sections.p[:8], _SCALES)
     if not (math.isfinite(cost) and sections.moved_px(found.unknowns, p) < settings.move_std_px):
         return found
@@ -362,15 +362,15 @@ def polish(
     return replace(found, unknowns=p, information=information / excess, samples=samples, residual_px=residual)
 
 
-def _weighed(alone: EdgeSamples, settings: ProfileSettings) -> tuple[EdgeSamples, npt.NDArray[np.float64]]:
+def _weighed(measured: EdgeSamples, settings: ProfileSettings) -> tuple[EdgeSamples, npt.NDArray[np.float64]]:
     """Add the common errors of whole edges to the noise; also return the variance of each single sample."""
-    n = len(alone.edge)
-    typical = settings.common * float(np.mean(alone.sigma[:n] ** 2))
-    whole = np.full(len(alone.sigma), settings.edge_error_px**2 + typical)
+    n = len(measured.edge)
+    typical = settings.common * float(np.mean(measured.sigma[:n] ** 2))
+    whole = np.full(len(measured.sigma), settings.edge_error_px**2 + typical)
     whole[n:] = settings.foot_error_px**2 + 2 * typical
-    per_edge = np.bincount(alone.edge, minlength=EDGES)[alone.edge]
-    shared = whole * np.concatenate([per_edge, np.ones(len(alone.foot_post))])
-    return replace(alone, sigma=np.sqrt(alone.sigma**2 + shared)), alone.sigma**2 + whole
+    per_edge = np.bincount(measured.edge, minlength=EDGES)[measured.edge]
+    shared = whole * np.concatenate([per_edge, np.ones(len(measured.foot_post))])
+    return replace(measured, sigma=np.sqrt(measured.sigma**2 + shared)), measured.sigma**2 + whole
 
 
 def _with_feet(

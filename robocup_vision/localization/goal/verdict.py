@@ -15,7 +15,7 @@ import numpy as np
 
 from robocup_vision.estimates import NotLocated
 from robocup_vision.localization.goal.arc import open_arc, spread_about
-from robocup_vision.localization.goal.camera_estimate import CameraEstimate, goal_alone
+from robocup_vision.localization.goal.camera_estimate import CameraEstimate, without_lines
 from robocup_vision.localization.goal.fit import as_built, beside_lines
 from robocup_vision.localization.goal.goal_lines import GoalLines, GoalLineSettings
 from robocup_vision.localization.goal.goal_picture import GoalPicture
@@ -89,7 +89,7 @@ class GoalVerdict:
             found = polish(picture.frame, search.camera, model, found, candidate.appearance)
         goal = replace(candidate, fit=found, model=model)
         arc = open_arc(model, found, self._line_settings.certain_m)
-        cameras = [goal_alone(goal, arc)]
+        cameras = [without_lines(goal, arc)]
         if self._lines is not None:
             cameras += self._lines.join(picture.frame, goal, arc)
         for one in cameras:

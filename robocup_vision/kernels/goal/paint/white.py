@@ -65,7 +65,7 @@ def band_gradients(least: UInt8Array, row_step: int, gradient: Int16Array, sizes
     """
     bands, width = gradient.shape
     # in single precision, as `cv2.resize` takes the mean of an area
-    share = np.float32(1.0) / np.float32(row_step)
+    weight = np.float32(1.0) / np.float32(row_step)
     total, mean = np.empty(width, np.int32), np.empty(width + 4, np.int16)
     sizes[:] = 0
     for band in range(bands):
@@ -74,7 +74,7 @@ def band_gradients(least: UInt8Array, row_step: int, gradient: Int16Array, sizes
             for u in range(width):
                 total[u] += least[v, u]
         for u in range(width):
-            mean[u + 2] = np.int16(np.rint(np.float32(total[u]) * share))
+            mean[u + 2] = np.int16(np.rint(np.float32(total[u]) * weight))
         mean[0], mean[1], mean[width + 2], mean[width + 3] = mean[4], mean[3], mean[width], mean[width - 1]
         for u in range(width):
             gradient[band, u] = mean[u + 4] - mean[u] + 2 * (mean[u + 3] - mean[u + 1])

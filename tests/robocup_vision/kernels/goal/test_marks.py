@@ -10,12 +10,13 @@ ALONG = np.arange(-1.5, 1.5, 0.02)
 POINTS = np.column_stack([np.full(len(ALONG), 2.0), ALONG])
 
 
-def places(p, spacing=6.0, least=0.2, points=POINTS, clear=2.5):
+def places(p, spacing=6.0, least=0.2):
+    points = POINTS
     room = len(points)
     marks, pixels, normals, widths = np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty(room)
     along = np.tile([0.0, 1.0], (room, 1))
     size = (416, 320)
-    limits = MarkLimits(0.05, spacing, least, clear)
+    limits = MarkLimits(0.05, spacing, least)
     n = line_marks(points, along, VIEW_ARRAY, p, size, limits, MarkPlaces(marks, pixels, normals, widths))
     return marks[:n], pixels[:n], normals[:n], widths[:n]
 
@@ -38,15 +39,6 @@ def test_thin_and_hidden_lines_are_left_out():
     turned = p.copy()
     turned[2] = np.pi  # looks away
     assert len(places(turned)[0]) == 0
-
-
-def test_lines_that_run_into_each_other_are_distinguished_from_neither():
-    p = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0])
-    beside = POINTS + np.array([0.06, 0.0])
-    both = np.vstack([POINTS, beside])
-    assert len(places(p, points=both)[0]) == 0
-    assert len(places(p, points=both, clear=-100.0)[0]) > 1.9 * len(places(p)[0])
-    assert len(places(p, points=np.vstack([POINTS, POINTS + np.array([1.0, 0.0])]))[0]) > len(places(p)[0])
 
 
 def test_a_line_too_faint_for_one_place_is_seen_over_a_stretch():

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from field_models import load_field
+from robocup_vision.kernels.goal.edge_places import goal_points
 from robocup_vision.localization.goal.arc import follow_arc, turned
-from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples, edge_segments
+from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples
 from robocup_vision.localization.goal.fit import covariance_of, fit, goal_model, weigh
-from robocup_vision.localization.goal.geometry import HEADING, foot_points, goal_shape, project
+from robocup_vision.localization.goal.geometry import HEADING, goal_shape, project
 from sim2d.rendering.goal.scenes import ers7_camera
 
 SHAPE = goal_shape(load_field("four_legged_2007"))
@@ -16,15 +17,15 @@ TRUTH = np.array([-2.0, 0.9, -0.19, 0.02, 0.01, 0.185, 0.0, 0.0])
 
 
 def samples(rng, noise_px=0.06):
+    points, count = np.empty((12 + 4 * len(FOOT_OFFSETS), 2)), len(FOOT_OFFSETS)
+    goal_points(MODEL.scene, TRUTH, points)
     edge, uv = [], []
-    for e, ends in enumerate(edge_segments(SHAPE, TRUTH)):
-        a, b = project(MODEL.view, TRUTH, ends)
+    for e, (a, b) in enumerate(points[:12].reshape(6, 2, 2)):
         normal = np.array([a[1] - b[1], b[0] - a[0]]) / np.hypot(*(b - a))
         shift = noise_px * rng.standard_normal() * normal
         edge += [e] * 12
         uv += [a + t * (b - a) + shift for t in np.linspace(0.02, 0.98, 12)]
-    feet = project(MODEL.view, TRUTH, foot_points(SHAPE, TRUTH, FOOT_OFFSETS).reshape(-1, 3))
-    count = len(FOOT_OFFSETS)
+    feet = points[12 : 12 + 2 * count]
     return weigh(
         EdgeSamples(
             np.array(edge),

@@ -4,22 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from goal_samples import silhouette_lines
+from goal_samples import SCENE, SHAPE, VIEW, silhouette_normals
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from field_models import ArgumentError, load_field
-from robocup_vision.localization.goal.geometry import (
-    EDGES,
-    IdealView,
-    foot_points,
-    goal_shape,
-    project,
-    silhouette_normals,
-)
+from robocup_vision.kernels.goal.edge_places import goal_outline
+from robocup_vision.kernels.goal.picture import predict_goal
+from robocup_vision.localization.goal.geometry import EDGES, goal_shape, project
 
-SHAPE = goal_shape(load_field("four_legged_2007"))
-VIEW = IdealView((384.0, 380.0), (207.5, 159.5))
 xs = st.floats(-2.5, 2.2)
 ys = st.floats(-1.8, 1.8)
 small = st.floats(-0.15, 0.15)
@@ -30,11 +23,17 @@ def looking_at_goal(x, y, pan=0.0, tilt=0.0, roll=0.0, bloom=0.0):
     return np.array([x, y, heading, tilt, roll, 0.185, 0.0, bloom])
 
 
+def silhouette_lines(p):
+    lines = np.empty((EDGES, 3))
+    predict_goal(SCENE, p, lines, np.empty((2, len(SCENE.offsets), 2)))
+    return lines
+
+
 @given(xs, ys, small, small, small)
 def test_silhouettes_touch_the_cylinders(x, y, pan, tilt, roll):
     p = looking_at_goal(x, y, pan, tilt, roll)
     normals = silhouette_normals(SHAPE, p)
-    lines = silhouette_lines(SHAPE, VIEW, p)
+    lines = silhouette_lines(p)
     for edge in range(EDGES):
         post_y = SHAPE.post_y_m[0 if edge < 2 else 1]
         center = (SHAPE.line_x_m, post_y, 0.2) if edge < 4 else (SHAPE.line_x_m, 0.1, SHAPE.height_m)
@@ -48,20 +47,21 @@ def test_silhouettes_touch_the_cylinders(x, y, pan, tilt, roll):
 
 
 def test_bloom_moves_every_edge_outwards():
-    plain = silhouette_lines(SHAPE, VIEW, looking_at_goal(0.0, 0.5))
-    grown = silhouette_lines(SHAPE, VIEW, looking_at_goal(0.0, 0.5, bloom=0.7))
+    plain = silhouette_lines(looking_at_goal(0.0, 0.5))
+    grown = silhouette_lines(looking_at_goal(0.0, 0.5, bloom=0.7))
     np.testing.assert_allclose(grown[:, 2], plain[:, 2] - 0.7)
     np.testing.assert_allclose(grown[:, :2], plain[:, :2])
 
 
 @given(xs, ys, st.floats(-0.95, 0.95))
 def test_feet_lie_on_the_near_half_of_the_post(x, y, offset):
-    feet = foot_points(SHAPE, looking_at_goal(x, y), np.array([offset]))
-    for post, post_y in enumerate(SHAPE.post_y_m):
-        px, py, pz = feet[post, 0]
+    outline = np.empty((16, 3))
+    goal_outline(SCENE._replace(offsets=np.array([offset])), x, y, 0.185, outline)
+    feet = outline[12:14] + np.array([x, y, 0.185])
+    for (px, py, pz), post_y in zip(feet, SHAPE.post_y_m, strict=True):
         assert math.hypot(px - SHAPE.line_x_m, py - post_y) == pytest.approx(SHAPE.radius_m)
         assert math.hypot(px - x, py - y) < math.hypot(SHAPE.line_x_m - x, post_y - y)
-        assert pz == 0.0
+        assert pz == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize(("name", "kind"), [("four_legged_2005", "panels"), ("msl_6x4", "none")])

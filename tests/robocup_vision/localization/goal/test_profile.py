@@ -5,12 +5,13 @@ import math
 
 import numpy as np
 import pytest
+from goal_samples import silhouette_normals
 
 from field_models import COLOR_NAMES, load_field
 from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.localization.goal.edges import EdgeAppearance, EdgeSamples
 from robocup_vision.localization.goal.fit import GoalFit, GoalFitSettings, goal_model, residuals
-from robocup_vision.localization.goal.geometry import EDGES, UNKNOWNS, goal_shape, silhouette_normals
+from robocup_vision.localization.goal.geometry import EDGES, UNKNOWNS, goal_shape
 from robocup_vision.localization.goal.profile import polish
 from sim2d.rendering.goal.scenes import ers7_camera
 
