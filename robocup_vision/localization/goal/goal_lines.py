@@ -36,6 +36,7 @@ class MarkSettings:
     spacing_px: float = 6.0  #: between places on a line
     #: lines that look narrower are left out; those thinner than a pixel are averaged along themselves
     min_width_px: float = 0.15
+    clear_px: float = 2.5  #: between the edges of two lines; where they come nearer, both are left out
     along_px: float = 3.0  #: length of line over which one place is averaged
     #: ridges fainter than this fraction of the median contrast are no lines; lines narrower than the width have less
     #: contrast in proportion
@@ -243,6 +244,18 @@ class GoalLines:
         sigma[first_mark:] *= math.sqrt((squares.sum() + settings.prior_marks) / (len(squares) + settings.prior_marks))
         return sigma
 
+    def _are_clear(self, pixels: FloatArray, direction: FloatArray, width_px: FloatArray) -> BoolArray:
+        """Which places (N,) no other line comes near to: two lines that run into each other look like one."""
+        marks, offset = self._settings.marks, pixels[None] - pixels[:, None]
+        u, v = offset[..., 0], offset[..., 1]
+        across_u, across_v = direction[:, :1], direction[:, 1:]
+        # places on the same line are a spacing away along it
+        is_beside = np.abs(u * across_v - v * across_u) <= 0.95 * marks.spacing_px
+        apart_px = np.abs(u * across_u + v * across_v) - (width_px[:, None] + width_px) / 2
+        is_near = is_beside & (apart_px < marks.clear_px)
+        np.fill_diagonal(is_near, False)
+        return np.asarray(~is_near.any(axis=1))
+
     def _look(
         self, frame: UInt8Array, model: GoalModel, p: FloatArray, covariance: FloatArray | None, max_reach_px: float
     ) -> Marks:
@@ -252,7 +265,9 @@ class GoalLines:
         places = MarkPlaces(floor_m, pixels, direction, width_px)
         view, size_px = model.scene.camera, self._camera.size_px
         n = line_marks(self._points, self._directions, view, p, size_px, self._limits, places)
-        floor_m, pixels, direction, width_px = (part[:n] for part in places)
+        is_clear = self._are_clear(pixels[:n], direction[:n], width_px[:n])
+        floor_m, pixels, direction, width_px = (part[:n][is_clear] for part in places)
+        n = len(width_px)
         reach_px = np.full(n, max_reach_px)
         if covariance is not None:
             jacobian = np.empty((n, FLOOR_UNKNOWNS))
