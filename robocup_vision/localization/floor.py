@@ -29,7 +29,6 @@ from robocup_vision.localization.evidence import (
     default_evidence,
     odds_text,
 )
-from robocup_vision.localization.outline_camera import OutlineCamera
 from robocup_vision.localization.outline_model import (
     OutlineCameraSettings,
     OutlineFit,
@@ -99,10 +98,6 @@ class OutlineFitter:
         return OutlineSearch(self.model, self.settings.search)
 
     @cached_property
-    def _camera(self) -> OutlineCamera:
-        return OutlineCamera(self.model, self.settings.camera)
-
-    @cached_property
     def _outline_evidence(self) -> OutlineEvidence:
         return OutlineEvidence(self.view, self.model.unit_px, self.evidence.outline)
 
@@ -154,7 +149,7 @@ class OutlineFitter:
 
     def fixes_pose(self, fit: OutlineFit) -> bool:
         """Whether the inliers of a fit fix the pose: without an end of the field it slides along its sides."""
-        return fit.along_m <= self.settings.sliding_std_m
+        return fit.sliding_m <= self.settings.sliding_std_m
 
     def weigh(self, fit: OutlineFit, floor_column: Int64Array) -> OutlineTally:
         """Weigh a fit by the outline alone, given each bearing's outermost floor sample (K,), -1 where none."""
@@ -193,34 +188,33 @@ class OutlineFitter:
             Image radius at which the pose predicts the walls; NaN where it predicts none.
         """
         settings, evidence = self.settings, self.evidence
-        fit: OutlineFit | None = None
+        max_leaning_std_m = settings.camera.max_leaning_std_m
         if prior is not None:
             fit = self.from_prior(prior, radius_px)
             if fit is None:
                 return self._too_little(radius_px)
-            fit = self._camera.with_lean(fit, radius_px)
             if self._is_sure(fit, floor_column, evidence.sure_log_odds_at_prior):
-                return self._answer(fit, radius_px)
-            leaning = self._camera.leaning((fit.pose, (prior.x_m, prior.y_m, prior.theta_rad)), radius_px)
+                return self._judge(fit, settings.max_std_m)
+            leaning = self.model.fit_leaning((fit.pose, (prior.x_m, prior.y_m, prior.theta_rad)), radius_px)
             if leaning is not None and self.weigh(leaning, floor_column).log_odds >= evidence.sure_log_odds_at_prior:
-                return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
+                return self._judge(leaning, max_leaning_std_m)
         fit = self.from_guess(radius_px)
         if fit is None:
             return self._too_little(radius_px)
         if self._is_sure(fit, floor_column, evidence.sure_log_odds):
-            return self._answer(fit, radius_px)
-        max_std_m = settings.max_std_m if prior is None else settings.camera.max_open_std_m
+            return self._judge(fit, settings.max_std_m)
+        max_std_m = settings.max_std_m if prior is None else max_leaning_std_m
         fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one, max_std_m)]
         found = self._choose(fits, floor_column, line_odds)
         if isinstance(found, NotLocated):
             return found, _nothing(radius_px)
-        if prior is not None and not self.fixes_pose(found):
-            # the search assumes an upright body: a moving one may lean, which on a large field moves it by half a metre
-            leaning = self._camera.leaning((found.pose,), radius_px)
-            if leaning is None:
-                return NotLocated("the floor's edge does not fix the pose of a body that may lean"), _nothing(radius_px)
-            return self._judge(leaning, settings.camera.max_open_std_m), leaning.predicted_px
-        return self._answer(found, radius_px)
+        if prior is None or self.fixes_pose(found):
+            return self._judge(self.model.fit(found.pose, radius_px, self.model.scales(()))[0], settings.max_std_m)
+        # the search assumes an upright body: a moving one may lean, which on a large field moves it by half a metre
+        leaning = self.model.fit_leaning((found.pose,), radius_px)
+        if leaning is None:
+            return NotLocated("the floor's edge does not fix the pose of a body that may lean"), _nothing(radius_px)
+        return self._judge(leaning, max_leaning_std_m)
 
     def _is_place(self, fit: OutlineFit, max_std_m: float) -> bool:
         """Whether a fit is a place on the field, and fixed in every direction."""
@@ -228,13 +222,6 @@ class OutlineFitter:
 
     def _is_sure(self, fit: OutlineFit, floor_column: Int64Array, log_odds: float) -> bool:
         return self.fixes_pose(fit) and self.weigh(fit, floor_column).log_odds >= log_odds
-
-    def _answer(self, fit: OutlineFit, radius_px: FloatArray) -> tuple[PoseEstimate | NotLocated, FloatArray]:
-        """Return the estimate of an accepted fit, with the camera's centre and tilt fitted where needed."""
-        estimate = self._judge(fit, self.settings.max_std_m)
-        if isinstance(estimate, NotLocated):
-            return estimate, _nothing(radius_px)
-        return self._camera.corrected(estimate, fit, radius_px, self.settings.sliding_std_m)
 
     def _choose(
         self, fits: list[OutlineFit], floor_column: Int64Array, line_odds: LineOdds | None
@@ -255,15 +242,17 @@ class OutlineFitter:
             return NotLocated(f"two places explain the floor's edge about equally well, odds {lead}")
         return fits[best]
 
-    def _judge(self, fit: OutlineFit, max_std_m: float) -> PoseEstimate | NotLocated:
-        """Return the estimate of an accepted fit, if it is a place on the field and fixed in every direction."""
-        if fit.along_m > max_std_m:
-            return NotLocated(_OPEN)
+    def _judge(self, fit: OutlineFit, max_std_m: float) -> tuple[PoseEstimate | NotLocated, FloatArray]:
+        """Return the estimate and the predicted walls of an accepted fit that is a fixed place on the field."""
         x, y, theta = fit.pose
-        pose = Pose2(x, y, theta)
+        if fit.along_m > max_std_m:
+            return NotLocated(_OPEN), _nothing(fit.predicted_px)
         if not self.field.is_on_floor(x, y):
-            return NotLocated(f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m")
-        return PoseEstimate(pose, fit.covariance, fit.inlier_ratio, fit.rms_px, (pose, pose.half_turn()))
+            reason = f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m"
+            return NotLocated(reason), _nothing(fit.predicted_px)
+        pose = Pose2(x, y, theta)
+        estimate = PoseEstimate(pose, fit.covariance, fit.inlier_ratio, fit.rms_px, (pose, pose.half_turn()))
+        return estimate, fit.predicted_px
 
     def _too_little(self, radius_px: FloatArray) -> tuple[NotLocated, FloatArray]:
         seen = np.count_nonzero(radius_px > 0.0)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
@@ -64,55 +62,54 @@ class MirrorLocalizer:
         self._searched_s: float | None = None  # when the whole field was last searched by lines
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
-        """See `Localizer.locate`."""
+        """See `Localizer.locate`.
+
+        The floor's outline goes first. Where it is refused, the lines alone give the pose, unless the outline
+        contradicts it. Last, the goals' colours tell the half of the field.
+        """
         self._points = None
         start = pose_of(prior)
-        frame, camera = evidence.frame, evidence.camera
+        estimate, wall_px = self._by_outline(evidence, start)
+        if isinstance(estimate, NotLocated) and self._lines is not None:
+            estimate, wall_px = self._by_lines(self._lines, evidence, start, estimate), None
+        if isinstance(estimate, NotLocated):
+            return Localization(estimate, evidence.camera)
         assert evidence.table is not None
-        colors = evidence.table.colors
-        reason = ""
-        if self._outline is not None:
-            line_odds = self._line_odds(evidence)
-            estimate, walls = self._outline.locate(evidence.edge_px, evidence.floor_column, start, line_odds)
-            if isinstance(estimate, PoseEstimate):
-                if start is not None and _leaves_open(estimate, self._outline.settings.sliding_std_m):
-                    estimate, walls = self._closed_by_lines(evidence, start, estimate, walls)
-                return Localization(self._half.choose(frame, estimate, colors, start), camera, walls)
-            reason = estimate.reason
+        half = self._half.choose(evidence.frame, estimate, evidence.table.colors, start)
+        return Localization(half, evidence.camera, wall_px)
+
+    def _by_outline(
+        self, evidence: FrameEvidence, start: Pose2 | None
+    ) -> tuple[PoseEstimate | NotLocated, FloatArray | None]:
+        """Return the pose by the floor's outline, with the walls' image radii (K,) that it predicts."""
+        if self._outline is None:
+            return NotLocated(""), None
+        odds = self._line_odds(evidence)
+        estimate, wall_px = self._outline.locate(evidence.edge_px, evidence.floor_column, start, odds)
+        if start is None or not estimate or not _is_open(estimate, self._outline.settings.sliding_std_m):
+            return estimate, wall_px
+        # of a body that may lean the outline leaves a direction open: lines near the prior may fix it
         if self._lines is not None:
-            estimate = self._by_lines(self._lines, evidence, start)
-            conflict = estimate.reason if isinstance(estimate, NotLocated) else self._conflict(estimate.pose, evidence)
-            if isinstance(estimate, PoseEstimate) and conflict is None:
-                return Localization(self._half.choose(frame, estimate, colors, start), camera)
-            reason = f"{reason}; by lines: {conflict}" if reason else str(conflict)
-        return Localization(NotLocated(reason), camera)
-
-    def _line_odds(self, evidence: FrameEvidence) -> LineOdds | None:
-        """Return a function of a pose's log odds by the lines in the frame's samples."""
-        if self._line_evidence is None or evidence.marks is None:
-            return None
-        return partial(self._line_evidence.log_odds, marks=evidence.marks)
-
-    def _line_points(self, frame: UInt8Array, lines: LinePoseEstimator) -> LinePoints:
-        """Find the line points of the current frame, once."""
-        if self._points is None:
-            self._points = lines.finder.find(frame)
-        return self._points
-
-    def _closed_by_lines(
-        self, evidence: FrameEvidence, start: Pose2, estimate: PoseEstimate, walls: FloatArray
-    ) -> tuple[PoseEstimate, FloatArray]:
-        """Return the pose by nearby lines where the outline leaves the position of a body that may lean open."""
-        if self._lines is None:
-            return estimate, walls
-        followed = self._lines.follow(self._line_points(evidence.frame, self._lines), start)
-        if not followed or self._conflict(followed.pose, evidence) is not None:
-            return estimate, walls
-        if followed.std[:2].max() >= estimate.std[:2].max():
-            return estimate, walls
-        return followed, np.full_like(walls, np.nan)
+            followed = self._lines.follow(self._line_points(evidence.frame, self._lines), start)
+            if (
+                followed
+                and followed.std[:2].max() < estimate.std[:2].max()
+                and self._conflict(followed.pose, evidence) is None
+            ):
+                return followed, None
+        return estimate, wall_px
 
     def _by_lines(
+        self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None, refusal: NotLocated
+    ) -> PoseEstimate | NotLocated:
+        """Return the pose by lines alone, after the outline's refusal."""
+        estimate = self._follow_or_search(lines, evidence, start)
+        conflict = self._conflict(estimate.pose, evidence) if estimate else estimate.reason
+        if conflict is None:
+            return estimate
+        return NotLocated(f"{refusal.reason}; by lines: {conflict}" if refusal.reason else conflict)
+
+    def _follow_or_search(
         self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None
     ) -> PoseEstimate | NotLocated:
         """Follow the lines from the expected pose; search the whole field where that fails, or now and then."""
@@ -127,6 +124,18 @@ class MirrorLocalizer:
         self._searched_s = t_s if found and (start is None or lines.is_near(found, start)) else None
         return found
 
+    def _line_points(self, frame: UInt8Array, lines: LinePoseEstimator) -> LinePoints:
+        """Find the line points of the current frame, once."""
+        if self._points is None:
+            self._points = lines.finder.find(frame)
+        return self._points
+
+    def _line_odds(self, evidence: FrameEvidence) -> LineOdds | None:
+        """Return a function of a pose's log odds by the lines in the frame's samples."""
+        if self._line_evidence is None or evidence.marks is None:
+            return None
+        return partial(self._line_evidence.log_odds, marks=evidence.marks)
+
     def _conflict(self, pose: Pose2, evidence: FrameEvidence) -> str | None:
         """Return the outline's contradiction to a pose by lines alone; None where there is none, or no walls."""
         if self._outline is None:
@@ -137,7 +146,7 @@ class MirrorLocalizer:
         return tally.reason(log_odds) if log_odds < self._outline.evidence.min_log_odds else None
 
 
-def _leaves_open(estimate: PoseEstimate, std_m: float) -> bool:
+def _is_open(estimate: PoseEstimate, std_m: float) -> bool:
     """Whether x or y is known to no better than a standard deviation; in plain floats, as it is asked in each frame."""
     covariance = estimate.covariance
     return max(covariance.item(0), covariance.item(4)) > std_m * std_m

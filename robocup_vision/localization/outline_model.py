@@ -1,10 +1,12 @@
 """The model of a floor's outline: the field's walls, the camera's curve and the scales of the residuals.
 
-The fit, the search and the checks of the camera use it.
+A fit, and the search over the whole field, use it.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -16,12 +18,9 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.walls import fit as kernels
-from robocup_vision.kernels.walls.doubted_camera import CameraDoubt, UprightRules, fit_upright
+from robocup_vision.kernels.walls.camera_fit import KNOWN, CameraErrors, FitRules, Fitted, fit_leaning, fit_outline
 from robocup_vision.kernels.walls.fit import Vector
 from robocup_vision.perception.polar_view import PolarView
-
-# standard deviations of a centre and a tilt that are taken as known
-_SURE_PX, _SURE_RAD = 1e-6, 1e-6
 
 
 def paper_pixel_px(camera: OmniCamera) -> float:
@@ -52,24 +51,19 @@ class OutlineNoise:
 
 @dataclass(frozen=True, slots=True)
 class OutlineCameraSettings:
-    """When an outline shows a lean or an error of the camera file; "units" are 1/86 of the usable image radius."""
+    """How the camera may be off its file; "units" are 1/86 of the usable image radius."""
 
-    sway_std_rad: float = 0.01  #: standard deviation of pitch and roll of a moving body
-    #: squared Mahalanobis distance from upright from which a lean is accepted: 99.9 % for two dimensions
-    lean_gate: float = 13.8
-    #: widths of the redescending weights, units, where pose and lean are fitted together from a prior: a body that
+    center_std_units: float = 0.5  #: standard deviation of the centre
+    turn_std_rad: float = 0.01  #: standard deviation of tilt: of the file, and of a moving body
+    #: decrease of the weighted sum of squares, over the mean square that is left, from which centre and tilt are
+    #: fitted, too: noise alone reaches it once in a thousand outlines, as they are four unknowns
+    min_gain: float = 18.5
+    #: widths of the redescending weights, units, where pose and tilt are fitted together from a prior: a body that
     #: brakes hard moves far boards by two units
-    open_scales: tuple[float, ...] = (4.0, 2.0, 1.0)
-    #: greatest standard deviation of the position in a fit of pose and lean: on a large field an unknown lean leaves
-    #: some direction open
-    max_open_std_m: float = 0.15
-    #: standard deviations of centre and tilt where the camera file may be wrong
-    center_std_units: float = 0.5
-    tilt_std_rad: float = 0.004
-    #: least gain per independent bearing by another centre and tilt, and the number of neighbouring bearings with
-    #: correlated errors
-    min_gain: float = 8.0
-    alike_bearings: float = 3.0
+    leaning_scales: tuple[float, ...] = (4.0, 2.0, 1.0)
+    #: greatest standard deviation of the position of a body that may lean: on a large field an unknown tilt leaves some
+    #: direction open
+    max_leaning_std_m: float = 0.15
 
 
 class OutlineFit(NamedTuple):
@@ -82,13 +76,10 @@ class OutlineFit(NamedTuple):
     inlier_ratio: float
     rms_px: float
     along_m: float  #: largest standard deviation of the position
-    #: (K,) float64: as the lines of `fit_upright`
+    sliding_m: float  #: the same were the camera as its file says: large where the pose may slide along walls
+    #: (K,) float64: as `compare_outline` writes them
     residual_px: FloatArray
     predicted_px: FloatArray
-    lean_rad: tuple[float, float] = (0.0, 0.0)  #: turns of the body about x, ahead, and y, left, about its foot
-    lean_gain: float = 0.0  #: gain of a lean over an upright body's fit, see `doubts_of_camera`
-    #: gain of another centre and tilt of the camera; None where not computed yet
-    file_gain: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +89,8 @@ class OutlineModel:
     field: Field  #: its floor is bounded by walls or boards
     camera: OmniCamera
     view: PolarView  #: defines the bearings
-    noise: OutlineNoise
-    file_errors: OutlineCameraSettings = OutlineCameraSettings()  #: errors of the camera file, and the body's lean
+    noise: OutlineNoise = OutlineNoise()
+    errors: OutlineCameraSettings = OutlineCameraSettings()  #: of the camera file, and the body's lean
 
     @cached_property
     def unit_px(self) -> float:
@@ -114,11 +105,6 @@ class OutlineModel:
         walls = np.ascontiguousarray(self.field.walls)
         cos, sin = np.cos(self.view.bearing_rad), np.sin(self.view.bearing_rad)
         return kernels.WallScene(walls, float(x), float(y), float(height), to_camera, cos, sin)
-
-    @cached_property
-    def half_scene(self) -> kernels.WallScene:
-        """The scene with every second bearing."""
-        return self.scene._replace(cos_b=self.scene.cos_b[::2].copy(), sin_b=self.scene.sin_b[::2].copy())
 
     @cached_property
     def radius_of_q(self) -> tuple[float, FloatArray]:
@@ -144,47 +130,64 @@ class OutlineModel:
         """Return widths of the weights, pixels, down to the edges' own accuracy."""
         return np.array([*(unit * self.unit_px for unit in units), self.noise.last_scale_px])
 
-    def outline(self, radius_px: FloatArray, scales: FloatArray) -> kernels.FloorOutline:
-        """Return an outline (K,) with the widths of its weights, pixels."""
-        return kernels.FloorOutline(radius_px, *self.radius_of_q, scales, self.unit_px)
+    @cached_property
+    def _trusting_rules(self) -> FitRules:
+        return plain(FitRules(*self._rules)._replace(min_gain=math.inf))
 
     @cached_property
-    def lean_doubt(self) -> CameraDoubt:
-        """A body that may lean, whose camera is as its file says."""
-        return CameraDoubt(self.noise.edge_px, _SURE_PX, self.file_errors.sway_std_rad, True)
-
-    @cached_property
-    def file_doubt(self) -> CameraDoubt:
-        """A camera whose centre and tilt may be off its file."""
+    def _rules(self) -> FitRules:
+        noise, errors = self.noise, self.errors
         # without a viewpoint's height a tilt cannot be observed
-        tilt_std_rad = self.file_errors.tilt_std_rad if self.camera.height_m is not None else _SURE_RAD
-        return CameraDoubt(self.noise.edge_px, self.file_errors.center_std_units * self.unit_px, tilt_std_rad, False)
-
-    @cached_property
-    def _rules(self) -> UprightRules:
-        noise = self.noise
+        turn_std_rad = errors.turn_std_rad if self.camera.height_m is not None else KNOWN
         return plain(
-            UprightRules(
+            FitRules(
                 self.scene,
                 *self.radius_of_q,
                 self.unit_px,
                 noise.inlier * self.unit_px,
                 noise.few_groups,
                 noise.systematic_px2,
-                self.lean_doubt,
-                self.file_doubt,
+                CameraErrors(noise.edge_px, errors.center_std_units * self.unit_px, turn_std_rad),
+                errors.min_gain,
             )
         )
 
-    def fit(self, start: Vector, radius_px: FloatArray, scales: FloatArray) -> tuple[OutlineFit, int]:
-        """Fit an upright body's pose, from a start x, y, theta, to an outline (K,); with the number of its bearings."""
+    def fit(
+        self, start: Vector, radius_px: FloatArray, scales: FloatArray, *, trusts_file: bool = False
+    ) -> tuple[OutlineFit, int]:
+        """Fit a pose, from a start x, y, theta, to an outline (K,); with the number of its bearings.
+
+        Where the outline contradicts the camera file, centre and tilt are fitted, too, unless the file is trusted.
+        """
         lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
-        fitted = fit_upright(start, radius_px, scales, self._rules, lines, covariance)
-        pose, bearings, cost, inlier_ratio, rms_px, along_m, by_lean, by_file = fitted
+        rules = self._trusting_rules if trusts_file else self._rules
+        fitted = fit_outline(start, radius_px, scales, rules, lines, covariance)
         # estimates take a read-only array without a copy
         covariance.setflags(write=False)
-        residual, predicted = lines
-        fit = OutlineFit(
-            pose, covariance, cost, inlier_ratio, rms_px, along_m, residual, predicted, (0.0, 0.0), by_lean, by_file
-        )
-        return fit, bearings
+        return _outline_fit(fitted, covariance, lines), fitted.bearings
+
+    def fit_leaning(self, starts: Sequence[Vector], radius_px: FloatArray) -> OutlineFit | None:
+        """Return the best fit to an outline (K,) of a body that may lean, from some poses x, y, theta; None: none.
+
+        Its covariance is that of a body which may lean, whether or not the outline shows that it does.
+        """
+        scales = np.array(self.errors.leaning_scales) * self.unit_px
+        best: OutlineFit | None = None
+        for start in starts:
+            lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
+            fitted = fit_leaning(start, radius_px, scales, self._rules, lines, covariance)
+            fit = _outline_fit(fitted, covariance, lines)
+            if not fit.along_m <= self.errors.max_leaning_std_m:
+                continue
+            # where a direction is not observed at all, rounding decides its variance
+            if not (np.isfinite(covariance).all() and np.all(np.linalg.eigvalsh(covariance) > 0)):
+                continue
+            if best is None or fit.cost < best.cost:
+                best = fit
+        return best
+
+
+def _outline_fit(fitted: Fitted, covariance: FloatArray, lines: FloatArray) -> OutlineFit:
+    residual, predicted = lines
+    pose, _, cost, inlier_ratio, rms_px, along_m, sliding_m = fitted
+    return OutlineFit(pose, covariance, cost, inlier_ratio, rms_px, along_m, sliding_m, residual, predicted)

@@ -1,4 +1,4 @@
-"""Searches the whole field for the pose of a floor's outline: a bank of places, fitted in ever finer steps."""
+"""Searches the whole field for the pose of a floor's outline: a bank of places, and fits from the best."""
 
 from __future__ import annotations
 
@@ -24,18 +24,11 @@ class OutlineSearchSettings:
     bank_bearings: int = 80
     bank_starts: int = 30
     bank_width: float = 12.0
-    #: starts, fits and rivals nearer to each other, metres plus radians, count as one
-    start_apart: float = 0.15
-    fit_apart: float = 0.03
-    rival_apart: float = 0.05
-    #: widths of the redescending weights, units: from all starts, from the likely ones, and from their results
+    apart: float = 0.03  #: fits nearer to each other, metres plus radians, count as one
+    #: widths of the redescending weights, units: from all starts, and from the best fits of these
     rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
-    coarse_scales: tuple[float, ...] = (2.0,)
     fine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
-    #: number of starts fitted with `coarse_scales`, and of those fitted with `fine_scales`
-    likely: int = 24
-    refined: int = 8
-    hopeless_cost: float = 0.3  #: greatest excess of a coarse fit's cost over the best one's for it to be refined
+    refined: int = 8  #: number of the best fits that are fitted with `fine_scales`
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,53 +39,42 @@ class OutlineSearch:
     settings: OutlineSearchSettings
 
     def candidates(self, fit: OutlineFit, radius_px: FloatArray) -> list[OutlineFit]:
-        """Return a fit of an outline (K,), and those found over the whole field and by sliding along its walls."""
-        refined = self.settings.refined
-        begun, poses, costs = np.empty((refined, 3)), np.empty((refined, 3)), np.empty(refined)
-        count = wall_search.search_outline(fit.pose, radius_px, self._rules, begun, poses, costs)
-        model = self.model
-        scales = model.scales(self.settings.fine_scales)
-        return [fit, *(model.fit((x, y, theta), radius_px, scales)[0] for x, y, theta in begun[:count].tolist())]
+        """Return the fits of an outline (K,) from another fit, over the whole field and by sliding along its walls."""
+        found = np.empty((self.settings.refined, 3))
+        count = wall_search.search_outline(fit.pose, radius_px, self._rules, found)
+        model, scales = self.model, self.model.scales(self.settings.fine_scales)
+        starts = [fit.pose, *((x, y, theta) for x, y, theta in found[:count].tolist())]
+        # with the camera's errors free, wrong places explain more
+        return [model.fit(start, radius_px, scales, trusts_file=True)[0] for start in starts]
 
     def apart_from(self, best: int, fits: list[OutlineFit]) -> list[int]:
         """Return the indices of the fits that are another place than the best one's, or its half turn."""
-        pose, apart = Pose2(*fits[best].pose), self.settings.rival_apart
+        pose, apart = Pose2(*fits[best].pose), self.settings.apart
         return [n for n, fit in enumerate(fits) if sum(Pose2(*fit.pose).error_to(pose, symmetric=True)) > apart]
 
     @cached_property
     def _rules(self) -> wall_search.SearchRules:
         """As the compiled search takes them."""
         model, settings = self.model, self.settings
-        scales = settings.rough_scales, settings.coarse_scales, settings.fine_scales
-        # all start far off, where every second bearing does; only the last go on to the edges' own accuracy
-        rough, coarse, fine = np.array(scales[0]) * model.unit_px, model.scales(scales[1]), model.scales(scales[2])
         return plain(
             wall_search.SearchRules(
                 model.scene,
-                model.half_scene,
                 *model.radius_of_q,
                 model.unit_px,
                 *self._bank,
                 self._bank_rows,
                 self._px_per_level,
                 *self._ways,
-                rough,
-                coarse,
-                fine,
-                10 * settings.bank_starts,
+                np.array(settings.rough_scales) * model.unit_px,
                 settings.bank_starts,
-                settings.likely,
-                settings.refined,
-                settings.start_apart,
-                settings.fit_apart,
-                settings.hopeless_cost,
+                settings.apart,
             )
         )
 
     @property
     def _px_per_level(self) -> float:
         """Pixels of one level of the bank's outlines."""
-        return self.settings.bank_width * self.model.unit_px / int(wall_search.WIDEST)
+        return self.settings.bank_width * self.model.unit_px / int(wall_search.MAX_DIFFERENCE)
 
     @cached_property
     def _ways(self) -> tuple[FloatArray, FloatArray]:
@@ -127,6 +109,6 @@ class OutlineSearch:
         for place, profile in zip(places, profiles, strict=True):
             kernels.predict_walls(np.array([*place, 0.0]), scene, out)
             profile[:] = np.rint(np.interp(q, np.arange(len(radius)) * q_step, radius) / self._px_per_level)
-        # clockwise, as `score_bank` takes them
+        # clockwise, as `sum_differences` takes them
         profiles = np.roll(profiles[:, ::-1], 1, axis=1)
         return places, np.hstack([profiles, profiles])

@@ -9,7 +9,7 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
-from robocup_vision.kernels.algebra.three import adjugate_3x3, solve_3x3
+from robocup_vision.kernels.algebra.three import solve_3x3
 
 Vector = tuple[float, float, float]
 B1, B2, B3 = np.uint64(1), np.uint64(2), np.uint64(3)
@@ -250,7 +250,7 @@ def _add_up(
 
 
 @compiled
-def room_for(scene: WallScene) -> WallPrediction:
+def empty_prediction(scene: WallScene) -> WallPrediction:
     """Return arrays for a prediction of a scene."""
     count = scene.cos_b.shape[0]
     return WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4)))
@@ -284,7 +284,7 @@ def thinned(fine: Comparison) -> Comparison:
         scene.walls, scene.offset_x, scene.offset_y, scene.height, scene.robot_to_camera, cos_b, sin_b
     )  # fmt: skip
     seen = FloorOutline(radius, outline.q_step, outline.radius_of_q, outline.scales, outline.unit_px)
-    return Comparison(half, seen, room_for(half))
+    return Comparison(half, seen, empty_prediction(half))
 
 
 @compiled
@@ -326,21 +326,48 @@ def settle(pose: FloatArray, fine: Comparison, thin: Comparison) -> None:
 
 
 @compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
-def cost_of(settled: Comparison) -> float:
-    """Return the truncated mean cost of what was predicted last, 0 (all fits) to 1 (nothing fits)."""
-    scene, outline, prediction = settled.scene, settled.outline, settled.prediction
-    best_q, best_wall, plane = prediction.q, prediction.wall, prediction.planes.reshape(-1)
-    cos_b, sin_b, radius, per_two_units = scene.cos_b, scene.sin_b, outline.radius, 0.5 / outline.unit_px
-    cost, used, missed = 0.0, 0, 0
-    for k in range(np.uint64(cos_b.shape[0])):
-        wall, r = best_wall[k], radius[k]
+def compare_outline(
+    scene: WallScene,
+    outline: FloorOutline,
+    prediction: WallPrediction,
+    center: tuple[float, float],
+    residual: FloatArray,
+    predicted: FloatArray,
+) -> tuple[float, int]:
+    """Compare an outline with predicted walls.
+
+    Parameters
+    ----------
+    scene, outline, prediction : WallScene, FloorOutline, WallPrediction
+        What is compared.
+    center : (float, float)
+        Image centre along bearing 0 and a quarter turn on, pixels from where the camera file puts it.
+    residual, predicted : (K,) float64
+        Results, pixels: distance of the edge from the wall's foot along the edge's normal, positive where floor is
+        seen beyond the wall, NaN where no edge or no wall; and the foot's image radius, NaN where no wall.
+
+    Returns
+    -------
+    (float, int)
+        Truncated mean cost, 0 (all fits) to 1 (nothing fits), and the number of bearings with an edge.
+    """
+    cost, used, missed, plane, per_two_units = 0.0, 0, 0, prediction.planes.reshape(-1), 0.5 / outline.unit_px
+    center_u, center_v = center
+    for k in range(np.uint64(scene.cos_b.shape[0])):
+        r, wall = outline.radius[k], prediction.wall[k]
         is_seen, is_met = r > 0.0, wall >= 0
-        at = np.uint64(4 * max(wall, 0))
-        e, _ = _off_wall(outline, r, best_q[k], plane[at] * sin_b[k] - plane[at + B1] * cos_b[k])
+        c, s = scene.cos_b[k], scene.sin_b[k]
+        place = np.uint64(4 * max(wall, 0))
+        at, slope = tabulated(outline, prediction.q[k])
+        turn = slope * (plane[place + B1] * c - plane[place] * s) / at
+        foot = at + center_u * (c + turn * s) + center_v * (s - turn * c)
+        e = (r - foot) / math.sqrt(1.0 + turn * turn)
+        predicted[k] = foot if is_met else np.nan
+        residual[k] = e if is_seen & is_met else np.nan
         cost += truncated_loss(e, per_two_units) if is_seen & is_met else 0.0
         used += is_seen
         missed += is_seen & (not is_met)
-    return (cost + missed) / max(used, 1)
+    return (cost + missed) / max(used, 1), used
 
 
 @compiled
@@ -363,44 +390,3 @@ def position_std_m(covariance: FloatArray) -> float:
     mean = 0.5 * (covariance[0, 0] + covariance[1, 1])
     half = math.sqrt((0.5 * (covariance[0, 0] - covariance[1, 1])) ** 2 + covariance[0, 1] ** 2)
     return math.sqrt(mean + half)
-
-
-@compiled
-def summarise_fit(
-    residual: FloatArray,
-    inlier_px: float,
-    information: FloatArray,
-    scatter: FloatArray,
-    inflate: float,
-    systematic: float,
-    out: FloatArray,
-) -> tuple[float, float, float]:
-    """Ratio of inliers, their root mean square residual (px), and the largest standard deviation of the position (m).
-
-    Fills out (3, 3) with the sandwich covariance A^-1 (inflate S + systematic A) A^-1 of the information A and the
-    scatter S. The standard deviation is infinite where A is singular.
-    """
-    ratio, rms = inliers_of(residual, inlier_px)
-    a = information
-    inverse = np.empty((3, 3))
-    det = adjugate_3x3(a, inverse)
-    if not det > 1e-12 * a[0, 0] * a[1, 1] * a[2, 2] or not det > 0.0:
-        return ratio, rms, math.inf
-    inverse /= det
-    for i in range(3):
-        for j in range(3):
-            total = systematic * inverse[i, j]
-            for p in range(3):
-                for q in range(3):
-                    total += inflate * inverse[i, p] * scatter[p, q] * inverse[q, j]
-            out[i, j] = total
-    return ratio, rms, position_std_m(out)
-
-
-class FitSummary(NamedTuple):
-    """How good a fit is, as `summarise_fit` says, with the cost as `cost_of` counts it."""
-
-    cost: float
-    inlier_ratio: float
-    rms_px: float
-    along_m: float

@@ -1,4 +1,4 @@
-"""Compiled loops of the search for a floor outline over the whole field: a bank of places, and starts spread apart."""
+"""Compiled loops of the search for a floor outline over the whole field: a bank of places, and fits from the best."""
 
 from __future__ import annotations
 
@@ -9,56 +9,52 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int16Array, Int64Array
 from robocup_vision.compiling.loops import compiled
-from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
+from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.walls.fit import (
     Comparison,
     FloorOutline,
     Vector,
     WallScene,
-    cost_of,
-    room_for,
+    compare_outline,
+    empty_prediction,
     settle,
     thinned,
 )
 
-# a difference counts as this many levels at most: the sum of all bearings' is a whole number of two bytes
-WIDEST = np.int16(128)
-# no level: nothing is seen
+# a difference counts as this many levels at most, so that the sum over all bearings fits into two bytes
+MAX_DIFFERENCE = np.int16(128)
+# level of a bearing without an edge
 UNKNOWN = np.int16(-(2**15))
 
 
 class SearchRules(NamedTuple):
-    """What is compared over the whole field, and how far each step goes: the same for all outlines of a camera.
+    """What is compared over the whole field: the same for all outlines of a camera.
 
     Parameters
     ----------
-    scene, half_scene : WallScene
-        The walls, at all bearings and at every second one.
+    scene : WallScene
+        The walls.
     q_step, radius_of_q, unit_px
         As in `FloorOutline`.
     places : (P, 2) float64
         Where outlines are expected.
     bank : (P, 2 B) int16
-        As `score_bank` takes it.
+        As `sum_differences` takes it.
     rows : (B,) int64
         Which of the bearings are the bank's.
     px_per_level : float
-        What a level of the bank is.
+        Pixels of a level of the bank.
     along, across : (N,), (M,) float64
-        Places along and across the field, which a fit may have slid from.
-    rough, coarse, fine : (I,) float64
-        Widths of the weights, pixels: from all starts, from the likely ones, and from what they found.
-    considered, starts, likely, refined : int
-        How many poses of the bank are looked at, how many of them are starts, and how many fits go on to `coarse` and
-        to `fine`.
-    start_apart, fit_apart : float
-        As in `spread_poses`, of starts and of fits.
-    hopeless : float
-        A coarse fit costlier by so much than the best goes no further.
+        Places along and across the field, to which a fit may have to slide.
+    scales : (I,) float64
+        Widths of the weights, pixels.
+    starts : int
+        Number of poses of the bank that are fitted.
+    apart : float
+        As in `spread_poses`, of fits.
     """
 
     scene: WallScene
-    half_scene: WallScene
     q_step: float
     radius_of_q: FloatArray
     unit_px: float
@@ -68,23 +64,14 @@ class SearchRules(NamedTuple):
     px_per_level: float
     along: FloatArray
     across: FloatArray
-    rough: FloatArray
-    coarse: FloatArray
-    fine: FloatArray
-    considered: int
+    scales: FloatArray
     starts: int
-    likely: int
-    refined: int
-    start_apart: float
-    fit_apart: float
-    hopeless: float
+    apart: float
 
 
 @compiled
-def search_outline(
-    pose: Vector, radius: FloatArray, rules: SearchRules, begun: FloatArray, poses: FloatArray, costs: FloatArray
-) -> int:
-    """Fit an outline from places all over the field, and from all along the walls that it agrees with already.
+def search_outline(pose: Vector, radius: FloatArray, rules: SearchRules, found: FloatArray) -> int:
+    """Fit an outline from the likeliest places of the bank, and from all along the walls that it agrees with already.
 
     Parameters
     ----------
@@ -94,8 +81,8 @@ def search_outline(
         As in `FloorOutline`.
     rules : SearchRules
         May be plain.
-    begun, poses, costs : (R, 3), (R, 3), (R,) float64
-        Result: where the last fits began, what they found and its cost.
+    found : (R, 3) float64
+        Result: the best fits that are apart, the best first.
 
     Returns
     -------
@@ -103,20 +90,29 @@ def search_outline(
         How many there are.
     """
     known = SearchRules(*rules)
-    scene, half_scene = WallScene(*known.scene), WallScene(*known.half_scene)
-    half = np.empty(half_scene.cos_b.shape[0])
-    for k in range(half.shape[0]):
-        half[k] = radius[2 * k]
+    scene = WallScene(*known.scene)
+    outline = FloorOutline(radius, known.q_step, known.radius_of_q, known.scales, known.unit_px)
     starts = _starts(pose, radius, known)
-    rough = FloorOutline(half, known.q_step, known.radius_of_q, known.rough, known.unit_px)
-    likely = _refit(starts, half_scene, rough, known.fit_apart, known.likely, np.inf)
-    coarse = FloorOutline(half, known.q_step, known.radius_of_q, known.coarse, known.unit_px)
-    last = _refit(likely, half_scene, coarse, known.fit_apart, known.refined, known.hopeless)
-    count = len(last)
-    fine = FloorOutline(radius, known.q_step, known.radius_of_q, known.fine, known.unit_px)
-    copy_matrix(last, begun)
-    fit_each(last, scene, fine, poses[:count], costs[:count])
-    return count
+    count = starts.shape[0]
+    costs, order = np.empty(count), np.empty(count, np.int64)
+    fine = Comparison(scene, outline, empty_prediction(scene))
+    thin, residual, predicted = thinned(fine), np.empty(radius.shape[0]), np.empty(radius.shape[0])
+    for n in range(count):
+        settle(starts[n], fine, thin)
+        costs[n], _ = compare_outline(scene, outline, fine.prediction, (0.0, 0.0), residual, predicted)
+        # sorted by insertion: equal costs stay in the order of the starts
+        place = n
+        while place > 0 and costs[order[place - 1]] > costs[n]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = n
+    ordered, picked = np.empty((count, 3)), np.empty(found.shape[0], np.int64)
+    for n in range(count):
+        copy_vector(starts[order[n]], ordered[n])
+    kept = spread_poses(ordered, known.apart, picked)
+    for n in range(kept):
+        copy_vector(ordered[picked[n]], found[n])
+    return kept
 
 
 @compiled
@@ -130,17 +126,19 @@ def _starts(pose: Vector, radius: FloatArray, rules: SearchRules) -> FloatArray:
     for b in range(count):
         r = radius[rules.rows[b]]
         levels[b] = np.int16(r / rules.px_per_level + 0.5) if r > 0.0 else UNKNOWN
-    scores = np.empty((rules.places.shape[0], count), np.int16)
-    score_bank(rules.bank, levels, scores)
-    best = np.empty(min(rules.considered, scores.size), np.int64)
-    least(scores.reshape(-1), best)
+    sums = np.empty((rules.places.shape[0], count), np.int16)
+    sum_differences(rules.bank, levels, sums)
+    # many of the best are neighbours in the bank
+    best = np.empty(min(10 * rules.starts, sums.size), np.int64)
+    least(sums.reshape(-1), best)
     found = np.empty((best.shape[0], 3))
     for n in range(best.shape[0]):
         place, shift = best[n] // count, best[n] % count
         found[n, 0], found[n, 1] = rules.places[place, 0], rules.places[place, 1]
         found[n, 2] = -shift * 2.0 * math.pi / count
     picked = np.empty(rules.starts, np.int64)
-    apart = spread_poses(found, rules.start_apart, picked)
+    # nearer than two of the bank's headings
+    apart = spread_poses(found, 4.0 * math.pi / count, picked)
     along, across = rules.along.shape[0], rules.across.shape[0]
     starts = np.empty((apart + along + across, 3))
     for n in range(starts.shape[0]):
@@ -155,31 +153,7 @@ def _starts(pose: Vector, radius: FloatArray, rules: SearchRules) -> FloatArray:
 
 
 @compiled
-def _refit(
-    starts: FloatArray, scene: WallScene, outline: FloorOutline, apart: float, most: int, hopeless: float
-) -> FloatArray:
-    """Fit each start (N, 3); return the best that are apart, of those less costly than the best and so much more."""
-    count = starts.shape[0]
-    fits, costs = np.empty((count, 3)), np.empty(count)
-    fit_each(starts, scene, outline, fits, costs)
-    order = np.empty(count, np.int64)
-    in_order(costs, order)
-    hopeful = 0
-    while hopeful < count and costs[order[hopeful]] < costs[order[0]] + hopeless:
-        hopeful += 1
-    # the best itself where nothing is less costly than itself: costs that are no numbers
-    ordered = np.empty((max(hopeful, 1), 3))
-    for n in range(ordered.shape[0]):
-        copy_vector(fits[order[n]], ordered[n])
-    picked = np.empty(most, np.int64)
-    kept = np.empty((spread_poses(ordered, apart, picked), 3))
-    for n in range(kept.shape[0]):
-        copy_vector(ordered[picked[n]], kept[n])
-    return kept
-
-
-@compiled
-def score_bank(bank: Int16Array, levels: Int16Array, out: Int16Array) -> None:
+def sum_differences(bank: Int16Array, levels: Int16Array, out: Int16Array) -> None:
     """Compare a measured outline with the outlines expected at many places, at every heading.
 
     Parameters
@@ -189,8 +163,8 @@ def score_bank(bank: Int16Array, levels: Int16Array, out: Int16Array) -> None:
     levels : (B,) int16
         Measured image radius, bearings from 0 on counter-clockwise, in levels; `UNKNOWN` where there is none.
     out : (P, B) int16
-        Filled with the sums over the measured bearings of the differences, each `WIDEST` at most, of place p with the
-        heading of minus shift times the bearings' step.
+        Filled with the sums over the measured bearings of the differences, each `MAX_DIFFERENCE` at most, of place p
+        with the heading of minus shift times the bearings' step.
     """
     count = levels.shape[0]
     for p in range(bank.shape[0]):
@@ -207,7 +181,7 @@ def _add_differences(level: np.int16, expected: Int16Array, row: Int16Array) -> 
     """Add a bearing's differences at all headings, side by side: the processor takes sixteen at once."""
     for shift in range(np.uint64(row.shape[0])):
         off = np.int16(level - expected[shift])
-        row[shift] += min(max(off, np.int16(-off)), WIDEST)
+        row[shift] += min(max(off, np.int16(-off)), MAX_DIFFERENCE)
 
 
 @compiled
@@ -227,17 +201,6 @@ def least(scores: Int16Array, out: Int64Array) -> None:
         if place < out.shape[0]:
             out[place] = i
             begin[scores[i]] = place + 1
-
-
-@compiled
-def in_order(costs: FloatArray, out: Int64Array) -> None:
-    """Fill out (N,) with the indices of some costs, the least first and of equal ones the first."""
-    for i in range(costs.shape[0]):
-        place = i
-        while place > 0 and costs[out[place - 1]] > costs[i]:
-            out[place] = out[place - 1]
-            place -= 1
-        out[place] = i
 
 
 @compiled
@@ -277,20 +240,3 @@ def spread_poses(poses: FloatArray, apart: float, out: Int64Array) -> int:
             out[count] = n
             count += 1
     return count
-
-
-@compiled
-def fit_each(
-    poses: FloatArray,
-    scene: WallScene,
-    outline: FloorOutline,
-    out_poses: FloatArray,
-    out_costs: FloatArray,
-) -> None:
-    """Fit each start by itself, as `settle` does; fills out_poses (N, 3) and out_costs (N,)."""
-    fine = Comparison(scene, outline, room_for(scene))
-    thin = thinned(fine)
-    for n in range(poses.shape[0]):
-        copy_vector(poses[n], out_poses[n])
-        settle(out_poses[n], fine, thin)
-        out_costs[n] = cost_of(fine)

@@ -191,10 +191,9 @@ def test_a_centre_that_is_off_costs_less_where_the_outline_tells_it():
     assert leaning[1] <= leaning[0]
 
 
-def test_an_outline_much_of_which_is_hidden_does_not_doubt_the_camera():
+def test_a_camera_that_is_off_is_corrected_where_much_of_the_outline_is_hidden():
     pose, rng = Pose2(0.3, -0.1, 0.5), np.random.default_rng(4)
     radius = off_outline(pose, rng)
     # two fifths of the bearings end at something nearer
     radius[: int(0.4 * len(radius))] -= rng.uniform(6.0, 20.0, int(0.4 * len(radius)))
-    trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(camera=OutlineCameraSettings(min_gain=math.inf)))
-    assert locate(radius, pose)[0].pose == locate(radius, pose, trusting)[0].pose
+    assert locate(radius, pose)[0].pose.error_to(pose)[0] < 0.01

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import numbers
@@ -11,9 +10,7 @@ from strategies import numbers
 from field_models import load_field
 from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.floor import OutlineFitter, OutlineSettings
-from robocup_vision.localization.outline_camera import OutlineCamera
-from robocup_vision.localization.outline_model import OutlineCameraSettings, OutlineModel, OutlineNoise
+from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.perception.polar_view import PolarView
 from sim2d.match.setups import CAMERAS
 from sim2d.rendering.cameras import sekimori_camera
@@ -21,7 +18,7 @@ from sim2d.rendering.cameras import sekimori_camera
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
 VIEW = PolarView(CAMERA)
 FITTER = OutlineFitter(FIELD, CAMERA, VIEW)
-MODEL = OutlineModel(FIELD, CAMERA, VIEW, OutlineNoise())
+MODEL = FITTER.model
 places = st.builds(Pose2, numbers(-1.1, 1.1), numbers(-0.55, 0.55), numbers(-3.1, 3.1))
 leans = st.tuples(numbers(-0.015, 0.015), numbers(-0.015, 0.015))
 
@@ -72,30 +69,20 @@ def test_a_leaning_body_knows_where_it_is(pose, lean, seed):
 def test_a_lean_moves_a_fit_of_upright_bodies_by_centimetres():
     pose, lean = Pose2(0.8, 0.2, 0.3), (0.012, 0.004)
     radius = outline(pose, lean, 0.0)
-    level, _ = MODEL.fit(tuple(pose.array), radius, MODEL.scales((2.0,)))
+    level, _ = MODEL.fit(tuple(pose.array), radius, MODEL.scales((2.0,)), trusts_file=True)
     assert math.dist(level.pose[:2], (pose.x_m, pose.y_m)) > 0.02
     estimate, _ = locate(radius, pose)
     assert estimate.pose.error_to(pose)[0] < 0.005
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_an_upright_body_is_located_as_without_the_question(seed):
-    rng = np.random.default_rng(seed)
-    pose = Pose2(rng.uniform(-1, 1), rng.uniform(-0.5, 0.5), rng.uniform(-3, 3))
-    radius = outline(pose, (0.0, 0.0), rng.normal(0, 0.1, VIEW.bearings))
-    level, _ = MODEL.fit(tuple(pose.array), radius, MODEL.scales((2.0,)))
-    # points projected one by one lie up to 0.2 px from the walls, all on one side: as of a camera that is off
-    trusting = OutlineFitter(FIELD, CAMERA, VIEW, OutlineSettings(camera=OutlineCameraSettings(min_gain=math.inf)))
-    estimate, _ = locate(radius, pose, trusting)
-    np.testing.assert_array_equal(estimate.pose.array, level.pose)
 
 
 def test_one_wall_alone_tells_no_lean():
     pose, lean = Pose2(0.0, 0.2, math.pi / 2), (0.01, 0.0)
     radius = outline(pose, lean, np.random.default_rng(0).normal(0, 0.1, VIEW.bearings))
     radius[np.abs(np.mod(VIEW.bearing_rad + math.pi, math.tau) - math.pi) > 0.6] = np.nan
-    fit, _ = MODEL.fit(tuple(pose.array), radius, MODEL.scales((2.0,)))
-    assert OutlineCamera(MODEL, OutlineCameraSettings()).with_lean(fit, radius).lean_rad == (0.0, 0.0)
+    fits = [
+        MODEL.fit(tuple(pose.array), radius, MODEL.scales((2.0,)), trusts_file=trusts)[0] for trusts in (False, True)
+    ]
+    assert fits[0].pose == fits[1].pose
 
 
 def test_on_a_far_field_a_leaning_body_is_not_where_an_upright_one_would_be():
@@ -125,4 +112,4 @@ def test_a_direction_that_no_wall_tells_is_not_made_up():
     radius = outline(pose, (0.0, 0.0), 0.0)
     radius[np.abs(np.mod(VIEW.bearing_rad + math.pi / 2, math.tau) - math.pi) > 0.5] = np.nan
     assert np.isfinite(radius).sum() > 20
-    assert OutlineCamera(MODEL, OutlineCameraSettings()).leaning((pose.array,), radius) is None
+    assert MODEL.fit_leaning((tuple(pose.array),), radius) is None

@@ -1,0 +1,462 @@
+"""Compiled fit of a pose to a floor outline, and of what the camera file may have wrong: its centre and the tilt.
+
+A centre half a pixel off moves a far wall by centimetres, and the pose with it; so does a body that leans by half a
+degree. Both bend the outline as no motion does: the residuals of the pose's fit show it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray, UInt64Array
+from robocup_vision.compiling.loops import compiled
+from robocup_vision.kernels.algebra.cholesky import factor, substitute
+from robocup_vision.kernels.walls.fit import (
+    Comparison,
+    FloorOutline,
+    Vector,
+    WallPrediction,
+    WallScene,
+    agreement,
+    compare_outline,
+    empty_prediction,
+    inliers_of,
+    position_std_m,
+    predict_walls,
+    settle,
+    tabulated,
+    thinned,
+    turned_rate,
+)
+
+# x, y, theta; centre of the image along bearing 0 and a quarter turn on, pixels; turns of the body about x and y
+SIZE = 7
+STEPS = 4
+ONE, TWO, THREE, FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+# least noise of a bearing, as a ratio to the assumed one: exact outlines have the errors of the tables
+MIN_NOISE = 0.3
+# standard deviation, pixels or radians, of what is taken as known
+KNOWN = 1e-6
+# a body leans about its foot, an error of the file turns the camera about itself: a pivot between them, as a ratio to the
+# height, errs little in either case
+PIVOT = 0.5
+# information on each unknown of the pose without any bearing: next to none
+NO_INFORMATION = 1e-6
+
+
+class CameraErrors(NamedTuple):
+    """How far a camera may be from where its file puts it.
+
+    Parameters
+    ----------
+    noise_px : float
+        Standard deviation of a bearing's edge.
+    center_std_px, turn_std_rad : float
+        Of the centre, and of turns of the camera about the robot's x and y axes through the pivot.
+    """
+
+    noise_px: float
+    center_std_px: float
+    turn_std_rad: float
+
+
+class FitRules(NamedTuple):
+    """What an outline is compared with, and how a fit is judged: the same for all frames of a camera.
+
+    Parameters
+    ----------
+    scene : WallScene
+        The walls, and the camera that sees them.
+    q_step, radius_of_q, unit_px
+        As in `FloorOutline`.
+    inlier_px : float
+        Greatest residual of an inlier.
+    inflate, systematic_px2 : float
+        Factor on the residuals' scatter, and variance that all bearings have in common, see `_write_covariance`.
+    errors : CameraErrors
+        Of the camera.
+    min_gain : float
+        Decrease of the weighted sum of squares, over the mean square that is left, from which the camera is fitted.
+    """
+
+    scene: WallScene
+    q_step: float
+    radius_of_q: FloatArray
+    unit_px: float
+    inlier_px: float
+    inflate: float
+    systematic_px2: float
+    errors: CameraErrors
+    min_gain: float
+
+
+class NormalEquations(NamedTuple):
+    """Normal equations of the unknowns, written in place.
+
+    Parameters
+    ----------
+    information, scatter : (7, 7) float64
+        Sum of w J^T J, without the prior; sum over groups of neighbouring bearings of g g^T, g the group's sum of
+        w e J: the residuals' true scatter.
+    pull : (7,) float64
+        Sum of w e J.
+    """
+
+    information: FloatArray
+    scatter: FloatArray
+    pull: FloatArray
+
+
+@compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
+def gather_equations(
+    unknowns: FloatArray,
+    scene: WallScene,
+    outline: FloorOutline,
+    prediction: WallPrediction,
+    equations: NormalEquations,
+) -> tuple[float, float]:
+    """Add up the normal equations of pose, centre and turns; returns the sums of w e^2 and of w.
+
+    Parameters
+    ----------
+    unknowns : (7,) float64
+        Where the fit stands.
+    scene, outline : WallScene, FloorOutline
+        The scene is turned already. Of the outline's scales the last counts.
+    prediction : WallPrediction
+        From this pose and scene.
+    equations : NormalEquations
+        Result.
+    """
+    count = scene.cos_b.shape[0]
+    # derivatives and, last, residuals; then the same times their weights: a column a bearing, side by side
+    rows, weighed = np.empty((SIZE + 1, count)), np.empty((SIZE + 1, count))
+    which = np.empty(count, np.uint64)
+    used = 0
+    for k in range(count):
+        which[used] = k
+        used += (outline.radius[k] > 0.0) & (prediction.wall[k] >= 0)
+    squares, total = _linearise(unknowns, scene, outline, prediction, which[:used], rows, weighed)
+    for i in range(SIZE):
+        for j in range(i + 1):
+            added = 0.0
+            for n in range(np.uint64(used)):
+                added += weighed[i, n] * rows[j, n]
+            equations.information[i, j] = equations.information[j, i] = added
+    # what four bearings pull errs together
+    groups = used // 4
+    pulls = np.empty((SIZE, groups))
+    for i in range(SIZE):
+        pulled = 0.0
+        for n in range(np.uint64(used)):
+            weighed[i, n] *= rows[SIZE, n]
+            pulled += weighed[i, n]
+        equations.pull[i] = pulled
+        for g in range(np.uint64(groups)):
+            at = FOUR * g
+            pulls[i, g] = weighed[i, at] + weighed[i, at + ONE] + weighed[i, at + TWO] + weighed[i, at + THREE]
+    for i in range(SIZE):
+        for j in range(i + 1):
+            added = 0.0
+            for g in range(np.uint64(groups)):
+                added += pulls[i, g] * pulls[j, g]
+            equations.scatter[i, j] = equations.scatter[j, i] = added
+    return squares, total
+
+
+@compiled(error_model="numpy", fastmath={"reassoc", "nsz", "contract"})
+def _linearise(
+    unknowns: FloatArray,
+    scene: WallScene,
+    outline: FloorOutline,
+    prediction: WallPrediction,
+    which: UInt64Array,
+    rows: FloatArray,
+    weighed: FloatArray,
+) -> tuple[float, float]:
+    """Write derivatives and residuals of some bearings, plain and times their weights; return as `gather_equations`."""
+    plane, best_q, best_wall = prediction.planes.reshape(-1), prediction.q, prediction.wall
+    cos_b, sin_b, radius, height = scene.cos_b, scene.sin_b, outline.radius, scene.height
+    to_camera = scene.robot_to_camera
+    per_scale, per_height = 1.0 / outline.scales[outline.scales.shape[0] - 1], 1.0 / height
+    cos_t, sin_t, center_u, center_v = math.cos(unknowns[2]), math.sin(unknowns[2]), unknowns[3], unknowns[4]
+    (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = to_camera[0], to_camera[1], to_camera[2]
+    # how the viewpoint moves by theta
+    swing_x = -sin_t * scene.offset_x - cos_t * scene.offset_y
+    swing_y = cos_t * scene.offset_x - sin_t * scene.offset_y
+    # a turn moves the viewpoint, as a pose does: about x to the right, about y ahead
+    lever = (1.0 - PIVOT) * height
+    squares, total = 0.0, 0.0
+    for n in range(np.uint64(which.shape[0])):
+        k = which[n]
+        at = FOUR * np.uint64(best_wall[k])
+        c, s, q = cos_b[k], sin_b[k], best_q[k]
+        along, aside = plane[at], plane[at + ONE]
+        predicted, slope = tabulated(outline, q)
+        turn = slope * (aside * c - along * s) / predicted
+        oblique = 1.0 / math.sqrt(1.0 + turn * turn)
+        by_u, by_v = oblique * (c + turn * s), oblique * (s - turn * c)
+        e = (radius[k] - predicted) * oblique - by_u * center_u - by_v * center_v
+        by_q = slope * oblique
+        fall = by_q * (z0 * c + z1 * s - z2 * (q * height))
+        by_x, by_y = -fall * plane[at + THREE], fall * plane[at + TWO]
+        t0, t1, t2 = turned_rate(c, s, q * height, along, aside, per_height)
+        by_t0, by_t1, by_t2 = by_q * t0, by_q * t1, by_q * t2
+        by_theta = z0 * by_t0 + z1 * by_t1 + z2 * by_t2 + swing_x * by_x + swing_y * by_y
+        by_ahead, by_left = cos_t * by_x + sin_t * by_y, cos_t * by_y - sin_t * by_x
+        about_x = x0 * by_t0 + x1 * by_t1 + x2 * by_t2 - lever * by_left
+        about_y = y0 * by_t0 + y1 * by_t1 + y2 * by_t2 + lever * by_ahead
+        weight = agreement(e, per_scale)
+        squares += weight * e * e
+        total += weight
+        rows[0, n], rows[1, n], rows[2, n], rows[3, n], rows[4, n] = by_x, by_y, by_theta, by_u, by_v
+        rows[5, n], rows[6, n], rows[7, n], weighed[7, n] = about_x, about_y, e, weight
+    for i in range(SIZE):
+        for n in range(np.uint64(which.shape[0])):
+            weighed[i, n] = weighed[SIZE, n] * rows[i, n]
+    return squares, total
+
+
+@compiled
+def _prior_information(errors: CameraErrors, i: int) -> float:
+    """Return the information on an unknown without any bearing, in bearings."""
+    if i < 3:
+        return NO_INFORMATION
+    return (errors.noise_px / (errors.center_std_px if i < 5 else errors.turn_std_rad)) ** 2
+
+
+@compiled
+def _factor(errors: CameraErrors, equations: NormalEquations, size: int, lower: FloatArray) -> bool:
+    """Write the Cholesky factor of the leading block of the information, the prior's included; False: indefinite."""
+    for i in range(size):
+        for j in range(i + 1):
+            lower[i, j] = equations.information[i, j]
+        lower[i, i] += _prior_information(errors, i)
+    return bool(factor(lower, size))
+
+
+@compiled
+def _write_covariance(
+    errors: CameraErrors,
+    equations: NormalEquations,
+    size: int,
+    rules: FitRules,
+    lower: FloatArray,
+    covariance: FloatArray,
+) -> float:
+    """Write the sandwich covariance (3, 3) of the pose, by the factor of the leading block of the information.
+
+    Returns the largest standard deviation of the position, metres.
+    """
+    middle, all_unknowns = np.empty((size, size)), np.empty((size, size))
+    for p in range(size):
+        for q in range(size):
+            middle[p, q] = rules.inflate * equations.scatter[p, q] + rules.systematic_px2 * equations.information[p, q]
+        # of the pose, too: without it a direction without information would come out as exact
+        middle[p, p] += errors.noise_px**2 * _prior_information(errors, p)
+    # both are symmetric: rows do for columns
+    for p in range(size):
+        substitute(lower, size, middle[p])
+    for p in range(size):
+        for q in range(size):
+            all_unknowns[p, q] = middle[q, p]
+        substitute(lower, size, all_unknowns[p])
+    for p in range(3):
+        for q in range(3):
+            covariance[p, q] = all_unknowns[p, q]
+    return float(position_std_m(covariance))
+
+
+@compiled
+def _gain(
+    errors: CameraErrors, equations: NormalEquations, lower: FloatArray, squares: float, total: float
+) -> float:  # fmt: skip
+    """Return the gain of one step away from the camera file.
+
+    It is the decrease of the weighted sum of squares, `squares` before, over the mean square that is left.
+    """
+    if not (total > SIZE and _factor(errors, equations, SIZE, lower)):
+        return 0.0
+    step, gain = equations.pull.copy(), 0.0
+    # the leading block's factor is the factor's leading block: what the pose alone gains is left out
+    for i in range(SIZE):
+        for j in range(i):
+            step[i] -= lower[i, j] * step[j]
+        step[i] /= lower[i, i]
+        if i >= 3:
+            gain += step[i] * step[i]
+    left = max((squares - gain) / total, (MIN_NOISE * errors.noise_px) ** 2)
+    return float(gain / left)
+
+
+@compiled
+def turned_scene(scene: WallScene, about_x: float, about_y: float) -> WallScene:
+    """Return the scene of a camera turned about the robot's x axis, ahead, and then its y axis, left, by the pivot."""
+    to_camera, turned = scene.robot_to_camera, np.empty((3, 3))
+    cx, sx, cy, sy = math.cos(about_x), math.sin(about_x), math.cos(about_y), math.sin(about_y)
+    for i in range(3):
+        ahead, left, up = to_camera[i, 0], to_camera[i, 1], to_camera[i, 2]
+        raised = sx * left + cx * up
+        turned[i, 0] = cy * ahead + sy * raised
+        turned[i, 1] = cx * left - sx * up
+        turned[i, 2] = cy * raised - sy * ahead
+    x, y, height = scene.offset_x, scene.offset_y, scene.height
+    lever = (1.0 - PIVOT) * height
+    x, y = cy * x + sy * (sx * y + cx * lever), cx * y - sx * lever
+    # inverse ranges are those of the upright camera's height
+    return WallScene(scene.walls, x, y, height, turned, scene.cos_b, scene.sin_b)
+
+
+@compiled
+def _fit_camera(
+    unknowns: FloatArray,
+    scene: WallScene,
+    outline: FloorOutline,
+    errors: CameraErrors,
+    prediction: WallPrediction,
+    equations: NormalEquations,
+    lower: FloatArray,
+) -> bool:
+    """Fit pose, centre and turns (7,) to an outline by Gauss-Newton, the camera file being a prior.
+
+    `lower` (7, 7) is filled with the factor of the information. Returns False where the outline does not determine the
+    unknowns.
+    """
+    step = np.empty(SIZE)
+    for iteration in range(STEPS + 1):
+        turned = turned_scene(scene, unknowns[5], unknowns[6])
+        predict_walls(unknowns[:3], turned, prediction)
+        gather_equations(unknowns, turned, outline, prediction, equations)
+        if not _factor(errors, equations, SIZE, lower):
+            return False
+        if iteration == STEPS:
+            break
+        for i in range(SIZE):
+            step[i] = equations.pull[i]
+            if i >= 3:
+                step[i] -= _prior_information(errors, i) * unknowns[i]
+        substitute(lower, SIZE, step)
+        for i in range(SIZE):
+            unknowns[i] += step[i]
+    return True
+
+
+class Fitted(NamedTuple):
+    """A fit's pose x, y, theta, the number of bearings with an edge, and how well these agree.
+
+    Parameters
+    ----------
+    pose : (float, float, float)
+    bearings : int
+    cost : float
+        As `compare_outline` counts it.
+    inlier_ratio, rms_px : float
+        See `inliers_of`.
+    along_m : float
+        Largest standard deviation of the position; infinite where the outline does not determine it.
+    sliding_m : float
+        The same were the camera as its file says: large where the pose may slide along walls.
+    """
+
+    pose: Vector
+    bearings: int
+    cost: float
+    inlier_ratio: float
+    rms_px: float
+    along_m: float
+    sliding_m: float
+
+
+@compiled
+def _empty_equations() -> NormalEquations:
+    return NormalEquations(np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE))
+
+
+@compiled
+def fit_outline(
+    start: Vector,
+    radius: FloatArray,
+    scales: FloatArray,
+    rules: FitRules,
+    lines: FloatArray,
+    covariance: FloatArray,
+) -> Fitted:
+    """Fit a pose to an outline; where the outline contradicts the camera file, fit its errors together with the pose.
+
+    Parameters
+    ----------
+    start : (float, float, float)
+        x, y, theta where to start.
+    radius, scales : (K,), (I,) float64
+        As in `FloorOutline`.
+    rules : FitRules
+        May be plain.
+    lines : (2, K) float64
+        Result: `residual` and `predicted` of `compare_outline`.
+    covariance : (3, 3) float64
+        Result: of the pose.
+    """
+    known = FitRules(*rules)
+    scene, errors = WallScene(*known.scene), CameraErrors(*known.errors)
+    outline = FloorOutline(radius, known.q_step, known.radius_of_q, scales, known.unit_px)
+    unknowns, prediction, lower = np.zeros(SIZE), empty_prediction(scene), np.empty((SIZE, SIZE))
+    pose = unknowns[:3]
+    pose[0], pose[1], pose[2] = start
+    fine = Comparison(scene, outline, prediction)
+    settle(pose, fine, thinned(fine))
+    equations = _empty_equations()
+    squares, total = gather_equations(unknowns, scene, outline, prediction, equations)
+    gain = _gain(errors, equations, lower, squares, total)
+    cost, bearings = compare_outline(scene, outline, prediction, (0.0, 0.0), lines[0], lines[1])
+    sliding = math.inf
+    if _factor(errors, equations, 3, lower):
+        sliding = _write_covariance(errors, equations, 3, known, lower, covariance)
+    along = sliding
+    if gain >= known.min_gain:
+        corrected, other, covariance_7 = unknowns.copy(), np.empty(lines.shape), np.empty((3, 3))
+        if _fit_camera(corrected, scene, outline, errors, prediction, equations, lower):
+            along_7 = _write_covariance(errors, equations, SIZE, known, lower, covariance_7)
+            turned = turned_scene(scene, corrected[5], corrected[6])
+            cost_7, _ = compare_outline(turned, outline, prediction, (corrected[3], corrected[4]), other[0], other[1])
+            if cost_7 < cost:
+                unknowns, cost, along = corrected, cost_7, along_7
+                covariance[:, :] = covariance_7
+                lines[:, :] = other
+    ratio, rms = inliers_of(lines[0], known.inlier_px)
+    return Fitted((unknowns[0], unknowns[1], unknowns[2]), bearings, cost, ratio, rms, along, sliding)
+
+
+@compiled
+def fit_leaning(
+    start: Vector,
+    radius: FloatArray,
+    scales: FloatArray,
+    rules: FitRules,
+    lines: FloatArray,
+    covariance: FloatArray,
+) -> Fitted:
+    """Fit the pose of a body that may lean, whether or not the outline shows that it does.
+
+    Parameters
+    ----------
+    start, radius, scales, rules, lines, covariance
+        As of `fit_outline`; the camera's centre is taken as known.
+    """
+    known = FitRules(*rules)
+    scene, known_errors = WallScene(*known.scene), CameraErrors(*known.errors)
+    errors = CameraErrors(known_errors.noise_px, KNOWN, known_errors.turn_std_rad)
+    unknowns, prediction, lower = np.zeros(SIZE), empty_prediction(scene), np.empty((SIZE, SIZE))
+    unknowns[0], unknowns[1], unknowns[2] = start
+    equations, is_fixed = _empty_equations(), True
+    outline = FloorOutline(radius, known.q_step, known.radius_of_q, scales, known.unit_px)
+    for n in range(scales.shape[0]):
+        outline = FloorOutline(radius, known.q_step, known.radius_of_q, scales[n : n + 1], known.unit_px)
+        is_fixed = is_fixed and _fit_camera(unknowns, scene, outline, errors, prediction, equations, lower)
+    along = _write_covariance(errors, equations, SIZE, known, lower, covariance) if is_fixed else math.inf
+    turned = turned_scene(scene, unknowns[5], unknowns[6])
+    cost, bearings = compare_outline(turned, outline, prediction, (unknowns[3], unknowns[4]), lines[0], lines[1])
+    ratio, rms = inliers_of(lines[0], known.inlier_px)
+    return Fitted((unknowns[0], unknowns[1], unknowns[2]), bearings, cost, ratio, rms, along, along)
