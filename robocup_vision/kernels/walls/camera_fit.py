@@ -40,8 +40,8 @@ ONE, TWO, THREE, FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
 MIN_NOISE = 0.3
 # standard deviation, pixels or radians, of what is taken as known
 KNOWN = 1e-6
-# a body leans about its foot, an error of the file turns the camera about itself: a pivot between them, as a ratio to the
-# height, errs little in either case
+# a body leans about its foot, an error of the file turns the camera about itself: a pivot between them, as a ratio to
+# the height, errs little in either case
 PIVOT = 0.5
 # information on each unknown of the pose without any bearing: next to none
 NO_INFORMATION = 1e-6
