@@ -167,7 +167,9 @@ class OutlineFitter:
         prior: Pose2 | None = None,
         line_odds: LineOdds | None = None,
     ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
-        """Fit the outline, and judge the fit.
+        """Fit the outline from each proposal in turn, and judge the fits.
+
+        A prior comes first, then the outline's hull; where neither fit is sure, a search over the whole field.
 
         Parameters
         ----------

@@ -183,8 +183,8 @@ def test_a_centre_that_is_off_costs_less_where_the_outline_tells_it():
         errors.append([one.error_to(pose)[0] for one in nearest])
         off = [one.array - pose.array for one in nearest]
         nees.append([e @ np.linalg.solve(one.covariance, e) for e, one in zip(off, found, strict=True)])
-    trusted, doubted = np.median(errors, axis=0)
-    assert doubted < 0.6 * trusted
+    by_file, corrected = np.median(errors, axis=0)
+    assert corrected < 0.6 * by_file
     assert np.median(nees, axis=0)[1] < 8.0 < np.median(nees, axis=0)[0]
     # a lean explains some of it, where there is a prior
     leaning = [locate(radius, pose, fitter)[0].pose.error_to(pose)[0] for fitter in (trusting, FITTER)]
