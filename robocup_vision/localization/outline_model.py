@@ -161,7 +161,7 @@ class OutlineModel:
         """
         lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
         rules = self._trusting_rules if trusts_file else self._rules
-        fitted = fit_outline(start, radius_px, scales, rules, lines, covariance)
+        fitted = Fitted(*fit_outline(start, radius_px, scales, rules, lines, covariance))
         # estimates take a read-only array without a copy
         covariance.setflags(write=False)
         return _outline_fit(fitted, covariance, lines), fitted.bearings
@@ -175,7 +175,7 @@ class OutlineModel:
         best: OutlineFit | None = None
         for start in starts:
             lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
-            fitted = fit_leaning(start, radius_px, scales, self._rules, lines, covariance)
+            fitted = Fitted(*fit_leaning(start, radius_px, scales, self._rules, lines, covariance))
             fit = _outline_fit(fitted, covariance, lines)
             if not fit.along_m <= self.errors.max_leaning_std_m:
                 continue

@@ -383,7 +383,7 @@ def fit_outline(
     rules: FitRules,
     lines: FloatArray,
     covariance: FloatArray,
-) -> Fitted:
+) -> tuple[Vector, int, float, float, float, float, float]:
     """Fit a pose to an outline; where the outline contradicts the camera file, fit its errors together with the pose.
 
     Parameters
@@ -398,6 +398,11 @@ def fit_outline(
         Result: `residual` and `predicted` of `compare_outline`.
     covariance : (3, 3) float64
         Result: of the pose.
+
+    Returns
+    -------
+    tuple
+        The values of a `Fitted`, as a plain tuple is made faster.
     """
     known = FitRules(*rules)
     scene, errors = WallScene(*known.scene), CameraErrors(*known.errors)
@@ -426,7 +431,7 @@ def fit_outline(
                 covariance[:, :] = covariance_7
                 lines[:, :] = other
     ratio, rms = inliers_of(lines[0], known.inlier_px)
-    return Fitted((unknowns[0], unknowns[1], unknowns[2]), bearings, cost, ratio, rms, along, sliding)
+    return (unknowns[0], unknowns[1], unknowns[2]), bearings, cost, ratio, rms, along, sliding
 
 
 @compiled
@@ -437,13 +442,18 @@ def fit_leaning(
     rules: FitRules,
     lines: FloatArray,
     covariance: FloatArray,
-) -> Fitted:
+) -> tuple[Vector, int, float, float, float, float, float]:
     """Fit the pose of a body that may lean, whether or not the outline shows that it does.
 
     Parameters
     ----------
     start, radius, scales, rules, lines, covariance
         As of `fit_outline`; the camera's centre is taken as known.
+
+    Returns
+    -------
+    tuple
+        The values of a `Fitted`.
     """
     known = FitRules(*rules)
     scene, known_errors = WallScene(*known.scene), CameraErrors(*known.errors)
@@ -459,4 +469,4 @@ def fit_leaning(
     turned = turned_scene(scene, unknowns[5], unknowns[6])
     cost, bearings = compare_outline(turned, outline, prediction, (unknowns[3], unknowns[4]), lines[0], lines[1])
     ratio, rms = inliers_of(lines[0], known.inlier_px)
-    return Fitted((unknowns[0], unknowns[1], unknowns[2]), bearings, cost, ratio, rms, along, along)
+    return (unknowns[0], unknowns[1], unknowns[2]), bearings, cost, ratio, rms, along, along

@@ -15,6 +15,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.camera_fit import (
     CameraErrors,
     FitRules,
+    Fitted,
     fit_leaning,
     fit_outline,
 )
@@ -74,7 +75,7 @@ def fitted(start, radius, min_gain=MIN_GAIN, fit=fit_outline, scales=SCALES):
     errors = CameraErrors(noise_px=0.15, center_std_px=0.5, turn_std_rad=0.01)
     rules = FitRules(scene(), Q_STEP, RADIUS_OF_Q, 1.0, 1.5, 1.7, 0.008, errors, min_gain)
     lines, covariance = np.empty((2, COUNT)), np.empty((3, 3))
-    found = fit(tuple(start), radius, scales, rules, lines, covariance)
+    found = Fitted(*fit(tuple(start), radius, scales, rules, lines, covariance))
     return found, *lines, covariance
 
 
