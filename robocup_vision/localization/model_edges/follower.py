@@ -143,7 +143,6 @@ class EdgeFollower:
         #: of the copies
         self.camera = camera = smaller_camera(camera, reduction)
         self.settings = settings or EdgeSettings()
-        self._for_proposals = self.settings.for_proposals()
         self.edges = field_edges(field, self.settings.lines_end_m)
         self._telling = telling_features(self.edges) if field.shows_half else None
         self.lens = lens_table(camera)
@@ -403,8 +402,11 @@ class EdgeFollower:
             place = f"({pose.x_m:.2f}, {pose.y_m:.2f}) m, {math.degrees(pose.theta_rad):.0f} degrees"
             return NotLocated(f"no edge of the field is in view from where the camera is looked for, {place}")
         evidence = self.evidence
-        settings = self._for_proposals if is_proposal else self.settings
-        reason, log_ratio = weigh(evidence, settings, prior_log_odds)
+        if is_proposal:
+            # which of a search's proposals is right, if any, is told by comparing them
+            reason, log_ratio = None, evidence.log_odds(self.settings)
+        else:
+            reason, log_ratio = weigh(evidence, self.settings, prior_log_odds)
         self._log_ratio = log_ratio
         if reason is not None:
             # the prior goes on without a measurement

@@ -100,8 +100,6 @@ class EdgeSettings:
     odds_against_open: float = 1.7
     odds_against_std: float = 4.0
     odds_of_nat: float = 0.2
-    #: the same for a search's proposal, by the standard deviation alone
-    odds_against_proposed_std: float = 8.6
     min_log_odds: float = 0.0
     #: bound and time constant of a frame's odds in those after it: errors of neighbouring frames are correlated
     max_log_odds: float = 5.0
@@ -152,11 +150,6 @@ class EdgeSettings:
     def for_doubted_frames(self) -> EdgeSettings:
         """Return the settings for a frame that confirmed nothing: it may be blurred, or its lines wider."""
         return replace(self, max_line_widths=self.max_doubted_line_widths, ample_samples=math.inf)
-
-    def for_proposals(self) -> EdgeSettings:
-        """Return the settings for a proposal's fit: information gained on the proposal is no evidence."""
-        against_std = self.odds_against_proposed_std
-        return replace(self, odds_against_open=0.0, odds_against_std=against_std, odds_of_nat=0.0)
 
     def for_width(self, width_px: int, line_width_m: float) -> FollowSettings:
         """Return the numbers for a picture of this width."""
