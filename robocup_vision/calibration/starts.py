@@ -20,7 +20,7 @@ R = TypeVar("R")
 
 
 _FITS = "robocup_vision.calibration.omni"
-_CODEC = ValueCodec(
+FIT_CODEC = ValueCodec(
     {
         "Fit": f"{_FITS}.fit",
         "CameraModel": f"{_FITS}.model",
@@ -61,15 +61,13 @@ class StartTrials:
         """
         first, self._begun = self._begun, self._begun + len(pieces)
         found = {} if self._kept is None else self._kept.found
-        results: dict[int, R] = {
-            place: _CODEC.from_plain(found[first + place]) for place in range(len(pieces)) if first + place in found
-        }
+        results: dict[int, R] = {place: found[first + place] for place in range(len(pieces)) if first + place in found}
         missing = [place for place in range(len(pieces)) if place not in results]
         trying = run_pieces(start, [pieces[place] for place in missing], self._workers)
         with closing(trying):
             for number, result in progress(trying, len(missing), label):
                 results[missing[number]] = result
                 if self._kept is not None:
-                    self._kept.add(first + missing[number], _CODEC.to_plain(result))
+                    self._kept.add(first + missing[number], result)
                 self.done += 1
         return [results[place] for place in range(len(pieces))]

@@ -38,12 +38,13 @@ def start_trials(args: argparse.Namespace, paths: list[Path]) -> Iterator[StartT
         If the block is interrupted, with how much is finished.
     """
     from field_models.errors import RobocupVisionError
-    from robocup_vision.calibration.starts import StartTrials
+    from robocup_vision.calibration.starts import FIT_CODEC, StartTrials
     from robocup_vision.files.resume_file import ResumeFile
 
     workers = chosen_workers(args)
     out = Path(args.out)
-    with ResumeFile(out.with_name(f"{out.stem}.unfinished.jsonl"), _run_json(args, paths), resume=args.resume) as kept:
+    unfinished = out.with_name(f"{out.stem}.unfinished.jsonl")
+    with ResumeFile(unfinished, _run_json(args, paths), resume=args.resume, codec=FIT_CODEC) as kept:
         trials = StartTrials(workers, kept)
         stays = False
         try:

@@ -234,7 +234,7 @@ def _digest(value: object) -> str:
 
 
 _MODULE = "robocup_vision.evaluation"
-_CODEC = ValueCodec(
+RESULT_CODEC = ValueCodec(
     {
         "FrameResult": __name__,
         "Row": f"{_MODULE}.scoring",
@@ -247,14 +247,13 @@ _CODEC = ValueCodec(
 )
 
 
-def kept_result(result: FrameResult) -> Any:
-    """Return a result as JSON values; truth and error are left to the dataset."""
-    return _CODEC.to_plain(replace(result, row=replace(result.row, truth=None, error=None)))
+def without_truth(result: FrameResult) -> FrameResult:
+    """Return what is kept of a result: truth and error are left to the dataset."""
+    return replace(result, row=replace(result.row, truth=None, error=None))
 
 
-def result_of(values: Any, dataset: Dataset) -> FrameResult:
-    """Return the result that `kept_result` took apart."""
-    result: FrameResult = _CODEC.from_plain(values)
+def with_truth(result: FrameResult, dataset: Dataset) -> FrameResult:
+    """Return a kept result with truth and error by the dataset."""
     row, truth = result.row, dataset.truth.get(result.row.image)
     error = None
     if row.estimate is not None and truth is not None:

@@ -28,13 +28,14 @@ from robocup_vision.evaluation.frame_scorer import (
 )
 from robocup_vision.evaluation.overlays import CROP_COUNT, Crop, WorstSoFar, spread_indices
 from robocup_vision.evaluation.result_files import (
+    RESULT_CODEC,
     FrameResult,
-    kept_result,
     prepare_folder,
-    result_of,
     results_file,
     run_json,
     steering_file,
+    with_truth,
+    without_truth,
     write_summary,
     write_trajectory,
 )
@@ -184,10 +185,10 @@ def evaluate(
     # built here even when others do the work: a wrong field or colour is reported once, and compiled code is cached
     scorer = FrameScorer(plan)
     run = _Run(plan)
-    with ResumeFile(out / UNFINISHED_NAME, run_json(dataset, steering), resume=resume) as kept:
+    with ResumeFile(out / UNFINISHED_NAME, run_json(dataset, steering), resume=resume, codec=RESULT_CODEC) as kept:
         prepare_folder(out, OUTPUT_NAMES)
         first = len(kept.found)
-        before = (result_of(kept.found.pop(index), dataset) for index in sorted(kept.found))
+        before = (with_truth(kept.found.pop(index), dataset) for index in sorted(kept.found))
         fresh = score_sequence(scorer, first) if in_turn else score_images(scorer, crew, first, send_images=send_images)
         try:
             # an interrupt may come while a row is taken in: the processes end then, too
@@ -197,7 +198,7 @@ def evaluate(
                     tables.append(files.enter_context(steering_file(out / "steering.csv")))
                 for result in progress(chain(before, fresh), len(dataset.image_names), dataset.name):
                     if len(run.rows) >= first and not is_sequence:
-                        kept.add(len(run.rows), kept_result(result))
+                        kept.add(len(run.rows), without_truth(result))
                     for table in tables:
                         table.add(result.row)
                     run.take(result)

@@ -8,13 +8,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from field_models.errors import FileError
+from field_models.errors import FileError, PacketError
 from robocup_vision.closing import Closing
 from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.files.value_codec import ValueCodec
+
+_DAMAGED = "is damaged; begin anew without --resume"
 
 
 class ResumeFile(Closing):
-    """One JSON value a finished piece of a run, each in a line of its own; the first line says of which run.
+    """One value for each finished piece of a run, as JSON in a line of its own; the first line says of which run.
 
     Parameters
     ----------
@@ -24,10 +27,12 @@ class ResumeFile(Closing):
         What the results depend on.
     resume : bool
         Go on with the run in the file, if there is one; else begin anew.
+    codec : ValueCodec, optional
+        Turns results into JSON values and back; results are JSON values unless given.
 
     Attributes
     ----------
-    found : dict of int to JSON value
+    found : dict of int to value
         By number of the piece: what was finished before. A last line that was cut off is not among it.
 
     Raises
@@ -36,8 +41,8 @@ class ResumeFile(Closing):
         If the file is of another run, damaged, or cannot be written.
     """
 
-    def __init__(self, path: Path, run: Mapping[str, Any], *, resume: bool) -> None:
-        self.path = path
+    def __init__(self, path: Path, run: Mapping[str, Any], *, resume: bool, codec: ValueCodec | None = None) -> None:
+        self.path, self._codec = path, codec
         run = json.loads(json.dumps(run))
         self.found: dict[int, Any] = self._read(run) if resume and path.exists() else {}
         with telling_write_errors(path):
@@ -45,7 +50,7 @@ class ResumeFile(Closing):
             self._stream = path.open("w", encoding="utf-8")
         self._write(run)
         for index, value in self.found.items():
-            self._write([index, value])
+            self._write_piece(index, value)
         self._stream.flush()
 
     def _read(self, run: Mapping[str, Any]) -> dict[int, Any]:
@@ -56,19 +61,27 @@ class ResumeFile(Closing):
         except OSError as error:
             raise FileError(self.path, f"cannot be read ({error.strerror or error})") from None
         except (ValueError, TypeError):
-            raise FileError(self.path, "is damaged; begin anew without --resume") from None
+            raise FileError(self.path, _DAMAGED) from None
         for key, value in run.items():
             there = before.get(key) if isinstance(before, dict) else None
             if there != value:
                 raise FileError(
                     self.path, f"is of another run: {key} was {there!r}, is now {value!r}; begin anew without --resume"
                 )
-        return found
+        if self._codec is None:
+            return found
+        try:
+            return {index: self._codec.from_plain(value) for index, value in found.items()}
+        except PacketError:
+            raise FileError(self.path, _DAMAGED) from None
 
     def add(self, index: int, value: Any) -> None:
         """Keep the result of a piece, whatever happens to this process next."""
-        self._write([index, value])
+        self._write_piece(index, value)
         self._stream.flush()
+
+    def _write_piece(self, index: int, value: Any) -> None:
+        self._write([index, value if self._codec is None else self._codec.to_plain(value)])
 
     def _write(self, value: Any) -> None:
         with telling_write_errors(self.path):

@@ -9,14 +9,14 @@ from __future__ import annotations
 import base64
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from field_models.errors import ArgumentError, PacketError
+from field_models.errors import ArgumentError, PacketError, RobocupVisionError
 
 
 class ValueCodec:
@@ -44,10 +44,7 @@ class ValueCodec:
         PacketError
             If the bytes are no such value.
         """
-        try:
-            return self.from_plain(msgspec.msgpack.decode(data))
-        except (msgspec.MsgspecError, TypeError, KeyError, ValueError, AttributeError, ImportError) as error:
-            raise PacketError(f"a recorded value cannot be read ({error})") from None
+        return self._decoded(msgspec.msgpack.decode, data)
 
     def to_json(self, value: Any) -> bytes:
         """Return a value as JSON: what a person may want to read."""
@@ -55,10 +52,14 @@ class ValueCodec:
 
     def from_json(self, data: bytes) -> Any:
         """Return the value that `to_json` was given; raises as `unpack`."""
+        return self._decoded(msgspec.json.decode, data)
+
+    def _decoded(self, decode: Callable[[bytes], Any], data: bytes) -> Any:
         try:
-            return self.from_plain(msgspec.json.decode(data))
-        except (msgspec.MsgspecError, TypeError, KeyError, ValueError, AttributeError, ImportError) as error:
+            plain = decode(data)
+        except (msgspec.MsgspecError, ValueError) as error:
             raise PacketError(f"a recorded value cannot be read ({error})") from None
+        return self.from_plain(plain)
 
     def to_plain(self, value: Any) -> Any:
         """Return a value as numbers, strings, lists and mappings.
@@ -98,9 +99,21 @@ class ValueCodec:
         return {"class": name, "fields": {field: self.to_plain(getattr(value, field)) for field in names}}
 
     def from_plain(self, plain: Any) -> Any:
-        """Return the value that `to_plain` was given; sequences come back as tuples, arrays read-only."""
+        """Return the value that `to_plain` was given; sequences come back as tuples, arrays read-only.
+
+        Raises
+        ------
+        PacketError
+            If it is no such value.
+        """
+        try:
+            return self._value(plain)
+        except (TypeError, KeyError, ValueError, AttributeError, ImportError, RobocupVisionError) as error:
+            raise PacketError(f"a recorded value cannot be read ({error})") from None
+
+    def _value(self, plain: Any) -> Any:
         if isinstance(plain, list):
-            return tuple(self.from_plain(item) for item in plain)
+            return tuple(self._value(item) for item in plain)
         if not isinstance(plain, dict):
             return plain
         if "float" in plain:
@@ -110,13 +123,13 @@ class ValueCodec:
         if "bytes" in plain:
             return _raw(plain["bytes"])
         if "map" in plain:
-            return {self.from_plain(key): self.from_plain(item) for key, item in plain["map"]}
+            return {self._value(key): self._value(item) for key, item in plain["map"]}
         name = plain["class"]
-        fields = {key: self.from_plain(item) for key, item in plain["fields"].items()}
+        fields = {key: self._value(item) for key, item in plain["fields"].items()}
         kind = getattr(import_module(self._types[name]), name)
         return kind(**fields)
 
 
 def _raw(data: bytes | str) -> bytes:
     """Return bytes, of which JSON has the base64."""
-    return base64.b64decode(data) if isinstance(data, str) else data
+    return base64.b64decode(data, validate=True) if isinstance(data, str) else data

@@ -12,13 +12,13 @@ from field_models import ArgumentError, FileError, load_field
 from robocup_vision.camera import PinholeCamera, save_camera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.evaluation.boxes import Box, load_boxes
-from robocup_vision.evaluation.dataset import load_dataset
+from robocup_vision.evaluation.dataset import Dataset, load_dataset
 from robocup_vision.evaluation.detections import (
     detection_figures,
     match_boxes,
     told_kinds,
 )
-from robocup_vision.evaluation.run import evaluate
+from robocup_vision.evaluation.run import Summary, evaluate
 from robocup_vision.landmarks.landmark_map import LandmarkMap, save_map
 
 pytestmark = pytest.mark.usefixtures("without_plots")
@@ -170,6 +170,43 @@ def test_a_run_scores_the_boxes_and_shows_misses(folder: Path, tmp_path: Path):
     page = summary.report.read_text()
     assert page.count("ball, missed</figcaption>") == 1
     assert page.count("ball, false</figcaption>") == 4
+
+
+@pytest.fixture
+def boxed(folder: Path) -> Dataset:
+    """Return a dataset of five images, of which two have boxes."""
+    lines = ("0.png,ball,35,25,45,35", "0.png,ball,5,5,12,12", "3.png,ball,5,5,12,12")
+    (folder / "boxes.csv").write_text("image,kind,xmin,ymin,xmax,ymax\n" + "\n".join(lines) + "\n")
+    return load_dataset(folder)
+
+
+def test_detections_of_an_interrupted_run_are_kept(boxed: Dataset, tmp_path: Path):
+    looks = iter(range(5))
+
+    class Interrupted(TellsOneBall):
+        def look(self, frame, t_s=None, odometry=None):
+            if next(looks) == 3:
+                raise KeyboardInterrupt
+            return super().look(frame, t_s, odometry)
+
+    with pytest.raises(KeyboardInterrupt, match="3 of 5 images are done"):
+        evaluate(boxed, tmp_path / "out", make_vision=Interrupted)
+    resumed = evaluate(boxed, tmp_path / "out", make_vision=TellsOneBall, resume=True)
+    assert_same_detections(resumed, evaluate(boxed, tmp_path / "whole", make_vision=TellsOneBall))
+
+
+@pytest.mark.slow
+def test_detections_do_not_depend_on_jobs(boxed: Dataset, tmp_path: Path):
+    """Only this finds detections that change on the way from a worker process."""
+    one, two = (evaluate(boxed, tmp_path / str(jobs), jobs, make_vision=TellsOneBall) for jobs in (1, 2))
+    assert_same_detections(two, one)
+
+
+def assert_same_detections(a: Summary, b: Summary):
+    assert [len(row.detections) for row in a.rows] == [2, 1, 1, 2, 1]
+    assert [row.detections for row in a.rows] == [row.detections for row in b.rows]
+    assert a.detections == b.detections
+    assert a.report.read_text().count("<figcaption>") == b.report.read_text().count("<figcaption>")
 
 
 def test_boxes_of_images_that_landmarks_locate_are_said_not_to_be_scored(folder: Path, tmp_path: Path):
