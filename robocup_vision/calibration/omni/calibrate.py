@@ -119,7 +119,7 @@ def calibrate_omni(
     answer = _Calibration(field, frames, labels, chosen, start, mask, settings, trials).run()
     if isinstance(answer, OmniCalibration) or start is None or field.is_bounded:
         return answer
-    # few lines are explained by several cameras, and what is like a start that is off need not be the best of them
+    # a few lines are explained by several cameras, and the one nearest to a wrong start need not be the best of them
     other = _Calibration(field, frames, labels, chosen, None, mask, settings, trials, mount=start).run()
     if not isinstance(other, OmniCalibration):
         return answer
@@ -127,7 +127,10 @@ def calibrate_omni(
 
 
 class _Calibration:
-    """One calibration, step by step; `mount` says of a camera without a start what no picture shows."""
+    """One calibration, step by step.
+
+    `mount`: camera whose heading, offset and mirroring are taken, without its curve; used where there is no start.
+    """
 
     def __init__(
         self,
@@ -170,8 +173,8 @@ class _Calibration:
             return self._refuse(
                 f"no start brings the points found onto the walls and lines of field '{self.field.name}'"
             )
-        likely = _unlike(fits, settings.max_doubtful_ratio, settings)
-        answers = self._answers(likely, search)
+        candidates = _distinct(fits, settings.max_doubtful_ratio, settings)
+        answers = self._answers(candidates, search)
         if not answers:
             return self._refuse("by the best camera found, no frame shows enough of " + self._wanted)
         kept = len(answers[0].sightings)
@@ -181,9 +184,9 @@ class _Calibration:
                 f"only {kept} of {len(sightings)} images fit one camera on field '{self.field.name}': "
                 "are field and camera file those of the images?"
             )
-        rivals = _unlike([answer.fit for answer in answers], settings.max_rival_ratio, settings)
+        rivals = _distinct([answer.fit for answer in answers], settings.max_rival_ratio, settings)
         if len(rivals) > 1:
-            center_px, curve = _apart(*rivals[:2])
+            center_px, curve = _difference(*rivals[:2])
             return self._refuse(
                 f"two cameras explain the images about equally well: their centres lie {center_px:.1f} px, "
                 f"their curves {100 * curve:.0f} % apart; {MORE}"
@@ -235,8 +238,8 @@ class _Calibration:
                 problem = error
                 self._leave_out(index, str(error))
                 continue
-            few = self.settings.points
-            if len(sighting.boundary_px) < few.min_boundary_points and len(sighting.line_px) < few.min_line_points:
+            least = self.settings.points
+            if len(sighting.boundary_px) < least.min_boundary_points and len(sighting.line_px) < least.min_line_points:
                 self._leave_out(index, f"too little of {self._wanted} in view")
                 continue
             sightings.append(sighting)
@@ -264,13 +267,13 @@ class _Calibration:
         return self.settings.max_unknown_log_curve if self.start is None else self.settings.max_log_curve
 
     def _answers(self, fits: Sequence[Fit], search: Search) -> list[_Explained]:
-        """Return what the fits end at with points found by their own cameras, the best first; see `_placed`."""
-        explained = [self._again(fit, search) for fit in fits]
+        """Return the fits repeated with points found by their own cameras, the best first."""
+        explained = [self._refitted(fit, search) for fit in fits]
         found = [e for e in explained if e is not None]
         most = max((len(e.sightings) for e in found), default=1)
         return sorted((e.of_frames(most) for e in found), key=lambda e: e.fit.cost)
 
-    def _again(self, fit: Fit, search: Search) -> _Explained | None:
+    def _refitted(self, fit: Fit, search: Search) -> _Explained | None:
         """Find the points again by a fit's camera, locate every frame again, and repeat the fit."""
         camera, settings = fit.camera, self.settings
         inner, outer = camera.usable_radius_px
@@ -282,8 +285,8 @@ class _Calibration:
         frame = dataclasses.replace(search.model.frame, usable_radius_px=(inner, outer))
         search = dataclasses.replace(search, model=dataclasses.replace(search.model, frame=frame))
         observer = Observer(self.field, cut, self.mask, locate=True, settings=settings.points)
-        sightings = self._placed(self._look(observer, "poses"), search, cut)
-        for scales in (settings.again_scales, settings.last_scales):
+        sightings = self._with_poses(self._look(observer, "poses"), search, cut)
+        for scales in (settings.refit_scales, settings.last_scales):
             if not sightings:
                 return None
             joint = JointFit(self.shape, points_of(sightings), settings.fit, painted=True)
@@ -296,12 +299,13 @@ class _Calibration:
         kept = np.array([sighting.pose.array for sighting in sightings if sighting.pose is not None])
         return _Explained(dataclasses.replace(fit, poses=kept), sightings, search, dict(self.notes))
 
-    def _placed(self, sightings: list[Sighting], search: Search, camera: OmniCamera) -> list[Sighting]:
-        """Return the sightings with a pose: one of which a robot that plays would be sure, else by lines alone.
+    def _with_poses(self, sightings: list[Sighting], search: Search, camera: OmniCamera) -> list[Sighting]:
+        """Return the sightings that have a pose; where the localiser gave none, the pose is searched by lines alone.
 
-        What follows judges the latter: by a camera that is not yet right a robot is seldom sure.
+        By a camera that is not yet right the localiser seldom gives a pose. A wrong pose by lines is found out later,
+        as the frame's points then disagree with the fit.
         """
-        placed = []
+        located = []
         for sighting in sightings:
             pose = sighting.pose
             if pose is None and not self.field.is_bounded:
@@ -309,8 +313,8 @@ class _Calibration:
             if pose is None:
                 self._leave_out(sighting.index, "the robot could not be placed on the field")
             else:
-                placed.append(dataclasses.replace(sighting, pose=pose))
-        return placed
+                located.append(dataclasses.replace(sighting, pose=pose))
+        return located
 
     def _agreeing(self, sightings: list[Sighting], fit: Fit, points: Points, unit_px: float) -> list[Sighting]:
         """Return the sightings whose points agree with a fit, with the fit's poses."""
@@ -330,8 +334,8 @@ class _Calibration:
         points = points_of(sightings)
         side = min(fit.camera.size_px)
         settings = self.settings
-        reach = (settings.max_center_ratio * side, *self._max_log_curve)
-        chooser = Chooser(self.shape, points, fit, reach, search.unit_px, settings)
+        max_change = (settings.max_center_ratio * side, *self._max_log_curve)
+        chooser = Chooser(self.shape, points, fit, max_change, search.unit_px, settings)
         choices = chooser.choose()
         width_px = max(1.0, 2 * spread_px(fit.residual_px, settings.fit))
         fit = chooser.final(choices[0], width_px)
@@ -341,8 +345,8 @@ class _Calibration:
         if problem:
             return self._refuse(problem)
         if not self.field.is_bounded:
-            kept, unlike = confirmed(self.field, self.frames, fit, sightings, self.mask, settings)
-            for index, reason in unlike.items():
+            kept, refused = confirmed(self.field, self.frames, fit, sightings, self.mask, settings)
+            for index, reason in refused.items():
                 self._leave_out(index, reason)
             if len(kept) < max(settings.min_kept_ratio * len(sightings), 1):
                 return self._refuse(f"by the camera found, the robot does not find itself in its images; {MORE}")
@@ -368,8 +372,8 @@ class _Calibration:
         is_assumed = self.start is None and self._mount is None
         notes = undetermined(fit, covariance, choices[0].tilted, is_assumed, settings)
         if not self.field.is_bounded:
-            as_good = [chooser.final(choice, width_px).camera for choice in chooser.as_good(choices[0])]
-            notes.append(f"the floor's range: {trust.range_note(fit, covariance, as_good)}")
+            equally_good = [chooser.final(choice, width_px).camera for choice in chooser.equally_good(choices[0])]
+            notes.append(f"the floor's range: {trust.range_note(fit, covariance, equally_good)}")
         return OmniCalibration(
             fit.model.written(fit.vector),
             tuple(frames),
@@ -381,7 +385,7 @@ class _Calibration:
 
 @dataclass(frozen=True, eq=False)
 class _Explained:
-    """The frames under one camera, with points found by it: the fit, the frames that agree, and notes on the others."""
+    """A fit to points found by its own camera: the fit, the frames that agree with it, and notes on the others."""
 
     fit: Fit
     sightings: list[Sighting]
@@ -389,27 +393,27 @@ class _Explained:
     notes: dict[int, str]
 
     def of_frames(self, count: int) -> _Explained:
-        """Return the same with the fit's cost of so many frames: of one that is left out, nothing is explained."""
+        """Return the same with the fit's mean cost over `count` frames, where a frame that was left out costs 1."""
         ratio = len(self.sightings) / count
         fit = dataclasses.replace(self.fit, cost=ratio * self.fit.cost + 1.0 - ratio)
         return dataclasses.replace(self, fit=fit)
 
 
-def _unlike(fits: Sequence[Fit], max_ratio: float, settings: OmniCalibrationSettings) -> list[Fit]:
-    """Return the best of some fits, ordered by cost, and those about as good whose cameras differ from all before."""
+def _distinct(fits: Sequence[Fit], max_ratio: float, settings: OmniCalibrationSettings) -> list[Fit]:
+    """Return, of fits ordered by cost, the best and those about as good whose cameras differ from all kept before."""
     kept = [fits[0]]
     for fit in fits[1:]:
         if fit.cost > max_ratio * fits[0].cost + settings.rival_excess:
             continue
         side = min(fit.camera.size_px)
-        apart = [_apart(fit, other) for other in kept]
+        differences = [_difference(fit, other) for other in kept]
         min_px, min_curve = settings.min_rival_center_ratio * side, settings.min_rival_curve
-        if all(center_px > min_px or curve > min_curve for center_px, curve in apart):
+        if all(center_px > min_px or curve > min_curve for center_px, curve in differences):
             kept.append(fit)
     return kept
 
 
-def _apart(fit: Fit, other: Fit) -> tuple[float, float]:
+def _difference(fit: Fit, other: Fit) -> tuple[float, float]:
     """Distance of two cameras' centres, pixels, and relative difference of their curves' main numbers."""
     difference = np.abs(fit.vector - other.vector)
     return float(np.hypot(*difference[CENTER])), float(difference[SCALE : HORIZON + 1].max())

@@ -20,6 +20,8 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
 
+MORE = "give more frames, from other places and headings"
+
 
 @dataclass(frozen=True, slots=True)
 class Choice:
@@ -45,10 +47,10 @@ class Chooser:
     ----------
     fit : Fit
         Start of every family.
-    reach : (float, float, float)
+    max_change : (float, float, float)
         Largest changes from the start, see `CameraModel.bounds`.
     unit_px : float
-        Pixels of one unit of the weights' widths.
+        Pixels of one unit of residuals, see `Search.unit_px`.
     settings : OmniCalibrationSettings, optional
         Its `choice`, `fit` and `model` are used.
     """
@@ -58,12 +60,12 @@ class Chooser:
         shape: FieldShape,
         points: Points,
         fit: Fit,
-        reach: tuple[float, float, float],
+        max_change: tuple[float, float, float],
         unit_px: float,
         settings: OmniCalibrationSettings = OmniCalibrationSettings(),
     ) -> None:
         self.shape, self.points, self.fit = shape, points, fit
-        self._reach, self._all_settings, self._settings = reach, settings, settings.choice
+        self._max_change, self._all_settings, self._settings = max_change, settings, settings.choice
         self._scales = (*(scale * unit_px for scale in settings.choice.scales), settings.choice.scale_px)
         sectors = settings.choice.sectors
         offset = points.pixels - np.array(fit.camera.center_px)
@@ -71,14 +73,14 @@ class Chooser:
         # other sectors in every other frame, so that no direction is held out everywhere
         self._half = halves(sector + points.frame, points.frame)
         self._tried: tuple[_Trial, ...] = ()
-        # points of one sector of one frame err together
+        # the errors of one sector's points in one frame are correlated
         self._group = np.unique(points.frame * 2 * sectors + sector, return_inverse=True)[1].ravel()
 
     def choose(self) -> tuple[Choice, ...]:
         """Return all that was tried, the best first: the fit's family, level, unless another is significantly better.
 
-        Where lines may be painted somewhat beside where the field has them, a tilt is hardly ever significant; a level
-        camera then puts the whole of it into the centre. So the tilt stays free, within what its prior says.
+        Where lines may be painted beside their places in the field file, a tilt is seldom significant, and a level
+        camera would move all of it into the centre. There the tilt stays free under its prior.
         """
         usual = self.fit.model.curve
         assert usual != "magnified"
@@ -97,7 +99,7 @@ class Chooser:
         others = [trial.choice for trial in (*tried.values(), level) if trial is not best]
         return (best.choice, *others)
 
-    def as_good(self, chosen: Choice) -> tuple[Choice, ...]:
+    def equally_good(self, chosen: Choice) -> tuple[Choice, ...]:
         """Return the other curves that were tried and, tilted alike, explain the held-out points as well."""
         best = next((trial for trial in self._tried if trial.choice is chosen), None)
         if best is None:
@@ -117,7 +119,7 @@ class Chooser:
         return bool(gain.sum() > self._settings.min_gain_stds * np.sqrt(np.sum(gain**2)))
 
     def final(self, choice: Choice, scale_px: float) -> Fit:
-        """Fit a family to all points, down to a width in pixels."""
+        """Fit a family to all points, with a last residual scale in pixels."""
         return self._fit(self.points, choice.curve, choice.tilted, (*self._scales, scale_px))
 
     def _try(self, curve: Curve, tilted: bool) -> _Trial:
@@ -150,7 +152,7 @@ class Chooser:
         prior = start.copy()
         if curve != "own":
             prior[4:] = vector[4:]
-        bounds = model.bounds(start, *self._reach)
+        bounds = model.bounds(start, *self._max_change)
         return self._joint(points).solve(model, vector, self.fit.poses, tuple(scales), prior, bounds, free)
 
 
@@ -208,12 +210,12 @@ def standard_deviations(covariance: FloatArray) -> dict[str, float]:
 
 
 def range_std(
-    fit: Fit, covariance: FloatArray, radius_px: FloatArray, as_good: Sequence[OmniCamera] = ()
+    fit: Fit, covariance: FloatArray, radius_px: FloatArray, equally_good: Sequence[OmniCamera] = ()
 ) -> FloatArray:
     """Return the largest relative standard deviation (R,), all around, of the floor's range at some image radii (R,).
 
-    The range is that from the foot of the mirror's axis, where the calibration puts the robot: a centre and a tilt that
-    compensate for each other leave it as it is. Cameras that explain the images as well count as likely as the fit's.
+    The range is measured from the foot of the mirror's axis, where the calibration puts the robot. A centre and a tilt
+    that compensate for each other do not change it. Cameras that explain the images as well count as likely.
     """
     bearing = np.arange(12) * math.tau / 12
     pixels = fit.camera.polar_to_pixel(bearing[:, None], radius_px[None]).reshape(-1, 2)
@@ -225,8 +227,8 @@ def range_std(
         ahead[g] += 1e-4
         by_vector[:, g] = (np.hypot(*fit.model.camera(ahead).pixel_to_floor(pixels).T) - range_m) / 1e-4
     variance = np.einsum("ng,gh,nh->n", by_vector, covariance, by_vector)
-    for camera in as_good:
-        variance += (np.hypot(*camera.pixel_to_floor(pixels).T) - range_m) ** 2 / (len(as_good) + 1)
+    for camera in equally_good:
+        variance += (np.hypot(*camera.pixel_to_floor(pixels).T) - range_m) ** 2 / (len(equally_good) + 1)
     variance /= range_m**2
     std: FloatArray = np.sqrt(np.fmax.reduce(variance.reshape(len(bearing), -1), axis=0))
     return std
@@ -307,9 +309,6 @@ def confirmed(
     return kept, notes
 
 
-MORE = "give more frames, from other places and headings"
-
-
 @dataclass(frozen=True, eq=False)
 class Trust:
     """Says why a fit cannot be trusted."""
@@ -317,7 +316,7 @@ class Trust:
     field: Field
     line_map: LineMap
     started: bool  #: whether there was a start
-    unit_px: float  #: pixels of one unit of the weights' widths
+    unit_px: float  #: pixels of one unit of residuals, see `Search.unit_px`
     settings: OmniCalibrationSettings = OmniCalibrationSettings()  #: its limits are used
 
     def problem(self, fit: Fit, covariance: FloatArray, points: Points, model: CameraModel) -> str:
@@ -358,12 +357,12 @@ class Trust:
             return "the curve reached the limit that the start sets" + "; try without a start" * self.field.is_bounded
         return ""
 
-    def range_note(self, fit: Fit, covariance: FloatArray, as_good: Sequence[OmniCamera] = ()) -> str:
+    def range_note(self, fit: Fit, covariance: FloatArray, equally_good: Sequence[OmniCamera] = ()) -> str:
         """Return how well the floor's range is known, near and far; by cameras that explain the images as well, too."""
         known = self._known(self._range_std(fit, covariance))
-        if not as_good:
+        if not equally_good:
             return f"its standard deviation is {known}"
-        together = self._known(self._range_std(fit, covariance, as_good))
+        together = self._known(self._range_std(fit, covariance, equally_good))
         return f"its standard deviation is {known} by this curve; {together} with others that explain as much"
 
     def _known(self, std: FloatArray) -> str:
@@ -374,8 +373,8 @@ class Trust:
     def _range_m(self) -> FloatArray:
         return np.array(self.settings.range_radii) * self.field.robot_radius_m
 
-    def _range_std(self, fit: Fit, covariance: FloatArray, as_good: Sequence[OmniCamera] = ()) -> FloatArray:
-        return range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / self._range_m), as_good)
+    def _range_std(self, fit: Fit, covariance: FloatArray, equally_good: Sequence[OmniCamera] = ()) -> FloatArray:
+        return range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / self._range_m), equally_good)
 
     def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
         """Return why lines alone do not determine a camera; empty if they do."""

@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+#: Usable image radius of the picture in which one "unit" of a residual is a pixel: the 256 x 220 image of Sekimori et
+#: al. (2001). In a larger picture a unit is as many pixels as its usable radius is larger; it is never below a pixel.
+REFERENCE_RADIUS_PX = 86.0
+
 
 @dataclass(frozen=True, slots=True)
 class CameraModelSettings:
@@ -53,7 +57,7 @@ class JointFitSettings:
 
 @dataclass(frozen=True, slots=True)
 class StartSettings:
-    """Settings of the search for starts; "units" are 1/86 of the usable image radius."""
+    """Settings of the search for starts; for "units" see `REFERENCE_RADIUS_PX`."""
 
     #: horizons that are tried, as factors of the start's; without a start, of the outer usable radius
     horizons: tuple[float, ...] = (0.78, 0.88, 1.0, 1.13, 1.28)
@@ -68,7 +72,8 @@ class StartSettings:
     #: frames that starts are compared by, and how many of them are used first
     frames: int = 6
     first_frames: int = 2
-    #: widths of the weights in the short fits and in the long ones, units: from far off down to the points' accuracy
+    #: residual scales of the robust loss in the short fits and in the long ones, units: from far off down to the
+    #: points' accuracy
     short_scales: tuple[float, ...] = (12.0, 6.0, 3.0)
     long_scales: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0)
     short_points: int = 120  #: points of a frame that are enough for a short fit
@@ -86,8 +91,8 @@ class ChoiceSettings:
     """Settings of the choice among families of curves."""
 
     sectors: int = 12  #: sectors of the image about the camera's centre; points are held out by every other one
-    scales: tuple[float, ...] = (2.0, 1.0)  #: widths of the weights before the last one, units
-    scale_px: float = 1.0  #: width of the loss by which families are compared: a few times the points' noise
+    scales: tuple[float, ...] = (2.0, 1.0)  #: residual scales of the loss before the last one, units
+    scale_px: float = 1.0  #: residual scale of the loss by which families are compared: a few times the points' noise
     #: standard errors by which a family with more freedom must explain the held-out points better
     min_gain_stds: float = 2.0
     min_tilt_chi2: float = 13.8  #: chi-square of a tilt from which it is no chance: 2 degrees of freedom, 99.9 %
@@ -108,7 +113,7 @@ class FramePointSettings:
 
 @dataclass(frozen=True, slots=True)
 class OmniCalibrationSettings:
-    """Settings of a mirror camera's calibration; "units" are 1/86 of the usable image radius."""
+    """Settings of a mirror camera's calibration; for "units" see `REFERENCE_RADIUS_PX`."""
 
     #: settings of its parts
     model: CameraModelSettings = CameraModelSettings()
@@ -132,8 +137,8 @@ class OmniCalibrationSettings:
     guessed_walled_range: float = 0.09
     farthest_diagonals: float = 1.1  #: farthest floor worth looking at, in diagonals of the field, without a start
     agreement: float = 2.0  #: largest residual of a point that agrees, units
-    #: widths of the weights after the points were taken again, units
-    again_scales: tuple[float, ...] = (4.0, 2.0)
+    #: residual scales of the two fits to points that were found again by the first fit's camera, units
+    refit_scales: tuple[float, ...] = (4.0, 2.0)
     last_scales: tuple[float, ...] = (2.0,)
     #: of all points, and of one frame's points, those that must agree
     min_inlier_ratio: float = 0.4
@@ -144,9 +149,9 @@ class OmniCalibrationSettings:
     #: smallest number of points on a line that counts as seen, and their smallest ratio among all that agree
     min_feature_points: int = 12
     min_feature_ratio: float = 0.02
-    #: those of a single frame without walls: each line tells two numbers, where its ends are painted. Unknown are nine:
-    #: centre, tilt, two of the curve, and the pose. With a start only what is like it is searched, and a camera that
-    #: explains few lines as well may lie beyond: more lines must agree.
+    #: those of a single frame without walls: a line determines two numbers, and nine are unknown: centre, tilt, two of
+    #: the curve, and the pose. With a start only cameras near it are searched, and another one may explain few lines as
+    #: well: more lines must agree.
     min_single_features: int = 5
     min_started_features: int = 8
     #: without walls: a robot's height by the middle-size league's rules, in radii. No tilt may put the mirror's axis

@@ -19,7 +19,7 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points
 from robocup_vision.calibration.omni.model import HORIZON, SCALE, TILT, CameraModel
-from robocup_vision.calibration.omni.settings import FramePointSettings, OmniCalibrationSettings
+from robocup_vision.calibration.omni.settings import REFERENCE_RADIUS_PX, FramePointSettings, OmniCalibrationSettings
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
@@ -118,10 +118,6 @@ def points_of(sightings: Sequence[Sighting]) -> Points:
     return Points(np.vstack(pixels), np.concatenate(frame), np.concatenate(is_line), np.concatenate(weight))
 
 
-# a pixel of the paper's 256 x 220 image is this fraction of the usable radius
-_UNITS = 86.0
-
-
 @dataclass(frozen=True, eq=False)
 class Search:
     """Finds starts of a fit: curves, with a pose for each frame."""
@@ -137,9 +133,9 @@ class Search:
 
     @property
     def unit_px(self) -> float:
-        """Pixels of one unit of the weights' widths: 1 in a small image, more in a large one."""
+        """Pixels of one "unit" of the settings, see `REFERENCE_RADIUS_PX`."""
         inner, outer = self.model.frame.usable_radius_px
-        return max(1.0, (outer - inner) / _UNITS)
+        return max(1.0, (outer - inner) / REFERENCE_RADIUS_PX)
 
     def best(self, sightings: Sequence[Sighting], polar: PolarView, trials: StartTrials) -> list[Fit]:
         """Return the best distinct long fits to the frames that show most, best first.
