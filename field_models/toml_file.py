@@ -20,12 +20,6 @@ else:  # ROS 2 Humble ships Python 3.10
     import tomli as tomllib
 
 T = TypeVar("T")
-
-
-class StrictStruct(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Base of every file format: unknown keys are refused."""
-
-
 # keys that only one kind of file has
 _KINDS = {
     "camera file": {"model", "size_px"},
@@ -35,6 +29,10 @@ _KINDS = {
     "colour file": {"floor", "line"},
 }
 _BOUNDS = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
+
+
+class StrictStruct(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """Base of every file format: unknown keys are refused."""
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:

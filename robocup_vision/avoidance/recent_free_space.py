@@ -18,6 +18,9 @@ from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
+# beyond any floor, in place of infinity, which cannot be moved
+_FAR_M = 1e3
+
 
 class SteadyFreeSpace:
     """The median of the last three frames' ranges, moved to the newest frame, less a margin; for mirror cameras.
@@ -106,10 +109,6 @@ def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
 def floor_ends(bearing_rad: FloatArray, range_m: FloatArray) -> FloatArray:
     """Return the points (J, 2) where the floor ends in each direction, robot frame."""
     return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=1)
-
-
-# beyond any floor, in place of infinity, which cannot be moved
-_FAR_M = 1e3
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,13 @@ from robocup_vision.kernels.motion import steering as kernel
 from robocup_vision.kernels.motion.moving_contact import COLUMNS
 from robocup_vision.motion_limits import MotionLimits
 
+# no robot drives so fast: a wrong unit. The way until it would stand again is looked at step by step
+_MAX_SPEED_MPS = 100.0
+_REASONS = (
+    "no safe direction: braking",
+    "no safe direction, braking would touch: latest contact",
+)
+
 
 @dataclass(frozen=True, slots=True)
 class SteeringSettings:
@@ -152,14 +159,6 @@ def ranges_past(
     after = np.searchsorted(others, hidden)
     past[hidden] = np.fmin(range_m[others[after - 1]], range_m[others[after % len(others)]])
     return past
-
-
-# no robot drives so fast: a wrong unit. The way until it would stand again is looked at step by step
-_MAX_SPEED_MPS = 100.0
-_REASONS = (
-    "no safe direction: braking",
-    "no safe direction, braking would touch: latest contact",
-)
 
 
 class FreeRanges(Protocol):

@@ -37,6 +37,8 @@ from robocup_vision.vision import Vision
 
 # darker ground has the colour of the sensor's noise
 _MIN_COUNTS = 16
+# what a set-up near this one has wrong that all edges in view tell better
+_BY_EDGES = ("focal length", "height")
 
 
 def shows_carpet(view: View, frame: UInt8Array) -> bool | None:
@@ -60,8 +62,6 @@ def shows_carpet(view: View, frame: UInt8Array) -> bool | None:
 
 
 State = Literal["ok", "wrong", "unknown"]
-# what a set-up near this one has wrong that all edges in view tell better
-_BY_EDGES = ("focal length", "height")
 
 
 @dataclass(frozen=True, slots=True)

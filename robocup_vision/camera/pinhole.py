@@ -24,6 +24,13 @@ from robocup_vision.geometry import Pose2
 
 # nearer to the camera's plane than this a point has no pixel
 _MIN_DEPTH_M = 1e-6
+# numbers of coefficients that OpenCV's distortion may have
+DISTORTION_LENGTHS = (0, 4, 5, 8)
+_WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
+# error of a distorted slope at which its iteration ends
+_DISTORTED_STEP = 1e-12
+# step of the numerical derivative of a fisheye's radius
+_ANGLE_STEP_RAD = 1e-6
 
 
 def camera_rotation(pan_rad: npt.ArrayLike, tilt_rad: npt.ArrayLike, roll_rad: npt.ArrayLike) -> FloatArray:
@@ -122,15 +129,9 @@ class Mounting:
 
 # also columns of frames.csv
 MOUNTING_NAMES = tuple(field.name for field in dataclasses.fields(Mounting))
-
-
-DISTORTION_LENGTHS = (0, 4, 5, 8)
 # lengths and angles, see `camera.bounds`
 BOUNDED_KEYS = (*MOUNTING_NAMES, "offset_m", "focal_std_px", "readout_s")
-_WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
-_DISTORTED_STEP = 1e-12
 _MOUNTING_BUT_PAN = tuple(name for name in MOUNTING_NAMES if not name.startswith("pan_"))
-_ANGLE_STEP_RAD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)

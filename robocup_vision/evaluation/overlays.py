@@ -22,6 +22,9 @@ CROP_COUNT = 48
 _JPEG_QUALITY = 85
 
 Severity = tuple[float, float]
+_BOX_COLOR = (0, 200, 255)
+# margin of a crop around its box, in pixels and in widths of the box, and the size it is enlarged to
+_AROUND_PX, _AROUND, _CROP_PX = 16.0, 1.0, 160.0
 
 
 def spread_indices(count: int) -> frozenset[int]:
@@ -55,11 +58,6 @@ class Crop(NamedTuple):
 
     caption: str
     jpeg: bytes
-
-
-# margin of a crop around its box, in pixels and in widths of the box, and the size it is enlarged to
-_AROUND_PX, _AROUND, _CROP_PX = 16.0, 1.0, 160.0
-_BOX_COLOR = (0, 200, 255)
 
 
 def error_crops(image: str, frame: UInt8Array, detections: Iterable[Detection]) -> tuple[Crop, ...]:

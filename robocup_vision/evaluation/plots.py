@@ -32,6 +32,13 @@ _HISTOGRAM_CAPTION = (
     "Errors of the located images along the field's axes and in heading; the outermost bars hold all that lies beyond."
 )
 _GOAL_COLORS = {"yellow": "#d4a72c", "blue": "#0969da", "cyan": "#1b9ebd"}
+_ERRORS_CM = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+_RATIOS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+_GOAL_CAPTION = "Position error where each image was taken; the colours end at 20 cm. Crosses: not located."
+_PARETO_CAPTION = (
+    "Images by position error, and by that error as a ratio of the distance to the goal in view; bars: images in each "
+    "range, line: ratio of all images up to it (dashed: the paper's 20 cm and 10 %)."
+)
 
 
 def data_uri(kind: str, data: bytes) -> str:
@@ -183,15 +190,6 @@ def _residual_histogram(rows: Sequence[Row]) -> str:
     axes.hist([row.estimate.residual_px for row in rows if row.estimate is not None], bins=31, color=BLUE)
     tidy(axes, "residual (px)", "images")
     return encode(figure)
-
-
-_ERRORS_CM = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
-_RATIOS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
-_GOAL_CAPTION = "Position error where each image was taken; the colours end at 20 cm. Crosses: not located."
-_PARETO_CAPTION = (
-    "Images by position error, and by that error as a ratio of the distance to the goal in view; bars: images in each "
-    "range, line: ratio of all images up to it (dashed: the paper's 20 cm and 10 %)."
-)
 
 
 def draw_goal_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:

@@ -67,6 +67,18 @@ SUMMARY_KEYS = (
     "median_ms",
     "detections",
 )
+_MODULE = "robocup_vision.evaluation"
+RESULT_CODEC = ValueCodec(
+    {
+        "FrameResult": __name__,
+        "Row": f"{_MODULE}.scoring",
+        "SteerResult": f"{_MODULE}.scoring",
+        "Detection": f"{_MODULE}.detections",
+        "Crop": f"{_MODULE}.overlays",
+        "PoseEstimate": "robocup_vision.estimates",
+        "Pose2": "robocup_vision.geometry",
+    }
+)
 
 
 def prepare_folder(folder: Path, names: Iterable[str]) -> None:
@@ -231,20 +243,6 @@ def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, A
 
 def _digest(value: object) -> str:
     return hashlib.sha256(repr(value).encode()).hexdigest()[:12]
-
-
-_MODULE = "robocup_vision.evaluation"
-RESULT_CODEC = ValueCodec(
-    {
-        "FrameResult": __name__,
-        "Row": f"{_MODULE}.scoring",
-        "SteerResult": f"{_MODULE}.scoring",
-        "Detection": f"{_MODULE}.detections",
-        "Crop": f"{_MODULE}.overlays",
-        "PoseEstimate": "robocup_vision.estimates",
-        "Pose2": "robocup_vision.geometry",
-    }
-)
 
 
 def without_truth(result: FrameResult) -> FrameResult:

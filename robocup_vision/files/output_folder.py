@@ -12,6 +12,8 @@ from pathlib import Path
 
 from field_models.errors import ArgumentError, FileError
 
+_UNFINISHED = ".unfinished"
+
 
 def require_folder(out: str | Path) -> None:
     """Refuse a file to write whose folder does not exist.
@@ -50,9 +52,6 @@ def telling_write_errors(path: str | Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise FileError(path, f"cannot be written ({error.strerror or error})") from None
-
-
-_UNFINISHED = ".unfinished"
 
 
 def refuse_foreign_files(folder: Path, own: Sequence[str]) -> None:

@@ -17,6 +17,12 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera, project_ideal
 
+# 99 % of right matches are within these (the paper's gate of 1 keeps a fifth of them)
+CHI2_2DOF = 9.21
+CHI2_3DOF = 11.34
+# widths of the weights, in standard deviations, from the first iteration to the last
+WEIGHT_WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.5, 3.5, 3.5, 3.5)
+
 
 def world_to_camera(camera: PinholeCamera, theta_rad: FloatArray) -> FloatArray:
     """Rotations (..., 3, 3) from the field frame into the camera frame at headings (...)."""
@@ -55,13 +61,6 @@ def point_by_pose(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray)
     robot[:, 0, 0], robot[:, 0, 1], robot[:, 0, 2] = -c, -s, c * dy - s * dx
     robot[:, 1, 0], robot[:, 1, 1], robot[:, 1, 2] = s, -c, -c * dx - s * dy
     return np.asarray(camera.camera_to_robot.T @ robot)
-
-
-# 99 % of right matches are within these (the paper's gate of 1 keeps a fifth of them)
-CHI2_2DOF = 9.21
-CHI2_3DOF = 11.34
-# widths of the weights, in standard deviations, from the first iteration to the last
-WEIGHT_WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.5, 3.5, 3.5, 3.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -62,6 +62,8 @@ TOPIC_TYPES = {
     "/tf": "tf2_msgs/msg/TFMessage",
     "/tf_static": "tf2_msgs/msg/TFMessage",
 }
+# a quaternion shorter than this is no rotation; others are normalised
+_MIN_NORM = 1e-3
 
 
 class Outgoing(NamedTuple):
@@ -500,10 +502,6 @@ def _quaternion(rotation: FloatArray) -> tuple[float, float, float, float]:
     parts = [0.0, 0.0, 0.0, float((m[k, j] - m[j, k]) / root)]
     parts[i], parts[j], parts[k] = root / 4, float((m[j, i] + m[i, j]) / root), float((m[k, i] + m[i, k]) / root)
     return parts[0], parts[1], parts[2], parts[3]
-
-
-# a quaternion shorter than this is no rotation; others are normalised
-_MIN_NORM = 1e-3
 
 
 def place_of(position: Any, orientation: Any) -> tuple[float, float, float | None]:

@@ -23,6 +23,16 @@ if TYPE_CHECKING:
 OUTPUT_NAMES = ("replay.csv", "replay.json", "replay.html")
 _COLUMNS = ("x_m", "y_m", "theta_rad", "belief_x_m", "belief_y_m", "belief_theta_rad", "ball_x_m", "ball_y_m")
 _COMMAND = ("forward_mps", "left_mps")
+_TRACES = (
+    ("x of the believed pose, m", "belief", 3),
+    ("y of the believed pose, m", "belief", 4),
+    ("heading of the believed pose, rad", "belief", 5),
+    ("x of the frame's pose, m", "pose", 0),
+    ("y of the frame's pose, m", "pose", 1),
+    ("ball ahead, m", "ball", 6),
+    ("command ahead, m/s", "velocity_mps", 8),
+    ("command to the left, m/s", "velocity_mps", 9),
+)
 
 
 def figures(differences: Differences) -> dict[str, Any]:
@@ -112,18 +122,6 @@ def _write_csv(path: Path, calls: Sequence[ReplayedCall]) -> None:
             cells = [*_row(call.recorded), *_row(call.replayed)]
             texts = ["" if value is None else f"{value:.9g}" for value in cells]
             writer.writerow([call.number, call.kind, f"{call.t_s:.9g}", int(call.is_same), *texts])
-
-
-_TRACES = (
-    ("x of the believed pose, m", "belief", 3),
-    ("y of the believed pose, m", "belief", 4),
-    ("heading of the believed pose, rad", "belief", 5),
-    ("x of the frame's pose, m", "pose", 0),
-    ("y of the frame's pose, m", "pose", 1),
-    ("ball ahead, m", "ball", 6),
-    ("command ahead, m/s", "velocity_mps", 8),
-    ("command to the left, m/s", "velocity_mps", 9),
-)
 
 
 def _page(name: str, calls: Sequence[ReplayedCall], differences: Differences) -> str:

@@ -41,6 +41,13 @@ from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
 _NUMBERS = re.compile(r"\d[\d.e+-]*")
+# time without an image after which the diagnostics warn
+_SILENT_S = 1.0
+# a head that nods moves its camera so far: farther off, the camera file is of another place on the robot
+_SAME_PLACE_M = 0.05
+# what others publish, or a recording alone has
+_OF_OTHERS = ("/camera/", "/odometry", "/truth/")
+_OK, _WARN, _ERROR = 0, 1, 2
 
 
 class Notices:
@@ -88,15 +95,6 @@ class Notices:
 
 def _kind(text: str) -> str:
     return _NUMBERS.sub("#", text)
-
-
-# time without an image after which the diagnostics warn
-_SILENT_S = 1.0
-# a head that nods moves its camera so far: farther off, the camera file is of another place on the robot
-_SAME_PLACE_M = 0.05
-_OK, _WARN, _ERROR = 0, 1, 2
-# what others publish, or a recording alone has
-_OF_OTHERS = ("/camera/", "/odometry", "/truth/")
 
 
 class VisionNode:

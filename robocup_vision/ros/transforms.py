@@ -20,6 +20,10 @@ _KEPT_S, _MAX_GAP_S = 5.0, 0.5
 _SAME_S = 1e-6
 # of what does not change
 FOR_GOOD = -math.inf
+# axes of a camera (ahead, left, up) in its optical frame (right, down, ahead), REP-103
+_OF_OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+# a tree of a robot is not deeper
+_MAX_FRAMES = 100
 
 
 class Timeline(Generic[Value]):
@@ -58,12 +62,6 @@ class Timeline(Generic[Value]):
         if not 0 < at < len(times) or times[at] - times[at - 1] > _MAX_GAP_S:
             return None
         return values[at - 1], values[at], (t_s - times[at - 1]) / (times[at] - times[at - 1])
-
-
-# axes of a camera (ahead, left, up) in its optical frame (right, down, ahead), REP-103
-_OF_OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-# a tree of a robot is not deeper
-_MAX_FRAMES = 100
 
 
 class Transforms:

@@ -16,6 +16,8 @@ from robocup_vision.messages.types import describe, type_hash
 
 _FAST_DDS = "rmw_fastrtps_cpp"
 _IDENTIFIER = b"rosidl_typesupport_fastrtps_c"
+_FIND = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
+_GET = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)
 
 
 class _String(ctypes.Structure):
@@ -70,10 +72,6 @@ class _Support(ctypes.Structure):
 class _Callbacks(ctypes.Structure):
     # message_type_support_callbacks_t; what serialises is another type's, and is never called
     _fields_ = [("namespace", ctypes.c_char_p), ("name", ctypes.c_char_p), ("others", ctypes.c_void_p * 5)]
-
-
-_FIND = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
-_GET = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)
 
 
 @cache

@@ -35,6 +35,7 @@ _TIMEOUT_S = 5.0
 _MAX_REPLIES = 100
 
 R = TypeVar("R", AutoRefReply, TeamReply)
+CI_PORT = 10009
 
 
 class _ControllerClient(Closing, Generic[R]):
@@ -154,9 +155,6 @@ class TeamPortClient(_ControllerClient[TeamReply]):
     def ping(self) -> None:
         """Ask for a reply, so that a lost connection shows."""
         self._send(TeamMessage(ping=True))
-
-
-CI_PORT = 10009
 
 
 class CiClient(Closing):

@@ -31,6 +31,7 @@ _HEAD = struct.Struct(">qii")
 _FILE_HEAD = struct.Struct(">12si")
 
 LogValue = VisionPacket | Referee | TrackerPacket
+NS_PER_S = 1e9
 
 
 class LogKind(IntEnum):
@@ -305,9 +306,6 @@ def readable(log: Iterable[LogEntry], unreadable: Unreadable) -> Iterator[tuple[
             yield number, entry, value
     except FileError as error:
         unreadable.damage = str(error)
-
-
-NS_PER_S = 1e9
 
 
 @dataclass(slots=True)

@@ -38,6 +38,7 @@ TRACKED_COLUMNS = (
 )
 # fmt: on
 FILES = {"detections": DETECTION_COLUMNS, "referee": REFEREE_COLUMNS, "tracked": TRACKED_COLUMNS}
+_TOPICS: dict[type, str] = {VisionPacket: "/vision", TrackerPacket: "/tracker", Referee: "/referee"}
 
 
 def write_tables(log: SslLog, folder: Path) -> tuple[dict[str, int], Unreadable]:
@@ -136,9 +137,6 @@ def _tracked(index: int, packet: TrackerPacket, frame: TrackedFrame) -> Iterator
 def _mm(length_m: float) -> float:
     """Return millimetres as the message has them."""
     return float(np.float32(1000 * length_m))
-
-
-_TOPICS: dict[type, str] = {VisionPacket: "/vision", TrackerPacket: "/tracker", Referee: "/referee"}
 
 
 def write_mcap(log: SslLog, path: Path) -> tuple[dict[str, int], Unreadable]:

@@ -31,6 +31,9 @@ from robocup_vision.ssl.values.tracked import (
     Vector3,
 )
 
+# the league's go up to 15; a sender must not fill the memory
+_MAX_NUMBER = 63
+
 
 @dataclass(frozen=True, slots=True)
 class TrackerSettings:
@@ -129,8 +132,6 @@ class _RobotTrack(_UnusedDetections):
 
 
 RobotKey = tuple[TeamColor, int]
-# the league's go up to 15; a sender must not fill the memory
-_MAX_NUMBER = 63
 
 
 class OverheadTracker:

@@ -25,6 +25,7 @@ from robocup_vision.team.message import BallSighting, TeamMessage
 
 # weights tried for covariance intersection: its trace is flat about the best one
 _WEIGHTS = np.linspace(0.0, 1.0, 21)
+OWN = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +62,6 @@ class FusedBall:
     vy_mps: float
     covariance: FloatArray  #: (2, 2) float64: of the place, square metres
     sources: tuple[int, ...]  #: numbers of the robots that saw it, the newest sighting first; -1: this robot
-
-
-OWN = -1
 
 
 class TeamBall:

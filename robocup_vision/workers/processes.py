@@ -18,6 +18,15 @@ from typing import Any, TypeVar
 
 from robocup_vision.workers.pieces import Start
 
+_NO_GUARD = (
+    'a script whose own functions work in several processes must start them below `if __name__ == "__main__":`, as each'
+    " process reads the script once more"
+)
+# what pickles of a script's own functions and classes name
+_MAIN = b"__main__"
+# time after which a worker that was asked to end is killed
+_END_S = 0.5
+
 
 class Doer:
     """Does batches of one run.
@@ -48,16 +57,6 @@ def only_one_opencv_thread() -> None:
 
 
 T = TypeVar("T")
-
-_NO_GUARD = (
-    'a script whose own functions work in several processes must start them below `if __name__ == "__main__":`, as each'
-    " process reads the script once more"
-)
-# what pickles of a script's own functions and classes name
-_MAIN = b"__main__"
-
-# time after which a worker that was asked to end is killed
-_END_S = 0.5
 
 
 @contextmanager

@@ -15,6 +15,10 @@ from sim2d.kick_off import center_circle_radius_m
 from sim2d.robot_link import Point
 from sim2d.world.state import BallState, RobotState
 
+_FREE_KICK_OF: frozenset[FoulKind] = frozenset({"fast_ball", "double_touch", "their_area"})
+# a free kick's distance from lines and defence areas, and a goal kick's from its goal line
+_CLEAR_M, _GOAL_KICK_M = 0.2, 1.0
+
 
 @dataclass(frozen=True, slots=True)
 class DefenceArea:
@@ -41,9 +45,6 @@ def defence_area(field: Field) -> DefenceArea | None:
 
 Restart = Literal["kick_off", "free_kick", "penalty", "force_start"]
 FoulKind = Literal["fast_in_stop", "near_ball", "fast_ball", "double_touch", "own_area", "their_area"]
-_FREE_KICK_OF: frozenset[FoulKind] = frozenset({"fast_ball", "double_touch", "their_area"})
-# a free kick's distance from lines and defence areas, and a goal kick's from its goal line
-_CLEAR_M, _GOAL_KICK_M = 0.2, 1.0
 
 
 def is_division_a(field: Field) -> bool:

@@ -26,6 +26,32 @@ Camera: TypeAlias = OmniCamera | PinholeCamera
 # a head's pictures, small enough to process in time
 _HEAD_SIZE_PX = (208, 160)
 _FISHEYE_SIZE_PX = (200, 152)
+# a kick with the body or a leg
+_LEG_KICK = BodySettings(kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)
+_HUMANOID = RobotLimits(
+    0.4,
+    0.6,
+    radius_m=0.15,
+    height_m=0.55,
+    turn_rps=1.5,
+    turn_acceleration_rps2=6.0,
+    kick_speed_mps=2.5,
+    pan_rps=5.0,
+    pan_limit_rad=2.0,
+)
+# players per side, camera, robots
+_BY_FIELD: dict[str, tuple[int, str, str]] = {
+    "ssl_2001": (2, "sekimori", "small"),
+    "ssl_division_a": (6, "ssl_forward", "small_size"),
+    "ssl_division_b": (6, "ssl_forward", "small_size"),
+    "four_legged_2005": (4, "ers7", "four_legged"),
+    "four_legged_2007": (4, "ers7", "four_legged"),
+    "msl_6x4": (2, "msl_mirror", "middle_size"),
+    "msl_18x12": (5, "msl_mirror", "middle_size"),
+    "spl_2020": (5, "nao", "humanoid"),
+    "humanoid_kid_2025": (4, "kid_head", "kid"),
+    "humanoid_adult_2025": (3, "adult_head", "adult"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,21 +128,6 @@ def _msl_fisheyes() -> Rig:
     return Rig(cameras, names=("ahead", "left", "behind", "right"))
 
 
-# a kick with the body or a leg
-_LEG_KICK = BodySettings(kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)
-
-_HUMANOID = RobotLimits(
-    0.4,
-    0.6,
-    radius_m=0.15,
-    height_m=0.55,
-    turn_rps=1.5,
-    turn_acceleration_rps2=6.0,
-    kick_speed_mps=2.5,
-    pan_rps=5.0,
-    pan_limit_rad=2.0,
-)
-
 CAMERAS: dict[str, Callable[[], Camera | Rig]] = {
     "sekimori": sekimori_camera,
     "ers7": lambda: _tilted(ers7_camera(*_HEAD_SIZE_PX), -12.0),
@@ -181,20 +192,6 @@ ROBOTS: dict[str, RobotKind] = {
         False,
         WorldSettings(BodySettings(mass_kg=30.0), BallSettings(mass_kg=0.43)),
     ),
-}
-
-# players per side, camera, robots
-_BY_FIELD: dict[str, tuple[int, str, str]] = {
-    "ssl_2001": (2, "sekimori", "small"),
-    "ssl_division_a": (6, "ssl_forward", "small_size"),
-    "ssl_division_b": (6, "ssl_forward", "small_size"),
-    "four_legged_2005": (4, "ers7", "four_legged"),
-    "four_legged_2007": (4, "ers7", "four_legged"),
-    "msl_6x4": (2, "msl_mirror", "middle_size"),
-    "msl_18x12": (5, "msl_mirror", "middle_size"),
-    "spl_2020": (5, "nao", "humanoid"),
-    "humanoid_kid_2025": (4, "kid_head", "kid"),
-    "humanoid_adult_2025": (3, "adult_head", "adult"),
 }
 
 

@@ -11,6 +11,24 @@ from field_models.errors import ArgumentError
 from robocup_vision.ssl.values.simulation import ErForceRealism
 from sim2d.network.packets import NS_PER_S
 
+MAX_CAMERAS = 16
+# fields of the message that mean the same as one of ours: theirs, ours, how many of theirs make one of ours
+_FIELDS = (
+    ("ball_std_m", "ball_std_m", 1.0, 1.0),
+    ("robot_std_m", "robot_std_m", 1.0, 1.0),
+    ("robot_std_rad", "robot_std_rad", 1.0, math.pi),
+    ("ball_area_std_px", "ball_area_std_px", 1.0, 1e4),
+    ("ball_visibility_threshold", "min_visible_ratio", 1.0, 1.0),
+    ("camera_overlap_m", "camera_overlap_m", 1.0, 10.0),
+    ("camera_position_error_m", "camera_position_std_m", 1.0, 1.0),
+    ("robot_command_loss", "command_loss", 1.0, 1.0),
+    ("robot_response_loss", "response_loss", 1.0, 1.0),
+    ("missing_ball_detections", "missing_ball_ratio", 1.0, 1.0),
+    ("vision_delay_ns", "vision_delay_s", NS_PER_S, 1.0),
+    ("vision_processing_ns", "processing_s", NS_PER_S, 1.0),
+)
+UNSUPPORTED = ("dribbler_ball_detections", "simulate_dribbling")
+
 
 @dataclass(frozen=True, slots=True)
 class Realism:
@@ -83,7 +101,6 @@ REALISMS = {
         response_loss=0.0,
     ),
 }
-MAX_CAMERAS = 16
 
 
 def realism_named(name: str, cameras: str | None = None) -> Realism:
@@ -109,24 +126,6 @@ def realism_named(name: str, cameras: str | None = None) -> Realism:
     if not 1 <= columns * rows <= MAX_CAMERAS:
         raise ArgumentError(f"cameras are given as 4x2, at most {MAX_CAMERAS} of them, got {cameras!r}")
     return dataclasses.replace(realism, camera_columns=columns, camera_rows=rows)
-
-
-# fields of the message that mean the same as one of ours: theirs, ours, how many of theirs make one of ours
-_FIELDS = (
-    ("ball_std_m", "ball_std_m", 1.0, 1.0),
-    ("robot_std_m", "robot_std_m", 1.0, 1.0),
-    ("robot_std_rad", "robot_std_rad", 1.0, math.pi),
-    ("ball_area_std_px", "ball_area_std_px", 1.0, 1e4),
-    ("ball_visibility_threshold", "min_visible_ratio", 1.0, 1.0),
-    ("camera_overlap_m", "camera_overlap_m", 1.0, 10.0),
-    ("camera_position_error_m", "camera_position_std_m", 1.0, 1.0),
-    ("robot_command_loss", "command_loss", 1.0, 1.0),
-    ("robot_response_loss", "response_loss", 1.0, 1.0),
-    ("missing_ball_detections", "missing_ball_ratio", 1.0, 1.0),
-    ("vision_delay_ns", "vision_delay_s", NS_PER_S, 1.0),
-    ("vision_processing_ns", "processing_s", NS_PER_S, 1.0),
-)
-UNSUPPORTED = ("dribbler_ball_detections", "simulate_dribbling")
 
 
 def changed_realism(realism: Realism, message: ErForceRealism) -> Realism:

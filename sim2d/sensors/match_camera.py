@@ -25,6 +25,12 @@ from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.body_sway import UPRIGHT, Sway
 from sim2d.world.state import BallState, RobotState, WorldState
 
+MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
+MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)
+MATCH_ROOM = Room(seed=4, distance_m=1.2)
+CARPET_MARGIN_M = 0.5  # beyond the floor polygon where nothing bounds it
+MARKERS_BGR = {1: COLOR_NAMES["yellow"], -1: COLOR_NAMES["blue"]}
+
 
 @dataclass(frozen=True, slots=True)
 class LightDriftSettings:
@@ -82,13 +88,6 @@ class RollingBall:
         c, s = math.cos(angle), math.sin(angle)
         across = np.array([[0.0, 0.0, ay], [0.0, 0.0, -ax], [-ay, ax, 0.0]])
         self._rotation = (np.eye(3) + s * across + (1.0 - c) * across @ across) @ self._rotation
-
-
-MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
-MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)
-MATCH_ROOM = Room(seed=4, distance_m=1.2)
-CARPET_MARGIN_M = 0.5  # beyond the floor polygon where nothing bounds it
-MARKERS_BGR = {1: COLOR_NAMES["yellow"], -1: COLOR_NAMES["blue"]}
 
 
 @dataclass(frozen=True, slots=True)

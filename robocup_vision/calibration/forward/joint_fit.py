@@ -43,8 +43,14 @@ from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, Ed
 TILT, ROLL, HEIGHT, LOG_FOCAL, LINE_WIDTH = 0, 1, 2, 3, 6
 CENTER = slice(4, 6)
 LENS = 7
+# coefficients of the distortion that are fitted where a lens is free
 _COEFFICIENTS = 2
+# step of the numerical derivatives, in each number's own unit
 _STEP = 1e-4
+# edges of one picture that are compared with it, at most
+_MAX_SAMPLES = 600
+# unknowns of each picture: pose, then tilt, roll and height by which it differs from those common to all
+_OWN = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,10 +134,6 @@ class ForwardParameters:
             moved = replace(camera, distortion=tuple(lens.tolist())).camera_ray_to_pixel(rays)
             columns.append(((moved - at) * normal).sum(axis=1) / _STEP)
         return np.asarray(np.nan_to_num(np.array(columns).reshape(self.coefficients, len(pixels)).T))
-
-
-_MAX_SAMPLES = 600
-_OWN = 6
 
 
 @dataclass(frozen=True, slots=True)

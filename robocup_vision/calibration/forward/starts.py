@@ -42,6 +42,7 @@ _DIRECTIONS = 360
 _MIN_DIRECTIONS = 40
 # of the greatest radius, what is used: lenses fade towards the rim
 _USED = 0.98
+LENS_MODELS: tuple[LensModel, ...] = ("pinhole", "fisheye")
 
 
 def dark_rim(frames: Sequence[UInt8Array]) -> tuple[float, float, float] | None:
@@ -103,7 +104,6 @@ def _circle(points: FloatArray) -> tuple[float, float, float]:
 
 
 LensModel = Literal["pinhole", "fisheye"]
-LENS_MODELS: tuple[LensModel, ...] = ("pinhole", "fisheye")
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,12 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.lines import nearest_lines
 from robocup_vision.kernels.walls.calibration import MirrorView, floor_points
 
+# sideways at the start and at the end of a line; radius and centre of an arc
+_NUMBERS = 3
+# steps of the numerical derivatives, in the vector's own units
+_STEP = 1e-4
+_MIN_SLOPE = 1e-9
+
 
 class LineForms(NamedTuple):
     """On which line or arc floor points lie, and their covectors."""
@@ -99,10 +105,6 @@ def homogeneous(camera: OmniCamera, pixels: FloatArray) -> FloatArray:
     return point
 
 
-# sideways at the start and at the end of a line; radius and centre of an arc
-_NUMBERS = 3
-
-
 @dataclass(frozen=True, eq=False)
 class OnPaint:
     """Which points lie on a line or arc near the field, and how its paint moves what they are compared with."""
@@ -137,11 +139,6 @@ class OnPaint:
 def no_paint(count: int) -> FloatArray:
     """Return the paint (L, 3), metres, of so many lines and arcs that lie where the field has them."""
     return np.zeros((count, _NUMBERS))
-
-
-# steps of the numerical derivatives, in the vector's own units
-_STEP = 1e-4
-_MIN_SLOPE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

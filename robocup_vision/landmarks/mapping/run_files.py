@@ -29,6 +29,8 @@ from robocup_vision.files.csv_table import read_csv
 from robocup_vision.files.images import IMAGE_SUFFIXES, read_image
 from robocup_vision.geometry import Pose2
 
+CAMERAS = ("right", "left", "top")
+
 
 @dataclass(frozen=True, eq=False)
 class TrinocularRig:
@@ -56,9 +58,6 @@ class TrinocularRig:
     def _moved(self, by_m: FloatArray) -> PinholeCamera:
         x, y, z = self.right.viewpoint_m + self.right.camera_to_robot @ by_m
         return replace(self.right, offset_m=(float(x), float(y)), height_m=float(z))
-
-
-CAMERAS = ("right", "left", "top")
 
 
 class _RunFile(StrictStruct):

@@ -23,6 +23,10 @@ from robocup_vision.perception.markings.finder import MarkingSource
 from robocup_vision.view import View
 
 Point = tuple[float, float]
+# parts of a view, and then of a moment, that are sent when they are another object than the time before
+_SELDOM = ("polar", "grid", "camera", "colors", "settings", "map_state", "marking_finder")
+_VIEW_FIELDS = tuple(field.name for field in fields(View))
+_NO_FRAME = np.empty((0, 0, 3), dtype=np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,12 +111,6 @@ class Display(Protocol):
     def close(self) -> None:
         """End."""
         ...
-
-
-# parts of a view, and then of a moment, that are sent when they are another object than the time before
-_SELDOM = ("polar", "grid", "camera", "colors", "settings", "map_state", "marking_finder")
-_VIEW_FIELDS = tuple(field.name for field in fields(View))
-_NO_FRAME = np.empty((0, 0, 3), dtype=np.uint8)
 
 
 class MomentWriter:

@@ -8,6 +8,9 @@ from importlib.util import find_spec
 from field_models.errors import ArgumentError
 from robocup_vision.evaluation.moment_links import LIVE_PORT
 
+DEFAULT_PORT = LIVE_PORT
+LOOPBACK = "127.0.0.1"
+
 
 @dataclass(frozen=True, slots=True)
 class FeedSettings:
@@ -35,10 +38,6 @@ class FeedSettings:
             raise ArgumentError("history_s, max_history_bytes and max_raw_bytes must be positive")
         if not 1 <= self.jpeg_quality <= 100:
             raise ArgumentError(f"jpeg_quality must be 1 to 100, got {self.jpeg_quality}")
-
-
-DEFAULT_PORT = LIVE_PORT
-LOOPBACK = "127.0.0.1"
 
 
 def require_packages() -> None:

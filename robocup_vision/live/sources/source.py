@@ -21,6 +21,11 @@ from robocup_vision.perception.color_table import Colors, load_colors
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
+# window of the measurement, seconds
+_WINDOW_S = 2.0
+# a camera's rate varies with the light by less than this factor; a lost half of the frames is more
+_CHANGED = 1.5
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SourceFrame:
@@ -255,12 +260,6 @@ class Newest(Generic[T]):
         with self._news:
             self._is_closed = True
             self._news.notify_all()
-
-
-# window of the measurement, seconds
-_WINDOW_S = 2.0
-# a camera's rate varies with the light by less than this factor; a lost half of the frames is more
-_CHANGED = 1.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,10 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 SEEN_PX, PIXEL_M, FOOT_PX = (36, 48), 0.036, 4
 # columns and rows between exactly projected pixels; those between are interpolated
 _GRID_PX = 4
+# smallest log-odds of a kind that is reported: 20 to 1
+MIN_NATS = 3.0
+# farther away an obstacle has too few pixels, and none was in the training set
+MAX_RANGE_M = 8.0
 
 
 def upright_pictures(shrunk: Shrunk, camera: PinholeCamera, places_m: FloatArray, rim_px: int = 0) -> UInt8Array:
@@ -92,12 +96,6 @@ def log_odds(answers: FloatArray) -> FloatArray:
     """Return the log-odds (N, 2) of each of `KINDS`, by the network's answers (N, 3): the last one is for all else."""
     rest = [np.logaddexp.reduce(np.delete(answers, kind, axis=1), axis=1) for kind in range(len(KINDS))]
     return np.asarray(answers[:, : len(KINDS)] - np.stack(rest, axis=1))
-
-
-# smallest probability of a reported kind: at most one in twenty was wrong in photographs of an unseen event
-MIN_NATS = 3.0
-# farther away an obstacle has too few pixels, and none was in the training set
-MAX_RANGE_M = 8.0
 
 
 class _OfThread(threading.local):

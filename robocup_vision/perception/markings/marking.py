@@ -14,6 +14,8 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2, turned_covariance, wrap_angle
 
+_STILL = Pose2(0.0, 0.0, 0.0)
+
 
 @dataclass(frozen=True, slots=True)
 class MarkingSettings:
@@ -67,7 +69,6 @@ class MarkingSettings:
 
 
 CrossingKind = Literal["L", "T", "X"]
-_STILL = Pose2(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,6 +25,8 @@ from robocup_vision.recording.bags.bag import Bag
 _MAX_DELAY_S = 10.0
 # a clock of another rate, such as a slow simulator's, drifts away from that of the log: in median absolute deviations
 _MAX_DRIFT = 20.0
+# largest difference of times that count as logged together
+_TOGETHER_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -89,10 +91,6 @@ def rising(times_s: Sequence[float]) -> list[int]:
 def stamp_s(message: Any) -> float:
     """Return the stamp of a message's header; NaN where the message could not be read."""
     return math.nan if isinstance(message, PacketError) else to_seconds(message.header.stamp)
-
-
-# largest difference of times that count as logged together
-_TOGETHER_S = 0.5
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,8 @@ except ImportError:
 _PACKAGE = "robocup_vision"
 _Proto = descriptor_pb2.FieldDescriptorProto
 _SCALARS = {float: "float", int: "uint32", bool: "bool", str: "string", bytes: "bytes"}
+_NAMES: dict[type, str] = {}
+_POOL = descriptor_pool.DescriptorPool()
 
 
 class OpenEnum(IntEnum):
@@ -85,9 +87,6 @@ class _Field(NamedTuple):
     read: Callable[[Any], Any] | None
     write: Callable[[Any], Any] | None
     layout: tuple[int, str, type]  # number, protobuf type, class
-
-
-_NAMES: dict[type, str] = {}
 
 
 def message_value(name: str) -> Callable[[type[T]], type[T]]:
@@ -225,9 +224,6 @@ def _text(value: Any) -> Any:
     if isinstance(value, bytes):
         raise PacketError(f"the text {value[:40]!r} is not UTF-8")
     return value
-
-
-_POOL = descriptor_pool.DescriptorPool()
 
 
 @cache

@@ -15,6 +15,8 @@ from robocup_vision.ssl.values.geometry import Geometry
 
 DEGREES_PER_RAD = math.degrees(1.0)
 RPM_PER_RPS = 60 / math.tau
+# how a `RobotMotion` is named in a feedback's `custom`
+MOTION_TYPE = "robocup_vision/RobotMotion"
 
 
 class Team(OpenEnum):
@@ -298,10 +300,6 @@ class RobotFeedback:
     ball_contact: Annotated[bool | None, Wire(2, "dribbler_ball_contact")] = None
     custom: Annotated[AnyMessage | None, Wire(3)] = None
     unknown: bytes = b""
-
-
-# how a `RobotMotion` is named in a feedback's `custom`
-MOTION_TYPE = "robocup_vision/RobotMotion"
 
 
 @message_value("simulation.RobotMotion")

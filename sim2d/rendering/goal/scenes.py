@@ -42,6 +42,9 @@ FRAME_MARGIN = 0.03  # distance that a whole goal keeps from the image's border,
 AIM_SPREAD_RAD = (0.12, 0.10)  # how far the axis strays from the goal's middle, pan and tilt
 ROLL_STD_RAD = 0.03
 TRIES = 200
+CLEAR_SHOT = Sensor(noise_sigma=2.0, blur_px=0.5, vignette=0.10)
+ROUGH_SHOT = Sensor(noise_sigma=4.0, blur_px=0.7, vignette=0.20, jpeg_quality=90)
+BURNT_SHOT = dataclasses.replace(ROUGH_SHOT, bloom=0.4)
 
 
 def ers7_camera(width: int = 416, height: int = 320) -> PinholeCamera:
@@ -63,11 +66,6 @@ def _head_camera(size_px: tuple[int, int], focal: float, height_m: float, height
         height_std_m=height_std_m,
         roll_std_rad=ROLL_STD_RAD,
     )
-
-
-CLEAR_SHOT = Sensor(noise_sigma=2.0, blur_px=0.5, vignette=0.10)
-ROUGH_SHOT = Sensor(noise_sigma=4.0, blur_px=0.7, vignette=0.20, jpeg_quality=90)
-BURNT_SHOT = dataclasses.replace(ROUGH_SHOT, bloom=0.4)
 
 
 @dataclass(frozen=True, slots=True)
