@@ -16,7 +16,7 @@ from robocup_vision.pipeline.frames import to_bgr
 from robocup_vision.vision import Vision
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.random_scenes import CONDITIONS, sample
-from sim2d.rendering.scene import Scene
+from sim2d.rendering.scene import Ball, Scene
 from sim2d.sensors.match_camera import MATCH_SENSOR
 
 SAMPLES = Path(__file__).resolve().parents[2] / "images" / "omni_ssl_2001"
@@ -171,3 +171,23 @@ def test_goals_of_two_colors_tell_swapped_channels_to_a_forward_camera(ssl_field
     assert "goals look" in view.pose.reason
     assert view.measurement is None
     assert view.warnings == (view.pose.reason,)
+
+
+def test_suspected_channels_leave_the_half_open_and_change_no_earlier_view():
+    """A ball of swapped colour before the goal: with red and blue swapped, yellow is another team's cyan."""
+    field, pose = load_field("four_legged_2007"), Pose2(0.8, 0.2, 0.05)
+    camera = PinholeCamera((208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, pan_rad=0.0, tilt_rad=-0.21, roll_rad=0.0)
+    light = render_pinhole(camera, Scene(field, ball=Ball(1.5, 0.3, field.ball_radius_m)), pose, supersample=2)
+    frame = MATCH_SENSOR.expose(light, np.random.default_rng(3))
+    vision = Vision(field, camera)
+    right = vision.look(frame, prior=pose)
+    vision.forget()
+    suspected = vision.look(frame[..., ::-1], prior=pose)
+    assert not suspected.warnings
+    # a measurement is worked out when it is asked for: the right frame's only now
+    for view, halves in ((right, 1), (suspected, 2)):
+        for estimate in (view.pose, view.measurement):
+            assert len(estimate.candidates) == halves
+            assert estimate.pose.error_to(pose)[0] < 0.05
+    for estimate in (suspected.pose, suspected.measurement):
+        assert estimate.candidates[1].error_to(pose.half_turn())[0] < 0.05
