@@ -195,7 +195,7 @@ class Vision:
         self.channels = channels
         self._is_fresh = True
         # of odometry since the last view
-        self._doubts: list[str] = []
+        self._odometry_warnings: list[str] = []
         self._looked_s: float | None = None
         self._by_edges = chosen.by_edges
 
@@ -254,8 +254,8 @@ class Vision:
             t_s = None if t_s is None else as_time(t_s)
         mounting = self._as_mounting(mounting, None if pan_rad is None else as_angle("pan_rad", pan_rad))
         self._is_fresh = False
-        self._doubt(odometry, t_s)
-        if self._memory is None and self._doubts:
+        self._check_odometry(odometry, t_s)
+        if self._memory is None and self._odometry_warnings:
             odometry = None
         self._looked_s = t_s
         if frame is None or (given is not None and not any(one is not None for one in given.frames)):
@@ -268,12 +268,12 @@ class Vision:
                 self._refine_camera(shown, view)
             else:
                 view = self._look_and_remember(self._memory, shown, t_s, odometry, prior, mounting)
-        if self._doubts:
-            view = replace(view, warnings=(*view.warnings, *self._doubts))
-            self._doubts.clear()
+        if self._odometry_warnings:
+            view = replace(view, warnings=(*view.warnings, *self._odometry_warnings))
+            self._odometry_warnings.clear()
         return view
 
-    def _doubt(self, odometry: Pose2 | None, t_s: float | None) -> None:
+    def _check_odometry(self, odometry: Pose2 | None, t_s: float | None) -> None:
         """Note, for the next view, odometry that no robot can do in the time since the call before."""
         if odometry is None or t_s is None:
             return
@@ -285,7 +285,7 @@ class Vision:
             return
         if not can_move:
             way_m, turn_rad = math.hypot(odometry.x_m, odometry.y_m), odometry.theta_rad
-            self._doubts.append(
+            self._odometry_warnings.append(
                 f"odometry of {way_m:.3g} m and {turn_rad:.3g} rad at {t_s:g} s is not believed: no robot moves so fast"
             )
 
@@ -431,13 +431,13 @@ class Vision:
             raise ArgumentError("predict needs a memory: Vision(..., memory=Memory(field))")
         self._is_fresh = False
         odometry, t_s = as_pose("odometry", odometry), as_time(t_s)
-        self._doubt(odometry, t_s)
+        self._check_odometry(odometry, t_s)
         self._memory.predict(odometry, t_s)
 
     def forget(self) -> None:
         """Forget learnt colours, the last pose and what memory holds: the next frame stands alone."""
         self._pipeline.forget()
-        self._doubts.clear()
+        self._odometry_warnings.clear()
         self._looked_s = None
         if self._memory is not None:
             self._memory.forget()

@@ -117,7 +117,7 @@ def ask(case: Case, rule: str) -> Asked:
     order = case.goal_pans()
     if rule == "nearest goal first" and case.goal_ranges()[1] < case.goal_ranges()[0]:
         order = order[::-1]
-    while looks < MAX_LOOKS and entropy_nat(probability) > GoalQuestionSettings().enough_nat:
+    while looks < MAX_LOOKS and entropy_nat(probability) > GoalQuestionSettings().decided_nat:
         hypotheses = case.hypotheses(probability)
         if rule == "expected entropy":
             chosen = question.choose(hypotheses, pan, case.blockers)
@@ -131,7 +131,7 @@ def ask(case: Case, rule: str) -> Asked:
         probability = question.observe(hypotheses, pan, case.look(pan, looked.count(pan)), case.blockers)
         looked.append(pan)
         looks += 1
-    answered = entropy_nat(probability) <= GoalQuestionSettings().enough_nat
+    answered = entropy_nat(probability) <= GoalQuestionSettings().decided_nat
     return Asked(looks, answered, bool(answered and int(np.argmax(probability)) == int(case.turned)))
 
 

@@ -29,7 +29,7 @@ class DoctorSettings:
     max_pictures: int = 8  #: pictures looked at with each set-up, evenly spread
     min_fitting: float = 0.6  #: of them, those that another set-up must fit
     min_more: float = 0.3  #: of them, those that it must fit beyond those that fit as it is
-    enough: float = 0.8  #: ratio of fitting pictures from which the remaining kinds of slips are not tried
+    decided_ratio: float = 0.8  #: ratio of fitting pictures from which the remaining kinds of slips are not tried
     #: poses this near to truth or odometry agree with it, with three of the pose's own standard deviations on top
     max_error_m: float = 0.1
     max_error_rad: float = math.radians(3.0)
@@ -127,7 +127,7 @@ class Doctor:
         kinds = [(kind, near) for kind, tried in enumerate(NEAR) for near in tried(self.own)]
         last = None
         for kind, near in progress(kinds, len(kinds), "trying near set-ups"):
-            if kind != last and best is not None and best.fitting >= settings.enough * count:
+            if kind != last and best is not None and best.fitting >= settings.decided_ratio * count:
                 break
             last = kind
             looks = self._looks(near.set_up, chosen, needed if best is None else best.fitting)

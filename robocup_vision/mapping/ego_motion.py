@@ -89,15 +89,15 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Profile:
-    """What a frame shows, smoothed along things: the kernels' (3, J), which thing each direction is of, and its worth.
+    """What a frame shows, smoothed along things: the kernels' (3, J), which thing each direction is of, and its weight.
 
-    `worth`: independent measurements a direction, since those of neighbours are the same in part.
+    `weight`: independent measurements a direction, since those of neighbours are the same in part.
     """
 
     present: FloatArray
     thing: npt.NDArray[np.int64]
     things: int
-    worth: float
+    weight: float
 
     @classmethod
     def smooth(cls, inverse: FloatArray, std: FloatArray, reach: int) -> _Profile:
@@ -274,7 +274,7 @@ class EgoMotion:
         information = np.asarray(np.linalg.inv(spread), dtype=np.float64)
         normal = np.empty((3, 3))
 
-        rules = kernels.Rules(settings.min_inlier_ratio, profile.worth, 2 * settings.reach + 1)
+        rules = kernels.Rules(settings.min_inlier_ratio, profile.weight, 2 * settings.reach + 1)
         earlier, prediction = kernels.Earlier(past, thing), kernels.Prediction(predicted.array, information)
 
         def refine(pose: FloatArray) -> tuple[int, float]:

@@ -50,7 +50,7 @@ class Realism:
     floor_rays: bool = False
     #: The ball is found in what each camera sees: as much of it as robots leave in view, at the middle of those
     #: pixels.
-    looks: bool = False
+    finds_ball_in_images: bool = False
     #: By how much each camera hangs otherwise than its calibration says, per axis.
     camera_position_std_m: float = 0.0
     camera_rotation_std_rad: float = 0.0
@@ -94,7 +94,7 @@ REALISMS = {
         ball_area_std_px=0.0,
         missing_ball_ratio=0.0,
         min_visible_ratio=0.25,
-        looks=True,
+        finds_ball_in_images=True,
         camera_position_std_m=0.01,
         camera_rotation_std_rad=0.001,
         command_loss=0.0,

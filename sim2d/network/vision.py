@@ -47,10 +47,10 @@ class OverheadVision:
         self.cameras = camera_rig(field, realism.camera_columns, realism.camera_rows, realism.camera_overlap_m)
         self._rng = rng
         self._frame_numbers = [0] * len(self.cameras)
-        hung = realism.camera_position_std_m, realism.camera_rotation_std_rad
-        self._is_off = any(hung)
+        mounting_stds = realism.camera_position_std_m, realism.camera_rotation_std_rad
+        self._is_misplaced = any(mounting_stds)
         self.views = tuple(
-            OverheadView(field, camera, camera_mounting(rng, *hung) if self._is_off else Mounting())
+            OverheadView(field, camera, camera_mounting(rng, *mounting_stds) if self._is_misplaced else Mounting())
             for camera in self.cameras
         )
 
@@ -87,7 +87,7 @@ class OverheadVision:
         teams: dict[Team, list[DetectionRobot]] = {Team.YELLOW: [], Team.BLUE: []}
         for place, robot in enumerate(seen):
             teams[robot.team].append(self._robot(index, robot, noise[place] if noise else (0.0, 0.0, 0.0)))
-        ball = self._ball_in_view(index, state) if realism.looks else self._ball(index, state)
+        ball = self._ball_in_view(index, state) if realism.finds_ball_in_images else self._ball(index, state)
         self._frame_numbers[index] += 1
         return DetectionFrame(
             self._frame_numbers[index],
@@ -103,7 +103,7 @@ class OverheadVision:
         camera, realism, pose = self.cameras[index], self.realism, robot.pose
         x, y = pose.x_m + realism.robot_std_m * noise[0], pose.y_m + realism.robot_std_m * noise[1]
         u, v = camera.pixel(x, y, robot.height_m)
-        if self._is_off:
+        if self._is_misplaced:
             # where it is in the image, carried to the field by the calibration
             u, v = self.views[index].pixel(x, y, robot.height_m)
             x, y = self.views[index].on_field(u, v, robot.height_m)
@@ -143,7 +143,7 @@ class OverheadVision:
         area = max(round(visible * math.pi * radius_px**2 + realism.ball_area_std_px * da), 1)
         height = z if z > 0 and not realism.floor_rays else None
         u, v = camera.pixel(x, y)
-        if self._is_off:
+        if self._is_misplaced:
             u, v = self.views[index].pixel(x, y, 0.0)
             x, y = self.views[index].on_field(u, v, 0.0)
         return DetectionBall(visible, x, y, u, v, area, height)

@@ -1,8 +1,8 @@
 """Goal nets: the rectangles they hang in, and how the ray caster sees through them.
 
 A net covers what is behind it by the cords' fraction of a ray's patch. With cords d thick, s apart, that is
-1 - (1 - d / s)^2 where a patch is wider than many meshes; nearer cords are seen as lines. Where a ray meets two nets
-their order makes no difference, for their cords have one colour and hang in nearly one light.
+1 - (1 - d / s)^2 where a patch is wider than many meshes; nearer cords are seen as lines. Where a ray meets two
+nets their order makes no difference, as their cords have one colour and nearly the same light.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sim2d.kernels.frame_values import Nets
 from sim2d.rendering.light import TracedLight, illuminate
 from sim2d.rendering.scene import Scene
 
-# beyond it the slow renderer's patches of floor do not grow
+# range beyond which the patch of floor that a ray covers does not grow any more
 _FARTHEST_M = 1e3
 
 
@@ -46,7 +46,7 @@ def nets_of(field: Field, cast_bgr: npt.NDArray[np.float64]) -> Nets:
 
 
 def lay_nets(traced: TracedLight, scene: Scene) -> None:
-    """Cover light that rays bring from behind nets."""
+    """Cover by nets, in place, the light of rays that meet something behind them."""
     rows = net_rows(scene.field)
     if not len(rows):
         return
@@ -54,15 +54,19 @@ def lay_nets(traced: TracedLight, scene: Scene) -> None:
     c, s = np.cos(hits.eye.theta_rad), np.sin(hits.eye.theta_rad)
     color = nets_of(scene.field, np.ones(3)).color
     for row in rows:
-        for part in hits.window_of(_corners(row)[:, :2]):
+        for window in hits.window_of(_corners(row)[:, :2]):
             direction = np.stack(
-                [rays.cos[part] * c - rays.sin[part] * s, rays.cos[part] * s + rays.sin[part] * c, rays.slope[part]]
+                [
+                    rays.cos[window] * c - rays.sin[window] * s,
+                    rays.cos[window] * s + rays.sin[window] * c,
+                    rays.slope[window],
+                ]
             ).astype(np.float64)
-            floor_m = np.minimum(rays.floor_m[part], _FARTHEST_M)
+            floor_m = np.minimum(rays.floor_m[window], _FARTHEST_M)
             floor_m = floor_m.astype(np.float64)
-            steps = rays.tangential_m[part] / floor_m, rays.radial_m[part] * (rays.height_m / floor_m**2)
+            steps = rays.tangential_m[window] / floor_m, rays.radial_m[window] * (rays.height_m / floor_m**2)
             distance, covered = _meet(row, np.array([hits.eye.x_m, hits.eye.y_m, rays.height_m]), direction, steps)
-            met = np.flatnonzero((covered > 0) & (distance < hits.distance_m[part]))
+            met = np.flatnonzero((covered > 0) & (distance < hits.distance_m[window]))
             if not len(met):
                 continue
             x, y = (
@@ -71,7 +75,7 @@ def lay_nets(traced: TracedLight, scene: Scene) -> None:
             )
             light = np.tile(color, (len(met), 1))
             illuminate(light, np.ones(len(met), dtype=np.float32), scene, x, y)
-            index = met + part.start
+            index = met + window.start
             fraction = covered[met, None].astype(np.float32)
             traced.light[index] += fraction * (light - traced.light[index])
 
@@ -86,7 +90,7 @@ def _meet(
 ) -> tuple[FloatArray, FloatArray]:
     """Return horizontal distances (N,) at which rays (3, N) meet a net, and the fraction of their patches it covers.
 
-    `steps`: angle to the ray beside each, and difference of slope to the one above.
+    `steps`: (N,), (N,) float64: angle to the ray beside each (rad), and difference of slope to the one above.
     """
     along, up = row[3:6], row[6:9]
     normal, start = np.cross(along, up), row[:3] - eye
@@ -103,15 +107,15 @@ def _meet(
             )
             low, high = (np.clip(at + side * wide / 2, 0, size) for side in (-1, 1))
             inside.append((high - low) / wide)
-            free.append(inside[-1] - (_cords_until(high, mesh, row[13]) - _cords_until(low, mesh, row[13])) / wide)
+            free.append(inside[-1] - (_cord_width_m(high, mesh, row[13]) - _cord_width_m(low, mesh, row[13])) / wide)
         covered = inside[0] * inside[1] - free[0] * free[1]
     is_met = (distance > 0) & np.isfinite(covered)
     return np.where(is_met, distance, np.inf), np.where(is_met, covered, 0.0)
 
 
-def _cords_until(at_m: FloatArray, mesh_m: float, cord_m: float) -> FloatArray:
-    """Length of cords, one at every multiple of a mesh, from half a mesh before 0 to a place."""
-    turns = at_m / mesh_m + 0.5
-    whole = np.floor(turns)
-    in_cord = (turns - whole - 0.5) * mesh_m + cord_m / 2
+def _cord_width_m(at_m: FloatArray, mesh_m: float, cord_m: float) -> FloatArray:
+    """Return the total width of cords from half a mesh before 0 to a place; one lies at every multiple of a mesh."""
+    meshes = at_m / mesh_m + 0.5
+    whole = np.floor(meshes)
+    in_cord = (meshes - whole - 0.5) * mesh_m + cord_m / 2
     return np.asarray(whole * cord_m + np.clip(in_cord, 0.0, cord_m))

@@ -83,7 +83,7 @@ class LearnedBallFinder:
         """Forget the frames before: the next one is searched whole."""
         self._expected: list[_Expected] = []
         self._looked_s: float | None = None
-        # share of the whole frame's work that this sweep has done
+        # fraction of the whole frame's work that this sweep has done
         self._swept = 0.0
 
     def find(self, frame: UInt8Array, camera: PinholeCamera, t_s: float | None = None) -> tuple[Ball, ...]:

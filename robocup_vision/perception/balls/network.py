@@ -73,7 +73,7 @@ class BallStrips:
 
     @cached_property
     def _ends(self) -> FloatArray:
-        """(P,) float64: share of the work that is done after each part."""
+        """(P,) float64: fraction of the work that is done after each part."""
         work = np.cumsum([width * height for width, height in (part.size for part in self.parts)], dtype=np.float64)
         return np.asarray(work / work[-1], dtype=np.float64)
 
@@ -83,7 +83,7 @@ class BallStrips:
         Parameters
         ----------
         begin, end : float
-            The parts that end within these shares of the work; beyond 1 it goes on with the first.
+            The parts that end within these fractions of the work; beyond 1 it goes on with the first.
         """
         chosen = ((self._ends > begin) & (self._ends <= end)) | (self._ends <= end - 1.0)
         for ball in balls:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.perception.line_points import LinePoints
-from robocup_vision.perception.markings.correlated_errors import FloorErrors, slow_covariance
+from robocup_vision.perception.markings.correlated_errors import FloorErrors, common_covariance
 from robocup_vision.perception.markings.line_pieces import LinePieces
 from robocup_vision.perception.markings.marking import MarkingSettings
 from robocup_vision.perception.markings.straight import fit_line, is_bare, middle_shifts_m, scale_m
@@ -47,14 +47,14 @@ def find_arcs(
     pieces: LinePieces,
     errors: FloorErrors,
     line_width_m: float,
-    slow_px: float,
+    common_px: float,
     radii_m: FloatArray,
     free: BoolArray,
     settings: MarkingSettings,
 ) -> list[Arc]:
     """Return the arcs of these radii, the one with most points first.
 
-    Arguments are as those of `find_straight`; `slow_px` is what points err by alike; `free` (N,) are the points, and
+    Arguments are as those of `find_straight`; `common_px`: see `common_error_px`; `free` (N,) are the points, and
     `pieces` those, that lie on no straight line.
     """
     slack_m = settings.slack_widths * line_width_m
@@ -68,7 +68,7 @@ def find_arcs(
             start = _propose(pieces, piece_shifts, radius, slack_m, settings)
             if start is None:
                 break
-            arc = _fit(points, shifts, free, *start, radius, errors, line_width_m, slow_px, settings)
+            arc = _fit(points, shifts, free, *start, radius, errors, line_width_m, common_px, settings)
             if arc is None or _shows_carpet(points, errors, arc, settings) or _may_be_straight(points, arc, settings):
                 break
             found.append(arc)
@@ -120,7 +120,7 @@ def _fit(
     radius_m: float,
     errors: FloorErrors,
     line_width_m: float,
-    slow_px: float,
+    common_px: float,
     settings: MarkingSettings,
 ) -> Arc | None:
     """Fit centre and camera together; None where too little of the circle is seen."""
@@ -160,7 +160,7 @@ def _fit(
         return None
     covariance = np.linalg.inv(information + 1e-9 * np.eye(len(state)))
     gain = covariance @ (rows.T * weight)
-    covariance += slow_covariance(gain, points.pixels[left[near]], np.hypot(slow_px, bend_px[near]))
+    covariance += common_covariance(gain, points.pixels[left[near]], np.hypot(common_px, bend_px[near]))
     cost = 0.5 * float(weight @ residual_px**2)
     return Arc(state[:2], covariance[:2, :2], state[2:], cost, noise_px, radius_m, left[near])
 
@@ -228,7 +228,7 @@ def _shows_carpet(points: LinePoints, errors: FloorErrors, arc: Arc, settings: M
     bare = np.count_nonzero(is_bare(points, camera.floor_to_pixel(shifted)))
     turn = np.arctan2(*(points.floor_m[arc.points] - arc.center_m).T[::-1])
     seen = len(np.unique((turn / math.tau * 2 * _PARTS).astype(np.int64) % (2 * _PARTS)))
-    return bool(bare > settings.bare_share * seen)
+    return bool(bare > settings.min_bare_ratio * seen)
 
 
 def _may_be_straight(points: LinePoints, arc: Arc, settings: MarkingSettings) -> bool:

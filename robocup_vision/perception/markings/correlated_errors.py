@@ -24,15 +24,15 @@ from robocup_vision.perception.markings.straight import Straight, scale_m
 Held = TypeVar("Held", OmniCamera, PinholeCamera)
 # width of a square of the picture whose points have correlated errors
 _SQUARE_PX = 24.0
-# stripes of fewer points tell nothing
+# the mean of a stripe of fewer points is not used
 _MIN_POINTS = 4
-# of the square of a standard normal number
+# median of the square of a standard normal number
 _MEDIAN_CHI2 = 0.4549
 
 
 @dataclass(frozen=True, eq=False)
 class FloorErrors:
-    """A camera, and the same camera held a little otherwise."""
+    """A camera, and the errors of its attitude, height, focal length and pan."""
 
     camera: OmniCamera | PinholeCamera  #: as the frame shows it to be held
     #: (5, K) float64 or (2, K) float64: columns are independent errors, each by one standard deviation: of a forward
@@ -47,14 +47,14 @@ class FloorErrors:
         settings: MarkingSettings,
         held_covariance: FloatArray | None = None,
     ) -> FloorErrors:
-        """Return the errors of a camera of which a frame told how it is held, or else its file.
+        """Return the errors of a camera whose attitude a frame has shown, or else its file gives.
 
         Parameters
         ----------
         camera : OmniCamera or PinholeCamera
             As the frame, or else its file, says that it is held.
         settings : MarkingSettings
-            What is assumed where neither says how well.
+            Standard deviations that are assumed where neither gives them.
         held_covariance : (4, 4) float64, optional
             Of a forward camera's tilt, roll, height and logarithm of the focal length.
         """
@@ -85,8 +85,8 @@ class FloorErrors:
     def shifts_m(self, pixels: FloatArray) -> FloatArray:
         """How far floor places of pixels (..., 2) move by one standard deviation of each error, (..., 2, K), metres.
 
-        Half of what they move by from one such deviation to the opposite one: the farther away, the more the two
-        differ. NaN where a pixel may be beyond the horizon.
+        A central difference: half of the way from the place at minus one deviation to that at plus one. NaN where a
+        pixel may be beyond the horizon.
         """
         shifts = [(more.pixel_to_floor(pixels) - less.pixel_to_floor(pixels)) / 2 for more, less in self._others]
         return np.stack(shifts, axis=-1) if shifts else np.empty((*np.shape(pixels), 0))
@@ -124,11 +124,11 @@ def _tilted(camera: OmniCamera, error: FloatArray) -> OmniCamera:
     return replace(camera, viewpoint_height_m=camera.height_m, tilt_rad=(x + about_x, y + about_y))
 
 
-def slow_error_px(points: LinePoints, lines: list[Straight], settings: MarkingSettings) -> float:
-    """Return the standard deviation of what neighbouring points err by alike, pixels across the line.
+def common_error_px(points: LinePoints, lines: list[Straight], settings: MarkingSettings) -> float:
+    """Return the standard deviation of the error that neighbouring points have in common, pixels across the line.
 
-    It is what the means of straight lines' points, stripe by stripe, differ by beyond what single points' errors make
-    of them, but no less than `settings.bias_px`.
+    The points of each straight line are averaged stripe by stripe. The means scatter about the line by more than the
+    points' own errors explain; the excess is the common error. It is no less than `settings.bias_px`.
     """
     squared, single = [np.empty(0)], [np.empty(0)]
     for line in lines:
@@ -153,19 +153,19 @@ def slow_error_px(points: LinePoints, lines: list[Straight], settings: MarkingSe
     return float(np.sqrt(max(excess, settings.bias_px**2)))
 
 
-def with_slow_errors(points: LinePoints, line: Straight, slow_px: float) -> Straight:
-    """Return a stretch of line with the errors that its points have alike, see `slow_covariance`."""
+def with_common_errors(points: LinePoints, line: Straight, common_px: float) -> Straight:
+    """Return a stretch of line whose covariance holds its points' common errors, see `common_covariance`."""
     which = line.points
     scale = scale_m(points, which, line.normal)
     weight = points.weight[which] / scale**2
     off = points.floor_m[which] @ line.along - line.middle_m
     turn = -weight * off * scale / max(float(weight @ off**2), 1e-12)
     gain = np.stack([turn, weight * scale / weight.sum() + line.middle_m * turn])
-    return replace(line, covariance=line.covariance + slow_covariance(gain, points.pixels[which], slow_px))
+    return replace(line, covariance=line.covariance + common_covariance(gain, points.pixels[which], common_px))
 
 
-def slow_covariance(gain: FloatArray, pixels: FloatArray, slow_px: float | FloatArray) -> FloatArray:
-    """Return the covariance (S, S) of a fit by what its points err by alike.
+def common_covariance(gain: FloatArray, pixels: FloatArray, common_px: float | FloatArray) -> FloatArray:
+    """Return the covariance (S, S) of a fit by the errors that its points have in common.
 
     Parameters
     ----------
@@ -173,11 +173,12 @@ def slow_covariance(gain: FloatArray, pixels: FloatArray, slow_px: float | Float
         By how much an error of each point, in pixels across its line, moves what is fitted.
     pixels : (P, 2) float64
         Of the points.
-    slow_px : float or (P,) float64
-        All points err by so much together, and those of each square of the picture by as much again.
+    common_px : float or (P,) float64
+        Standard deviation of an error common to all points, and of another common to those of each square of the
+        picture.
     """
     square = _squares(pixels)
-    by_square = np.stack([np.bincount(square, row) for row in gain * slow_px])
+    by_square = np.stack([np.bincount(square, row) for row in gain * common_px])
     together = by_square.sum(axis=1)
     return np.asarray(np.outer(together, together) + by_square @ by_square.T)
 

@@ -15,7 +15,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.perception.line_points import LineFinder, LinePoints, LineSettings
 from robocup_vision.perception.markings.arcs import Arc, find_arcs
-from robocup_vision.perception.markings.correlated_errors import FloorErrors, slow_error_px, with_slow_errors
+from robocup_vision.perception.markings.correlated_errors import FloorErrors, common_error_px, with_common_errors
 from robocup_vision.perception.markings.crossings import LinePicture, find_crossings
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.goal_posts import PostFinder
@@ -24,7 +24,8 @@ from robocup_vision.perception.markings.marking import Circle, LineSegment, Mark
 from robocup_vision.perception.markings.painted_spots import SpotFinder
 from robocup_vision.perception.markings.straight import Straight, find_straight, fit_middles
 
-# within these the width of a line in the picture is as good as the same
+# cameras that differ by less, in tilt and roll and in logarithms of height and focal length, share a line finder:
+# to both a line is as wide
 _SAME_TILT_RAD, _SAME_LOG = math.radians(2.0), 0.02
 _FINGERPRINT_BYTES = 199
 
@@ -35,8 +36,8 @@ class MarkingSource:
 
     finder: MarkingFinder  #: of the camera
     frame: UInt8Array  #: (H, W, 3) uint8: BGR
-    camera: OmniCamera | PinholeCamera  #: as the frame, or else its file, says that it is held
-    #: (4, 4) float64: of the camera's tilt, roll, height and logarithm of the focal length, where the frame told them
+    camera: OmniCamera | PinholeCamera  #: in the attitude that the frame shows, or else that of its file
+    #: (4, 4) float64: of the camera's tilt, roll, height and logarithm of the focal length, where the frame shows them
     held_covariance: FloatArray | None
     fingerprint: bytes  #: of the frame as it was looked at
 
@@ -103,14 +104,14 @@ class MarkingFinder:
         self._finder: LineFinder | None = None
 
     def __getstate__(self) -> dict[str, object]:
-        # its tables are large, and soon made anew
+        # its tables are large, and quickly made again
         return {**vars(self), "_finder": None}
 
     def find(
         self,
         frame: UInt8Array,
         camera: OmniCamera | PinholeCamera,
-        pose: PoseEstimate | NotLocated = NotLocated("none is told"),
+        pose: PoseEstimate | NotLocated = NotLocated("no pose is given"),
         held_covariance: FloatArray | None = None,
     ) -> Markings:
         """Return the markings that a frame shows.
@@ -122,8 +123,8 @@ class MarkingFinder:
         pose : PoseEstimate or NotLocated
             The robot on the field: says what of the field the markings are.
         held_covariance : (4, 4) float64, optional
-            Of a forward camera's tilt and roll (rad), height (m) and logarithm of the focal length, as the frame told
-            them; None: they are known as well as the camera says.
+            Of a forward camera's tilt and roll (rad), height (m) and logarithm of the focal length, as the
+            frame shows them; None: they are known as well as the camera file says.
         """
         markings = self._find(frame, FloorErrors.of(camera, self.settings, held_covariance))
         return self._features.name(markings, pose) if isinstance(pose, PoseEstimate) else markings
@@ -138,9 +139,9 @@ class MarkingFinder:
         width_m, radii_m = field.line_width_m, self._radii_m
         lines, left, left_pieces = find_straight(points, pieces, camera, width_m, np.unique(radii_m), settings)
         points, lines = fit_middles(points, lines, camera, width_m, settings)
-        slow_px = slow_error_px(points, lines, settings)
-        lines = [with_slow_errors(points, line, slow_px) for line in lines]
-        arcs = find_arcs(points, pieces.take(left_pieces), errors, width_m, slow_px, radii_m, left, settings)
+        common_px = common_error_px(points, lines, settings)
+        lines = [with_common_errors(points, line, common_px) for line in lines]
+        arcs = find_arcs(points, pieces.take(left_pieces), errors, width_m, common_px, radii_m, left, settings)
         picture = LinePicture.of(points, camera.size_px)
         segments = [_segment(line, errors) for line in lines]
         most_m = settings.max_std_m
@@ -163,7 +164,7 @@ class MarkingFinder:
         if finder.camera is not camera:
             found = LinePoints.from_pixels(camera, found.pixels, found.weight, found.bare_floor)
         near = np.hypot(*found.floor_m.T) <= self._reach_m
-        # what may be beyond the horizon has no place
+        # a pixel that may be beyond the horizon has no place on the floor
         near &= np.isfinite(errors.shifts_m(found.pixels)).all(axis=(1, 2))
         return found.take(near)
 
@@ -194,7 +195,7 @@ def std_at_middle_m(segment: LineSegment) -> float:
 
 
 def _segment(line: Straight, errors: FloorErrors) -> LineSegment:
-    """Return a stretch of line as it is told, with the errors of how the camera is held."""
+    """Return a stretch of line as a marking, whose covariance holds the errors of the camera's attitude."""
     low, high = line.ends_m
     ends = line.at(np.array([low, high]))
     shifts = errors.shifts_m(errors.camera.floor_to_pixel(ends))

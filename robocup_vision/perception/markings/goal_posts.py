@@ -92,7 +92,7 @@ class PostFinder:
         top_px = max(float(top[1]), 0.0) if np.isfinite(top).all() else 0.0
         if strip.foot - strip.bottom > strip.width_at(strip.foot) + _WHITE_STEP:
             return None
-        if strip.foot - strip.top < settings.min_post_share * (strip.foot - top_px):
+        if strip.foot - strip.top < settings.min_post_ratio * (strip.foot - top_px):
             return None
         # paint on the floor ends below the horizon
         if goal.height_m > camera.height_m:

@@ -35,10 +35,10 @@ class MarkingSettings:
     #: of a segment: its points, and its length in the picture
     min_points: int = 10
     min_px: float = 20.0
-    min_cover: float = 0.75  #: share of a segment's length in the picture on which points lie
-    min_along: float = 0.5  #: share of a segment's points in pieces that lie along it
+    min_cover: float = 0.75  #: fraction of a segment's length in the picture on which points lie
+    min_along: float = 0.5  #: fraction of a segment's points in pieces that lie along it
     #: smallest ratio of bare carpet in a gap of a line; with less, something stands before it
-    bare_share: float = 0.5
+    min_bare_ratio: float = 0.5
     #: smallest log-likelihood ratio of a line against an arc as curved as the field's
     straight_nats: float = 4.0
     min_arc_rad: float = math.radians(70.0)  #: smallest visible part of a circle
@@ -52,7 +52,7 @@ class MarkingSettings:
     min_post_px: float = 3.0  #: width in the picture of the thinnest post that can be distinguished from clutter
     #: largest ratio of a post's width in the picture to the expected one, and its inverse the smallest
     post_width_ratio: float = 1.35
-    min_post_share: float = 0.6  #: smallest visible part of a post's height within the picture
+    min_post_ratio: float = 0.6  #: smallest visible part of a post's height within the picture
     min_solid_ratio: float = 0.75  #: smallest brightness of a white post's dark parts, relative to its bright ones
     min_contrast_ratio: float = 0.75  #: smallest contrast of a post's edges relative to the clearest post's
     min_posts_apart: float = 0.5  #: smallest distance of two posts, in goal widths

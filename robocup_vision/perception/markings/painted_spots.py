@@ -18,7 +18,7 @@ from robocup_vision.perception.markings.marking import MarkingSettings, PenaltyM
 _BARE_MARGIN_PX = 4
 # points of a mark's outline
 _OUTLINE = np.linspace(0.0, math.tau, 17)[:-1]
-# grey levels that white differs from carpet by, and the share of the brightest from which a pixel counts
+# grey levels that white differs from carpet by, and the fraction of the brightest from which a pixel counts
 _MIN_CONTRAST, _MIN_RATIO = 30.0, 0.15
 # of the lens's blur, pixels
 _BLUR_PX = 0.8

@@ -257,7 +257,10 @@ def _runs(
         between = np.linspace(at[gap], at[gap + 1], 34)[1:-1]
         pixels = camera.floor_to_pixel(distance_m * normal + between[:, None] * along)
         # nobody hides more than is seen of a line on either side
-        if step_px[gap] > extent_px[index : index + 2].min() or is_bare(points, pixels).mean() > settings.bare_share:
+        if (
+            step_px[gap] > extent_px[index : index + 2].min()
+            or is_bare(points, pixels).mean() > settings.min_bare_ratio
+        ):
             cuts.append(gap + 1)
     return np.split(which, cuts)
 

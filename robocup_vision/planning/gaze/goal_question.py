@@ -51,7 +51,7 @@ class GoalQuestionSettings:
     #: number of pans compared: with 37 over half a turn they are 5 degrees apart, a tenth of a usual field of view
     pans: int = 37
     #: entropy at which the question is decided: 0.1 nat leave the other of two poses a probability of 2 %
-    enough_nat: float = 0.1
+    decided_nat: float = 0.1
     min_gain_nat: float = 0.02  #: a look with a smaller expected gain is not worth its time
     as_good_nat: float = 0.01  #: pans whose expected entropy differs by less count as equal. Then the head moves least.
     #: a corner nearer to the picture's border than this fraction of its width is cut as often as not
@@ -59,7 +59,7 @@ class GoalQuestionSettings:
 
     def __post_init__(self) -> None:
         require_at_least(self, 3, "pans")
-        require_not_negative(self, "enough_nat", "min_gain_nat", "as_good_nat", "border_ratio")
+        require_not_negative(self, "decided_nat", "min_gain_nat", "as_good_nat", "border_ratio")
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +163,7 @@ class GoalQuestion:
         """
         settings, probability = self._settings, _probabilities(hypotheses)
         now = entropy_nat(probability)
-        if now <= settings.enough_nat:
+        if now <= settings.decided_nat:
             return Fixation("decided", None, now, now, f"decided: {probability.max():.1%} sure, {now:.2f} nat")
         if not self.can_decide:
             return Fixation("undecidable", None, now, now, "undecidable: the goals of this field look alike")

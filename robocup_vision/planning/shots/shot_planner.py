@@ -159,10 +159,10 @@ class ShotPlanner:
         chances = self.chances(places[:, None], headings, defenders, place_std_m, heading_std_rad, seconds)
         reached = self._reached(places, seconds, defenders, place_std_m)
         kept = np.exp(-seconds * (reached / self.lost_s + 1.0 / self.slips_s))
-        worth = chances * (kept * self._free(ball, places, defenders, place_std_m)[:, None])
-        place, aim = np.unravel_index(int(np.argmax(worth)), worth.shape)
+        expected = chances * (kept * self._free(ball, places, defenders, place_std_m)[:, None])
+        place, aim = np.unravel_index(int(np.argmax(expected)), expected.shape)
         chance = float(chances[place, aim])
-        if now >= worth[place, aim]:
+        if now >= expected[place, aim]:
             return ShotPlan("kick", ball, heading_rad, now, now, f"goal in {now:.0%}, nothing better is near")
         x, y = places[place].tolist()
         heading = float(headings[place, aim])

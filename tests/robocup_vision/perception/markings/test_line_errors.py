@@ -12,7 +12,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.line_points import LinePoints
-from robocup_vision.perception.markings.correlated_errors import FloorErrors, slow_covariance, slow_error_px
+from robocup_vision.perception.markings.correlated_errors import FloorErrors, common_covariance, common_error_px
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.finder import MarkingFinder
 from robocup_vision.perception.markings.marking import MarkingSettings
@@ -35,26 +35,26 @@ def test_the_middle_of_a_near_wide_line_is_found_by_its_edges():
     assert (np.abs(again) < 0.1 * np.abs(off)).all()
 
 
-@pytest.mark.parametrize("slow_px", [0.0, 0.3])
-def test_what_points_err_by_alike_shows_in_how_lines_bend(slow_px):
+@pytest.mark.parametrize("common_px", [0.0, 0.3])
+def test_the_common_error_of_neighbouring_points_shows_in_how_lines_bend(common_px):
     rng, settings = np.random.default_rng(3), MarkingSettings()
     u, errors = np.arange(40.0, 600.0), []
     for row in (200.0, 280.0, 360.0):
-        v = row + 0.15 * rng.standard_normal(len(u)) + slow_px * np.repeat(rng.standard_normal(24), 24)[: len(u)]
+        v = row + 0.15 * rng.standard_normal(len(u)) + common_px * np.repeat(rng.standard_normal(24), 24)[: len(u)]
         errors.append(np.stack([u, v], axis=1))
     points = LinePoints.from_pixels(CAMERA, np.concatenate(errors), np.ones(3 * len(u)), None)
     lines = [stretch_of(points, np.arange(k * len(u), (k + 1) * len(u)), 0.0, settings) for k in range(3)]
-    told = slow_error_px(points, lines, settings)
-    if slow_px:
-        assert 0.5 * slow_px < told < 1.5 * slow_px
+    estimated_px = common_error_px(points, lines, settings)
+    if common_px:
+        assert 0.5 * common_px < estimated_px < 1.5 * common_px
     else:
-        assert told < 0.06
+        assert estimated_px < 0.06
 
 
 def test_errors_alike_move_a_mean_and_errors_of_squares_average_out():
     pixels = np.stack([np.arange(0.0, 2400.0), np.full(2400, 50.0)], axis=1)
     mean = np.full((1, 2400), 1 / 2400)
-    assert slow_covariance(mean, pixels, 0.2)[0, 0] == pytest.approx(0.2**2 * (1 + 1 / 100))
+    assert common_covariance(mean, pixels, 0.2)[0, 0] == pytest.approx(0.2**2 * (1 + 1 / 100))
 
 
 def test_errors_of_tilt_and_height_that_cancel_move_the_floor_less():
@@ -77,15 +77,15 @@ def test_errors_of_tilt_and_height_that_cancel_move_the_floor_less():
 def test_a_pan_that_is_known_so_well_moves_all_sideways():
     panned = CAMERA.held_as(PinholeCamera((640, 480), (460.0, 460.0), (319.5, 239.5), 0.5, pan_std_rad=0.02))
     panned = panned.with_orientation(0.0, -0.45, 0.0)
-    told = np.diag([1e-9, 1e-9, 1e-9, 0.0]) ** 2
-    ahead, left = FloorErrors.of(panned, MarkingSettings(), told).shifts_m(np.array([319.5, 239.5]))
+    estimated_px = np.diag([1e-9, 1e-9, 1e-9, 0.0]) ** 2
+    ahead, left = FloorErrors.of(panned, MarkingSettings(), estimated_px).shifts_m(np.array([319.5, 239.5]))
     away = float(CAMERA.pixel_to_floor(np.array([319.5, 239.5]))[0])
     assert np.linalg.norm(left) == pytest.approx(0.02 * away, rel=1e-3)
     assert np.linalg.norm(ahead) < 1e-3
 
 
 def test_of_a_camera_known_well_the_errors_told_are_those_made(paint_field):
-    """Squared errors by what is told average about one a degree of freedom, of lines and crossings alike."""
+    """Squared errors by what is estimated_px average about one a degree of freedom, of lines and crossings alike."""
     field, rng = load_field("humanoid_kid_2025"), np.random.default_rng(5)
     finder, features = MarkingFinder(field), FieldFeatures(load_field("humanoid_kid_2025"), 3.0)
     lines, spots = [], []

@@ -84,7 +84,7 @@ def test_decided_when_little_entropy_is_left() -> None:
     sure = question.choose(_halves(Pose2(0.0, 0.0, 0.0), 0.985))
     assert sure.answer == "decided"
     assert sure.pan_rad is None
-    assert sure.entropy_nat <= GoalQuestionSettings().enough_nat
+    assert sure.entropy_nat <= GoalQuestionSettings().decided_nat
     assert sure.reason.startswith("decided: 98.5% sure")
     assert question.choose(_halves(Pose2(0.0, 0.0, 0.0), 0.9)).answer == "look"
 
@@ -161,5 +161,5 @@ def test_refuses_bad_values() -> None:
         question.observe(halves, 0.0, 2)
     with pytest.raises(ArgumentError, match="pans must be at least 3"):
         GoalQuestionSettings(pans=1)
-    with pytest.raises(ArgumentError, match="enough_nat must not be negative"):
-        GoalQuestionSettings(enough_nat=-0.1)
+    with pytest.raises(ArgumentError, match="decided_nat must not be negative"):
+        GoalQuestionSettings(decided_nat=-0.1)
