@@ -137,9 +137,12 @@ def _run(arguments: Sequence[str] | None) -> int:
         from robocup_vision.progress import reached
 
         # a command that keeps what is finished says so; of others, how far they have come
-        told = str(interrupt) or reached()
+        reached_text = str(interrupt) or reached()
         newline = "\n" if sys.stderr.isatty() else ""
-        print(f"{newline}robocup-vision {options.command}: interrupted{': ' + told if told else ''}", file=sys.stderr)
+        print(
+            f"{newline}robocup-vision {options.command}: interrupted{': ' + reached_text if reached_text else ''}",
+            file=sys.stderr,
+        )
         return 130
     return status
 

@@ -72,9 +72,9 @@ class PoseEstimate:
         return np.sqrt(np.diag(self.covariance))
 
     def seen_from(self, mount: Pose2) -> PoseEstimate:
-        """Return the estimate, with its candidates, of what lies at `mount` in the frame that this one is of."""
+        """Return the estimate, with its candidates, of a thing at the pose `mount` in this one's frame."""
         candidates, covariance = tuple(candidate.compose(mount) for candidate in self.candidates), self.covariance
-        # a turn alone, of a head that pans about the camera, leaves the covariance as it is
+        # a turn about the origin alone, as of a head that pans, does not change the covariance
         if mount.x_m or mount.y_m:
             covariance = compose_covariance(self.pose, covariance, mount, np.zeros((3, 3)))
         return PoseEstimate(candidates[0], covariance, self.inlier_ratio, self.residual_px, candidates)
@@ -105,13 +105,13 @@ class NotLocated:
 
 @dataclass(frozen=True, slots=True)
 class SwappedChannels(NotLocated):
-    """No pose, as red and blue seem to be swapped: goals would decide on the wrong half."""
+    """No pose, as red and blue seem to be swapped, and the half by the goals' colours would be wrong."""
 
 
 class EdgeState(IntEnum):
     """What a frame shows where an edge of the field was predicted.
 
-    `UNSEEN`: too faint there to look for; `FOUND`; `HIDDEN`: something stands before it; `MISSING`: plain carpet.
+    `UNSEEN`: too faint to be searched for; `FOUND`; `HIDDEN`: something stands before it; `MISSING`: plain carpet.
     """
 
     UNSEEN = 0

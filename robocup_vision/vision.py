@@ -359,7 +359,7 @@ class Vision:
         require_kind("mounting", mounting, Mounting, "a Mounting(tilt_rad=..., ...)")
         if pan_rad is not None:
             if mounting.pan_rad is not None:
-                raise ArgumentError("the pan is told twice, by pan_rad and by the mounting")
+                raise ArgumentError("the pan is given twice, by pan_rad and by the mounting")
             mounting = replace(mounting, pan_rad=pan_rad)
         if not mounting.pans_only:
             if not self._by_edges:

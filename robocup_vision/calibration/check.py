@@ -119,7 +119,7 @@ class CheckSettings:
     min_turns: int = 3  #: turns, or headings, that are needed for a decision
     #: evidence of an image, and of all images, that counts for the order of the channels
     min_channel_nats: float = 1.0
-    told_channel_nats: float = math.log(100.0)
+    report_channel_nats: float = math.log(100.0)
     #: odometry turns that can be compared: larger than its noise, smaller than the ambiguity of a half turn
     min_turn_rad: float = math.radians(2.0)
     max_turn_rad: float = math.radians(60.0)
@@ -331,7 +331,7 @@ class _Check:
             evidence = f"in {for_swapped} of {count} images the {what} as with red and blue swapped"
             if for_own:
                 evidence += f", in {for_own} as they are"
-            is_wrong = float(nats.sum()) >= self.settings.told_channel_nats and for_swapped > 2 * for_own
+            is_wrong = float(nats.sum()) >= self.settings.report_channel_nats and for_swapped > 2 * for_own
             advice = "the images were written with red and blue swapped (RGB arrays by OpenCV's imwrite?)?"
             return Finding("channels", "wrong" if is_wrong else "unknown", f"{evidence}: {advice}")
         if for_own:

@@ -73,11 +73,11 @@ def _start(args: argparse.Namespace) -> PinholeCamera | KnownOfCamera:
     from robocup_vision.calibration.forward.starts import KnownOfCamera
     from robocup_vision.camera import PinholeCamera, load_camera
 
-    told = {name: value for name in ("model", "view", "height", "tilt") if (value := getattr(args, name)) is not None}
+    given = {name: value for name in ("model", "view", "height", "tilt") if (value := getattr(args, name)) is not None}
     if args.start is None:
         return KnownOfCamera(args.model or "pinhole", args.view, args.height, args.tilt)
-    if told:
-        raise ArgumentError(f"--{next(iter(told))} is not asked for with --start: the camera file says it")
+    if given:
+        raise ArgumentError(f"--{next(iter(given))} is not asked for with --start: the camera file says it")
     start = load_camera(args.start)
     if not isinstance(start, PinholeCamera):
         raise FileError(args.start, "is a mirror camera, must look ahead", key="model", value="omni")

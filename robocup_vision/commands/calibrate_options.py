@@ -53,8 +53,8 @@ def start_trials(args: argparse.Namespace, paths: list[Path]) -> Iterator[StartT
             stays = trials.done > 0
             if not stays or isinstance(error, RobocupVisionError):
                 raise
-            told = f"{trials.done} starts are finished and kept in {kept.path}; --resume goes on"
-            raise KeyboardInterrupt(told) from None
+            progress_text = f"{trials.done} starts are finished and kept in {kept.path}; --resume goes on"
+            raise KeyboardInterrupt(progress_text) from None
         finally:
             if not stays:
                 kept.delete()

@@ -64,9 +64,9 @@ def run_camera(args: argparse.Namespace) -> int:
 
     named = {"name": args.name} if args.format == "kalibr" else {}
     lens = READERS[args.format](args.file, args.size, **named)
-    told = {"pan_rad": args.pan, "tilt_rad": args.tilt, "roll_rad": args.roll, "height_m": args.height}
+    given = {"pan_rad": args.pan, "tilt_rad": args.tilt, "roll_rad": args.roll, "height_m": args.height}
     try:
-        mounting = Mounting(**told)
+        mounting = Mounting(**given)
     except ArgumentError as error:
         raise ArgumentError(str(error).replace("a mounting's", "the camera's")) from None
     make = FisheyeCamera if lens.is_fisheye else PinholeCamera

@@ -209,7 +209,11 @@ def _print_summary(name: str, summary: Summary) -> None:
         ("median position error", millimetres(figures.median_error_m)),
         ("median heading error", degrees(figures.median_error_rad)),
         ("median time per frame", ms),
-        *((kind, _detections_text(one)) for kind, one in (summary.detections or {}).items() if one.boxes or one.told),
+        *(
+            (kind, _detections_text(one))
+            for kind, one in (summary.detections or {}).items()
+            if one.boxes or one.reported
+        ),
         *([] if summary.steering is None else [("safe commands", _steering_text(summary.steering))]),
         ("report", str(summary.report if summary.report is not None else summary.out)),
     ]
@@ -224,9 +228,9 @@ def _print_summary(name: str, summary: Summary) -> None:
 def _detections_text(figures: KindFigures) -> str:
     from robocup_vision.evaluation.report import millimetres, percent
 
-    told = "" if figures.told is None else f", precision {percent(figures.precision)} of {figures.told}"
+    precision = "" if figures.reported is None else f", precision {percent(figures.precision)} of {figures.reported}"
     error = f", range error {millimetres(figures.median_range_error_m)}" if figures.median_range_error_m else ""
-    return f"{figures.found} of {figures.boxes} boxes found ({percent(figures.recall)}){told}{error}"
+    return f"{figures.found} of {figures.boxes} boxes found ({percent(figures.recall)}){precision}{error}"
 
 
 def _steering_text(figures: SteerFigures) -> str:

@@ -46,8 +46,8 @@ def run_import_boxes(args: argparse.Namespace) -> int:
     imported = READERS[args.format](args.source, **named)
     save_boxes(Path(args.out), imported.boxes)
     kinds = Counter(box.kind for boxes in imported.boxes.values() for box in boxes)
-    told = ", ".join(f"{number} {kind}" for kind, number in kinds.most_common())
-    print(f"{args.out}: {kinds.total()} boxes in {len(imported.boxes)} images{': ' + told if told else ''}")
+    counts = ", ".join(f"{number} {kind}" for kind, number in kinds.most_common())
+    print(f"{args.out}: {kinds.total()} boxes in {len(imported.boxes)} images{': ' + counts if counts else ''}")
     if imported.left_out:
         print(f"{imported.left_out} labels are no boxes (points, outlines) and are left out")
     return 0

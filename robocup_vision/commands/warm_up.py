@@ -57,7 +57,7 @@ def run_warm_up(options: argparse.Namespace) -> int:
                 done.result()
     except BrokenProcessPool:
         raise RobocupVisionError("a process ended abruptly; is there enough memory? Try --jobs 1") from None
-    # two processes that keep the same loop at the same time may lose one of its entries: it is compiled again here
+    # when two processes write one loop's cache entry at the same time, one may be lost: this compiles it again
     for group in groups():
         prepare(group)
     count = sum(len(entries) for entries in listed.values())

@@ -61,10 +61,10 @@ def compile_wheel(wheel: str | Path, jobs: int) -> Path:
         except (OSError, ValueError, BadZipFile, wheelfile.WheelError) as error:
             raise FileError(wheel, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
         _compile(Path(folder), jobs)
-        (told,) = Path(folder).glob("*.dist-info/WHEEL")
-        text = told.read_text(encoding="utf-8")
+        (metadata,) = Path(folder).glob("*.dist-info/WHEEL")
+        text = metadata.read_text(encoding="utf-8")
         text = text.replace(f"Tag: {_PLAIN}", f"Tag: {tag}").replace("Is-Purelib: true", "Is-Purelib: false")
-        told.write_text(text, encoding="utf-8")
+        metadata.write_text(text, encoding="utf-8")
         try:
             with wheelfile.WheelFile(compiled, "w") as packed:
                 packed.write_files(folder)

@@ -140,7 +140,8 @@ def render_comparison(comparison: Comparison, pictures: Path | None = None) -> s
         afters=[outcome for outcome in OUTCOMES if any(comparison.count(other, outcome) for other in OUTCOMES)],
         count=comparison.count,
         changes=[
-            (change, _is_worse(change), *map(_told, (change.before, change.after))) for change in comparison.changes
+            (change, _is_worse(change), *map(_outcome_text, (change.before, change.after)))
+            for change in comparison.changes
         ],
         pictures=[] if pictures is None else _pictures(comparison, pictures),
         plot=_error_plot(comparison),
@@ -149,13 +150,13 @@ def render_comparison(comparison: Comparison, pictures: Path | None = None) -> s
 
 def figure_rows(comparison: Comparison) -> list[tuple[str, str, str, str]]:
     """Return name, both values and the difference of each figure, as text."""
-    told = [("Method", str(comparison.first.summary["method"]), str(comparison.second.summary["method"]), "")]
+    rows = [("Method", str(comparison.first.summary["method"]), str(comparison.second.summary["method"]), "")]
     for label, key, text in _FIGURES:
         values = [comparison.first.summary[key], comparison.second.summary[key]]
         one, other = (float(value) if isinstance(value, int | float) else None for value in values)
         difference = "–" if one is None or other is None else _signed(other - one, text)
-        told.append((label, text(one), text(other), difference))
-    return told
+        rows.append((label, text(one), text(other), difference))
+    return rows
 
 
 def _outcome(row: CsvRow) -> ImageOutcome:
@@ -187,7 +188,7 @@ def _notes(comparison: Comparison) -> list[str]:
     return notes
 
 
-def _told(one: ImageOutcome) -> str:
+def _outcome_text(one: ImageOutcome) -> str:
     return one.reason or millimetres(one.error_m)
 
 
@@ -236,10 +237,10 @@ def _plain(value: float | None, *, digits: int) -> str:
 
 
 def _signed(difference: float, text: Callable[[float | None], str]) -> str:
-    told = text(abs(difference))
-    if not any(digit in told for digit in "123456789"):
+    digits = text(abs(difference))
+    if not any(digit in digits for digit in "123456789"):
         return "0"
-    return ("+" if difference > 0 else "−") + told
+    return ("+" if difference > 0 else "−") + digits
 
 
 # labels and keys of summary.json that are compared, and how they are written

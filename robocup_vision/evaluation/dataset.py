@@ -297,7 +297,7 @@ def _rig_dataset(
         None if one is None else _mask(one, camera.size_px)
         for one, camera in zip(rig_mask_paths(path, _beside(folder, description.mask), rig), rig.cameras, strict=True)
     )
-    notes = (f"{box_file.NAME} is not scored: with a rig it is not told whose boxes they are",)
+    notes = (f"{box_file.NAME} is not scored: with a rig it does not say which camera's boxes they are",)
     return Dataset(
         name=folder.resolve().name if folder.is_dir() else folder.stem,
         path=source,

@@ -1,7 +1,7 @@
-"""What a view tells of balls and obstacles, held against the boxes of its image.
+"""Balls and obstacles of a view, compared with the boxes of its image.
 
-A thing that is told is a hit where its place in the picture, a ball's centre or an obstacle's foot, lies in a box of
-its kind or 2 pixels around it; each box counts once, for the likeliest. What is told and hits no box is false.
+What is reported is a hit where its place in the picture, a ball's centre or an obstacle's foot, lies in a box of its
+kind or 2 pixels around it; each box counts once, for the likeliest. What is reported and hits no box is false.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robocup_vision.perception.kinds.network import Kind
 
 HIT_PX = 2.0
 BALL, OBSTACLE = "ball", "obstacle"
-# kinds of boxes that an obstacle may be told of
+# kinds of boxes that an obstacle may be reported of
 OBSTACLE_KINDS = (OBSTACLE, "robot", "person", "human")
 SCORED_KINDS = (BALL, *OBSTACLE_KINDS)
 # kinds of boxes that show a robot or a person; a box of another kind shows neither, but an obstacle may be either
@@ -29,25 +29,25 @@ KIND_OF_BOX: Final[dict[str, Kind]] = {"robot": "robot", "person": "person", "hu
 
 
 class Detection(NamedTuple):
-    """A box with what was told of it, or what was told where no box is."""
+    """A box with what was reported of it, or what was reported where there is no box."""
 
     kind: str  #: of the box; without a box, of the detection: "ball" or "obstacle"
-    #: its xmin, ymin, xmax, ymax, pixels; None: something was told that is not there
+    #: its xmin, ymin, xmax, ymax, pixels; None: what was reported is not there
     box: tuple[float, float, float, float] | None
-    place_px: tuple[float, float] | None = None  #: where it was told; None: the box was missed
-    #: range as told, less that of the box: where the ray through its centre meets the height of a ball's centre, or the
+    place_px: tuple[float, float] | None = None  #: where it was reported; None: the box was missed
+    #: reported range less that of the box: where the ray through its centre meets the height of a ball's centre, or the
     #: ray through its lower edge the floor. None of a miss, and where the box is cut or no floor is there.
     range_error_m: float | None = None
-    #: `Obstacle.kind` of what was told in a box of a robot or a person; None: not told, or not asked for
-    told_kind: str | None = None
+    #: `Obstacle.kind` of what was reported in a box of a robot or a person; None: not reported, or not asked for
+    reported_kind: str | None = None
 
     @property
     def is_hit(self) -> bool:
-        """Whether something was told where a box is."""
+        """Whether something was reported where a box is."""
         return self.box is not None and self.place_px is not None
 
 
-def told_kinds(boxes: Iterable[Box]) -> tuple[str, ...]:
+def reported_kinds(boxes: Iterable[Box]) -> tuple[str, ...]:
     """Return which of "ball" and "obstacle" a dataset's boxes mark; both where there is no box at all."""
     marked = {box.kind for box in boxes}
     kinds = (BALL,) * (BALL in marked) + (OBSTACLE,) * (not marked.isdisjoint(OBSTACLE_KINDS))
@@ -78,13 +78,13 @@ def match_boxes(
             raise ArgumentError(f"the localiser's views have no {name}, which boxes.csv needs")
     camera: OmniCamera | PinholeCamera = view.camera
     found: list[Detection] = []
-    balls = [_Told((ball.u_px, ball.v_px), math.hypot(ball.x_m, ball.y_m), None) for ball in view.balls]
+    balls = [_Report((ball.u_px, ball.v_px), math.hypot(ball.x_m, ball.y_m), None) for ball in view.balls]
     feet = np.array([(one.x_m, one.y_m) for one in view.obstacles], dtype=np.float64).reshape(-1, 2)
     shown = camera.floor_to_pixel(feet) if len(feet) else feet
     # telling kinds takes time
     asks_kinds = any(box.kind in KIND_OF_BOX for box in boxes)
     things = [
-        _Told((float(u), float(v)), math.hypot(x, y), one.kind if asks_kinds else None)
+        _Report((float(u), float(v)), math.hypot(x, y), one.kind if asks_kinds else None)
         for (u, v), (x, y), one in zip(shown, feet, view.obstacles, strict=True)
     ]
     if BALL in kinds:
@@ -94,21 +94,21 @@ def match_boxes(
     return tuple(found)
 
 
-class _Told(NamedTuple):
+class _Report(NamedTuple):
     place_px: tuple[float, float]
     range_m: float
     kind: str | None
 
 
 def _matched(
-    told: Iterable[_Told],
+    reported: Iterable[_Report],
     kind: str,
     boxes: list[Box],
     camera: OmniCamera | PinholeCamera,
     height_m: float | None,
 ) -> list[Detection]:
     found: list[Detection] = []
-    for place, range_m, told_kind in told:
+    for place, range_m, reported_kind in reported:
         near = [box for box in boxes if box.holds(*place, HIT_PX)]
         if not near:
             found.append(Detection(kind, None, place))
@@ -117,7 +117,7 @@ def _matched(
         boxes.remove(box)
         true_m = None if box.is_cut(camera.size_px) else _range_m(box, camera, height_m)
         error_m = None if true_m is None else range_m - true_m
-        found.append(Detection(box.kind, box[1:], place, error_m, told_kind if box.kind in KIND_OF_BOX else None))
+        found.append(Detection(box.kind, box[1:], place, error_m, reported_kind if box.kind in KIND_OF_BOX else None))
     return found + [Detection(box.kind, box[1:]) for box in boxes]
 
 
@@ -150,20 +150,20 @@ class KindFigures:
     boxes: int
     found: int
     #: number of detections of this kind; None of a kind that is detected as an obstacle, such as a robot
-    told: int | None
-    #: found of all boxes, and hits of all that was told, 0 to 1
+    reported: int | None
+    #: found of all boxes, and hits of all that was reported, 0 to 1
     recall: float | None
     precision: float | None
     median_range_error_m: float | None  #: median of how far the range is off, over the hits whose true range is known
-    #: of the robots or people found, of how many `Obstacle.kind` was told, and rightly; None of other kinds
-    kind_told: int | None = None
+    #: number of the robots or people found whose `Obstacle.kind` was reported, and was right; None of other kinds
+    kind_reported: int | None = None
     kind_right: int | None = None
 
 
 def detection_figures(
     detections: Iterable[Detection], kinds: Sequence[str] = (BALL, OBSTACLE)
 ) -> dict[str, KindFigures]:
-    """Compute the figures of these kinds, and of each kind of box; "obstacle" holds all told of any kind but balls."""
+    """Compute the figures of these kinds, and of each kind of box; "obstacle" holds all that is no ball."""
     every = list(detections)
     shown = dict.fromkeys((*kinds, *sorted({one.kind for one in every})))
     return {kind: _figures(kind, every) for kind in shown}
@@ -173,19 +173,19 @@ def _figures(kind: str, every: list[Detection]) -> KindFigures:
     boxes = [one for one in every if one.box is not None and one.kind == kind]
     hits = [one for one in boxes if one.is_hit]
     errors = [abs(one.range_error_m) for one in hits if one.range_error_m is not None]
-    told = true = None
+    reported = true = None
     if kind in (BALL, OBSTACLE):
         of_kind = [one for one in every if one.place_px is not None and (one.kind == BALL) == (kind == BALL)]
-        told, true = len(of_kind), sum(one.is_hit for one in of_kind)
+        reported, true = len(of_kind), sum(one.is_hit for one in of_kind)
     return KindFigures(
         boxes=len(boxes),
         found=len(hits),
-        told=told,
+        reported=reported,
         recall=len(hits) / len(boxes) if boxes else None,
-        precision=true / told if told and true is not None else None,
+        precision=true / reported if reported and true is not None else None,
         median_range_error_m=float(np.median(errors)) if errors else None,
-        kind_told=sum(one.told_kind is not None for one in hits) if kind in KIND_OF_BOX else None,
-        kind_right=sum(one.told_kind == KIND_OF_BOX[kind] for one in hits) if kind in KIND_OF_BOX else None,
+        kind_reported=sum(one.reported_kind is not None for one in hits) if kind in KIND_OF_BOX else None,
+        kind_right=sum(one.reported_kind == KIND_OF_BOX[kind] for one in hits) if kind in KIND_OF_BOX else None,
     )
 
 

@@ -126,7 +126,7 @@ class ScorePlan:
     scores_belief: bool = False  #: score the estimate over time, `view.belief`, in place of what each frame shows
     steering: SteerPlan | None = None  #: steer by each frame, too: the localiser's views then need `free_space`
     #: which of "ball" and "obstacle" are held against the dataset's boxes
-    told_kinds: tuple[str, ...] = (BALL, OBSTACLE)
+    reported_kinds: tuple[str, ...] = (BALL, OBSTACLE)
 
     def without_images(self) -> ScorePlan:
         """Return the plan as a worker needs it, that gets each image's name and truth with the image."""
@@ -202,7 +202,7 @@ class FrameScorer:
                 row = replace(row, steering=self._steering.steer(view, t_s, odometry))
             if self.plan.dataset.boxes is not None:
                 row = replace(
-                    row, detections=match_boxes(view, job.boxes, self.plan.dataset.field, self.plan.told_kinds)
+                    row, detections=match_boxes(view, job.boxes, self.plan.dataset.field, self.plan.reported_kinds)
                 )
         except Exception as error:  # a bug in one frame must not cost the others
             row = replace(row, estimate=None, error=None, reason=_describe(error), failed=True)

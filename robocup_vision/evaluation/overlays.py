@@ -54,14 +54,14 @@ class WorstSoFar:
 
 
 class Crop(NamedTuple):
-    """A part of an image in which something was missed, or told where nothing is, as JPEG."""
+    """A part of an image in which something was missed, or reported where nothing is, as JPEG."""
 
     caption: str
     jpeg: bytes
 
 
 def error_crops(image: str, frame: UInt8Array, detections: Iterable[Detection]) -> tuple[Crop, ...]:
-    """Cut out what was missed in an image and what was told where nothing is, with the box or a small square drawn."""
+    """Cut out what was missed in an image, or reported where nothing is, with the box or a small square drawn."""
     return tuple(_crop(image, frame, one) for one in detections if not one.is_hit)
 
 

@@ -34,7 +34,7 @@ class Found:
     """What was found of the boxes."""
 
     figures: dict[str, KindFigures] | None = None  #: by kind; None where nothing is marked
-    crops: Sequence[Crop] = ()  #: what was missed, and what was told where nothing is
+    crops: Sequence[Crop] = ()  #: what was missed, and what was reported where nothing is
     crops_left_out: int = 0  #: how many more there are
 
 
@@ -181,10 +181,10 @@ def _kinds(figures: Mapping[str, KindFigures]) -> list[tuple[str, ...]]:
             kind,
             f"{one.found} of {one.boxes}",
             percent(one.recall),
-            "–" if one.told is None else str(one.told),
+            "–" if one.reported is None else str(one.reported),
             percent(one.precision),
             millimetres(one.median_range_error_m),
-            "–" if one.kind_told is None else f"{one.kind_right} of {one.kind_told} told",
+            "–" if one.kind_reported is None else f"{one.kind_right} of {one.kind_reported} reported",
         )
         for kind, one in figures.items()
     ]

@@ -222,7 +222,7 @@ class FrameResult:
     row: Row  #: of the results
     jpeg: bytes | None = None  #: the encoded picture
     overlay_problem: str = ""  #: why its overlay was not drawn
-    crops: tuple[Crop, ...] = ()  #: what was missed in it, and what was told where nothing is
+    crops: tuple[Crop, ...] = ()  #: what was missed in it, and what was reported where nothing is
 
 
 def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from field_models.errors import ArgumentError, FileError, RobocupVisionError
 from robocup_vision.arguments import require_kind
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Dataset
-from robocup_vision.evaluation.detections import SCORED_KINDS, KindFigures, detection_figures, told_kinds
+from robocup_vision.evaluation.detections import SCORED_KINDS, KindFigures, detection_figures, reported_kinds
 from robocup_vision.evaluation.frame_scorer import (
     DrawOverlay,
     FrameScorer,
@@ -180,7 +180,7 @@ def evaluate(
         resume = False
     spread = frozenset() if missing else spread_indices(len(dataset.image_names))
     plan = ScorePlan(
-        dataset, make_vision, draw_overlay, not missing, spread, scores_belief, steering, told_kinds(marked)
+        dataset, make_vision, draw_overlay, not missing, spread, scores_belief, steering, reported_kinds(marked)
     )
     # built here even when others do the work: a wrong field or colour is reported once, and compiled code is cached
     scorer = FrameScorer(plan)
@@ -203,12 +203,14 @@ def evaluate(
                         table.add(result.row)
                     run.take(result)
         except (KeyboardInterrupt, RobocupVisionError) as error:
-            told = f"{len(run.rows)} of {len(dataset.image_names)} images are done and kept in {out / 'results.csv'}"
+            progress_text = (
+                f"{len(run.rows)} of {len(dataset.image_names)} images are done and kept in {out / 'results.csv'}"
+            )
             if not is_sequence:
-                told += "; --resume goes on"
+                progress_text += "; --resume goes on"
             if isinstance(error, KeyboardInterrupt):
-                raise KeyboardInterrupt(told) from None
-            raise RobocupVisionError(f"{error}; {told}" if run.rows else str(error)) from None
+                raise KeyboardInterrupt(progress_text) from None
+            raise RobocupVisionError(f"{error}; {progress_text}" if run.rows else str(error)) from None
         notes += run.notes
         units = truth_units_note(run.rows, dataset.field, symmetric=dataset.symmetry == "point")
         notes += [units] if units else []
@@ -234,7 +236,7 @@ def _write_files(
         left_out=dataset.left_out,
         detections=None
         if dataset.boxes is None
-        else detection_figures([one for row in rows for one in row.detections], run.told_kinds),
+        else detection_figures([one for row in rows for one in row.detections], run.reported_kinds),
     )
     try:
         write_summary(
@@ -267,7 +269,7 @@ class _Run:
         self.crops: list[Crop] = []
         self.crops_left_out = 0
         self._spread = plan.spread
-        self.told_kinds = plan.told_kinds
+        self.reported_kinds = plan.reported_kinds
 
     def take(self, result: FrameResult) -> None:
         """Take in the next image's result."""

@@ -104,7 +104,7 @@ class Row:
     failed: bool = False  #: the image could not be used, or the localiser raised an error
     unreadable: bool = False  #: the image could not be used
     steering: SteerResult | None = None  #: none where there was no steering by it
-    detections: tuple[Detection, ...] = ()  #: what was told of the boxes in it, and where no box is
+    detections: tuple[Detection, ...] = ()  #: what was reported of the boxes in it, and where no box is
 
     @property
     def status(self) -> Literal["located", "not_located", "unreadable"]:

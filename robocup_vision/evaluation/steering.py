@@ -1,7 +1,7 @@
 """Steering by the frames of a dataset: the command that a robot would have got, how safe it is, and its time.
 
-A recording says what was asked of its steering after each frame; that is asked again. Elsewhere the robot is to go in
-one direction all the time, at the velocity that the odometry tells.
+A recording holds the arguments of each call of `steer`, and the same calls are made again. Without one, each call asks
+for the same direction, at the velocity that the odometry gives.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from robocup_vision.motion_limits import MotionLimits
 
 @dataclass(frozen=True, slots=True)
 class SteerPlan:
-    """How a dataset is steered by; may be sent to another process."""
+    """How commands are computed from a dataset's frames; can be sent to another process."""
 
     #: of `Steering`
     robot_radius_m: float
     limits: MotionLimits
     settings: SteeringSettings = SteeringSettings()
     target_bearing_rad: float = 0.0  #: where the robot is to go, in its own frame, where nothing is recorded
-    #: by the time of a frame: the arguments of `Steering.steer` after it, but for the free space. Frames without any
-    #: are not steered by. None: nothing is recorded.
+    #: arguments of `Steering.steer` after the frame taken at a time (s), but for the free space. After other frames
+    #: there is no command. None: nothing is recorded.
     recorded: Mapping[float, Mapping[str, Any]] | None = field(default=None, repr=False)
 
 
 class FrameSteering:
-    """Steers by one frame after another.
+    """Computes the command after each frame, one after another.
 
     Parameters
     ----------
     in_sequence : bool
-        Whether frames follow one another; else each is the first one.
+        Whether frames follow one another in time; otherwise each is steered by as if it were the first.
     """
 
     def __init__(self, plan: SteerPlan, *, in_sequence: bool) -> None:
@@ -49,18 +49,18 @@ class FrameSteering:
 
     def steer(self, view: Any, t_s: float | None, odometry: Pose2 | None) -> SteerResult | None:
         """Steer by the free space of a view; None where a recording has no command after its frame."""
-        asked = self._asked(t_s, odometry)
+        arguments = self._arguments(t_s, odometry)
         self._before_s = t_s
-        if asked is None:
+        if arguments is None:
             return None
         if not self._in_sequence:
             self._steering.forget()
         started_s = time.perf_counter()
-        command = self._steering.steer(view.free_space, **asked)
+        command = self._steering.steer(view.free_space, **arguments)
         took_s = time.perf_counter() - started_s
-        velocity = asked["velocity_mps"]
+        velocity = arguments["velocity_mps"]
         return SteerResult(
-            float(asked["target_bearing_rad"]),
+            float(arguments["target_bearing_rad"]),
             (float(velocity[0]), float(velocity[1])),
             (float(command.velocity_mps[0]), float(command.velocity_mps[1])),
             bool(command.safe),
@@ -68,7 +68,7 @@ class FrameSteering:
             took_s,
         )
 
-    def _asked(self, t_s: float | None, odometry: Pose2 | None) -> Mapping[str, Any] | None:
+    def _arguments(self, t_s: float | None, odometry: Pose2 | None) -> Mapping[str, Any] | None:
         if self._plan.recorded is not None:
             return None if t_s is None else self._plan.recorded.get(t_s)
         velocity = _velocity_mps(odometry, self._before_s, t_s)
@@ -86,15 +86,14 @@ def _velocity_mps(odometry: Pose2 | None, before_s: float | None, t_s: float | N
 
 @dataclass(frozen=True, slots=True)
 class SteerFigures:
-    """The figures over all frames that were steered by."""
+    """The figures over all commands."""
 
-    #: how many commands there are, and how many of them are safe
-    commands: int
-    safe: int
+    commands: int  #: number of commands
+    safe: int  #: number of those that are safe
     median_ms: float | None  #: median time of a command; None of none
 
 
 def steer_figures(results: Sequence[SteerResult]) -> SteerFigures:
-    """Compute the figures over all commands."""
+    """Compute the figures over some commands."""
     median_ms = 1e3 * float(np.median([one.time_s for one in results])) if results else None
     return SteerFigures(len(results), sum(one.safe for one in results), median_ms)

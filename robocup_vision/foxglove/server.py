@@ -70,8 +70,8 @@ class FoxgloveServer(Closing):
         self._prefix = settings.prefix
         # announced before anybody listens: a viewer sees all topics at once
         image = "/camera/image" if settings.image_format == "raw" else "/camera/image/compressed"
-        told = (topic for topic in TOPIC_TYPES if not topic.startswith(("/camera/image", "/truth")))
-        self._channels = {topic: self._channel(settings.prefix, topic) for topic in (image, *told)}
+        topics = (topic for topic in TOPIC_TYPES if not topic.startswith(("/camera/image", "/truth")))
+        self._channels = {topic: self._channel(settings.prefix, topic) for topic in (image, *topics)}
         try:
             self._server = foxglove.start_server(name=NAME, host=host, port=port, context=self._context)
         except Exception as error:  # the package raises RuntimeError or OSError

@@ -30,6 +30,7 @@ FORMAT = 1
 DIRECTIONS = 36
 # SIFT's descriptors hold over a change of view of about this much
 VIEW_REACH_RAD = math.radians(20.0)
+# landmarks farther away are not expected
 _FARTHEST_M = 40.0
 
 
@@ -44,7 +45,7 @@ class LandmarkMap:
     covariances : (L, 3, 3) float64
         Of the positions as seen from around there, m^2; the error common to neighbours is in `trajectory_cov`.
     noise : (L,) float64
-        How precisely each is seen: noise of its pixels, in units of the paper's 0.5 * d_s.
+        Noise of each one's pixels, as a multiple of the paper's 0.5 * d_s.
     seen, missed : (L,) int64
         How often each was expected and observed (the paper's m), and expected but not observed (l).
     view_landmark : (V,) int64
@@ -124,7 +125,7 @@ class LandmarkMap:
             return np.zeros((3, 3))
         apart = self.trajectory - pose
         turn = np.remainder(apart[:, 2] + math.pi, math.tau) - math.pi
-        # a radian counts as a metre: about what the same part of the map is seen from
+        # a radian counts as a metre: poses within both see about the same part of the map
         nearest = int(np.argmin(np.hypot(apart[:, 0], apart[:, 1]) + np.abs(turn)))
         return np.asarray(self.trajectory_cov[nearest])
 
@@ -143,7 +144,7 @@ class LandmarkMap:
 
 
 class Views(Protocol):
-    """What it takes to expect landmarks in an image: a `LandmarkMap`, or one still in the making."""
+    """The arrays by which landmarks are predicted in an image: of a `LandmarkMap`, or of one that is being made."""
 
     @property
     def positions_m(self) -> FloatArray: ...  # noqa: D102
@@ -159,13 +160,13 @@ class Views(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
-    """Landmarks that a pose lets expect in an image, one view of each."""
+    """Landmarks that are predicted in an image from a pose, one view of each."""
 
     view: Int64Array  #: (N,) int64: the view from the nearest direction
     landmark: Int64Array  #: (N,) int64: which landmark it is of
     pixels: FloatArray  #: (N, 2) float64: where it is expected, ideal pixels
     depth_m: FloatArray  #: (N,) float64: along the optical axis
-    #: (N,) float64: how large and how finely sampled it will appear
+    #: (N,) float64, (N,) float64: diameter and sample spacing of the keypoint in the image
     size_px: FloatArray
     spacing_px: FloatArray
 
@@ -263,7 +264,7 @@ def load_map(path: str | Path) -> LandmarkMap:
     """
     known = [f.name for f in fields(LandmarkMap)]
     try:
-        # NumPy alone reads on over a wrong checksum
+        # NumPy does not verify checksums
         with zipfile.ZipFile(path) as packed:
             torn = packed.testzip()
         if torn is not None:
@@ -336,7 +337,7 @@ class MapIndex:
         return len(self._views)
 
     def expect(self, camera: PinholeCamera, pose: FloatArray) -> Expected:
-        """Landmarks in the view frustum of a robot at a pose (3,), as `landmark_map.expect`, of each cell the best."""
+        """Predict landmarks in the view frustum at a pose (3,) of the robot, as `expect` does, the best a cell."""
         found = self._found
         count = views_in_frustum(
             pinhole_view(camera),

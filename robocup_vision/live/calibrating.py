@@ -55,7 +55,7 @@ class Calibrator:
         self._thread.start()
 
     @property
-    def told(self) -> dict[str, Any]:
+    def status(self) -> dict[str, Any]:
         """What the page shows."""
         return {
             "text": self._text,
@@ -182,4 +182,4 @@ class Calibrator:
 
     def _tell(self, text: str) -> None:
         self._text = text
-        self._display.set_status(calibration=self.told)
+        self._display.set_status(calibration=self.status)

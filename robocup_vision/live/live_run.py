@@ -102,7 +102,7 @@ class LiveRun(Controls):
         self._display.set_status(
             source=", ".join(source.name for source in sources),
             duration_s=max(durations) if "seek" in offers else 0.0,
-            calibration=None if self._calibrator is None else self._calibrator.told,
+            calibration=None if self._calibrator is None else self._calibrator.status,
         )
         self._tell()
 

@@ -210,7 +210,7 @@ class FloorView:
     def span_rad(self) -> tuple[float, float]:
         """First bearing and width of what is in view, robot frame: from twice the nearest range on without a gap."""
         pan, offset = self.camera.pan_rad or 0.0, np.array(self.camera.offset_m)
-        ahead = self.range_m[: self._columns_told, None] * [math.cos(pan), math.sin(pan)] + offset
+        ahead = self.range_m[: self._columns_measured, None] * [math.cos(pan), math.sin(pan)] + offset
         ranges = np.hypot(*ahead[self._is_shown(ahead)].T)
         if not len(ranges):
             return pan, self.row_step_rad
@@ -239,12 +239,12 @@ class FloorView:
         return np.asarray(((pixels >= 0) & (pixels <= (width - 1, height - 1))).all(axis=-1))
 
     @cached_property
-    def _columns_told(self) -> int:
+    def _columns_measured(self) -> int:
         return max(1, int(np.count_nonzero(self._slopes < -1.0 / _FARTHEST_HEIGHTS)))
 
     def ring_bounds_m(self, rings: int, first_column: int) -> FloatArray:
         """Bounds (I + 1,) float64 of rings about the robot, each farther than the last by the same factor, metres."""
-        column = min(first_column, self._columns_told - 1)
+        column = min(first_column, self._columns_measured - 1)
         near, far = float(self.range_m[column]), _FARTHEST_HEIGHTS * self.camera.height_m
         pan = self.camera.pan_rad or 0.0
         ahead = np.geomspace(near, max(far, 1.01 * near), rings + 1)[:, None] * [math.cos(pan), math.sin(pan)]

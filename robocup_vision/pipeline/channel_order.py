@@ -37,7 +37,7 @@ class ChannelOrderSettings:
     #: evidence of one ball in one place, and of the goals in one frame, either way: it may be a thing that only looks
     #: so, and is no more proof however clear and however often it is seen
     max_nats: float = 3.0
-    told_nats: float = math.log(1000.0)  #: sum from which swapped channels are reported: 1000 to 1
+    report_nats: float = math.log(1000.0)  #: sum from which swapped channels are reported: 1000 to 1
     #: evidence of the goals of one frame, or of all frames, from which goals do not decide on the half: 3 to 1
     doubt_nats: float = math.log(3.0)
     #: the sum reaches no farther either way, so that no run is decided for ever by its first frames
@@ -90,7 +90,7 @@ class ChannelOrder:
     @property
     def reason(self) -> str:
         """Why red and blue are taken to be swapped, or in the last frame seem to be; empty where they are not."""
-        if self._nats >= self.settings.told_nats:
+        if self._nats >= self.settings.report_nats:
             return self._reason
         return SWAPPED_BY_GOALS if self._is_doubtful else ""
 
@@ -126,7 +126,7 @@ class ChannelOrder:
         )
         self._is_doubtful = False
         # where the order is settled, the goals of every frame need not confirm it
-        if not is_looked_at and self._nats <= -settings.told_nats:
+        if not is_looked_at and self._nats <= -settings.report_nats:
             return
         goals = _clip(by_goals(), settings.max_nats)
         self._is_doubtful = goals >= settings.doubt_nats

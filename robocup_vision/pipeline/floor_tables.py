@@ -35,7 +35,7 @@ class FloorTables:
     """The parts that measure the floor, for one orientation of the camera.
 
     `view`, `grid` and `marking` are turned as the frame's camera is, `finder` holds its camera so when it looks.
-    `sway_std_rad`: of the camera's tilt and roll, where the frame told them.
+    `sway_std_rad`: of the camera's tilt and roll, where the frame shows them.
     """
 
     camera: PinholeCamera

@@ -32,9 +32,9 @@ from robocup_vision.perception.obstacles import ObstacleFinder
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.pipeline.channel_order import ChannelOrder
 
-# others may have moved by a robot's width by then
+# time for which free space is carried on without a frame: others may have moved by a robot's width by then
 _MAX_CARRIED_S = 0.5
-# between frames without times
+# assumed between frames without times
 _USUAL_STEP_S = 1 / 30
 NO_FRAME = "no frame: the camera gave none this time"
 BGR, RGB = CHANNELS = ("bgr", "rgb")
@@ -42,7 +42,7 @@ BGR, RGB = CHANNELS = ("bgr", "rgb")
 
 @dataclass(frozen=True, slots=True)
 class FloorEdgeSettings:
-    """Where the floor ends on a bearing."""
+    """Thresholds by which the floor's end on a bearing is found."""
 
     certain_nats: float = 3.0  #: mean log-likelihood ratio that makes a run of samples floor: 20 to 1
     #: sum of the log-likelihood ratios that a strip of floor behind a line needs: it may be two samples long
@@ -173,7 +173,7 @@ class FramePipeline:
     def _carry(self, odometry: Pose2 | None, t_s: float | None) -> FreeSpace | None:
         """Return the last frame's free space moved by the odometry; None if there is none, or it is too old."""
         kept = self._carried
-        # what the robot had moved before the next frame is not known without odometry
+        # without odometry it is not known where the robot is at the next frame
         known = self._last_pose if odometry is not None else None
         self._last_pose = None if known is None or odometry is None else known.compose(odometry)
         if kept is None:
@@ -195,9 +195,9 @@ class FramePipeline:
         return answer._replace(pose=both, measurement=measurement)
 
     def _unless_swapped(self, pose: PoseEstimate | NotLocated) -> PoseEstimate | NotLocated:
-        """Return what of a pose holds if red and blue are swapped, where the colours of goals or beacons give the half.
+        """Return a pose as far as it holds where red and blue may be swapped, and goals or beacons give the half.
 
-        No pose where swapping is reported; both halves where it is suspected.
+        There is no pose where swapping is reported, and one in both halves where it is suspected.
         """
         if not pose or not self.field.shows_half:
             return pose
@@ -210,7 +210,7 @@ class FramePipeline:
     def _measurement_unless_swapped(
         self, measurement: Callable[[], PoseEstimate] | None
     ) -> Callable[[], PoseEstimate] | None:
-        """Return the same of the estimate by the frame alone, which is worked out when it is asked for."""
+        """Apply `_unless_swapped` to the estimate by the frame alone, which is computed when it is asked for."""
         if measurement is None or not self.field.shows_half:
             return measurement
         if self._channel_order.reason:
@@ -220,7 +220,7 @@ class FramePipeline:
         return measurement
 
     def _warnings(self, pose: PoseEstimate | NotLocated) -> tuple[str, ...]:
-        """Return what a user must be told of the frames, once."""
+        """Return the warnings about the frames that a user has not had yet."""
         reason = pose.reason if isinstance(pose, SwappedChannels) else self._channel_order.reason
         if self._has_warned or not reason:
             return ()
@@ -234,7 +234,7 @@ class FramePipeline:
             raise FrameError(f"frame must be a uint8 array, got {getattr(frame, 'dtype', type(frame).__name__)}")
         if frame.shape != (height, width, 3):
             raise FrameError(f"frame must be ({height}, {width}, 3) as the camera file says, got {frame.shape}")
-        # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled for anew
+        # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled again
         plain = to_bgr(frame, self._options.channels)
         if self._keep is None:
             return plain

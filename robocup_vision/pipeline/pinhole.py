@@ -220,14 +220,14 @@ class PinholePipeline(FramePipeline):
         floor, samples = self._sample_to_walls(frame, floor, pose, timings)
         marks, balls, free_space = self._see_floor(frame, floor, samples, robot, t_s, timings)
         self._judge_channels(frame, floor, samples, balls, pose)
-        told = self._unless_swapped(pose)
+        reported_pose = self._unless_swapped(pose)
         self._keep_floor(free_space, t_s)
         walls = floor.view.no_edges_px
         if robot is not None and self.field.is_bounded:
             walls = wall_px(self.field.walls, robot, floor.view)
         timings["total"] = perf_counter() - begin
         return View(
-            told,
+            reported_pose,
             free_space,
             balls,
             timings,
@@ -242,7 +242,7 @@ class PinholePipeline(FramePipeline):
             edge_points=answer.edge_points,
             obstacle_finder=self._obstacle_finder,
             thumbnail=thumbnail_of(frame),
-            warnings=self._warnings(told),
+            warnings=self._warnings(reported_pose),
             marking_source=MarkingSource.of(self._marking_finder, frame, held, held_covariance),
         )
 
@@ -346,8 +346,8 @@ class PinholePipeline(FramePipeline):
         tilt = tilt_by_walls(floor.view, samples.edge_px, self.field.walls, pose, floor.camera)
         if tilt is None:
             return floor, samples
-        as_told = floor.camera.with_orientation(floor.camera.pan_rad, tilt, floor.camera.roll_rad)
-        floor = self._floor = floor.held(as_told, floor.sway_std_rad)
+        by_walls = floor.camera.with_orientation(floor.camera.pan_rad, tilt, floor.camera.roll_rad)
+        floor = self._floor = floor.held(by_walls, floor.sway_std_rad)
         return floor, self._sample(frame, floor.view, timings)
 
     def _see_floor(
@@ -412,7 +412,7 @@ def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:
 
 
 def _sway_std_rad(held_covariance: FloatArray | None) -> tuple[float, float] | None:
-    """Return the standard deviations of tilt and roll, where the frame told them."""
+    """Return the standard deviations of tilt and roll, where the frame shows them."""
     if held_covariance is None:
         return None
     return math.sqrt(held_covariance[0, 0]), math.sqrt(held_covariance[1, 1])

@@ -198,7 +198,7 @@ class RigPipeline:
         views = tuple(
             seen[k] if k in seen else pipeline.drop(t_s, odometry) for k, pipeline in enumerate(self.pipelines)
         )
-        pose, measurement = _as_told(located, views)
+        pose, measurement = _unless_swapped(located, views)
         self._last_pose = pose.pose if pose else None
         motions = tuple(next((s.motion for s in shots if s.number == k), _STILL) for k in range(len(views)))
         return self._joined(views, motions, pose, measurement, t_s, begin, warnings)
@@ -343,7 +343,7 @@ class RigPipeline:
                 for view, motion in zip(views, motions, strict=True)
             ]
         )
-        told = (
+        all_warnings = (
             *warnings,
             *(f"{name}: {text}" for name, view in zip(self.rig.names, views, strict=True) for text in view.warnings),
         )
@@ -367,14 +367,14 @@ class RigPipeline:
             None,
             t_s,
             measurement=measurement,
-            warnings=told,
+            warnings=all_warnings,
             views=views,
             motions=motions,
             robot_radius_m=self.field.robot_radius_m,
         )
 
 
-def _as_told(located: _Fused, views: tuple[View, ...]) -> tuple[PoseEstimate | NotLocated, PoseEstimate | None]:
+def _unless_swapped(located: _Fused, views: tuple[View, ...]) -> tuple[PoseEstimate | NotLocated, PoseEstimate | None]:
     """Return the body's pose and measurement, or what of them holds if a camera shows red and blue swapped."""
     pose, measurement = located.pose, located.measurement
     swapped = next((view.pose for view in views if isinstance(view.pose, SwappedChannels)), None)

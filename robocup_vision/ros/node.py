@@ -56,7 +56,7 @@ class Notices:
     def __init__(self) -> None:
         self._lasting: dict[str, str] = {}
         self._happened: dict[str, str] = {}
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
         self._news: list[str] = []
 
     def __contains__(self, about: str) -> bool:
@@ -83,13 +83,13 @@ class Notices:
         return texts
 
     def take_news(self) -> list[str]:
-        """Return what is to be logged: what has not been told before."""
+        """Return what is to be logged: what has not been logged before."""
         news, self._news = self._news, []
         return news
 
     def _tell(self, text: str) -> None:
-        if _kind(text) not in self._told:
-            self._told.add(_kind(text))
+        if _kind(text) not in self._logged:
+            self._logged.add(_kind(text))
             self._news.append(text)
 
 
@@ -116,14 +116,14 @@ class VisionNode:
         self.vision = Vision(field, camera, colors, method=settings.method or None, memory=self._memory)
         names = FrameNames(settings.map_frame, settings.odom_frame, settings.robot_frame, settings.camera_frame)
         # the image is there already, and with tf the camera in the robot's own tree
-        told = TopicSettings(
+        topic_settings = TopicSettings(
             settings.prefix,
             names,
             image_format=None,
             camera_transform=not settings.use_tf,
             markings=settings.markings,
         )
-        self._topics = Topics(field, camera, told)
+        self._topics = Topics(field, camera, topic_settings)
         limits = MotionLimits(settings.speed_mps, settings.acceleration_mps2, settings.dead_time_s)
         self._steering = Steering(settings.robot_radius_m or field.robot_radius_m, limits)
         self._odometry: Pose2 | None = None
@@ -157,12 +157,12 @@ class VisionNode:
             "/markings": self.settings.markings,
             "/goalposts": self.settings.markings,
         }
-        told = {
+        topics = {
             (topic if topic.startswith("/tf") else self.settings.prefix + topic): name
             for topic, name in TOPIC_TYPES.items()
             if not topic.startswith(_OF_OTHERS) and has.get(topic, True)
         }
-        return {**told, "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
+        return {**topics, "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 
     def on_image(self, message: Any, now_s: float) -> list[Outgoing]:
         """Look at an Image or CompressedImage; return what is to be published.
@@ -183,26 +183,26 @@ class VisionNode:
                 "mounting", f"{source} does not tell how the camera was held at {self._waiting[1]:.3f} s: not looked at"
             )
         self._waiting = (message, t_s)
-        return self._look_when_told()
+        return self._look_when_mounting_known()
 
     def on_tf(self, message: Any, now_s: float) -> list[Outgoing]:
         """Take tf2_msgs/TFMessage in, with `use_tf`: an image that waits for it is looked at."""
         self._transforms.add(message, is_static=False)
-        return self._look_when_told()
+        return self._look_when_mounting_known()
 
     def on_tf_static(self, message: Any, now_s: float) -> list[Outgoing]:
         """Take tf2_msgs/TFMessage in, of what does not move."""
         self._transforms.add(message, is_static=True)
-        return self._look_when_told()
+        return self._look_when_mounting_known()
 
     def on_joint_states(self, message: Any, now_s: float) -> list[Outgoing]:
         """Take sensor_msgs/JointState in, with `pan_joint` or `tilt_joint`: an image that waits for it is looked at."""
         if self._joints is not None:
             self._joints.add(message, _time_of(message, now_s))
-        return self._look_when_told()
+        return self._look_when_mounting_known()
 
-    def _look_when_told(self) -> list[Outgoing]:
-        """Look at the image that waits, where tf or the joints tell how the camera was held."""
+    def _look_when_mounting_known(self) -> list[Outgoing]:
+        """Look at the image that waits, once tf or the joints give the camera's mounting at its time."""
         if self._waiting is None:
             return []
         message, t_s = self._waiting

@@ -1,4 +1,4 @@
-"""What the ROS 2 node can be told: its options and, by the same names, its parameters."""
+"""Settings of the ROS 2 node: its options and, by the same names, its parameters."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Timeline(Generic[Value]):
         while times[-1] - times[0] > _KEPT_S:
             del times[0], values[0]
 
-    def around(self, t_s: float) -> tuple[Value, Value, float] | None:
+    def bracketing(self, t_s: float) -> tuple[Value, Value, float] | None:
         """Return the values before and after a time, and how far it is from one to the other; None: not known."""
         times, values = self._times, self._values
         if times[:1] == [FOR_GOOD]:
@@ -117,7 +117,7 @@ class Transforms:
         return rotation, place
 
     def _at(self, child: str, t_s: float) -> tuple[FloatArray, FloatArray] | None:
-        found = self._steps[child].around(t_s)
+        found = self._steps[child].bracketing(t_s)
         if found is None:
             return None
         (_, a, p), (_, b, q), part = found
@@ -151,15 +151,15 @@ class HeadJoints:
 
     def mounting_at(self, t_s: float) -> Mounting | None:
         """Return how the camera was held at a time; None: the joints do not tell it."""
-        told: dict[str, float] = {}
+        values: dict[str, float] = {}
         for key, (name, sign) in self._joints.items():
             if name:
-                found = self._positions[name].around(t_s)
+                found = self._positions[name].bracketing(t_s)
                 if found is None:
                     return None
                 before, after, part = found
-                told[key] = self._at_zero[key] + sign * ((1.0 - part) * before + part * after)
-        return Mounting(**told)
+                values[key] = self._at_zero[key] + sign * ((1.0 - part) * before + part * after)
+        return Mounting(**values)
 
 
 def mounting_of(rotation: FloatArray, place_m: FloatArray) -> Mounting:

@@ -18,7 +18,7 @@ class Problems:
     def __init__(self) -> None:
         self.counts: dict[str, int] = {}
         self._words: dict[str, str] = {}
-        self._untold: list[str] = []
+        self._new: list[str] = []
 
     def add(self, kind: str, words: str = "") -> None:
         """Count a problem.
@@ -34,13 +34,13 @@ class Problems:
             if len(self.counts) >= _MAX_KINDS:
                 kind = words = "other problems"
             if kind not in self.counts:
-                self._untold.append(kind)
+                self._new.append(kind)
         self.counts[kind] = self.counts.get(kind, 0) + 1
         self._words[kind] = words or kind
 
     def take_new(self) -> list[str]:
         """Return the words of kinds that have come up since the last call."""
-        kinds, self._untold = self._untold, []
+        kinds, self._new = self._new, []
         return [self._words[kind] for kind in kinds]
 
     def lines(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""The ball as a team knows it: a robot's own sighting and those that others told it, moved to now and fused.
+"""The ball as a team knows it: a robot's own sighting and those received from others, moved to now and fused.
 
 Each sighting is moved on by its own velocity, and its covariance grows with its age: the ball may have been kicked
 meanwhile. What it did is the same for all sightings, so their errors depend on each other in an unknown way: they are
@@ -69,7 +69,7 @@ class TeamBall:
 
     def __init__(self, settings: BallFusionSettings = BallFusionSettings()) -> None:
         self.settings = settings
-        self._told: dict[int, BallSighting] = {}
+        self._received: dict[int, BallSighting] = {}
         self._trust: dict[int, float] = {}
         self._since_s = -math.inf
 
@@ -83,14 +83,14 @@ class TeamBall:
         own : BallSighting or None
             The ball as this robot last saw it.
         """
-        told, known = message.ball, self._told.get(message.sender)
-        if told is None or told.t_s < self._since_s or (known is not None and told.t_s <= known.t_s):
+        received, known = message.ball, self._received.get(message.sender)
+        if received is None or received.t_s < self._since_s or (known is not None and received.t_s <= known.t_s):
             return
-        self._told[message.sender] = told
-        if own is None or abs(own.t_s - told.t_s) > self.settings.own_s:
+        self._received[message.sender] = received
+        if own is None or abs(own.t_s - received.t_s) > self.settings.own_s:
             return
-        t_s = max(own.t_s, told.t_s)
-        if self._agree(self.moved(own, t_s), self.moved(told, t_s)):
+        t_s = max(own.t_s, received.t_s)
+        if self._agree(self.moved(own, t_s), self.moved(received, t_s)):
             change = self.settings.agree_nats
         else:
             change = -self.settings.disagree_nats
@@ -105,12 +105,12 @@ class TeamBall:
     def forget(self, t_s: float) -> None:
         """Forget what was seen before a time: somebody put the ball elsewhere, for a kick-off."""
         self._since_s = t_s
-        self._told = {sender: told for sender, told in self._told.items() if told.t_s >= t_s}
+        self._received = {sender: ball for sender, ball in self._received.items() if ball.t_s >= t_s}
 
     def reject(self, sources: Sequence[int]) -> None:
-        """Forget what some robots told: the ball is not there."""
+        """Forget the sightings of some robots: the ball is not there."""
         for source in sources:
-            self._told.pop(source, None)
+            self._received.pop(source, None)
 
     def trust(self, sender: int) -> float:
         """Return the trust in a robot: how often its sightings agreed with the own ones, nats."""
@@ -142,7 +142,7 @@ class TeamBall:
             The ball as this robot last saw it itself.
         """
         settings = self.settings
-        seen: Mapping[int, BallSighting] = self._told if own is None else {OWN: own, **self._told}
+        seen: Mapping[int, BallSighting] = self._received if own is None else {OWN: own, **self._received}
         seen = {k: one for k, one in seen.items() if t_s - one.t_s <= settings.forget_s}
         moved = {k: self.moved(one, t_s) for k, one in seen.items()}
         group = self._believed(seen, moved, t_s)

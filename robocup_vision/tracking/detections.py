@@ -153,8 +153,10 @@ class ReturnDetector:
 
     def _stds_m(self, obstacles: Sequence[Obstacle]) -> FloatArray:
         """(N,) float64: standard deviations of the obstacles' ranges."""
-        told = np.array([one.range_std_m for one in obstacles])
-        return np.where(np.isfinite(told), told, self._std_m(np.array([one.range_m for one in obstacles])))
+        range_std_m = np.array([one.range_std_m for one in obstacles])
+        return np.where(
+            np.isfinite(range_std_m), range_std_m, self._std_m(np.array([one.range_m for one in obstacles]))
+        )
 
     def _inside(
         self, points_m: FloatArray, std_m: FloatArray, robot: Pose2, robot_covariance: FloatArray | None

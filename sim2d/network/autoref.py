@@ -51,7 +51,7 @@ class Autoref:
         self._packet: Referee | None = None
         self._followed: tuple[Command, int, float, NextPlay | None, Restart] | None = None
         self._counter = 0
-        self._told: set[tuple[object, ...]] = set()
+        self._reported: set[tuple[object, ...]] = set()
         self._begins: BallState | None = None
         self._highest_m = 0.0
 
@@ -69,7 +69,7 @@ class Autoref:
         if command == "normal_start" and self._followed is not None and self._followed[0].startswith("prepare"):
             side, kind = self._followed[1], self._followed[4]
         self._followed = (command, side, t_s, self._coming(packet), kind)
-        self._told.clear()
+        self._reported.clear()
         self._begins, self._highest_m = ball, 0.0
         self._follow(ball, is_in_play=False)
 
@@ -113,11 +113,11 @@ class Autoref:
             # it does not decide
             self._follow(ball, is_in_play=True)
         out = []
-        for kind, told in what:
-            key = kind, told.team, getattr(told, "number", None)
-            if key not in self._told:
-                self._told.add(key)
-                out.append(referee_event(kind, told, round(US_PER_S * now_s)))
+        for kind, event in what:
+            key = kind, event.team, getattr(event, "number", None)
+            if key not in self._reported:
+                self._reported.add(key)
+                out.append(referee_event(kind, event, round(US_PER_S * now_s)))
         return out
 
     def _follow(self, ball: BallState, *, is_in_play: bool) -> None:

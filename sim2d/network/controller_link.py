@@ -1,4 +1,4 @@
-"""The simulator's people at a running game controller: its automatic referee, and who sits at its keyboard.
+"""The simulator's connection to a running game controller: an automatic referee, and an operator for its web page.
 
 With them and two teams a game controller plays a whole match by itself.
 """
@@ -23,21 +23,22 @@ from sim2d.network.packets import NS_PER_S, robot_states, tracker_packet
 from sim2d.network.world import STEPS_PER_S, LeagueState
 
 IDENTIFIER = "sim2d"
-# a person's eyes and fingers are no faster
+# period of the operator's looks: a person is no faster
 _OPERATOR_S = 0.2
 
 
 class ControllerLink(Closing):
     """The connections to one game controller. Close it, or use it in a ``with``.
 
-    What is lost is said, and the simulator goes on without it.
+    A connection that is lost is named in `problems`, and the simulator goes on without it.
 
     Parameters
     ----------
     host : str
         Name or IPv4 address of the machine the game controller runs on.
     drives : bool
-        Whether it was started for continuous integration: it is told the time and the truth, and goes by them.
+        Whether the game controller was started for continuous integration: it then goes by the time and the true
+        positions that the simulator sends it.
 
     Raises
     ------
@@ -50,7 +51,7 @@ class ControllerLink(Closing):
         self._autoref = Autoref(field)
         self.problems = Problems()
         self.events = 0
-        self._looks_s = -math.inf
+        self._last_look_s = -math.inf
         self._frames = 0
         division = "DIV_A" if is_division_a(field) else "DIV_B"
         opened = ExitStack()
@@ -72,7 +73,7 @@ class ControllerLink(Closing):
         self._autoref.hear(packet, state.t_s, state.ball)
 
     def drive(self, state: LeagueState, epoch_s: float) -> list[Referee]:
-        """Tell a game controller that goes by the simulator's time what it is and what is true; return its packets."""
+        """Send time and true positions to a game controller that goes by them; return its packets."""
         if self._ci is None:
             return []
         geometry = geometry_from_field(self._field) if self._frames % STEPS_PER_S == 0 else None
@@ -89,7 +90,7 @@ class ControllerLink(Closing):
         return answers
 
     def judge(self, state: LeagueState, epoch_s: float) -> None:
-        """Tell the game controller what has happened, and press what is due."""
+        """Report events to the game controller, and let the operator act."""
         now_s = epoch_s + state.t_s
         events = self._autoref.judge(state.t_s, robot_states(state), state.ball, now_s)
         try:
@@ -103,9 +104,9 @@ class ControllerLink(Closing):
         except (ArgumentError, PacketError) as error:
             self.problems.add(str(error))
             self._client = None
-        if time.monotonic() - self._looks_s < _OPERATOR_S or self._operator is None:
+        if time.monotonic() - self._last_look_s < _OPERATOR_S or self._operator is None:
             return
-        self._looks_s = time.monotonic()
+        self._last_look_s = time.monotonic()
         try:
             self._operator.look(state.t_s if self.drives else None)
         except (ArgumentError, ValueError) as error:

@@ -83,8 +83,8 @@ class DrivenReferee:
         self._frames += 1
         frame = tracked_frame(self._frames, self._begin_ns / NS_PER_S + t_s, robots, ball, 1 if blue_positive else -1)
         now_ns = self._begin_ns + round(NS_PER_S * t_s)
-        told = CiInput(now_ns, TrackerPacket(TRUTH_UUID, TRUTH_SOURCE, frame), geometry=geometry)
-        packets = self._client.exchange(told)
+        moment = CiInput(now_ns, TrackerPacket(TRUTH_UUID, TRUTH_SOURCE, frame), geometry=geometry)
+        packets = self._client.exchange(moment)
         if packets:
             self._answered_s = time.monotonic()
         elif time.monotonic() - self._answered_s > _MAX_SILENCE_S:

@@ -14,18 +14,18 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.robot_link import Point
 
-# a place that is left is left by a little more: noise must not bring it back
+# extra distance to a zone that is left, so that noise does not bring the robot back into it
 _CLEAR_M = 0.02
 
 
 class KeepOut(Protocol):
-    """A convex part of the floor that no part of a robot may be on. Any frame, metres."""
+    """A convex area of the floor that no part of a robot may be in. Any frame, metres."""
 
     def signed_distance_m(self, place: Point) -> float:
         """Return how far a place is from its edge; negative inside."""
 
-    def moved_out(self, place: Point, room_m: float) -> Point:
-        """Return the nearest place that is `room_m` from its edge, for one that is nearer."""
+    def moved_out(self, place: Point, clearance_m: float) -> Point:
+        """Return the nearest place that is `clearance_m` from its edge, for one that is nearer."""
 
     def edge(self) -> FloatArray:
         """Return corners (N, 2) of its outline, counter-clockwise."""
@@ -44,25 +44,25 @@ class Capsule:
         length2 = along_x**2 + along_y**2
         if length2 <= 0.0:
             return self.start
-        part = ((place[0] - self.start[0]) * along_x + (place[1] - self.start[1]) * along_y) / length2
-        part = max(0.0, min(1.0, part))
-        return self.start[0] + part * along_x, self.start[1] + part * along_y
+        fraction = ((place[0] - self.start[0]) * along_x + (place[1] - self.start[1]) * along_y) / length2
+        fraction = max(0.0, min(1.0, fraction))
+        return self.start[0] + fraction * along_x, self.start[1] + fraction * along_y
 
     def signed_distance_m(self, place: Point) -> float:
         """Return how far a place is from its edge; negative inside."""
         return math.dist(place, self._foot(place)) - self.radius_m
 
-    def moved_out(self, place: Point, room_m: float) -> Point:
-        """Return the nearest place that is `room_m` from its edge, for one that is nearer."""
+    def moved_out(self, place: Point, clearance_m: float) -> Point:
+        """Return the nearest place that is `clearance_m` from its edge, for one that is nearer."""
         foot = self._foot(place)
         away = math.dist(place, foot)
-        reach = self.radius_m + room_m
+        reach = self.radius_m + clearance_m
         if away >= reach:
             return place
         if away > 1e-6:
             out = (place[0] - foot[0]) / away, (place[1] - foot[1]) / away
         else:
-            # on the way itself: aside
+            # on the way itself it moves aside
             length = math.dist(self.start, self.end)
             along = (
                 ((self.end[0] - self.start[0]) / length, (self.end[1] - self.start[1]) / length)
@@ -95,17 +95,17 @@ class Area:
         y = max(self.low[1] - place[1], place[1] - self.high[1])
         return math.hypot(max(x, 0.0), max(y, 0.0)) + min(max(x, y), 0.0)
 
-    def moved_out(self, place: Point, room_m: float) -> Point:
-        """Return the nearest place that is `room_m` from its edge, for one that is nearer."""
-        if self.signed_distance_m(place) >= room_m:
+    def moved_out(self, place: Point, clearance_m: float) -> Point:
+        """Return the nearest place that is `clearance_m` from its edge, for one that is nearer."""
+        if self.signed_distance_m(place) >= clearance_m:
             return place
         (x0, y0), (x1, y1) = self.low, self.high
         # past a corner it goes by the corner's box: a little farther than needed
         ways = (
-            (x0 - room_m, place[1]),
-            (x1 + room_m, place[1]),
-            (place[0], y0 - room_m),
-            (place[0], y1 + room_m),
+            (x0 - clearance_m, place[1]),
+            (x1 + clearance_m, place[1]),
+            (place[0], y0 - clearance_m),
+            (place[0], y1 + clearance_m),
         )
         return min(ways, key=lambda way: math.dist(way, place))
 
@@ -119,10 +119,10 @@ def allowed_target(target: Point, here: Point, zones: Sequence[KeepOut], radius_
     """Return where to drive: out of the zones the robot is in, else to the allowed place nearest to its target."""
     inside = [zone for zone in zones if zone.signed_distance_m(here) < radius_m - 1e-9]
     if inside:
-        # the one it is deepest in first
+        # it leaves first the zone that it is deepest in
         worst = min(inside, key=lambda zone: zone.signed_distance_m(here))
         return worst.moved_out(here, radius_m + 2 * _CLEAR_M)
-    # a few rounds: out of one it may get into another
+    # moving out of one zone may lead into another: a few rounds
     for _ in range(4):
         moved = target
         for zone in zones:
@@ -151,7 +151,7 @@ def block_zones(free_space: FreeSpace, robot: Pose2, zones: Sequence[KeepOut], r
 
 
 def ranges_to_segments(bearing_rad: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return how far (J,) rays from the origin get before they meet a closed line of corners (N, 2); inf: never."""
+    """Return the ranges (J,) at which rays from the origin meet a closed polygon of corners (N, 2); inf: never."""
     x0, y0 = corners[:, 0], corners[:, 1]
     dx, dy = np.roll(x0, -1) - x0, np.roll(y0, -1) - y0
     c, s = np.cos(bearing_rad)[:, None], np.sin(bearing_rad)[:, None]

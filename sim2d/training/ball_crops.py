@@ -12,7 +12,7 @@ import numpy.typing as npt
 from field_models.catalog import load_field
 from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.evaluation.dataset import Dataset
-from robocup_vision.perception.balls.network import CROP_RADIUS_PX, BallNetwork, BallPlaces, BallStrips, around
+from robocup_vision.perception.balls.network import CROP_RADIUS_PX, BallNetwork, BallPlaces, BallStrips, crop_around
 from robocup_vision.perception.networks import Shrunk
 from sim2d.rendering.backdrop import Backdrop, BackdropKind
 from sim2d.rendering.goal.scenes import nao_camera
@@ -162,6 +162,6 @@ def cut(shrunk: Shrunk, balls: FloatArray, unsure: FloatArray, others: FloatArra
     every = np.concatenate([balls, others])
     images = np.empty((len(every), BANK_PX, BANK_PX, 3), dtype=np.uint8)
     for image, (u, v, radius) in zip(images, every, strict=True):
-        image[:] = around(shrunk, u, v, radius, BANK_PX)
+        image[:] = crop_around(shrunk, u, v, radius, BANK_PX)
     is_ball: npt.NDArray[np.bool_] = np.arange(len(every)) < len(balls)
     return Crops(images, is_ball)

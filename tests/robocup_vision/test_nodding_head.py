@@ -169,7 +169,7 @@ def test_a_recording_holds_it(walk, tmp_path):
 
 def test_what_takes_no_mounting_says_so(walk):
     frame, told, _ = walk[0]
-    with pytest.raises(ArgumentError, match="the pan is told twice"):
+    with pytest.raises(ArgumentError, match="the pan is given twice"):
         Vision(FIELD, CAMERA).look(frame, pan_rad=0.1, mounting=Mounting(pan_rad=0.1))
     with pytest.raises(ArgumentError, match="method 'goal' takes no mounting but the pan"):
         Vision(FIELD, CAMERA, method="goal").look(frame, mounting=told)

@@ -1,7 +1,7 @@
-"""What one frame tells of a camera: residuals in pixels, and their information once the frame's own unknowns are out.
+"""Evidence of one frame on a camera: residuals in pixels, and their information without the frame's own unknowns.
 
-The robot's pose, and what a body does with its camera for a moment, are unknown in every frame anew. They are
-marginalised (Schur complement), so that what they could explain as well says nothing of the camera.
+The robot's pose, and the sway of a body that carries the camera, are different unknowns in every frame. They are
+marginalised (Schur complement), so that residuals which they could explain do not change the camera.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, Int64Array
 
-# of a frame's pose before the frame: a metre and a radian, next to nothing
+# precision of a frame's pose under its prior, 1/m^2 and 1/rad^2: next to nothing is known
 POSE_PRECISION = 1.0
 # half of the residuals of a normal distribution lie within 0.674 standard deviations
 _MEDIAN_TO_STD = 1.483
@@ -30,12 +30,12 @@ class NoiseSettings(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Residuals:
-    """Points of one frame against what a camera and the frame's own unknowns let expect."""
+    """Residuals of one frame's points, with their derivatives."""
 
     residual_px: FloatArray  #: (N,) float64: expected less measured, along the normal of the edge
     by_camera: FloatArray  #: (N, G) float64: derivatives by the camera's parameters
     by_frame: FloatArray  #: (N, F) float64: derivatives by the frame's own unknowns
-    group: Int64Array  #: (N,) int64: points of one number err together
+    group: Int64Array  #: (N,) int64: points of one number have a common error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ class Evidence:
 
 
 def spread_px(residual_px: FloatArray, min_px: float) -> float:
-    """Robust standard deviation of residuals, at least so much."""
+    """Robust standard deviation of residuals, at least `min_px`."""
     if not len(residual_px):
         return min_px
     return max(min_px, _MEDIAN_TO_STD * float(np.median(np.abs(residual_px))))
@@ -63,8 +63,8 @@ def tukey_weights(residual_px: FloatArray, gate_px: float) -> FloatArray:
 def normal_equations(points: Residuals, weight: FloatArray, noise: NoiseSettings) -> tuple[FloatArray, FloatArray]:
     """Information (G + F, G + F) and gradient (G + F,) of weighted residuals, the camera's parameters first.
 
-    The covariance of a group is that of its points alone and of an offset common to them; its inverse is the former's
-    less a matrix of rank one (Sherman and Morrison).
+    The covariance of a group is a diagonal one of its points plus that of an offset common to them, of rank one. It is
+    inverted by the formula of Sherman and Morrison.
     """
     rows = np.hstack([points.by_camera, points.by_frame, points.residual_px[:, None]])
     precision = weight / noise.point_std_px**2
@@ -85,7 +85,7 @@ def gauss_newton_step(
     before: tuple[FloatArray, FloatArray],
     own: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Step of the camera's parameters and of a frame's own unknowns by points and by what is believed before.
+    """Step of the camera's parameters and of a frame's own unknowns by points and prior.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def gauss_newton_step(
 
 
 def has_support(agreeing: int, total: int, min_points: int, min_ratio: float) -> bool:
-    """Whether so many of a frame's points agree with the field that the frame counts."""
+    """Whether enough of a frame's points agree with the field for the frame to be used."""
     return agreeing >= max(min_points, min_ratio * total)
 
 

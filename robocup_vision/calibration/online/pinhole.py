@@ -1,7 +1,7 @@
-"""What a frame of a pinhole camera tells of its lens and mounting: all edges of the field in view, against the file's.
+"""Evidence of a frame on a pinhole camera's lens and mounting: the field's edges in view against their predictions.
 
 The samples are those of the follower (`kernels.model_edges`): predicted by the frame's pose, searched for along their
-normals. Tilt, roll and height at rest are told from what the body does in one frame by how far a body sways.
+normals. Tilt, roll and height at rest are separated from the body's sway in one frame by the sway's standard deviation.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from robocup_vision.localization.model_edges.field_edges import field_edges
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
 from robocup_vision.view import View
 
+# edge samples of one frame, at most
 _MAX_SAMPLES = 600
 # places of the parameters: tilt, roll, height, logarithm of the focal length's scale, centre
 _SCALE, _CENTER, _ANGLES = 3, slice(4, 6), slice(0, 2)
@@ -48,14 +49,14 @@ _HEIGHT = 2
 
 
 class FrameTerms(NamedTuple):
-    """What a frame tells of the camera's parameters and of its own unknowns, before these are left out."""
+    """Information of a frame on the camera's parameters and on its own unknowns, before these are marginalised."""
 
     #: (12, 12), (12,) float64: of the six parameters, then the camera's pose on the field, and the body's sway in tilt,
     #: roll and height
     information: FloatArray
     gradient: FloatArray
     #: (6,), (6,) float64: precision of the frame's own unknowns under their prior, and its gradient where the points
-    #: were worked out
+    #: were linearised
     own: FloatArray
     slope: FloatArray
 
@@ -72,7 +73,7 @@ class PinholeEvidence:
     """
 
     slices = (_CENTER, _ANGLES, _SCALE)
-    # a pinhole camera is found without a prior by cameras that are about right, too
+    # without a prior a pinhole camera locates the robot even if it is only about right
     tries_others = False
 
     def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None, settings: OnlineSettings) -> None:
@@ -84,7 +85,7 @@ class PinholeEvidence:
         self.start = self.vector(camera)
         angle, center = own.tilt_std_rad, own.center_std_px * px
         self.std = np.array([angle, angle, own.height_std_m, focal_std, center, center])
-        # a knock changes no lens
+        # a knock does not change the lens
         self.knock_std = np.array([angle, angle, own.height_std_m, 0.0, center, center])
         self.reach = 6.0 * self.std
         self.reach[_CENTER], self.reach[_ANGLES] = settings.max_center_px * px, settings.max_tilt_rad
@@ -94,12 +95,12 @@ class PinholeEvidence:
         self._numbers, self._edges = follow, field_edges(field)
         self._workspace = empty_buffers(_MAX_SAMPLES, 0)
         self._workspace.reach_px[:] = own.reach_px * px
-        # when the last view was taken and how the camera was held: heading, tilt, roll
+        # time of the last view (s), and the camera's heading, tilt and roll in it
         self._held: tuple[float, tuple[float, float, float]] | None = None
         self._turn_radps = 0.0
         self._lens, self._lens_of = lens_table(camera), self.start.copy()
         self._mask = mask
-        # compile, or load from the disk's cache, what a frame needs, so that no frame pays for it
+        # compiles, or loads from the disk's cache, the loops that a frame needs: no frame waits for it
         width, height = camera.size_px
         self._search(np.zeros((height, width, 3), dtype=np.uint8), np.zeros(UNKNOWNS), self.start)
 
@@ -123,7 +124,7 @@ class PinholeEvidence:
         )
 
     def shift_px(self, camera: PinholeCamera, other: PinholeCamera) -> float:
-        """Greatest distance between the images of the same places through two cameras: floor, and far away."""
+        """Largest distance, pixels, between the images of one place in two cameras: on the floor, and far away."""
         width, height = camera.size_px
         across, down = np.linspace(0.1, 0.9, 4) * width, np.linspace(0.1, 0.9, 4) * height
         pixels = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
@@ -136,7 +137,7 @@ class PinholeEvidence:
         return float(np.nanmax(np.hypot(*(moved - pixels).T)))
 
     def watch(self, view: View) -> None:
-        """Take note of how fast the camera turns from view to view."""
+        """Measure how fast the camera turns from view to view."""
         held = view.camera
         if not view.pose or not isinstance(held, PinholeCamera) or view.t_s is None:
             self._held = None
@@ -145,7 +146,7 @@ class PinholeEvidence:
         self._turn_radps = 0.0
         if self._held is not None and view.t_s > self._held[0]:
             heading, *others = (wrap_angle(now - before) for now, before in zip(angles, self._held[1], strict=True))
-            # a file that says how long the rows take is one whose frames have been straightened
+            # frames of a camera file with a readout time have been straightened, up to this fraction
             left = self._settings.straightened_to if self._file.readout_s else 1.0
             self._turn_radps = math.hypot(left * heading, *others) / (view.t_s - self._held[0])
         self._held = (view.t_s, angles)
@@ -153,7 +154,7 @@ class PinholeEvidence:
     def of(
         self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
     ) -> Evidence | None:
-        """Return what a frame tells: see `EvidenceMaker`."""
+        """Return the evidence of a frame: see `EvidenceMaker`."""
         held = view.camera
         assert isinstance(held, PinholeCamera)
         assert view.pose
@@ -166,7 +167,7 @@ class PinholeEvidence:
     def terms(
         self, frame: UInt8Array, held: PinholeCamera, pose: Pose2, belief: tuple[FloatArray, FloatArray, FloatArray]
     ) -> FrameTerms | None:
-        """Return what a frame tells of the parameters and its own unknowns; None where `of` returns it.
+        """Return the information of a frame on the parameters and on its own unknowns; None where `of` returns it.
 
         Parameters
         ----------
@@ -196,7 +197,7 @@ class PinholeEvidence:
         slope = -self._own * np.concatenate([np.zeros(3), sway])
         before: FloatArray = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         rows = np.hstack([by_camera, by_frame])
-        # evenly spread over the readout
+        # standard deviation of the shift of rows that are evenly spread over the readout
         skew_px = self._lens[0] * self._turn_radps * (self._file.readout_s or settings.readout_s) / math.sqrt(12.0)
         step: FloatArray = np.zeros(size + len(self._own))
         for gate in (*settings.gates_px, 0.0):
@@ -206,7 +207,7 @@ class PinholeEvidence:
             residual = expected - measured
             spread = spread_px(residual[np.abs(residual) < settings.gates_px[-1]], settings.alone_px)
             weight = tukey_weights(residual, gate or settings.last_gate * spread)
-            # what agrees worse than its noise says knows less than that says
+            # where points agree worse than their noise lets expect, their common error is taken to be larger, too
             shared_px = math.hypot(settings.shared_px * spread / settings.alone_px, skew_px)
             noise = NoiseSettings(spread, shared_px)
             points = Residuals(-measured, by_camera, by_frame, group)
@@ -227,7 +228,7 @@ class PinholeEvidence:
         return np.asarray(self._mask[v, u] > 0)
 
     def _search(self, frame: UInt8Array, unknowns: FloatArray, start: FloatArray) -> int:
-        """Predict the field's edges, and look for them; return how many samples there are."""
+        """Predict the field's edges and search for them; return the number of samples."""
         if not np.array_equal(self._lens_of, start):
             self._lens, self._lens_of = lens_table(self.camera(start)), start.copy()
         carpet = np.zeros(5)

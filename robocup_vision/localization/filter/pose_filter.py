@@ -45,7 +45,7 @@ class _Moment:
 
     @property
     def key(self) -> tuple[float, ...]:
-        """Orders frames of the same time, whatever order they came in."""
+        """Sorts frames of one time, so that the order in which they arrive does not matter."""
         if self.estimate is None:
             return ()
         return tuple(value for pose in self.estimate.candidates for value in (pose.x_m, pose.y_m, pose.theta_rad))
@@ -76,7 +76,7 @@ class FloorBound:
         return np.asarray(foot)
 
     def keep(self, mode: PoseMode) -> PoseMode:
-        """Return the mode on the floor, as uncertain as it was wrong."""
+        """Return the mode moved onto the floor; its covariance grows by the square of the distance moved."""
         place = self.nearest(mode.pose.x_m, mode.pose.y_m)
         if place is None:
             return mode
@@ -99,7 +99,7 @@ class PoseFilter:
     settings : PoseFilterSettings, optional
         How modes are weighed and followed.
     field : Field, optional
-        Whose walls or boards no pose is beyond.
+        Its walls or boards bound the poses.
     half : {"own"}, optional
         The half in which the robot is known to begin: its own one, x < 0. Default: nothing is known of it, so that
         frames which look alike from both halves leave them equally probable.
@@ -147,7 +147,7 @@ class PoseFilter:
         self._now_s: float | None = None
 
     def expect(self, pose: Pose2) -> None:
-        """Name the pose where the robot probably begins: of the poses of the first frame, the nearest one counts."""
+        """Name the pose where the robot probably begins: the nearest candidate of the first frame is taken."""
         self._expected = as_pose("pose", pose)
 
     @property
@@ -171,8 +171,8 @@ class PoseFilter:
         Parameters
         ----------
         odometry : Pose2
-            Motion since the call before, of the first call since the last frame, in the robot's frame then. Where no
-            robot is so fast (`PoseFilterSettings`), it is not believed: the estimate stays, and widens.
+            Motion since the call before, in the robot's frame then; of the first call, since the last frame. A motion
+            faster than any robot (`PoseFilterSettings`) is not used: the estimate stays, and its covariance grows.
         t_s : float
             The present, seconds; never earlier than before.
 
@@ -243,7 +243,7 @@ class PoseFilter:
             at -= 1
         later = self._moments[at:]
         del self._moments[at:]
-        # both parts of an unknown motion are unknown
+        # a frame divides the motion around it in two: if it was unknown, both parts are
         new = replace(new, is_motion_unknown=bool(later) and later[0].is_motion_unknown)
         for moment in (new, *later):
             self._moments.append(self._after(self._moments[-1], moment))
@@ -271,8 +271,8 @@ class PoseFilter:
     def prior(self, t_s: float) -> Pose2 | None:
         """Return the pose at a time, a prior for its frame; None if unknown, or if a frame has just contradicted it.
 
-        The next frame then decides without a prior who is right. Where it does not, and a spell of errors would be over
-        (`FrameErrors.spell_s`), the most probable pose is as good a prior as any.
+        After a contradiction the next frame is located without a prior, to decide which of both is right. If none has
+        decided by the end of a spell of errors (`FrameErrors.spell_s`), the most probable pose is the prior again.
         """
         prior = self.prior_estimate(t_s)
         return None if prior is None else prior.pose
@@ -285,9 +285,9 @@ class PoseFilter:
         return self.belief_at(t_s)
 
     def belief_at(self, t_s: float) -> PoseEstimate | None:
-        """Return the most probable pose at a time, by what was until then; None if unknown, or before the history.
+        """Return the most probable pose at a time by the measurements up to it; None if unknown, or before the history.
 
-        The present one, moved back by odometry, would keep the slip since then, and be as uncertain as it is now.
+        The present pose moved back by odometry would instead contain the slip since then, and its uncertainty.
         """
         odometry_pose = self._odometry_pose(t_s) if self._moments and math.isfinite(t_s) else None
         if odometry_pose is None:

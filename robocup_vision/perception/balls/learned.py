@@ -47,11 +47,11 @@ class LearnedBallSettings:
 
 
 class _Expected(NamedTuple):
-    """What is looked at again: where a ball was seen, and when; or what may be one, which is not told."""
+    """What is looked at again: where a ball was seen, and when; or what may be one, which is not reported."""
 
     seen: Sighting
     seen_s: float
-    is_told: bool
+    is_ball: bool
 
 
 class LearnedBallFinder:
@@ -89,9 +89,9 @@ class LearnedBallFinder:
     def find(self, frame: UInt8Array, camera: PinholeCamera, t_s: float | None = None) -> tuple[Ball, ...]:
         """Find the balls in a frame, the likeliest first."""
         seen = self._look(frame, self._places_of(camera), self._part_of_work(t_s))
-        is_told = [self._is_ball(one) for one in seen]
-        self._expect(seen, is_told, t_s)
-        placed = (self._ball(one, camera) for one, told in zip(seen, is_told, strict=True) if told)
+        is_ball = [self._is_ball(one) for one in seen]
+        self._expect(seen, is_ball, t_s)
+        placed = (self._ball(one, camera) for one, ball in zip(seen, is_ball, strict=True) if ball)
         return tuple([ball for ball in placed if ball is not None][: self.settings.max_balls])
 
     def _part_of_work(self, t_s: float | None) -> float:
@@ -116,13 +116,13 @@ class LearnedBallFinder:
         return [] if strips is None else self._network.look(frame, strips, min_nats)
 
     def _is_ball(self, one: Sighting) -> bool:
-        """Whether a sighting is told: sure enough, or where a ball was."""
+        """Whether a sighting is reported as a ball: certain by itself, or where a ball was."""
         place = np.array(one)
         return one.nats >= self.settings.min_nats or any(
-            bool(is_near(place, other.seen)) for other in self._expected if other.is_told
+            bool(is_near(place, other.seen)) for other in self._expected if other.is_ball
         )
 
-    def _expect(self, seen: list[Sighting], is_told: list[bool], t_s: float | None) -> None:
+    def _expect(self, seen: list[Sighting], is_ball: list[bool], t_s: float | None) -> None:
         """Expect what is seen, and for a while what is not seen again."""
         if t_s is None:
             return
@@ -132,7 +132,7 @@ class LearnedBallFinder:
             for one in self._expected
             if t_s - one.seen_s < self.settings.sweep_s and not is_near(places, one.seen).any()
         ]
-        new = [_Expected(one, t_s, told) for one, told in zip(seen, is_told, strict=True)]
+        new = [_Expected(one, t_s, ball) for one, ball in zip(seen, is_ball, strict=True)]
         self._expected = [*new, *old][: self.settings.max_balls]
 
     def _places_of(self, camera: PinholeCamera) -> BallPlaces:

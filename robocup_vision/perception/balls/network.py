@@ -155,8 +155,8 @@ class BallPlaces:
                 tiles.append(_Part(part.left + aside, part.top + down, (width, height), part.radius_px))
         if not tiles:
             return None
-        told = np.concatenate(answers)
-        return BallStrips(tuple(tiles), told[:, :3].astype(np.int64), told[:, 3:6], told[:, 6])
+        rows = np.concatenate(answers)
+        return BallStrips(tuple(tiles), rows[:, :3].astype(np.int64), rows[:, 3:6], rows[:, 6])
 
     def _answers(self, part: _Part) -> FloatArray:
         """Row and column, u, v and a ball's radius in the frame, and the scale, of each answer."""
@@ -173,8 +173,8 @@ class BallPlaces:
             rows, columns = (np.clip(x.round().astype(int), 0, side - 1) for x, side in ((at_v, height), (at_u, width)))
             keep &= self._mask[rows, columns] == 0
         row, column = np.meshgrid(np.arange(len(down)), np.arange(len(aside)), indexing="ij")
-        told = (row, column, at_u, at_v, there, np.full(row.shape, scale))
-        answers: FloatArray = np.stack(told, axis=-1)[keep].astype(np.float64)
+        columns = (row, column, at_u, at_v, there, np.full(row.shape, scale))
+        answers: FloatArray = np.stack(columns, axis=-1)[keep].astype(np.float64)
         return answers
 
 
@@ -190,7 +190,7 @@ def _radii_px(camera: PinholeCamera, radius_m: float, u: FloatArray, v: FloatArr
     return np.where(np.isfinite(radii) & (ratio > 0), radii, 0.0).astype(np.float32)
 
 
-def around(shrunk: Shrunk, u_px: float, v_px: float, radius_px: float, side: int = CROP_PX) -> UInt8Array:
+def crop_around(shrunk: Shrunk, u_px: float, v_px: float, radius_px: float, side: int = CROP_PX) -> UInt8Array:
     """Return a square of a frame with a ball in its middle whose radius is `CROP_RADIUS_PX`."""
     scale = radius_px / CROP_RADIUS_PX
     reach = scale * (side - 1) / 2
@@ -216,7 +216,7 @@ class BallNetwork:
         shrunk = Shrunk(frame)
         likely = []
         for place in self.places(shrunk, strips)[:MAX_PLACES]:
-            self._second.setInput(cv2.dnn.blobFromImage(around(shrunk, *place[:3])))
+            self._second.setInput(cv2.dnn.blobFromImage(crop_around(shrunk, *place[:3])))
             nats, off_u, off_v = (float(x) for x in self._second.forward().reshape(-1)[:3])
             if nats >= min_nats:
                 scale = place.radius_px / CROP_RADIUS_PX
@@ -235,18 +235,18 @@ class BallNetwork:
         answer = np.empty((len(rows), 3), dtype=np.float32)
         # they stand in the order of their parts
         begins = np.searchsorted(numbers, np.arange(len(found) + 1))
-        for told_here, begin, end in zip(found, begins[:-1], begins[1:], strict=True):
-            answer[begin:end] = told_here[rows[begin:end], columns[begin:end]]
+        for answers, begin, end in zip(found, begins[:-1], begins[1:], strict=True):
+            answer[begin:end] = answers[rows[begin:end], columns[begin:end]]
         nats = answer[:, 0]
         likely = np.flatnonzero(nats >= min_nats)
         likely = likely[np.argsort(-nats[likely])][: 8 * MAX_PLACES]
         off = answer[likely, 1:] * strips.scales[likely, None]
         places = strips.places_px[likely]
-        told = [
+        sightings = [
             Sighting(float(u + du), float(v + dv), float(radius), float(nat))
             for (u, v, radius), (du, dv), nat in zip(places, off, nats[likely], strict=True)
         ]
-        return _apart(told, _APART_RADII)
+        return _apart(sightings, _APART_RADII)
 
 
 def _apart(sightings: list[Sighting], radii: float) -> list[Sighting]:

@@ -60,8 +60,8 @@ class SpotFinder:
         size_px = np.ptp(rim_px, axis=0)
         own_px = np.array(box[2:]) - 2 * _BARE_MARGIN_PX
         ratio, px = self._settings.spot_size_ratio, 2.0
-        is_told = size_px.max() >= self._settings.min_spot_px
-        return bool(is_told and ((own_px <= ratio * size_px + px) & (own_px >= size_px / ratio - px)).all())
+        is_large = size_px.max() >= self._settings.min_spot_px
+        return bool(is_large and ((own_px <= ratio * size_px + px) & (own_px >= size_px / ratio - px)).all())
 
     def _measured(self, frame: UInt8Array, box: list[int], errors: FloorErrors) -> PenaltyMark | None:
         """Return what lies in a box of the picture, where it is a mark."""

@@ -120,11 +120,11 @@ class CameraCalibration:
     t_x_m: Annotated[float, Wire(10, "tx", MM_PER_M)]
     t_y_m: Annotated[float, Wire(11, "ty", MM_PER_M)]
     t_z_m: Annotated[float, Wire(12, "tz", MM_PER_M)]
-    #: the camera in the field frame, as its sender worked it out
+    #: the camera in the field frame, as its sender computed it
     camera_x_m: Annotated[float | None, Wire(13, "derived_camera_world_tx", MM_PER_M)] = None
     camera_y_m: Annotated[float | None, Wire(14, "derived_camera_world_ty", MM_PER_M)] = None
     camera_z_m: Annotated[float | None, Wire(15, "derived_camera_world_tz", MM_PER_M)] = None
-    #: of its image
+    #: size of its image
     width_px: Annotated[int | None, Wire(16, "pixel_image_width")] = None
     height_px: Annotated[int | None, Wire(17, "pixel_image_height")] = None
     unknown: bytes = b""  #: fields that are not listed here
@@ -155,7 +155,7 @@ class BouncingBall:
 @message_value("vision.SSL_GeometryModels")
 @dataclass(frozen=True, slots=True)
 class BallModels:
-    """How the ball moves there."""
+    """Models of the ball's motion on this field."""
 
     rolling: Annotated[RollingBall | None, Wire(1, "straight_two_phase")] = None
     bouncing: Annotated[BouncingBall | None, Wire(2, "chip_fixed_loss")] = None

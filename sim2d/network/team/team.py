@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,7 +95,7 @@ class _Hand:
     player: OverheadPlayer
     felt_s: float = -math.inf
     feels: bool = False
-    told: bool = field(default=False)
+    has_contact_sensor: bool = False
 
 
 class OverheadTeam:
@@ -143,12 +143,12 @@ class OverheadTeam:
     def hear_vision(self, packet: VisionPacket) -> None:
         """Take in what a camera saw; say where vision's field is not the one that is played on."""
         if packet.geometry is not None:
-            told, ours = packet.geometry.field, self._field
-            if not max(abs(told.length_m - ours.length_m), abs(told.width_m - ours.width_m)) <= _SAME_FIELD_M:
+            theirs, ours = packet.geometry.field, self._field
+            if not max(abs(theirs.length_m - ours.length_m), abs(theirs.width_m - ours.width_m)) <= _SAME_FIELD_M:
                 self.problems.add(
                     "vision's field is another",
-                    f"vision shows a field of {told.length_m:.2f} x {told.width_m:.2f} m, but played on is {ours.name}"
-                    f" of {ours.length_m:.2f} x {ours.width_m:.2f} m (--field)",
+                    f"vision shows a field of {theirs.length_m:.2f} x {theirs.width_m:.2f} m, but played on is "
+                    f"{ours.name} of {ours.length_m:.2f} x {ours.width_m:.2f} m (--field)",
                 )
         if packet.detection is not None:
             self._tracker.update(packet.detection)
@@ -179,7 +179,7 @@ class OverheadTeam:
         for feedback in response.feedback:
             hand = self._hands.get(feedback.number)
             if hand is not None and feedback.ball_contact is not None:
-                hand.told, hand.feels = True, feedback.ball_contact
+                hand.has_contact_sensor, hand.feels = True, feedback.ball_contact
                 hand.felt_s = self.seen_s if hand.feels else hand.felt_s
 
     def commands(self, t_s: float) -> list[RobotCommand]:
@@ -322,7 +322,7 @@ class OverheadTeam:
 
     def _has_ball(self, hand: _Hand, me: Moving, ball: Point | None, t_s: float) -> bool:
         settings = self._settings
-        if hand.told:
+        if hand.has_contact_sensor:
             return hand.feels and self.seen_s - hand.felt_s < settings.contact_lasts_s
         if ball is None:
             return False

@@ -16,7 +16,7 @@ from robocup_vision.evaluation.dataset import Dataset, load_dataset
 from robocup_vision.evaluation.detections import (
     detection_figures,
     match_boxes,
-    told_kinds,
+    reported_kinds,
 )
 from robocup_vision.evaluation.run import Summary, evaluate
 from robocup_vision.landmarks.landmark_map import LandmarkMap, save_map
@@ -63,9 +63,9 @@ def test_kinds_count_in_boxes_of_robots_and_people():
         for at, kind in zip(places, ["robot", "robot", "robot", "human"], strict=True)
     ]
     figures = detection_figures(match_boxes(view(obstacles=things), boxes, FIELD), ["obstacle"])
-    assert (figures["robot"].kind_told, figures["robot"].kind_right) == (2, 1)
-    assert (figures["human"].kind_told, figures["human"].kind_right) == (1, 1)
-    assert figures["obstacle"].kind_told is None
+    assert (figures["robot"].kind_reported, figures["robot"].kind_right) == (2, 1)
+    assert (figures["human"].kind_reported, figures["human"].kind_right) == (1, 1)
+    assert figures["obstacle"].kind_reported is None
 
 
 def test_kinds_are_asked_only_where_boxes_tell_them():
@@ -73,14 +73,14 @@ def test_kinds_are_asked_only_where_boxes_tell_them():
     box = box_around(*CAMERA.floor_to_pixel(np.array((1.0, 0.0))).tolist(), 4.0, "obstacle")
     (found,) = match_boxes(view(obstacles=[thing]), [box], FIELD)
     assert found.is_hit
-    assert found.told_kind is None
+    assert found.reported_kind is None
 
 
 def test_a_box_counts_once():
     ball = ball_at(0.8, 0.0)
     found = match_boxes(view([ball, ball]), [box_around(ball.u_px, ball.v_px, 8.0)], FIELD)
     figures = detection_figures(found)["ball"]
-    assert (figures.boxes, figures.found, figures.told) == (1, 1, 2)
+    assert (figures.boxes, figures.found, figures.reported) == (1, 1, 2)
     assert (figures.recall, figures.precision) == (1.0, 0.5)
 
 
@@ -111,13 +111,13 @@ def test_kinds_that_no_view_tells_are_left_out():
 
 def test_what_a_file_does_not_mark_is_not_scored():
     ball, robot = Box("ball", 1, 1, 9, 9), Box("robot", 1, 1, 9, 9)
-    assert told_kinds([ball]) == ("ball",)
-    assert told_kinds([robot]) == ("obstacle",)
-    assert told_kinds([]) == told_kinds([ball, robot]) == ("ball", "obstacle")
+    assert reported_kinds([ball]) == ("ball",)
+    assert reported_kinds([robot]) == ("obstacle",)
+    assert reported_kinds([]) == reported_kinds([ball, robot]) == ("ball", "obstacle")
     thing = SimpleNamespace(x_m=1.0, y_m=0.0)
-    assert match_boxes(view(obstacles=[thing]), [], FIELD, told_kinds([ball])) == ()
-    assert len(match_boxes(view(obstacles=[thing]), [], FIELD, told_kinds([]))) == 1
-    assert set(detection_figures([], told_kinds([ball]))) == {"ball"}
+    assert match_boxes(view(obstacles=[thing]), [], FIELD, reported_kinds([ball])) == ()
+    assert len(match_boxes(view(obstacles=[thing]), [], FIELD, reported_kinds([]))) == 1
+    assert set(detection_figures([], reported_kinds([ball]))) == {"ball"}
 
 
 def test_a_localiser_without_balls_is_told():
@@ -162,7 +162,7 @@ def test_a_run_scores_the_boxes_and_shows_misses(folder: Path, tmp_path: Path):
     (folder / "boxes.csv").write_text("image,kind,xmin,ymin,xmax,ymax\n" + "\n".join(lines) + "\n")
     summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=TellsOneBall)
     figures = json.loads((tmp_path / "out" / "summary.json").read_text())["detections"]["ball"]
-    assert (figures["boxes"], figures["found"], figures["told"]) == (2, 1, 5)
+    assert (figures["boxes"], figures["found"], figures["reported"]) == (2, 1, 5)
     assert (figures["recall"], figures["precision"]) == (0.5, 0.2)
     assert set(summary.detections or {}) == {"ball"}
     assert "boxes of these kinds are not scored, for no view tells them: parking" in summary.notes

@@ -45,7 +45,7 @@ POSE = Pose2(0.1, -2.0, 1e-300)
 ESTIMATE = PoseEstimate(POSE, np.diag([1e-4, 2e-4, 1 / 3]), 0.9, float("inf"), (POSE, POSE.half_turn()))
 DETECTIONS = (
     Detection("ball", (35.0, 25.0, 45.5, 35.0), (40.0, 30.0), range_error_m=-0.07),
-    Detection("person", (1.0, 2.0, 3.0, 4.0), (2.0, 4.0), None, told_kind="robot"),
+    Detection("person", (1.0, 2.0, 3.0, 4.0), (2.0, 4.0), None, reported_kind="robot"),
     Detection("robot", (0.0, 0.0, 8.0, 8.0)),
     Detection("obstacle", None, (float("nan"), 3.0)),
 )

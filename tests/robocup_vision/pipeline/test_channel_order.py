@@ -37,7 +37,7 @@ def test_blue_balls_in_several_places_are_told(order):
         judge(order, swapped=[ball(*place)])
         sums.append(order.nats)
     assert sums == sorted(sums)
-    assert not sums[0] >= order.settings.told_nats
+    assert not sums[0] >= order.settings.report_nats
     assert "ball looks as with red and blue swapped" in order.reason
     order.forget()
     assert order.nats == 0.0

@@ -24,11 +24,11 @@ ZONES = st.one_of(
 )
 
 
-@given(zone=ZONES, place=PLACES, room_m=st.floats(0.0, 0.3))
-def test_what_is_moved_out_has_its_room_and_what_has_it_stays(zone, place, room_m):
-    moved = zone.moved_out(place, room_m)
-    assert zone.signed_distance_m(moved) >= room_m - 1e-9
-    if zone.signed_distance_m(place) >= room_m:
+@given(zone=ZONES, place=PLACES, clearance_m=st.floats(0.0, 0.3))
+def test_what_is_moved_out_has_its_room_and_what_has_it_stays(zone, place, clearance_m):
+    moved = zone.moved_out(place, clearance_m)
+    assert zone.signed_distance_m(moved) >= clearance_m - 1e-9
+    if zone.signed_distance_m(place) >= clearance_m:
         assert moved == place
 
 
