@@ -113,11 +113,11 @@ class Autoref:
             # it does not decide
             self._follow(ball, is_in_play=True)
         out = []
-        for kind, event in what:
-            key = kind, event.team, getattr(event, "number", None)
+        for kind, report in what:
+            key = kind, report.team, getattr(report, "number", None)
             if key not in self._reported:
                 self._reported.add(key)
-                out.append(referee_event(kind, event, round(US_PER_S * now_s)))
+                out.append(referee_event(kind, report, round(US_PER_S * now_s)))
         return out
 
     def _follow(self, ball: BallState, *, is_in_play: bool) -> None:

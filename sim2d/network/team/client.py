@@ -129,10 +129,10 @@ class TeamClient(Closing):
 
     def _hear(self) -> None:
         # the referee first: however much vision sends, a halt is obeyed
-        for packet in self._referee.receive_newest(_MAX_REFEREE_PACKETS):
-            self.team.hear_referee(packet, self._referee.sender)
+        for command in self._referee.receive_newest(_MAX_REFEREE_PACKETS):
+            self.team.hear_referee(command, self._referee.sender)
             if self._desk is not None:
-                self._desk.hear(packet, self.team.intents, time.monotonic())
+                self._desk.hear(command, self.team.intents, time.monotonic())
         if self._referee.is_silent:
             self.team.lose_referee()
         skipped = self._vision.skipped
