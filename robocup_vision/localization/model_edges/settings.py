@@ -78,14 +78,6 @@ class EdgeSettings:
     #: greatest squared distance at which a prior and the pose of a slipped robot by the same frame are one place: 99.9
     #: % of chi-square with 3 degrees of freedom
     max_same_distance2: float = 16.27
-    #: modes near one prior are compared by these: logarithm of the inliers, fractions, squared distance from the prior,
-    #: residuals (px)
-    mode_of_inliers: float = 1.3
-    mode_against_missing: float = 8.0
-    mode_against_hidden: float = 2.0
-    mode_against_unexplained: float = 20.0
-    mode_against_distance: float = 0.36
-    mode_against_rms: float = 2.95
     #: odds that a pose is right, by logistic regression on right and wrong priors: each edge found, fractions, squared
     #: distance from the prior, residuals (px)
     odds_at_all: float = 4.8
@@ -95,6 +87,8 @@ class EdgeSettings:
     odds_against_unexplained: float = 8.0
     odds_against_distance: float = 0.23
     odds_against_rms: float = 2.95
+    #: modes near one prior are compared by the weights of what speaks against them and by the logarithm of the inliers
+    mode_of_inliers: float = 1.3
     #: a picture that leaves the pose open agrees with wrong ones, too: greatest standard deviation of the position (m),
     #: less the information gained on the prior (nats)
     odds_against_open: float = 1.7
@@ -178,11 +172,11 @@ class EdgeSettings:
             mode_weights=np.array(
                 [
                     self.mode_of_inliers,
-                    self.mode_against_missing,
-                    self.mode_against_hidden,
-                    self.mode_against_unexplained,
-                    self.mode_against_distance,
-                    self.mode_against_rms,
+                    self.odds_against_missing,
+                    self.odds_against_hidden,
+                    self.odds_against_unexplained,
+                    self.odds_against_distance,
+                    self.odds_against_rms,
                 ]
             ),
             clear_missing=self.clear_missing,
