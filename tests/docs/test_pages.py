@@ -31,7 +31,7 @@ COMMANDS = sorted(
         for block in blocks(page, "console")
         for line in block.splitlines()
         if line.startswith("robocup-vision")
-    }
+    }.union(re.findall(r"`(robocup-vision [^`]* --[^`]*)`", text_of(PAGES[0])))
 )
 LINKS = [
     (name_of(page), target)
