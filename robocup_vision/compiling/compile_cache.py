@@ -189,14 +189,14 @@ class _Wait(Listener):
 
     def __init__(self) -> None:
         self.folders: set[Path] = set()
-        self.is_told = False
+        self.has_announced = False
         self.ready, self.total = 0, 0
 
     def on_start(self, event: Any) -> None:
         source = Path(event.data["dispatcher"].py_func.__code__.co_filename)
-        if self.is_told or not any(folder in source.parents for folder in self.folders):
+        if self.has_announced or not any(folder in source.parents for folder in self.folders):
             return
-        self.is_told = True
+        self.has_announced = True
         # whoever started this worker tells it
         if multiprocessing.parent_process() is None:
             done = f"{self.ready} of {self.total} loops are ready, " if self.total else ""
@@ -223,7 +223,7 @@ def tell_of_compiling(kernels: Path) -> None:
 def note_ready(ready: int, total: int) -> None:
     """Note how many of the loops that are being made ready are so; draw it at a terminal, once some are compiled."""
     _wait.ready, _wait.total = ready, total
-    if _wait.is_told and ready <= total and sys.stderr.isatty() and multiprocessing.parent_process() is None:
+    if _wait.has_announced and ready <= total and sys.stderr.isatty() and multiprocessing.parent_process() is None:
         draw("compiling", ready, total)
         if ready == total:
             sys.stderr.write("\n")

@@ -163,7 +163,7 @@ def _start_finder(field: Field, camera: PinholeCamera, settings: EdgeCalibration
 
 def _finder(field: Field, camera: PinholeCamera, range_m: float, settings: EdgeCalibrationSettings) -> EdgeFinder:
     how = FinderSettings(max_range_m=range_m, nods=(), candidates=settings.candidates, max_std_m=settings.max_std_m)
-    edges = replace(EdgeSettings().for_doubted_frames(), min_log_odds=settings.min_log_odds)
+    edges = replace(EdgeSettings().for_unconfirmed_frames(), min_log_odds=settings.min_log_odds)
     return EdgeFinder(EdgeFollower(field, camera, edges), how)
 
 

@@ -210,7 +210,7 @@ class JointFitter:
     ) -> None:
         self._parameters, self._settings = parameters, settings
         width, edges = parameters.start.size_px[0], field_edges(field)
-        self._numbers = EdgeSettings().for_doubted_frames().for_width(width, field.line_width_m)
+        self._numbers = EdgeSettings().for_unconfirmed_frames().for_width(width, field.line_width_m)
         self._workspace = tables.empty_buffers(_MAX_SAMPLES, 0)
         self._scale = max(width / DESIGN_WIDTH_PX, 1.0)
         own = settings

@@ -41,9 +41,9 @@ class EdgeLocalizer:
     ) -> None:
         self.follower = EdgeFollower(field, camera, settings)
         # of frames that confirm nothing, by their reductions
-        self._doubting: dict[int, EdgeFollower] = {}
+        self._unconfirmed_followers: dict[int, EdgeFollower] = {}
         self._finder: EdgeFinder | None = None
-        self._doubting_finder: EdgeFinder | None = None
+        self._unconfirmed_finder: EdgeFinder | None = None
         self._reductions = self.follower.settings.reductions(camera.size_px[0])
         # feet of walls lie beside the lines, and stand out in smaller copies
         self._has_walls = field.is_bounded and max(self._reductions) > 1
@@ -55,7 +55,7 @@ class EdgeLocalizer:
     def forget(self) -> None:
         """See `Localizer.forget`."""
         self.follower.forget()
-        for follower in (self.follower, *self._doubting.values()):
+        for follower in (self.follower, *self._unconfirmed_followers.values()):
             follower.forget_paint()
         self._last_s: float | None = None
         self._was_located = False  # in the last look
@@ -66,9 +66,9 @@ class EdgeLocalizer:
         """Return a localiser that goes on with another calibration of its camera."""
         other = copy(self)
         other.follower = self.follower.with_camera(camera)
-        other._doubting = {}
+        other._unconfirmed_followers = {}
         other._finder = None if self._finder is None else self._finder.with_follower(other.follower)
-        other._goal = other._doubting_finder = None
+        other._goal = other._unconfirmed_finder = None
         other._held = camera
         return other
 
@@ -99,7 +99,7 @@ class EdgeLocalizer:
                 return by_goal
             answer = answer if by_goal is None else by_goal
         if isinstance(answer, NotLocated) and prior is None and self._has_walls:
-            found = self._made_doubting_finder().find(evidence.frame)
+            found = self._made_unconfirmed_finder().find(evidence.frame)
             if found:
                 answer, points = found, self._follower_of(max(self._reductions)).edge_points()
                 self.follower.state = self._follower_of(max(self._reductions)).state
@@ -118,7 +118,7 @@ class EdgeLocalizer:
         if camera.height_m != self._held.height_m:
             self._goal = None
         self._held = camera
-        for follower in (self.follower, *self._doubting.values()):
+        for follower in (self.follower, *self._unconfirmed_followers.values()):
             follower.hold(camera)
 
     def _follow(
@@ -163,10 +163,12 @@ class EdgeLocalizer:
 
     def _follower_of(self, reduction: int) -> EdgeFollower:
         """Return the follower of frames that confirm nothing, in copies so many times smaller."""
-        if reduction not in self._doubting:
+        if reduction not in self._unconfirmed_followers:
             field, camera, settings = self.follower.field, self.follower.camera, self.follower.settings
-            self._doubting[reduction] = EdgeFollower(field, camera, settings.for_doubted_frames(), reduction)
-        return self._doubting[reduction]
+            self._unconfirmed_followers[reduction] = EdgeFollower(
+                field, camera, settings.for_unconfirmed_frames(), reduction
+            )
+        return self._unconfirmed_followers[reduction]
 
     def _follow_slipped(
         self,
@@ -233,11 +235,11 @@ class EdgeLocalizer:
             self._finder = EdgeFinder(self.follower)
         return self._finder
 
-    def _made_doubting_finder(self) -> EdgeFinder:
-        if self._doubting_finder is None:
+    def _made_unconfirmed_finder(self) -> EdgeFinder:
+        if self._unconfirmed_finder is None:
             follower = self._follower_of(max(self._reductions))
-            self._doubting_finder = EdgeFinder(follower, for_walled_fields(follower.field))
-        return self._doubting_finder
+            self._unconfirmed_finder = EdgeFinder(follower, for_walled_fields(follower.field))
+        return self._unconfirmed_finder
 
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
         """Search for a goal: its pose by all edges where they confirm it, by the goal alone where they do not decide.

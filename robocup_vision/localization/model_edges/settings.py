@@ -115,7 +115,7 @@ class EdgeSettings:
     #: greatest width of a line, in widths by the field file; 0: exactly that width. The second is for frames that
     #: otherwise confirm nothing: two tapes side by side, or blur, make a line this wide
     max_line_widths: float = 0.0
-    max_doubted_line_widths: float = 3.5
+    max_unconfirmed_line_widths: float = 3.5
     #: whether the carpet may have two tones: in the sun, bleached by glare, and in the shade
     in_sun_and_shade: bool = False
     #: height rises and falls with the gait
@@ -141,9 +141,9 @@ class EdgeSettings:
         """Return the factors by which a frame of this width is reduced where it is examined again."""
         return [k for k in self.copy_factors if k == 1 or width_px >= k * self.min_copy_px]
 
-    def for_doubted_frames(self) -> EdgeSettings:
-        """Return the settings for a frame that confirmed nothing: it may be blurred, or its lines wider."""
-        return replace(self, max_line_widths=self.max_doubted_line_widths, ample_samples=math.inf)
+    def for_unconfirmed_frames(self) -> EdgeSettings:
+        """Return the settings for a frame in which no pose was confirmed: it may be blurred, or its lines wider."""
+        return replace(self, max_line_widths=self.max_unconfirmed_line_widths, ample_samples=math.inf)
 
     def for_width(self, width_px: int, line_width_m: float) -> FollowSettings:
         """Return the numbers for a picture of this width."""

@@ -59,7 +59,7 @@ def frame_at(pose, blur_px):
 
 
 def finder_of_copies():
-    return EdgeFinder(EdgeFollower(HALF, CAMERA, EdgeSettings().for_doubted_frames(), 3), for_walled_fields(HALF))
+    return EdgeFinder(EdgeFollower(HALF, CAMERA, EdgeSettings().for_unconfirmed_frames(), 3), for_walled_fields(HALF))
 
 
 def off_m(candidates, truth):

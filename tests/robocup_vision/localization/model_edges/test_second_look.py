@@ -37,7 +37,9 @@ def test_a_blurred_frame_is_followed_in_a_smaller_copy(blurred_shot):
     prior = PoseEstimate(blurred_shot.pose, np.diag(STD**2), 1.0, 0.0)
     whole = EdgeFollower(blurred_shot.field, blurred_shot.camera)
     assert not whole.follow(blurred_shot.frame, prior)
-    follower = EdgeFollower(blurred_shot.field, blurred_shot.camera, EdgeSettings().for_doubted_frames(), reduction=3)
+    follower = EdgeFollower(
+        blurred_shot.field, blurred_shot.camera, EdgeSettings().for_unconfirmed_frames(), reduction=3
+    )
     answer = follower.follow(blurred_shot.frame, prior)
     assert answer
     away, turn = answer.estimate.pose.error_to(blurred_shot.pose)
