@@ -24,7 +24,9 @@ class OutlineSearchSettings:
     bank_bearings: int = 80
     bank_starts: int = 30
     bank_width: float = 12.0
-    apart: float = 0.03  #: fits nearer to each other, metres plus radians, count as one
+    #: fits nearer to each other, metres plus radians, are not both refined; and those so near are no two places
+    apart: float = 0.03
+    rival_apart: float = 0.05
     #: widths of the redescending weights, units: from all starts, and from the best fits of these
     rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
     fine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
@@ -49,7 +51,7 @@ class OutlineSearch:
 
     def apart_from(self, best: int, fits: list[OutlineFit]) -> list[int]:
         """Return the indices of the fits that are another place than the best one's, or its half turn."""
-        pose, apart = Pose2(*fits[best].pose), self.settings.apart
+        pose, apart = Pose2(*fits[best].pose), self.settings.rival_apart
         return [n for n, fit in enumerate(fits) if sum(Pose2(*fit.pose).error_to(pose, symmetric=True)) > apart]
 
     @cached_property
