@@ -311,7 +311,7 @@ class BallSearch(ABC):
             needed = self.settings.min_log_likelihood_ratio
             if ratios[n] < needed - self.settings.again_nats or len(found) == self.settings.max_balls:
                 break
-            u, v, along, across, *_ = blobs[n]
+            u, v, along, across, _, cut = blobs[n]
             half_px = math.sqrt(along * across)
             if any(math.hypot(u - other_u, v - other_v) < max(half_px, other) for other_u, other_v, other in places):
                 # the same ball, at another threshold of its colour
@@ -319,6 +319,8 @@ class BallSearch(ABC):
             again = self.settings.again_half_sizes
             if any(math.hypot(u - last_u, v - last_v) <= again * last for last_u, last_v, last in before):
                 needed -= self.settings.again_nats
+            if cut and ratios[n] >= needed:
+                ratios[n] += self._cut_evidence(blobs[n])
             if ratios[n] >= needed:
                 ratios[n] += self._upright_evidence(frame, blobs[n])
             if ratios[n] >= needed:
@@ -351,7 +353,7 @@ class BallSearch(ABC):
 
     def _ball_at(self, u: float, v: float, ratio: float) -> Ball:
         if self._is_cut(u, v):
-            u, v, visible_ratio = fit_cut_ball(u, v, *self._any_camera.size_px, self._size)
+            u, v, visible_ratio, *_ = fit_cut_ball(u, v, *self._any_camera.size_px, self._size)
             return self._place(u, v, visible_ratio, ratio)
         return self._place(u, v, 1.0, ratio)
 
@@ -366,6 +368,25 @@ class BallSearch(ABC):
         reach = max(self._expected_px(u, v)) - 0.5
         width, height = self._any_camera.size_px
         return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
+
+    def _cut_evidence(self, blob: list[float]) -> float:
+        """Weigh how well a blob at the picture's edge is the part of a ball that it would show: nats."""
+        u, v, visible_ratio, count, *shown = fit_cut_ball(
+            blob[kernel.U], blob[kernel.V], *self._any_camera.size_px, self._size
+        )
+        if count < 2:
+            return 0.0
+        along, across = self._expected_px(u, v)
+        area = math.pi * along * across * visible_ratio
+        measured = (blob[kernel.ALONG], blob[kernel.ACROSS], math.sqrt(blob[kernel.TOTAL]))
+        evidence = self.settings.evidence
+        nats = 0.0
+        for one, expected in zip(measured, (*shown, math.sqrt(max(area, 1.0))), strict=True):
+            std = math.hypot(self._shape_std, 1.0 / max(expected, 1.0))
+            off = math.log(max(one, 0.5) / max(expected, 0.5)) / std
+            density = math.exp(-0.5 * off * off) / (std * math.sqrt(math.tau))
+            nats += math.log((1 - evidence.outlier_ratio) * density * evidence.shape_span + evidence.outlier_ratio)
+        return nats
 
     def _upright_evidence(self, frame: UInt8Array, blob: list[float]) -> float:
         """Weigh whether a blob is a part of something upright that goes on above or below it: nats, 0 or less."""
