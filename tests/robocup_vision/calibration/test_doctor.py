@@ -106,8 +106,12 @@ SLIPS = {
         re.compile(r"focal length: with a focal length of 2[23]\d instead of 205 pixels 4 of 4 pictures agree "),
     ),
     "height": (
+        {"camera": replace(FORWARD, height_m=0.37), "truth": TRUTH},
+        re.compile(r"height: with a height of 0\.4[2-4]\d instead of 0\.370 m 4 of 4 pictures agree "),
+    ),
+    "height that is fitted in most frames": (
         {"camera": replace(FORWARD, height_m=0.39), "truth": TRUTH},
-        re.compile(r"height: with a height of 0\.4[2-4]\d instead of 0\.390 m 4 of 4 pictures agree "),
+        re.compile(r"lens: by 3 images .* the height 0\.45\d \+- 0\.00\d m, .*; not so height_m of the camera file"),
     ),
     "another field": (
         {"field": "msl_18x12"},
