@@ -1,4 +1,4 @@
-"""The fit of pose, centre and tilt: cameras that are off, and how much evidence the covariance holds."""
+"""The fit of pose, centre and tilt: derivatives by differences, cameras that are off, and the covariance's evidence."""
 
 import math
 from dataclasses import replace
@@ -11,15 +11,20 @@ from strategies import PAPER_MIRROR, numbers
 
 from field_models import load_field
 from robocup_vision.camera import OmniCamera
+from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.camera_fit import (
+    PIVOT,
     CameraErrors,
     FitRules,
     Fitted,
+    NormalEquations,
     fit_leaning,
     fit_outline,
+    gather_equations,
+    turned_scene,
 )
-from robocup_vision.kernels.walls.fit import WallPrediction, WallScene, predict_walls
+from robocup_vision.kernels.walls.fit import FloorOutline, WallPrediction, WallScene, predict_walls
 
 FIELD = load_field("ssl_2001")
 COUNT = 160
@@ -29,6 +34,7 @@ Q_STEP = 0.01
 RADIUS_OF_Q = PAPER_MIRROR.radius_px(np.arange(1000) * Q_STEP)
 SCALES = np.array([2.0, 1.0])
 CAMERA = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
+TILTED = replace(CAMERA, tilt_rad=(0.02, -0.03), offset_m=(0.03, -0.02))
 MIN_GAIN = 18.5
 seeds = st.integers(0, 2**32 - 1)
 places = st.builds(Pose2, numbers(-1.2, 1.2), numbers(-0.6, 0.6), numbers(-3.1, 3.1))
@@ -68,6 +74,71 @@ def seen_outline(pose, center, tilt, rng=None, noise_px=0.0):
     order = np.argsort(around)
     radius = np.interp(ANGLES, around[order], size[order])
     return radius if rng is None else radius + rng.normal(0, noise_px, COUNT)
+
+
+def turned(about_x, about_y):
+    """Return the walls as a camera sees them that is turned about the pivot between foot and viewpoint, by matrices."""
+    turn = camera_rotation(0.0, -about_y, about_x)
+    seen_by = scene(TILTED)
+    x, y, _ = turn @ (seen_by.offset_x, seen_by.offset_y, (1.0 - PIVOT) * seen_by.height)
+    to_camera = np.ascontiguousarray(seen_by.robot_to_camera @ turn.T)
+    return seen_by._replace(offset_x=x, offset_y=y, robot_to_camera=to_camera)
+
+
+def equations_by_differences(unknowns, radius):
+    """Return the normal equations by finite differences of what is predicted."""
+    pose, center, tilt = unknowns[:3], unknowns[3:5], unknowns[5:]
+
+    def predicted(x):
+        q, wall, _ = predict(x[:3], turned(*x[5:]))
+        return radius_at(q), wall
+
+    at, wall = predicted(unknowns)
+    beside = (ANGLES + 1e-6, ANGLES - 1e-6)
+    ahead, before = (predict(pose, turned(*tilt)._replace(cos_b=np.cos(b), sin_b=np.sin(b))) for b in beside)
+    by_bearing = (radius_at(ahead.q) - radius_at(before.q)) / 2e-6 / at
+    oblique = 1 / np.hypot(1, by_bearing)
+    columns = []
+    for j in range(7):
+        step = np.zeros(7)
+        step[j] = 1e-6
+        if j < 3 or j > 4:
+            columns.append((predicted(unknowns + step)[0] - predicted(unknowns - step)[0]) / 2e-6 * oblique)
+        elif j == 3:
+            columns.append(oblique * (COS + by_bearing * SIN))
+        else:
+            columns.append(oblique * (SIN - by_bearing * COS))
+    rows = np.stack(columns, axis=1)
+    e = (radius - at) * oblique - rows[:, 3:5] @ center
+    use = (wall >= 0) & (radius > 0)
+    e, rows = e[use], rows[use]
+    weight = 1 / (1 + np.where(e < 0, e, e / 3) ** 2) ** 2
+    pulls = rows * (weight * e)[:, None]
+    groups = pulls[: len(pulls) // 4 * 4].reshape(-1, 4, 7).sum(axis=1)
+    return (rows.T * weight) @ rows, groups.T @ groups, pulls.sum(axis=0), (weight * e**2).sum(), weight.sum()
+
+
+@given(places, seeds)
+def test_normal_equations_agree_with_finite_differences(pose, seed):
+    rng = np.random.default_rng(seed)
+    unknowns = np.concatenate([pose.array, rng.normal(0, 0.4, 2), rng.normal(0, 0.004, 2)])
+    radius = seen_outline(pose, (0.3, -0.2), (0.003, -0.002), rng, 0.2)
+    radius[rng.random(COUNT) < 0.2] = np.nan
+    seen_by = turned_scene(scene(TILTED), *unknowns[5:])
+    for known, by_matrices in zip(seen_by, turned(*unknowns[5:]), strict=True):
+        np.testing.assert_allclose(known, by_matrices, atol=1e-12)
+    equations = NormalEquations(np.empty((7, 7)), np.empty((7, 7)), np.empty(7))
+    prediction = predict(unknowns[:3], seen_by)
+    outline = FloorOutline(radius, Q_STEP, RADIUS_OF_Q, SCALES, 1.0)
+    squares, total = gather_equations(unknowns, seen_by, outline, prediction, equations)
+    information, scatter, pull, *sums = equations_by_differences(unknowns, radius)
+    # at a corner, and between cells of the table, a difference may see another wall or slope
+    scale = np.sqrt(np.diag(information))
+    both = np.outer(scale, scale)
+    np.testing.assert_allclose(equations.information / both, information / both, atol=0.05)
+    np.testing.assert_allclose(equations.pull / scale, pull / scale, atol=0.05 * np.sqrt(sums[0]) + 0.05)
+    np.testing.assert_allclose(equations.scatter / both, scatter / both, atol=0.1 * max(sums[0], 1.0))
+    np.testing.assert_allclose((squares, total), sums, rtol=0.05)
 
 
 def fitted(start, radius, min_gain=MIN_GAIN, fit=fit_outline, scales=SCALES):

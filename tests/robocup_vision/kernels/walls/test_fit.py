@@ -24,6 +24,7 @@ from robocup_vision.kernels.walls.fit import (
     thinned,
     truncated_loss,
 )
+from robocup_vision.kernels.walls.hull import hull_moments, hull_radius, star_moments
 
 FIELD = load_field("ssl_2001")
 COUNT = 160
@@ -115,6 +116,20 @@ def test_a_fit_from_nowhere_still_says_how_bad_it_is():
     nothing = fit(np.zeros(3), np.full(COUNT, np.nan), np.array([2.0, 1.0]))
     assert nothing[0] == 0.0
     np.testing.assert_array_equal(nothing[1], np.zeros(3))
+
+
+@given(places, seeds)
+def test_hull_moments_are_those_of_the_hull_on_the_floor(pose, seed):
+    radius = outline(pose, np.random.default_rng(seed))
+    first, step = 26.0, 0.25
+    q = PAPER_MIRROR.inverse_range_per_m(first + step * np.arange(345))
+    hull = np.empty(COUNT)
+    known = hull_radius(COS, SIN, radius, hull)
+    expected = star_moments(COS, SIN, 1.0 / np.interp(hull, first + step * np.arange(345), q))
+    found = hull_moments(COS, SIN, radius, first, step, q)
+    assert found[0] == known
+    np.testing.assert_allclose(found[1:], expected, rtol=1e-3, atol=1e-3)
+    assert hull_moments(COS, SIN, np.full(COUNT, np.nan), first, step, q) == (0, 0.0, 0.0, 0.0)
 
 
 @given(numbers(-20.0, 20.0), numbers(0.1, 5.0))
