@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
+from field_models import Field
 from field_models.errors import ArgumentError, PacketError
 from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.field import field_from_geometry
@@ -30,14 +31,11 @@ from robocup_vision.ssl.values.simulation import (
     TeleportBall,
     TeleportRobot,
 )
-from sim2d.network.realism import UNSUPPORTED, changed_realism
+from sim2d.network.realism import UNSUPPORTED, Realism, changed_realism
 from sim2d.network.robot import LeagueRobotSpec
-from sim2d.network.world import MAX_NUMBER
+from sim2d.network.world import MAX_NUMBER, LeagueWorld
 from sim2d.world.ball_physics import Flight
 from sim2d.world.state import BallState
-
-if TYPE_CHECKING:
-    from sim2d.network.league import LeagueSimulator
 
 # where things can be put, how fast they can be, how large a field can be: far beyond the league's, and finite
 MAX_PLACE_M, MAX_SPEED_MPS, MAX_TURN_RPS, MAX_HEIGHT_M = 20.0, 30.0, 100.0, 20.0
@@ -62,6 +60,27 @@ _SPEC_RANGES = {
 }
 
 
+class Controlled(Protocol):
+    """What simulation control changes, as `sim2d.network.league.LeagueSimulator` holds it."""
+
+    world: LeagueWorld
+    speed: float
+    vision_port: int
+
+    @property
+    def realism(self) -> Realism:
+        """How real it is now."""
+        ...
+
+    def set_realism(self, realism: Realism) -> None:
+        """Change how real it is."""
+        ...
+
+    def set_field(self, field: Field, flight: Flight) -> None:
+        """Lay out another field."""
+        ...
+
+
 class _Refused(Exception):
     """Something that is not done: its code and why."""
 
@@ -70,7 +89,7 @@ class _Refused(Exception):
         self.error = SimulatorError(code, message)
 
 
-def apply_command(simulator: LeagueSimulator, command: SimulatorCommand) -> list[SimulatorError]:
+def apply_command(simulator: Controlled, command: SimulatorCommand) -> list[SimulatorError]:
     """Execute a command; return the parts that were not executed."""
     errors: list[SimulatorError] = []
     # settings first: what is put on another field belongs there
@@ -81,7 +100,7 @@ def apply_command(simulator: LeagueSimulator, command: SimulatorCommand) -> list
     return errors
 
 
-def _control(simulator: LeagueSimulator, control: SimulatorControl, errors: list[SimulatorError]) -> None:
+def _control(simulator: Controlled, control: SimulatorControl, errors: list[SimulatorError]) -> None:
     for robot in control.robots:
         try:
             _teleport_robot(simulator, robot)
@@ -102,7 +121,7 @@ def _control(simulator: LeagueSimulator, control: SimulatorControl, errors: list
             errors.append(SimulatorError("SPEED_RANGE", words))
 
 
-def _configure(simulator: LeagueSimulator, config: SimulatorConfig, errors: list[SimulatorError]) -> None:
+def _configure(simulator: Controlled, config: SimulatorConfig, errors: list[SimulatorError]) -> None:
     try:
         if config.geometry is not None:
             _set_geometry(simulator, config.geometry)
@@ -122,7 +141,7 @@ def _configure(simulator: LeagueSimulator, config: SimulatorConfig, errors: list
             errors.append(SimulatorError("VISION_PORT", f"there is no port {config.vision_port}"))
 
 
-def _teleport_ball(simulator: LeagueSimulator, ball: TeleportBall) -> None:
+def _teleport_ball(simulator: Controlled, ball: TeleportBall) -> None:
     if ball.by_force:
         raise _Refused("BY_FORCE", "the ball cannot be moved by force; leave by_force out to teleport it")
     now = simulator.world.ball
@@ -141,7 +160,7 @@ def _teleport_ball(simulator: LeagueSimulator, ball: TeleportBall) -> None:
         simulator.world.make_room(state.x_m, state.y_m)
 
 
-def _teleport_robot(simulator: LeagueSimulator, robot: TeleportRobot) -> None:
+def _teleport_robot(simulator: Controlled, robot: TeleportRobot) -> None:
     team, number = _robot_key(robot.robot)
     name = f"robot {number} of {team.name.lower()}"
     world = simulator.world
@@ -184,7 +203,7 @@ def _checked(key: str, value: float, largest: float) -> float:
     return value
 
 
-def _set_geometry(simulator: LeagueSimulator, geometry: Geometry) -> None:
+def _set_geometry(simulator: Controlled, geometry: Geometry) -> None:
     if max(len(geometry.field.lines), len(geometry.field.arcs)) > MAX_LINES:
         raise _Refused("GEOMETRY", f"a field must have at most {MAX_LINES} lines and arcs")
     try:
@@ -206,7 +225,7 @@ def _set_geometry(simulator: LeagueSimulator, geometry: Geometry) -> None:
     simulator.set_field(field, flight)
 
 
-def _set_spec(simulator: LeagueSimulator, specs: RobotSpecs) -> None:
+def _set_spec(simulator: Controlled, specs: RobotSpecs) -> None:
     team, number = _robot_key(specs.robot)
     changes: dict[str, object] = {}
     for key in ("radius_m", "height_m", "mass_kg", "max_kick_mps", "max_chip_mps", "center_to_dribbler_m"):
@@ -243,7 +262,7 @@ def _set_spec(simulator: LeagueSimulator, specs: RobotSpecs) -> None:
     simulator.world.set_spec(team, number, spec)
 
 
-def _set_realism(simulator: LeagueSimulator, config: RealismConfig, errors: list[SimulatorError]) -> None:
+def _set_realism(simulator: Controlled, config: RealismConfig, errors: list[SimulatorError]) -> None:
     for custom in config.custom:
         if custom.kind != "RealismConfigErForce":
             errors.append(SimulatorError("REALISM_UNKNOWN", f"there is no realism configuration {custom.kind!r} here"))
