@@ -61,7 +61,6 @@ class EdgeCalibrationSettings:
     range_m: float = 10.0
     #: what a picture alone must show of its pose. That is less than one that is to be located: the pictures together
     #: decide, as one camera must fit them all.
-    min_log_odds: float = -4.0
     candidates: CandidateSettings = CandidateSettings(min_probability=0.1, max_candidates=1)
     max_std_m: float = 0.3
     fit: JointFitSettings = JointFitSettings()  #: of the joint fit
@@ -163,8 +162,7 @@ def _start_finder(field: Field, camera: PinholeCamera, settings: EdgeCalibration
 
 def _finder(field: Field, camera: PinholeCamera, range_m: float, settings: EdgeCalibrationSettings) -> EdgeFinder:
     how = FinderSettings(max_range_m=range_m, nods=(), candidates=settings.candidates, max_std_m=settings.max_std_m)
-    edges = replace(EdgeSettings().for_unconfirmed_frames(), min_log_odds=settings.min_log_odds)
-    return EdgeFinder(EdgeFollower(field, camera, edges), how)
+    return EdgeFinder(EdgeFollower(field, camera, EdgeSettings().for_unconfirmed_frames()), how)
 
 
 def _find(finder: EdgeFinder, frame: UInt8Array, near: Pose2 | None) -> tuple[float, Sighting] | None:

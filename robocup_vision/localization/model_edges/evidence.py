@@ -113,7 +113,7 @@ def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.
         return Verdict(contradiction, ratio)
     if prior_log_odds > 0.0:
         odds = prior_log_odds + ratio
-    if odds < s.min_log_odds:
+    if odds < 0.0:
         return Verdict(
             f"the picture does not confirm the pose, by odds of {math.exp(odds):.2g} to 1: {e.in_words}", ratio
         )

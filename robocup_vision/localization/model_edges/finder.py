@@ -215,9 +215,12 @@ class EdgeFinder:
         """(3,) float64: standard deviations that the prior of a proposal's fit has, m, m and rad."""
         return np.asarray(np.sqrt(self._covariance.diagonal()))
 
-    def propose(self, frame: UInt8Array) -> list[TiltedPose]:
-        """Propose poses of the camera to fit, the likeliest first."""
-        return self._likeliest(self._aligned_poses(*next(iter(self._searches(frame)))))
+    def propose(self, frame: UInt8Array) -> Iterator[list[TiltedPose]]:
+        """Propose poses of the camera to fit, the likeliest first; then more, for where those before give no answer."""
+        aligned = np.empty((0, 6))
+        for clues, tilts in self._searches(frame):
+            aligned = np.vstack([aligned, self._aligned_poses(clues, tilts)])
+            yield self._likeliest(aligned)
 
     def _searches(self, frame: UInt8Array) -> Iterator[tuple[CluesAt, FloatArray]]:
         """Give the clues of a frame and tilts to search by them: the next ones where those before give no answer."""
@@ -313,11 +316,9 @@ class EdgeFinder:
         """Locate the camera by one BGR frame; `near` is the last pose of a lost camera, which may be near it."""
         frame = self.follower.copy_of(frame)
         turned = [] if near is None else self._turned(near)
-        aligned = np.empty((0, 6))
-        for clues, tilts in self._searches(frame):
-            aligned = np.vstack([aligned, self._aligned_poses(clues, tilts)])
-            answer = self.judge(frame, [*turned, *self._likeliest(aligned)], near)
-            if answer or not len(aligned):
+        for proposals in self.propose(frame):
+            answer = self.judge(frame, [*turned, *proposals], near)
+            if answer or not proposals:
                 break
             turned = []
         return answer
@@ -403,7 +404,7 @@ class EdgeFinder:
         ends: list[tuple[float, Pose2]] = []
         for proposal in proposals:
             answer, evidence = self._fit(frame, proposal), follower.evidence
-            if evidence.inliers >= s.min_inliers:
+            if answer and evidence.inliers >= s.min_inliers:
                 end = self._end(answer)
                 ends.append((log_weight(evidence, self._candidates) + self._log_prior(end, near), end))
         ends.sort(key=lambda one: -one[0])
@@ -433,9 +434,9 @@ class EdgeFinder:
             likes.append(like.half_turn() if like.x_m < 0 and not field.halves_differ else like)
         return likes
 
-    def _end(self, answer: FollowedCamera | NotLocated) -> Pose2:
-        """Return the result of the last fit, by the frame alone; with the prior where it was not accepted."""
-        return answer.measured_pose if answer else self.follower.pose
+    def _end(self, answer: FollowedCamera) -> Pose2:
+        """Return the result of the last fit, by the frame alone."""
+        return answer.measured_pose
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         """Fit one pose by the frame alone: repeat the fit from its result, as a proposal is no evidence."""

@@ -94,7 +94,6 @@ class EdgeSettings:
     odds_against_open: float = 1.7
     odds_against_std: float = 4.0
     odds_of_nat: float = 0.2
-    min_log_odds: float = 0.0
     #: bound and time constant of a frame's odds in those after it: errors of neighbouring frames are correlated
     max_log_odds: float = 5.0
     odds_memory_s: float = 0.5

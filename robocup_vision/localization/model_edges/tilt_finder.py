@@ -153,7 +153,7 @@ class TiltFinder(EdgeFinder):
         low, high = (math.atan((one - cv) / fv) for one in (min(row, top), top))
         return max(low, tilts.range_rad[0]), min(max(high, low + tilts.step_rad), tilts.range_rad[1])
 
-    def _end(self, answer: FollowedCamera | NotLocated) -> Pose2:
+    def _end(self, answer: FollowedCamera) -> Pose2:
         pose = super()._end(answer)
         return TiltedPose(pose.x_m, pose.y_m, pose.theta_rad, *self.follower.tilt_roll_rad)
 

@@ -225,7 +225,7 @@ def spl_finder(spl_shot):
 
 def test_a_camera_is_found_without_a_prior(fl_shot, spl_shot):
     finder = EdgeFinder(EdgeFollower(fl_shot.field, fl_shot.camera))
-    assert any(pose.error_to(fl_shot.pose)[0] < 0.4 for pose in finder.propose(fl_shot.frame))
+    assert any(pose.error_to(fl_shot.pose)[0] < 0.4 for pose in next(finder.propose(fl_shot.frame)))
     answer = finder.find(fl_shot.frame)
     assert not answer or answer.estimate.pose.error_to(fl_shot.pose)[0] < 0.1
     near = finder.judge(fl_shot.frame, [fl_shot.pose])
