@@ -40,7 +40,7 @@ _POSTER_QUALITY = 80
 _MAP_COLORS = np.array([(90, 160, 90), (60, 60, 200), (120, 120, 120)], dtype=np.uint8)
 _PAPER, _INK, _SOFT = (38, 34, 32), (240, 240, 240), (170, 170, 170)
 
-# leaves 18 kB for a picture: small text stays readable, and 5 pictures a second of a match make 1.5 MB a minute
+# the encoder spreads a fixed rate over so many frames a second: what each gets leaves small text readable
 _CLAIMED_PER_S = 7_000.0
 _VP8 = cv2.VideoWriter.fourcc(*"VP80")
 
