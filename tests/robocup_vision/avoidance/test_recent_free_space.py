@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
 from robocup_vision.avoidance import Steering
-from robocup_vision.avoidance.recent_free_space import RecentFreeSpace, RecentFreeSpaceSettings
+from robocup_vision.avoidance.recent_free_space import RecentFreeSpace
 from robocup_vision.geometry import Pose2
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.free_space import FreeSpace
@@ -82,14 +82,6 @@ def test_a_robot_may_steer_where_it_looked_before():
     chosen = steering.steer(joined, (0.0, 0.0), math.pi / 2, 1.0)
     assert chosen.safe
     assert chosen.velocity_mps[1] > 0.3
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"directions": 2}, {"max_age_s": 0.0}, {"every_s": math.inf}, {"unseen_radii": -1.0}]
-)
-def test_wrong_settings_are_refused(wrong):
-    with pytest.raises(ArgumentError, match=next(iter(wrong))):
-        RecentFreeSpaceSettings(**wrong)
 
 
 def test_a_robot_without_size_is_refused():

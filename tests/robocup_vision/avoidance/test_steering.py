@@ -168,22 +168,6 @@ def test_side_is_kept_until_forgotten():
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"robot_radius_m": 0.0}, "robot_radius_m must be at least"),
-        ({"acceleration_mps2": -1.0}, "acceleration_mps2 must be at least"),
-        ({"dead_time_s": math.nan}, "dead_time_s must be at least"),
-        ({"speed_mps": math.inf}, "speed_mps must be at least"),
-        ({"time_threshold_s": -1.0}, "time_threshold_s must be at least"),
-        ({"directions": 3}, "directions must be at least 4, got 3"),
-    ],
-)
-def test_bad_parameters_are_named(change, message):
-    with pytest.raises(ArgumentError, match=message):
-        steering(**change)
-
-
-@pytest.mark.parametrize(
     ("free", "velocity", "goal", "distance", "message"),
     [
         (ranges([1.0, 1.0], [0.0, 1.0]), (0, 0), 0.0, None, "J at least 3"),

@@ -152,8 +152,6 @@ def test_who_goes_another_way_or_comes_to_a_turn_slows_down_first():
         ({"robot_radius_m": 0.0}, "robot_radius_m must be at least 1e-06, got 0.0"),
         ({"robot_radius_m": math.nan}, "robot_radius_m must be finite, got nan"),
         ({"window_m": 0.5}, "window_m must be at least 8 radii of the robot, got 0.5"),
-        ({"every": 0}, "every must be at least 1, got 0"),
-        ({"cell_ratio": 0.0}, "cell_ratio must be positive, got 0.0"),
     ],
 )
 def test_bad_parameters_of_a_wayfinder_are_named(change, message):

@@ -193,23 +193,6 @@ def test_too_few_bearings_are_refused():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"profiles": 0}, "profiles must be at least 1, and spacing_s finite and not negative, got 0, 0.4"),
-        ({"spacing_s": -0.1}, "spacing_s finite and not negative, got 5, -0.1"),
-        ({"spacing_s": math.inf}, "spacing_s finite and not negative, got 5, inf"),
-        ({"gate_sigmas": 0.0}, "gate_sigmas must be positive, got 0.0"),
-        ({"mover_m": math.nan}, "mover_m must be positive, got nan"),
-        ({"steps": 0}, "steps must be at least 1, got 0"),
-        ({"min_inlier_ratio": 1.1}, "min_inlier_ratio must be from 0 to 1, got 1.1"),
-    ],
-)
-def test_settings_out_of_range_are_named(wrong, message):
-    with pytest.raises(ArgumentError, match=message):
-        EgoMotionSettings(**wrong)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
         ({0: np.ones(COUNT - 1)}, r"inverse_range_per_m must be \(128,\), got \(127,\)"),
         ({1: np.ones(3)}, r"std_per_m must be one number or \(128,\), got \(3,\)"),
         ({1: 0.0}, "std_per_m must be positive wherever there is a range"),

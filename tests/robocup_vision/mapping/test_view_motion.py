@@ -12,7 +12,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera.files import load_camera
 from robocup_vision.geometry import Pose2
-from robocup_vision.mapping import EgoMotion, ViewMotion, ViewMotionSettings
+from robocup_vision.mapping import EgoMotion, ViewMotion
 from robocup_vision.vision import Vision
 from sim2d.match.arena import Arena
 from sim2d.match.disturbances import NONE
@@ -103,9 +103,3 @@ def test_views_that_tell_no_motion_are_refused(drive):
     motion.update(views[1])
     with pytest.raises(ArgumentError, match="later than that of the view before"):
         motion.update(views[0])
-
-
-@pytest.mark.parametrize("name", ["edge_std_px", "max_range_m", "velocity_change_mps", "turn_change_rps"])
-def test_settings_out_of_range_are_named(name):
-    with pytest.raises(ArgumentError, match=f"{name} must be positive, got 0.0"):
-        ViewMotionSettings(**{name: 0.0})

@@ -42,23 +42,6 @@ def straight(start, velocity, count):
     return [np.add(start, np.multiply(velocity, k * PERIOD_S)).tolist() for k in range(count)]
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"speed_mps": 0.0}, "speed_mps must be positive, got 0"),
-        ({"width_m": -1.0}, "width_m must be positive"),
-        ({"max_branches": 0}, "max_branches must be at least 1, got 0"),
-        ({"gate": 0.0}, "gate must be positive"),
-        ({"unknown_ratio": 1.5}, "unknown_ratio must be from 0 to 1"),
-        ({"confirmed_log_odds": -3.0}, "log-odds must be deleted <= first < confirmed"),
-        ({"detection_probability": 1.0}, "detection_probability must be within 0 to 1, got 1"),
-    ],
-)
-def test_bad_settings_are_refused(changes, message):
-    with pytest.raises(ArgumentError, match=message):
-        MovingObjectsSettings(**changes)
-
-
 def test_time_must_advance():
     objects = MovingObjects()
     objects.update(1.0, [], HOME)

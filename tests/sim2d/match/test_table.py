@@ -17,7 +17,7 @@ from field_models.errors import ArgumentError
 from robocup_vision import cli, workers
 from robocup_vision.workers import find_workers
 from sim2d.match.run import MatchPlan
-from sim2d.match.tournament import RatingSettings, RoundRobin, play_matches, rate_players
+from sim2d.match.tournament import RoundRobin, play_matches, rate_players
 
 PLAN = MatchPlan(players=1, seconds=0.2, seed=5, camera=SMALL_CAMERA)
 PLAYERS = (("circles", Reckoner), ("sleeps", Sleeper), ("fails", FailsAt))
@@ -252,9 +252,3 @@ def test_players_that_never_meet_are_compared_by_the_third():
 def test_what_is_no_table_of_points_is_refused(points, problem):
     with pytest.raises(ArgumentError, match=problem):
         rate_players(points)
-
-
-@pytest.mark.parametrize("values", [{"prior_std_elo": 0.0}, {"prior_std_elo": math.inf}, {"mean_elo": math.nan}])
-def test_settings_out_of_range_are_refused(values):
-    with pytest.raises(ArgumentError, match=next(iter(values))):
-        RatingSettings(**values)

@@ -130,20 +130,6 @@ def test_bad_day_has_all_of_it():
     assert len(scene.light.highlights) == 3
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"obstacles": (3, 1)}, r"obstacles must be 0 <= low <= high, got \[3, 1\]"),
-        ({"ball_rate": 1.1}, "ball_rate must be within 0 to 1"),
-        ({"texture": -0.1}, "texture must not be negative"),
-        ({"noise_sigma": -1.0}, "noise_sigma must not be negative"),
-    ],
-)
-def test_refusals(options: dict, words: str):
-    with pytest.raises(ArgumentError, match=words):
-        Condition(**options)
-
-
 def test_field_without_room_for_the_robot():
     crowded = dataclasses.replace(SSL, robot_radius_m=0.9)
     with pytest.raises(ArgumentError, match=r"no room for a robot of radius 0\.9 m"):

@@ -203,12 +203,6 @@ def test_some_frames_never_come():
     assert sum(one.frame is not None for one in arrivals(LatencySettings(0.03, 0.03, 0.0, 0.0), 3, 100)) == 99
 
 
-@pytest.mark.parametrize("wrong", [{"min_s": 0.1}, {"max_s": 2.0}, {"lost_ratio": 1.5}])
-def test_latency_that_cannot_be_is_refused(wrong):
-    with pytest.raises(ArgumentError, match="must be within"):
-        LatencySettings(**wrong)
-
-
 def test_light_drifts_about_its_level_and_turns():
     settings = LightDriftSettings()
     drift = LightDrift(settings, Light(level=0.9, gradient=0.2), np.random.default_rng(0))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.scene import Ball, Box, Robot, Scene
 from sim2d.sensors.range_sensor import RangeSensor
@@ -60,18 +59,3 @@ def test_noise_and_missing_echoes_are_as_asked_for():
     assert abs(error.mean()) < 0.002
     again = scan(scene, beams=4000, noise_std_m=0.02, dropout_rate=0.1)
     np.testing.assert_array_equal(again.range_m, noisy.range_m)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"beams": 2}, "beams must be at least 3, got 2"),
-        ({"reach_m": 0.0}, r"reach_m must be positive, got 0\.0"),
-        ({"height_m": -1.0}, "height_m must not be negative"),
-        ({"noise_std_m": math.nan}, "noise_std_m must not be negative"),
-        ({"dropout_rate": 1.0}, "dropout_rate must be within 0 to 1"),
-    ],
-)
-def test_impossible_sensors_are_refused(options, message):
-    with pytest.raises(ArgumentError, match=message):
-        RangeSensor(**options)

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from steering_twins import BINS, RADIUS, around, grown, plain_bin, sectors_of
-
-from robocup_vision.kernels.mapping import grown_profile as kernels
+from steering_twins import BINS, RADIUS, around, grown, plain_bin
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -28,11 +26,6 @@ def plain_growth(range_m, bearing):
 
 def profile_at(profile, bearing):
     return profile.ranges[plain_bin(np.cos(bearing), np.sin(bearing))]
-
-
-@pytest.mark.parametrize("bearing", [[0.0, 2.0, 1.0], [0.0, 0.0, 1.0], [0.0, 3.0, 6.5], [0.0, 1.0, math.nan]])
-def test_bearings_that_do_not_ascend_within_a_turn_are_refused(bearing):
-    assert not kernels.measure_sectors(np.array(bearing), sectors_of(3))
 
 
 @given(seeds, st.sampled_from([3, 8, 32, 37, 64]))

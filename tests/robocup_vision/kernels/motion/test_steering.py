@@ -104,12 +104,3 @@ def test_a_goal_in_sight_ends_the_detour():
     assert found[3] == 0.0
     found = steer(HERE, 5.5, 2.0, np.full(64, 5.0))
     assert found[3] == 2.0
-
-
-def test_steering_refuses_bearings_that_do_not_ascend():
-    scan = kernels.Scan(np.array([0.0, 2.0, 1.0]), np.ones(3), np.full(3, np.nan), sectors_of(3))
-    found = kernels.steer(
-        kernels.Motion(HERE, HERE), kernels.Target(0.0, math.inf, 1.0), RULES, directions_of(4), scan, RADIUS,
-        empty_profile(), NOTHING,
-    )  # fmt: skip
-    assert found == (-1, -1, 0.0, 1.0)

@@ -106,11 +106,3 @@ def test_unknown_robots_are_refused(feed, moment):
         feed.put(moment(robot="nobody"))
     assert feed.newest("nobody") is None
     assert feed.history("nobody") == ()
-
-
-@pytest.mark.parametrize(
-    "settings", [{"history_s": 0.0}, {"max_history_bytes": 0}, {"max_raw_bytes": 0}, {"jpeg_quality": 101}]
-)
-def test_settings_out_of_range_are_refused(settings):
-    with pytest.raises(ArgumentError):
-        FeedSettings(**settings)

@@ -3,26 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from field_models.errors import ArgumentError
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import PoseFilter, PoseFilterSettings
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"gate": 0.0}, "gate must be positive, got 0.0"),
-        ({"min_probability": 1.0}, "min_probability must be above 0 and below 1"),
-        ({"max_half_odds": 0.5}, "max_half_odds must be at least 1"),
-        ({"max_modes": 0}, "max_modes must be at least 1"),
-    ],
-)
-def test_bad_settings_are_refused(changes, message):
-    with pytest.raises(ArgumentError, match=message):
-        PoseFilterSettings(**changes)
 
 
 def test_a_filter_follows_no_more_modes_than_set():
