@@ -1,16 +1,27 @@
-"""Once an object is made no call waits for a compiler: all loops that it reaches are compiled or loaded before."""
+"""Loops made ready: by the list, in a second process, with less optimization, told to who waits."""
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import subprocess
 import sys
+from collections import deque
 from pathlib import Path
 
 import pytest
 
-from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module, spelled_type
+from robocup_vision.compiling import prepared_kernels as module
+from robocup_vision.compiling.prepared_kernels import (
+    groups,
+    modules,
+    prepare,
+    prepare_module,
+    quick_compiling,
+    second_process,
+    spelled_type,
+)
 from robocup_vision.kernels.floor.colors import tabulate
 
 TESTS = Path(__file__).parents[2]
@@ -143,3 +154,75 @@ def test_warm_up_leaves_nothing_to_compile(tmp_path: Path) -> None:
     """Only this finds a warm-up whose processes keep what they compile where no start looks for it."""
     assert "loops are ready" in printed(WARM_UP, NUMBA_CACHE_DIR=str(tmp_path))
     assert printed(MISSED, NUMBA_CACHE_DIR=str(tmp_path)) == "0\n"
+
+
+def test_a_type_that_is_not_known_is_told() -> None:
+    from numba import types
+
+    with pytest.raises(TypeError, match="cannot be listed"):
+        spelled_type(types.ListType(types.int64))
+    assert spelled_type(types.Array(types.uint8, 2, "A", readonly=True)) == ["array", "uint8", 2, "A", False]
+
+
+def test_prepared_loops_are_optimized_less_and_the_level_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    from numba.core import config
+
+    monkeypatch.delenv("NUMBA_OPT", raising=False)
+    before, thresholds = config.OPT, gc.get_threshold()
+    with quick_compiling():
+        assert (config.OPT, gc.get_threshold() > thresholds) == (2, True)
+    assert (config.OPT, gc.get_threshold()) == (before, thresholds)
+
+
+def test_a_level_that_the_user_names_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    from numba.core import config
+
+    monkeypatch.setenv("NUMBA_OPT", "1")
+    before = config.OPT
+    with quick_compiling():
+        assert before == config.OPT
+
+
+def test_the_level_comes_back_after_an_error() -> None:
+    from numba.core import config
+
+    before = config.OPT
+    with pytest.raises(KeyError), quick_compiling():
+        raise KeyError
+    assert before == config.OPT
+
+
+def entries() -> deque[module.Entry]:
+    return deque(groups()["planning"])
+
+
+def test_it_takes_all_that_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_cores", lambda: 2)
+    waiting = entries()
+    with second_process(waiting):
+        pass
+    assert not waiting
+
+
+@pytest.mark.parametrize("program", ["/no/such/program", "/bin/false"])
+def test_without_a_process_that_runs_nothing_is_taken(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_cores", lambda: 2)
+    monkeypatch.setattr(sys, "executable", program)
+    waiting = entries()
+    with second_process(waiting):
+        pass
+    assert waiting == entries()
+
+
+def test_one_core_compiles_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_cores", lambda: 1)
+    waiting = entries()
+    with second_process(waiting):
+        pass
+    assert waiting == entries()
+
+
+def test_an_exception_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_cores", lambda: 2)
+    with pytest.raises(KeyboardInterrupt), second_process(entries()):
+        raise KeyboardInterrupt

@@ -1,19 +1,26 @@
-"""The page needs nothing but itself, and shows what images and localisers say as text, never as markup."""
+"""The report of an evaluation: its page, its plots, its links to moments and its overlays."""
 
 import math
 import re
+from itertools import pairwise
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from field_models import field_names, load_field
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Truth, load_dataset
+from robocup_vision.evaluation.moment_links import LIVE_PORT, moment_link
+from robocup_vision.evaluation.overlays import SPREAD_COUNT, WORST_COUNT, WorstSoFar, spread_indices
 from robocup_vision.evaluation.plots import draw_plots
 from robocup_vision.evaluation.scoring import Row, figures, pose_error
 from robocup_vision.geometry import Pose2
+from robocup_vision.live.handover.page_settings import DEFAULT_PORT
 
 PNG = re.compile(r"^data:image/png;base64,[A-Za-z0-9+/]+=*$")
 
@@ -107,3 +114,42 @@ def test_missing_figures_are_dashes() -> None:
         "12.3 mm",
         "180.00°",
     )
+
+
+@given(st.text(min_size=1), st.floats(0.0, 1e6))
+def test_a_link_says_what_was_asked(name, t_s):
+    address = urlsplit(moment_link(name, t_s))
+    told = parse_qs(address.query, keep_blank_values=True)
+    assert told["recording"] == [name]
+    assert float(told["t"][0]) == pytest.approx(t_s, abs=1e-3)
+    assert address.netloc == f"127.0.0.1:{LIVE_PORT}"
+    assert LIVE_PORT == DEFAULT_PORT
+
+
+def test_a_time_before_the_beginning_is_the_beginning():
+    assert moment_link("a.mcap", -3.0).endswith("t=0.000")
+
+
+@given(count=st.integers(1, 500))
+def test_spread_reaches_from_first_to_last(count: int) -> None:
+    indices = sorted(spread_indices(count))
+    assert indices[0] == 0
+    assert indices[-1] == count - 1
+    assert len(indices) == min(count, SPREAD_COUNT)
+    gaps = [b - a for a, b in pairwise(indices)]
+    assert not gaps or max(gaps) - min(gaps) <= 1
+
+
+@given(values=st.lists(st.integers(0, 6), max_size=60), workers=st.integers(1, 4))
+def test_the_worst_of_all_are_kept(values: list[int], workers: int) -> None:
+    expected = sorted(range(len(values)), key=lambda i: (-values[i], i))[:WORST_COUNT]
+    everything, each = WorstSoFar(), [WorstSoFar() for _ in range(workers)]
+    for index, value in enumerate(values):
+        severity = (1.0, float(value))
+        mine = each[index * 7 % workers]
+        if not mine.admits(index, severity):
+            continue
+        mine.add(index, severity, b"")
+        if everything.admits(index, severity):
+            everything.add(index, severity, bytes([index]))
+    assert everything.pictures == [(index, bytes([index])) for index in expected]

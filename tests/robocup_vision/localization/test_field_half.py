@@ -1,14 +1,18 @@
-"""Which half of the field: by the goals' colours where they are seen, by a prior where not, else both."""
+"""Which half of the field a mirror's frame shows, by the goals' colours, under any light."""
 
 import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import numbers
 
 from field_models import load_field
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.field_half import GoalSide
+from robocup_vision.localization.swapped_channels import swapped_nats
 from robocup_vision.perception.color_table import colors_for
 from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor
 from sim2d.rendering.mirror import MirrorRenderer
@@ -79,3 +83,30 @@ def test_colours_that_hardly_differ_decide_nothing(ssl_field, paper_camera, fram
         colors(ssl_field), goal_positive_x=PaintColor(1.0, 0.9), goal_negative_x=PaintColor(1, 1)
     )
     assert len(GoalSide(ssl_field, paper_camera).choose(frame, both(TRUTH), alike).candidates) == 2
+
+
+# log R/G and B/G of yellow, blue, both with red and blue swapped, and white
+PALETTE = np.array([[0.09, -1.77], [-0.83, 0.86], [-1.77, 0.09], [0.86, -0.83], [0.0, 0.0]])
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    numbers(-0.25, 0.25),
+    numbers(-0.25, 0.25),
+    st.booleans(),
+    st.sampled_from([(1, 1), (1, 0)]),
+)
+def test_goals_under_a_light_that_white_tells_badly(seed, red, blue, half_turn, in_view):
+    rng = np.random.default_rng(seed)
+    is_positive = np.repeat([True, False], 24)[: 24 * sum(in_view)]
+    for first in (0, 2):
+        row = first + (is_positive == half_turn)
+        points = PALETTE[row] + (red, blue) + rng.normal(0.0, 0.1, (len(row), 2))
+        # a third is something grey before the goal
+        points[::3] = rng.normal(0.0, 0.1, points[::3].shape)
+        assert (swapped_nats(points, is_positive, PALETTE) > 0.0) == (first == 2)
+
+
+@pytest.mark.parametrize("count", [0, 5])
+def test_nothing_but_white_shows_no_swap(count):
+    assert swapped_nats(np.zeros((count, 2)), np.ones(count, dtype=bool), PALETTE) <= 0.0

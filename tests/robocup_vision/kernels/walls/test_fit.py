@@ -1,10 +1,10 @@
-"""The outline fit: what the camera's geometry predicts, and poses that outlines are made from."""
+"""Poses fitted to an outline, the outline's hull and moments, and sums of the search."""
 
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import PAPER_MIRROR, cameras, numbers
 
@@ -25,6 +25,16 @@ from robocup_vision.kernels.walls.fit import (
     truncated_loss,
 )
 from robocup_vision.kernels.walls.hull import hull_moments, hull_radius, star_moments
+from robocup_vision.kernels.walls.search import MAX_DIFFERENCE, sum_differences
+from robocup_vision.localization.outline_search import OutlineSearchSettings
+
+
+def test_no_sum_of_differences_is_too_large_for_two_bytes():
+    count = OutlineSearchSettings().bank_bearings
+    out = np.empty((1, count), dtype=np.int16)
+    sum_differences(np.zeros((1, 2 * count), dtype=np.int16), np.full(count, 2**15 - 1, dtype=np.int16), out)
+    assert (out == count * int(MAX_DIFFERENCE)).all()
+
 
 FIELD = load_field("ssl_2001")
 COUNT = 160
@@ -139,3 +149,73 @@ def test_floor_beyond_a_wall_weighs_and_costs_more_than_an_obstacle_before_it(e,
     assert truncated_loss(e, 0.5 / scale) == pytest.approx(min(1 if e < 0 else 2, (e / (2 * scale)) ** 2))
     assert agreement(abs(e), 1 / scale) >= agreement(-abs(e), 1 / scale)
     assert truncated_loss(abs(e), 0.5 / scale) >= truncated_loss(-abs(e), 0.5 / scale)
+
+
+def hull_twin(angles, radius):
+    """Farthest crossing of each ray with a segment between any two points: the hull, if the origin lies inside it."""
+    known = radius > 0
+    points = np.stack([np.cos(angles), np.sin(angles)], axis=1)[known] * radius[known, None]
+    first, second = (points[i] for i in np.triu_indices(len(points), 1))
+    out = np.zeros(len(angles))
+    for k, (c, s) in enumerate(zip(np.cos(angles), np.sin(angles), strict=True)):
+        a, b = (c * p[:, 1] - s * p[:, 0] for p in (first, second))
+        crosses = (np.minimum(a, b) <= 1e-9) & (np.maximum(a, b) >= -1e-9) & (np.abs(a - b) > 1e-9)
+        along = (first @ (c, s))[crosses], (second @ (c, s))[crosses]
+        t = a[crosses] / (a - b)[crosses]
+        out[k] = (along[0] + t * (along[1] - along[0])).max()
+    return out
+
+
+@given(seeds)
+def test_hull_agrees_with_its_twin(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(8, 60))
+    angles = np.arange(count) * math.tau / count
+    radius = rng.uniform(20.0, 110.0, count)
+    radius[rng.random(count) < 0.4] = np.nan
+    known = np.flatnonzero(radius > 0)
+    assume(len(known) >= 3)
+    assume(np.diff(np.append(known, known[0] + count)).max() < count / 2)  # otherwise the origin lies outside
+    out = np.empty(count)
+    assert hull_radius(np.cos(angles), np.sin(angles), radius, out) == len(known)
+    np.testing.assert_allclose(out, hull_twin(angles, radius), rtol=1e-9)
+    assert (out[known] >= radius[known] - 1e-9).all()
+
+
+@given(seeds)
+def test_hull_of_a_one_sided_outline_is_finite(seed):
+    rng = np.random.default_rng(seed)
+    radius = np.full(COUNT, np.nan)
+    first, length = rng.integers(0, COUNT), rng.integers(3, COUNT)
+    radius[(first + np.arange(length)) % COUNT] = rng.uniform(20.0, 110.0, length)
+    out = np.full(COUNT, np.nan)
+    assert hull_radius(COS, SIN, radius, out) == length
+    assert np.isfinite(out).all()
+
+
+def test_too_few_points_have_no_hull():
+    radius = np.full(COUNT, np.nan)
+    radius[:2] = 50.0
+    assert hull_radius(COS, SIN, radius, np.empty(COUNT)) == 2
+
+
+def moments_twin(corners):
+    """Sum over the triangles to the origin, by the three mid-point rule, which is exact for quadratic functions."""
+    following = np.roll(corners, -1, axis=0)
+    area = (corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]) / 2
+    middles = np.stack([corners / 2, following / 2, (corners + following) / 2])
+    total = area.sum()
+    mean = (area[None, :, None] * middles / 3).sum(axis=(0, 1)) / total
+    second = np.einsum("k,tki,tkj->ij", area / 3, middles, middles) / total - np.outer(mean, mean)
+    return mean, second
+
+
+@given(seeds)
+def test_star_moments_agree_with_numpy(seed):
+    rng = np.random.default_rng(seed)
+    range_m = rng.uniform(0.2, 2.0, COUNT)
+    mean, second = moments_twin(np.stack([COS, SIN], axis=1) * range_m[:, None])
+    x, y, axis = star_moments(COS, SIN, range_m)
+    np.testing.assert_allclose((x, y), mean, atol=1e-12)
+    direction = np.array([math.cos(axis), math.sin(axis)])
+    assert direction @ second @ direction == pytest.approx(np.linalg.eigvalsh(second)[1])

@@ -1,6 +1,7 @@
-"""Sources: folders, videos, recordings and cameras; what is wrong with one is said by name."""
+"""Sources of frames: what each tells, at what rate, and what is no source."""
 
 import shutil
+import threading
 import time
 
 import cv2
@@ -11,7 +12,7 @@ from field_models.errors import ArgumentError, FileError, FrameError, RobocupVis
 from robocup_vision import Pose2
 from robocup_vision.live.sources.capture import CameraSource
 from robocup_vision.live.sources.opening import open_source, recordings_in
-from robocup_vision.live.sources.source import SourceOptions
+from robocup_vision.live.sources.source import FrameRate, Newest, SourceOptions
 from robocup_vision.recording.recorder import Recorder
 
 FIELD = SourceOptions(field="ssl_2001")
@@ -208,3 +209,66 @@ def test_a_memory_needs_to_know_how_the_robot_moves(dataset):
         source.make_vision(source.setups[0])
     mirror = open_source(str(dataset), SourceOptions(memory=True))
     assert mirror.make_vision(mirror.setups[0]).memory.ego_motion is not None
+
+
+def test_a_newer_value_takes_the_place_of_an_older_one_and_is_taken_once() -> None:
+    newest: Newest[int] = Newest()
+    newest.put(1)
+    newest.put(2)
+    assert newest.take(0.0) == 2
+    assert newest.take(0.0) is None
+
+
+def test_a_value_put_by_another_thread_wakes_the_one_that_waits() -> None:
+    newest: Newest[str] = Newest()
+    sender = threading.Timer(0.02, newest.put, args=("frame",))
+    sender.start()
+    assert newest.take(10.0) == "frame"
+    sender.join()
+
+
+def test_closing_ends_every_wait_and_hides_what_was_left() -> None:
+    newest: Newest[int] = Newest()
+    newest.put(1)
+    closer = threading.Timer(0.02, newest.close)
+    closer.start()
+    newest.wait_until_closed(10.0)
+    closer.join()
+    assert newest.is_closed
+    assert newest.take(10.0) is None
+
+
+def feed(rate, begin_s, step_s, seconds):
+    told = []
+    t_s = begin_s
+    while t_s < begin_s + seconds:
+        told.append(rate.add(t_s))
+        t_s += step_s
+    return [change for change in told if change is not None], t_s
+
+
+@pytest.mark.parametrize("hz", [5.0, 30.0, 60.0])
+def test_a_steady_rate_is_measured_and_never_a_change(hz):
+    rate = FrameRate()
+    assert rate.rate_hz is None
+    changes, _ = feed(rate, 0.0, 1 / hz, 8.0)
+    assert changes == []
+    assert rate.rate_hz == pytest.approx(hz, rel=0.01)
+
+
+@pytest.mark.parametrize("other", [15.0, 60.0])
+def test_a_change_is_told_once(other):
+    rate = FrameRate()
+    _, t_s = feed(rate, 0.0, 1 / 30, 5.0)
+    changes, _ = feed(rate, t_s, 1 / other, 10.0)
+    assert len(changes) == 1
+    assert changes[0].before_hz == pytest.approx(30.0, rel=0.02)
+    assert changes[0].now_hz == pytest.approx(other, rel=0.25)
+
+
+def test_another_time_is_no_change():
+    rate = FrameRate()
+    feed(rate, 100.0, 1 / 30, 4.0)
+    changes, _ = feed(rate, 0.0, 1 / 10, 4.0)
+    assert changes == []
+    assert rate.rate_hz == pytest.approx(10.0, rel=0.01)

@@ -1,4 +1,4 @@
-"""A run's folder: files of others are not mixed with its own, and a run that fails leaves nothing behind."""
+"""Files that are written: folders at once or not at all, unfinished runs, errors that name the file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,13 @@ from pathlib import Path
 import pytest
 
 from field_models.errors import FileError
-from robocup_vision.files.output_folder import refuse_foreign_files, telling_write_errors, written_at_once
+from robocup_vision.files.output_folder import (
+    refuse_foreign_files,
+    require_folder,
+    telling_write_errors,
+    written_at_once,
+)
+from robocup_vision.files.resume_file import ResumeFile
 
 OWN = ("figures.json", "robot_*.mcap")
 
@@ -106,3 +112,63 @@ def test_an_error_about_a_file_elsewhere_keeps_its_name(tmp_path: Path) -> None:
     with pytest.raises(FileError) as told, written_at_once(tmp_path / "out", OWN):
         raise FileError(tmp_path / "field.toml", "must be positive", key="length_m", value=-1.0)
     assert str(told.value) == f"{tmp_path}/field.toml: key 'length_m': must be positive, got -1.0"
+
+
+def test_an_error_of_the_system_names_the_file_and_the_reason(tmp_path: Path) -> None:
+    out = tmp_path / "absent" / "out.csv"
+    told = pytest.raises(FileError, match=r"out\.csv: cannot be written \(No such file or directory\)")
+    with told, telling_write_errors(out):
+        out.write_text("x")
+
+
+def test_other_errors_pass_through(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), telling_write_errors(tmp_path / "out.csv"):
+        raise ZeroDivisionError
+
+
+def test_a_folder_that_is_not_there_is_told_before_the_work(tmp_path: Path) -> None:
+    require_folder(tmp_path / "out.csv")
+    with pytest.raises(FileError, match="its folder does not exist"):
+        require_folder(tmp_path / "absent" / "out.csv")
+
+
+RUN = {"format": 1, "seed": 5}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """Return the file of a run that ended after two pieces."""
+    file = tmp_path / "deep" / "unfinished.jsonl"
+    with ResumeFile(file, RUN, resume=False) as kept:
+        kept.add(3, {"score": [1, 0]})
+        kept.add(0, 0.1)
+    return file
+
+
+def test_what_was_finished_is_found(path: Path) -> None:
+    with path.open("a") as stream:
+        stream.write('[7, {"sco')  # the machine went off
+    for _ in range(2):
+        with ResumeFile(path, RUN, resume=True) as kept:
+            assert kept.found == {3: {"score": [1, 0]}, 0: 0.1}
+    kept.delete()
+    assert not path.exists()
+
+
+def test_without_resume_it_begins_anew(path: Path) -> None:
+    with ResumeFile(path, RUN, resume=False) as kept:
+        assert kept.found == {}
+    with ResumeFile(path, RUN, resume=True) as kept:
+        assert kept.found == {}
+
+
+def test_what_does_not_fit_is_named(path: Path) -> None:
+    with pytest.raises(FileError, match=r"unfinished\.jsonl: is of another run: seed was 5, is now 6; begin anew"):
+        ResumeFile(path, {**RUN, "seed": 6}, resume=True)
+    for text in ("nonsense\n", '{"format": 1, "seed": 5}\n[1, 2, 3]\n', ""):
+        path.write_text(text)
+        with pytest.raises(FileError, match="is damaged; begin anew without --resume"):
+            ResumeFile(path, RUN, resume=True)
+    (path.parent / "file").touch()
+    with pytest.raises(FileError, match="cannot be written"):
+        ResumeFile(path.parent / "file" / "unfinished.jsonl", RUN, resume=False)

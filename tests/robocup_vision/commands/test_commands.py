@@ -1,15 +1,20 @@
-"""Counts and seeds of commands: the least that is taken, and the line that names option and value where it is not."""
+"""Commands: their registration, options, counts and seeds, and evaluated recordings."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
+import cv2
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robocup_vision import cli
+from field_models import load_field
+from robocup_vision import Vision, cli, load_camera
+from robocup_vision.commands import registered
 from robocup_vision.commands.options import count, seed
+from robocup_vision.recording.recorder import Recorder
 
 # what the commands need besides the option
 COMMANDS = {
@@ -70,3 +75,48 @@ def test_wrong_numbers_are_refused_before_anything_is_read(
     assert stop.value.code == 2
     prog = f"robocup-vision {command}"
     assert capsys.readouterr().err == f"{prog}: argument {option}: {problem} (see {prog} --help)\n"
+
+
+NAMES = {
+    "evaluate", "compare", "calibrate", "check", "live", "map", "fields", "import-boxes", "match", "tournament",
+    "render", "render-goal", "render-hall", "sensors", "learn-goal-evidence", "fit-evidence",
+    "train-balls",
+    "train-kinds",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def parsers():
+    subparsers = argparse.ArgumentParser().add_subparsers()
+    for add_parser in registered():
+        add_parser(subparsers)
+    return subparsers.choices
+
+
+def test_own_and_registered_commands_are_found(parsers):
+    assert set(parsers) >= NAMES
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_each_command_or_its_parts_say_what_runs_them(parsers, name):
+    parser = parsers[name]
+    parts = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+    runs = [p.get_default("run") for part in parts for p in part.choices.values()] + [parser.get_default("run")]
+    assert any(callable(run) for run in runs)
+
+
+DATASET = Path(__file__).parents[3] / "images" / "omni_ssl_2001"
+
+
+@pytest.mark.slow
+def test_images_of_a_recording_are_linked_to_their_moments(tmp_path):
+    """Only this finds a report whose images lead to other moments of the recording."""
+    vision = Vision(load_field("ssl_2001"), load_camera(DATASET / "camera.toml"))
+    frames = [cv2.imread(str(path)) for path in sorted((DATASET / "images").glob("*.png"))[:3]]
+    with Recorder(tmp_path / "run.mcap", vision) as recorder:
+        for number, frame in enumerate(frames):
+            recorder.look(frame, t_s=100.0 + 0.5 * number)
+    assert cli.main(["evaluate", str(tmp_path / "run.mcap"), "--out", str(tmp_path / "out")]) == 0
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for t_s in ("0.000", "0.500", "1.000"):
+        assert f'href="http://127.0.0.1:8090/?recording=run.mcap&amp;t={t_s}"' in page
