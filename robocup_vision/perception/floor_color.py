@@ -83,21 +83,13 @@ class FloorColor:
         With `white`, also against grey of any brightness: walls and black things, with which floor is confused in the
         dark and in noise.
         """
-        brightness = brightness_of(blue, green, red)
-        level = np.log(np.maximum(brightness, 0.5) / self.level)
-        red_ratio = np.interp(level, LEVELS, self.red_ratio)
-        blue_ratio = np.interp(level, LEVELS, self.blue_ratio)
-        away = white or PaintColor(1.0, 1.0)
-        floor = self._log_density(blue, green, red, red_ratio, blue_ratio, away)
-        # brightness is blurred by the noise, too: the green it stands for
-        expected_green = self._green_of(brightness, red_ratio, blue_ratio)
-        # any colour: R and B anything between 0 and twice the green
-        background = -np.log(4 * expected_green**2)
-        if white is not None:
-            ratios = np.full_like(level, white.red_ratio), np.full_like(level, white.blue_ratio)
-            background = np.maximum(background, self._log_density(blue, green, red, *ratios))
-        outside = np.maximum(LEVELS[0] - level, 0.0) + np.maximum(level - LEVELS[-2], 0.0)
-        return np.asarray(floor - background - 0.5 * (outside / 0.2) ** 2)
+        of_floor, of_white = self.densities(white or PaintColor(1.0, 1.0))
+        if white is None:
+            of_white[kernel.PEAK] = -np.inf
+        colors = np.stack(np.broadcast_arrays(blue, green, red)).astype(np.float64)
+        out = np.empty(colors.shape[1:])
+        kernel.log_ratios(colors.reshape(3, -1), of_floor, of_white, out.reshape(-1))
+        return out
 
     def densities(self, white: PaintColor) -> tuple[FloatArray, FloatArray]:
         """Numbers (6, S) float64 of the floor's and white's densities over brightness, for `kernels.floor.colors`."""
@@ -120,43 +112,15 @@ class FloorColor:
         return np.asarray(np.maximum(4 * level / (2 + red_ratio + blue_ratio), 1.0))
 
     def _density_numbers(self, level: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray) -> FloatArray:
+        """Numbers (6, S) of the density of (R, B) given the brightness, for paint of these ratios in this noise."""
         expected_green = self._green_of(level, red_ratio, blue_ratio)
-        var_red, var_blue, cov = self._covariance(expected_green, red_ratio, blue_ratio)
-        det = var_red * var_blue - cov**2
-        peak = -0.5 * np.log(det) - math.log(math.tau)
-        return np.stack([red_ratio, blue_ratio, var_blue / det, -cov / det, var_red / det, peak])
-
-    def _covariance(
-        self, expected_green: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         n2 = self.noise**2 + 0.25
         var_red = n2 * (1 + red_ratio**2) + (self.spread[0] * red_ratio * expected_green) ** 2
         var_blue = n2 * (1 + blue_ratio**2) + (self.spread[1] * blue_ratio * expected_green) ** 2
-        return var_red, var_blue, n2 * red_ratio * blue_ratio
-
-    def _log_density(
-        self,
-        blue: FloatArray,
-        green: FloatArray,
-        red: FloatArray,
-        red_ratio: FloatArray,
-        blue_ratio: FloatArray,
-        white: PaintColor | None = None,
-    ) -> FloatArray:
-        """Log density of (R, B) given the brightness, for paint of these ratios under this camera's noise.
-
-        With `white`, for paint that may be purer than that, too.
-        """
-        expected_green = self._green_of(brightness_of(blue, green, red), red_ratio, blue_ratio)
-        d_red, d_blue = red - red_ratio * green, blue - blue_ratio * green
-        var_red, var_blue, cov = self._covariance(expected_green, red_ratio, blue_ratio)
+        cov = n2 * red_ratio * blue_ratio
         det = var_red * var_blue - cov**2
-        distance2 = (var_blue * d_red**2 - 2 * cov * d_red * d_blue + var_red * d_blue**2) / det
-        if white is not None:
-            inverse = np.stack([var_blue / det, -cov / det, var_red / det])
-            of_red, of_blue = _purer(white, red_ratio, blue_ratio, inverse)
-            distance2 = distance2 - np.maximum(of_red * d_red + of_blue * d_blue, 0.0) ** 2
-        return np.asarray(-0.5 * distance2 - 0.5 * np.log(det) - math.log(math.tau))
+        peak = -0.5 * np.log(det) - math.log(math.tau)
+        return np.stack([red_ratio, blue_ratio, var_blue / det, -cov / det, var_red / det, peak])
 
 
 def learn_floor_color(

@@ -16,6 +16,37 @@ RED, BLUE, RED_RED, RED_BLUE, BLUE_BLUE, PEAK, PURER_RED, PURER_BLUE = range(8)
 FINE = 8.0
 
 
+@compiled(inline="always")
+def _log_ratio(blue: float, green: float, red: float, floor: FloatArray, white: FloatArray, least: float) -> float:
+    """Return the floor's log-likelihood ratio of a colour, nats; any number up to `least` where it is no more."""
+    s = min(int((red + 2 * green + blue) / 4 * FINE + 0.5), floor.shape[1] - 1)
+    d_red, d_blue = red - floor[RED, s] * green, blue - floor[BLUE, s] * green
+    purer = max(floor[PURER_RED, s] * d_red + floor[PURER_BLUE, s] * d_blue, 0.0)
+    value = floor[PEAK, s] - 0.5 * (
+        floor[RED_RED, s] * d_red * d_red
+        + 2 * floor[RED_BLUE, s] * d_red * d_blue
+        + floor[BLUE_BLUE, s] * d_blue * d_blue
+        - purer * purer
+    )
+    # most colours are none of the floor's
+    if value <= least:
+        return float(value)
+    d_red, d_blue = red - white[RED, s] * green, blue - white[BLUE, s] * green
+    rival = white[PEAK, s] - 0.5 * (
+        white[RED_RED, s] * d_red * d_red
+        + 2 * white[RED_BLUE, s] * d_red * d_blue
+        + white[BLUE_BLUE, s] * d_blue * d_blue
+    )
+    return float(value - max(rival, 0.0))
+
+
+@compiled
+def log_ratios(colors: FloatArray, floor: FloatArray, white: FloatArray, out: FloatArray) -> None:
+    """Write the floor's log-likelihood ratios (N,) of colours (3, N), blue, green and red; see `tabulate`."""
+    for n in range(out.shape[0]):
+        out[n] = _log_ratio(colors[0, n], colors[1, n], colors[2, n], floor, white, -np.inf)
+
+
 @compiled
 def tabulate(
     blue: FloatArray,
@@ -40,33 +71,11 @@ def tabulate(
     out : (65536,) int8
         Filled: blue bins first, then green, then red.
     """
-    last = floor.shape[1] - 1
-    least = np.int8(-int(0.5 + clip / unit))
     at = 0
     for b in range(blue.shape[0]):
         for g in range(green.shape[0]):
             for r in range(red.shape[0]):
-                s = min(int((red[r] + 2 * green[g] + blue[b]) / 4 * FINE + 0.5), last)
-                d_red, d_blue = red[r] - floor[RED, s] * green[g], blue[b] - floor[BLUE, s] * green[g]
-                purer = max(floor[PURER_RED, s] * d_red + floor[PURER_BLUE, s] * d_blue, 0.0)
-                value = floor[PEAK, s] - 0.5 * (
-                    floor[RED_RED, s] * d_red * d_red
-                    + 2 * floor[RED_BLUE, s] * d_red * d_blue
-                    + floor[BLUE_BLUE, s] * d_blue * d_blue
-                    - purer * purer
-                )
-                # most colours are none of the floor's
-                if value <= -clip:
-                    out[at] = least
-                    at += 1
-                    continue
-                d_red, d_blue = red[r] - white[RED, s] * green[g], blue[b] - white[BLUE, s] * green[g]
-                rival = white[PEAK, s] - 0.5 * (
-                    white[RED_RED, s] * d_red * d_red
-                    + 2 * white[RED_BLUE, s] * d_red * d_blue
-                    + white[BLUE_BLUE, s] * d_blue * d_blue
-                )
-                value -= max(rival, 0.0)
+                value = _log_ratio(blue[b], green[g], red[r], floor, white, -clip)
                 value = max(-clip, min(clip, value)) / unit
                 out[at] = np.int8(int(value + 0.5) if value >= 0 else -int(0.5 - value))
                 at += 1

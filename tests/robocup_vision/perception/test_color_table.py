@@ -100,7 +100,7 @@ def test_the_table_says_what_the_model_says(colors):
     samples = rng.integers(0, 256, (200, 3), dtype=np.uint8)
     # the mean of all bytes that share its bin stands for a byte
     centers = [[np.flatnonzero(row == row[s]).mean() for s in samples[:, i]] for i, row in enumerate(table.packing)]
-    exact = np.clip(colors.floor.log_likelihood_ratio(*np.array(centers)), -LLR_CLIP, LLR_CLIP)
+    exact = np.clip(colors.floor.log_likelihood_ratio(*np.array(centers), colors.line), -LLR_CLIP, LLR_CLIP)
     found = table.floor_llr[table.pack(samples)] * LLR_PER_UNIT
     np.testing.assert_allclose(found, exact, atol=0.5 * LLR_PER_UNIT + 1e-9)
 
