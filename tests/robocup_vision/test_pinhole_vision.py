@@ -206,7 +206,9 @@ def test_a_goal_places_a_camera_of_unknown_tilt_and_reports_where_the_floor_is()
         _ = vision.grid
 
 
+@pytest.mark.slow
 def test_a_goal_places_a_robot_whose_head_is_panned():
+    """Only this finds a pan that the pose by a goal leaves out."""
     field, condition = load_field("four_legged_2007"), GOAL_CONDITIONS["clean_416x320"]
     one = next(iter(sample_goal(field, condition, 0, 30, places=paper_places(field)[20:])))
     head = dataclasses.replace(condition.camera, offset_m=(0.05, -0.02), pan_rad=0.0)

@@ -333,8 +333,10 @@ EMPTY = {
 }
 
 
-@pytest.mark.parametrize("method", ["field", "floor", "hull"])
-@pytest.mark.parametrize("name", EMPTY)
+@pytest.mark.parametrize(
+    ("method", "name"),
+    [*(("field", name) for name in EMPTY), *((one, name) for one in ("floor", "hull") for name in ("green", "noise"))],
+)
 def test_frames_without_a_field_are_not_located(ssl_field, paper_camera, nominal_samples, method, name):
     vision = Vision(ssl_field, paper_camera, method=method)
     for _ in range(2):

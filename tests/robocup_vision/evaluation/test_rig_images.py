@@ -62,8 +62,9 @@ def rows_of(out):
         return list(csv.DictReader(stream))
 
 
-@pytest.mark.parametrize("memory", [[], ["--memory"]])
+@pytest.mark.parametrize("memory", [["--memory"], pytest.param([], marks=pytest.mark.slow)])
 def test_a_look_is_a_row(folder, tmp_path, memory):
+    """Without a memory it alone finds looks that need one."""
     assert main(["evaluate", str(folder), "--out", str(tmp_path / "out"), *memory]) == 0
     rows = rows_of(tmp_path / "out")
     assert [row["image"] for row in rows] == ["0.png", "1.png", "2.png"]

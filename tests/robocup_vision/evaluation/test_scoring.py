@@ -66,7 +66,7 @@ def test_nees_of_honest_errors_averages_three() -> None:
     rng = np.random.default_rng(3)
     lower = np.array([[0.02, 0, 0], [0.01, 0.03, 0], [-0.02, 0.01, 0.04]])
     rows = []
-    for _ in range(4000):
+    for _ in range(2000):
         true = Pose2(*rng.uniform(-1, 1, 2), rng.uniform(-math.pi, math.pi))
         said = Pose2(*(true.array + lower @ rng.standard_normal(3)))
         one, truth = estimate(said, lower @ lower.T), truth_of(true)

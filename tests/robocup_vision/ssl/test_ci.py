@@ -1,8 +1,6 @@
 """The connection to a game controller for continuous integration: framing, answers, and peers that misbehave."""
 
 import dataclasses
-import socket
-import threading
 
 import pytest
 from hypothesis import given
@@ -39,57 +37,27 @@ def test_a_frame_over_8_mb_and_a_size_that_is_none_are_refused():
     assert take_frame(bytearray(b"\xff" * 4)) is None
 
 
-@pytest.fixture
-def controller():
-    """Return a function that starts a game controller of a few lines, and returns its port."""
-    opened, threads = [], []
-
-    def start(answer):
-        listening = socket.create_server(("127.0.0.1", 0))
-        listening.settimeout(WAIT_S)
-        opened.append(listening)
-
-        def serve():
-            connection, _ = listening.accept()
-            connection.settimeout(WAIT_S)
-            buffer = bytearray()
-            with connection:
-                while data := connection.recv(4096):
-                    buffer += data
-                    while (frame := take_frame(buffer)) is not None:
-                        reply = answer(decode(CiInput, frame))
-                        if reply is None:
-                            return
-                        connection.sendall(reply)
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        threads.append(thread)
-        return listening.getsockname()[1]
-
-    yield start
-    for listening in opened:
-        listening.close()
-    for thread in threads:
-        thread.join(WAIT_S)
-
-
 def packet(counter):
     data = encode(CiOutput(dataclasses.replace(REFEREE, command_counter=counter)))
     return varint(len(data)) + data
 
 
-def test_inputs_are_answered_with_any_number_of_packets(controller):
-    port = controller(lambda told: b"".join(packet(told.time_ns + k) for k in range(told.time_ns)))
-    with CiClient(port=port) as client:
+def packets(frame):
+    """Answer as many packets as the nanoseconds told, numbered from that on."""
+    told = decode(CiInput, frame).time_ns
+    return b"".join(packet(told + k) for k in range(told))
+
+
+def test_inputs_are_answered_with_any_number_of_packets(peer):
+    with CiClient(port=peer(packets)) as client:
         assert [one.command_counter for one in client.exchange(CiInput(2), WAIT_S)][:1] == [2]
         assert client.exchange(CiInput(0), 0.05) in ([], [dataclasses.replace(REFEREE, command_counter=3)])
 
 
-def test_who_closes_or_talks_rubbish_is_told(controller):
-    with CiClient(port=controller(lambda told: None)) as client, pytest.raises(ArgumentError, match="has closed"):
+def test_who_closes_or_talks_rubbish_is_told(peer):
+    with CiClient(port=peer(lambda frame: None)) as client, pytest.raises(ArgumentError, match="has closed"):
         client.exchange(CiInput(1), WAIT_S)
-    port = controller(lambda told: b"\xff\xff\xff\xff\x7f")
+    port = peer(lambda frame: b"\xff\xff\xff\xff\x7f")
     with CiClient(port=port) as client, pytest.raises(PacketError, match="at most 8388608 bytes"):
         client.exchange(CiInput(1), WAIT_S)
     with pytest.raises(ArgumentError, match=r"cannot reach a game controller at 127.0.0.1:1"):

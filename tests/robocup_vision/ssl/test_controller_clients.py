@@ -2,9 +2,7 @@
 
 import json
 import queue
-import socket
 import threading
-from contextlib import suppress
 
 import pytest
 from ssl_sockets import free_port
@@ -12,7 +10,7 @@ from websockets.sync.server import serve
 
 from field_models.errors import ArgumentError
 from robocup_vision.ssl.controller_clients import AutoRefClient, TeamPortClient
-from robocup_vision.ssl.framed import take_frame, varint
+from robocup_vision.ssl.framed import varint
 from robocup_vision.ssl.operator import Operator
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.controller import (
@@ -36,49 +34,20 @@ WAIT_S = 5.0
 OK = ControllerReply(ReplyStatus.OK)
 
 
-@pytest.fixture
-def controller():
-    """Return a function that answers one connection with given replies, and the messages it got."""
-    with socket.socket() as listening:
-        listening.bind(("127.0.0.1", 0))
-        listening.listen(1)
-        listening.settimeout(WAIT_S)
-        threads = []
+def controller(peer, reply_type, *replies):
+    """Return the port of a controller that gives these replies in turn, the first unasked, and what it hears."""
+    packed = [encode(reply_type(reply)) for reply in replies]
+    heard, left = [], iter([varint(len(data)) + data for data in packed])
 
-        def run(reply_type, replies):
-            heard = []
+    def answer(frame):
+        heard.append(frame)
+        return next(left, None)
 
-            def serve():
-                connection, _ = listening.accept()
-                connection.settimeout(WAIT_S)
-                buffer = bytearray()
-                with connection:
-                    for place, reply in enumerate(replies):
-                        if place:
-                            while (frame := take_frame(buffer)) is None:
-                                data = connection.recv(4096)
-                                if not data:
-                                    return
-                                buffer += data
-                            heard.append(frame)
-                        data = encode(reply_type(reply))
-                        connection.sendall(varint(len(data)) + data)
-                    # until the client has read it
-                    with suppress(ConnectionError):
-                        connection.recv(1)
-
-            threads.append(threading.Thread(target=serve))
-            threads[-1].start()
-            return heard
-
-        yield listening.getsockname()[1], run
-        for thread in threads:
-            thread.join(WAIT_S)
+    return peer(answer, next(left)), heard
 
 
-def test_an_automatic_referee_registers_and_tells_events(controller):
-    port, run = controller
-    heard = run(AutoRefReply, [OK, OK, OK, ControllerReply(ReplyStatus.REJECTED, "no such event")])
+def test_an_automatic_referee_registers_and_tells_events(peer):
+    port, heard = controller(peer, AutoRefReply, OK, OK, OK, ControllerReply(ReplyStatus.REJECTED, "no such event"))
     event = referee_event(
         EventKind.BOT_TOO_FAST_IN_STOP, ByRobot(Team.BLUE, 3, Place(1.0, 2.0), 1.75), 1_700_000_000_000_000
     )
@@ -96,10 +65,9 @@ def test_an_automatic_referee_registers_and_tells_events(controller):
     assert b"\xe2\x01" in heard[1]
 
 
-def test_a_team_asks_and_what_is_rejected_is_said(controller):
-    port, run = controller
+def test_a_team_asks_and_what_is_rejected_is_said(peer):
     rejected = ControllerReply(ReplyStatus.REJECTED, "Ball is not in the opponents half")
-    heard = run(TeamReply, [OK, OK, rejected, OK, OK, OK])
+    port, heard = controller(peer, TeamReply, OK, OK, rejected, OK, OK, OK)
     with TeamPortClient("Test Team", Team.YELLOW, port=port) as client:
         client.change_keeper(4)
         while not client.problems.counts:
@@ -117,9 +85,8 @@ def test_a_team_asks_and_what_is_rejected_is_said(controller):
     assert told[1] == TeamMessage(advantage_choice=AdvantageChoice.CONTINUE)
 
 
-def test_who_is_refused_or_not_answered_is_told_why(controller):
-    port, run = controller
-    run(AutoRefReply, [OK, ControllerReply(ReplyStatus.REJECTED, "already registered")])
+def test_who_is_refused_or_not_answered_is_told_why(peer):
+    port, _ = controller(peer, AutoRefReply, OK, ControllerReply(ReplyStatus.REJECTED, "already registered"))
     with pytest.raises(ArgumentError, match=r"the port for referees of the game controller at .* refuses: already"):
         AutoRefClient("eyes", port=port)
     with pytest.raises(ArgumentError, match="cannot reach the port for teams of a game controller at"):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls.blobs import BallSize
 from robocup_vision.kernels.balls.cut_ball import fit_cut_ball
 
@@ -34,11 +35,11 @@ def test_the_part_that_is_shown_of_the_fitted_ball_is_the_one_that_was_seen(u, v
     size = ball_size((40.0, 200.0), 0.03)
     _, shown = plain_points(np.array((u, v)), size)
     part = shown.mean(axis=0)
-    center_u, center_v, ratio, count, _, _ = fit_cut_ball(*part, WIDTH, HEIGHT, size)
+    center_u, center_v, ratio, count, _, _ = fit_cut_ball(*part, WIDTH, HEIGHT, plain(size))
     assert math.hypot(center_u - u, center_v - v) < 1.0
     assert ratio == pytest.approx(len(shown) / len(DISC), abs=0.05)
     assert count == pytest.approx(ratio * len(DISC))
 
 
 def test_a_ball_beyond_the_picture_shows_nothing():
-    assert fit_cut_ball(-40.0, 30.0, WIDTH, HEIGHT, ball_size((40.0, 200.0), 0.0))[3] == 0
+    assert fit_cut_ball(-40.0, 30.0, WIDTH, HEIGHT, plain(ball_size((40.0, 200.0), 0.0)))[3] == 0

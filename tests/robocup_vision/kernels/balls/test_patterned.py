@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import patterned as kernel
 
 HEIGHT, WIDTH = 48, 64
@@ -12,6 +13,7 @@ TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 DIRECTIONS = np.column_stack([np.cos(TURNS), np.sin(TURNS)])
 ANY = np.tile((0.0, np.inf), (HEIGHT, 1))
 SEARCH = kernel.DiscSearch(0.82, 1.12, 1.5, 0.25, 0.8, 0.5, 0.7, 0.55, 0.04)
+PLAIN = plain(SEARCH)
 
 
 def ball(kinds, level, u0, v0, radius):
@@ -36,8 +38,8 @@ def test_a_ball_whose_underside_is_as_green_as_the_carpet_keeps_its_place_and_si
     ball(kinds, level, 30, 22, 9)
     kinds[22 + 6 :] = kernel.CARPET
     found, out = np.empty((5000, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
-    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, SEARCH, found)
-    assert kernel.best_discs(kinds, level, DIRECTIONS, SEARCH, found[:count], out) >= 1
+    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, PLAIN, found)
+    assert kernel.best_discs(kinds, level, DIRECTIONS, PLAIN, found[:count], out) >= 1
     row = out[0]
     assert math.hypot(row[kernel.U] - 30, row[kernel.V] - 22) < 2
     assert row[kernel.RADIUS] == pytest.approx(9, rel=0.15)
@@ -53,7 +55,7 @@ def test_a_disc_of_another_size_is_kept_beside_a_better_one_at_its_place():
     found, out = np.zeros((3, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
     found[:, kernel.U], found[:, kernel.V], found[:, kernel.RADIUS] = 30, (19, 22, 22), (10.5, 7.0, 7.8)
     found[:, kernel.AGREE], found[:, kernel.INSIDE] = (0.95, 0.9, 0.85), 1.0
-    kept = out[: kernel.best_discs(kinds, level, DIRECTIONS, SEARCH, found, out)]
+    kept = out[: kernel.best_discs(kinds, level, DIRECTIONS, PLAIN, found, out)]
     assert len(kept) == 2
     assert math.hypot(kept[1, kernel.U] - 30, kept[1, kernel.V] - 22) < 2
     assert kept[1, kernel.RADIUS] == pytest.approx(7, rel=0.15)
@@ -66,9 +68,9 @@ def test_of_discs_on_one_ball_one_is_kept_that_lies_on_it():
     kinds[inside], level[inside] = kernel.NEUTRAL, 200
     level[inside & (np.hypot(u - 28, v - 20) < 4)] = 20
     found, out = np.empty((5000, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
-    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, SEARCH, found)
+    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, PLAIN, found)
     assert count > 5
-    assert kernel.best_discs(kinds, level, DIRECTIONS, SEARCH, found[:count], out) == 1
+    assert kernel.best_discs(kinds, level, DIRECTIONS, PLAIN, found[:count], out) == 1
     row = out[0]
     assert math.hypot(row[kernel.U] - 30, row[kernel.V] - 22) < 2
     assert row[kernel.RADIUS] == pytest.approx(9, rel=0.15)
@@ -78,4 +80,4 @@ def test_of_discs_on_one_ball_one_is_kept_that_lies_on_it():
     assert row[kernel.AGREE] == 1.0
     # without a dark patch it is none
     level[inside] = 200
-    assert kernel.best_discs(kinds, level, DIRECTIONS, SEARCH, found[:count], out) == 0
+    assert kernel.best_discs(kinds, level, DIRECTIONS, PLAIN, found[:count], out) == 0

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from frozen import frozen
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,11 +27,11 @@ def test_floor_goes_on_behind_a_line_where_a_strip_of_it_is_near_and_sure(first,
     llr = np.full((5, 30), -40, np.int8)
     llr[:, :11], llr[:, first : first + 2] = 50, strength
     out = np.empty(5, np.int64)
-    outer_boundary(llr, np.ones((5, 30), np.uint8), 48, 3, 80, out)
+    outer_boundary(llr, frozen(np.ones((5, 30), np.uint8)), 48, 3, 80, out)
     np.testing.assert_array_equal(out, end)
 
 
-RANGE_M = np.geomspace(0.3, 6.0, 24)
+RANGE_M = frozen(np.geomspace(0.3, 6.0, 24))
 
 
 @pytest.mark.parametrize(("last", "foot"), [(12, 5), (6, 24 + 23)])
@@ -38,7 +39,7 @@ def test_a_thing_hides_the_floor_behind_it_and_a_speck_does_not(last, foot):
     marks, out = np.ones((1, 24), np.uint8), np.empty(1, np.int64)
     marks[0, 5 : last + 1] = 0
     # half as high as the camera it hides as much again as it is away: six columns
-    blocked_feet(marks, np.ones_like(marks), RANGE_M, 0, 24, 0.5, 0.25, out)
+    blocked_feet(frozen(marks), frozen(np.ones_like(marks)), RANGE_M, 0, 24, 0.5, 0.25, out)
     assert out[0] == foot
 
 
@@ -86,8 +87,8 @@ def test_the_foot_lies_where_half_of_the_floor_is_left(foot, spread):
     samples = np.repeat(np.rint(20 + 120 * floor)[None, :, None], 3, axis=2).astype(np.uint8)
     by_color = np.array([int(np.flatnonzero(floor > 0.08)[-1]), -1])
     ends = np.empty(2)
-    samples, valid = np.repeat(samples, 2, axis=0), np.ones((2, 30), dtype=np.uint8)
-    foot_px(samples, valid, by_color, 3.0 * at, 3.0, ends)
+    samples, valid = np.repeat(samples, 2, axis=0), frozen(np.ones((2, 30), dtype=np.uint8))
+    foot_px(samples, valid, by_color, frozen(3.0 * at), 3.0, ends)
     # no more than the sampling leaves open
     assert ends[0] / 3.0 == pytest.approx(foot, abs=0.25 if spread > 1 else 0.5)
     assert np.isnan(ends[1])
@@ -101,8 +102,8 @@ def test_what_is_bright_behind_the_floor_leaves_its_end_where_it_was():
     samples[0, 12:] = 200
     marks = (np.arange(20) < 12).astype(np.uint8)[None]
     ends = np.empty(1)
-    valid = np.ones((1, 20), dtype=np.uint8)
-    foot_px(samples, valid, np.array([11]), np.arange(20.0), 1.0, ends)
+    valid = frozen(np.ones((1, 20), dtype=np.uint8))
+    foot_px(samples, valid, np.array([11]), frozen(np.arange(20.0)), 1.0, ends)
     block_dark_feet(samples, valid, 20, marks)
     assert ends[0] == 11.5
     assert marks.sum() == 12
@@ -118,7 +119,7 @@ def dark_stretch(behind, level=0.3):
 
 
 def blocked_of(samples, marks):
-    block_dark_bodies(samples, np.ones(marks.shape, dtype=np.uint8), 36, marks)
+    block_dark_bodies(samples, frozen(np.ones(marks.shape, dtype=np.uint8)), 36, marks)
     return np.flatnonzero(marks[0] == BLOCKED).tolist()
 
 
@@ -144,7 +145,7 @@ def test_a_body_that_is_dark_up_to_the_horizon_is_blocked_where_half_of_the_ligh
 def test_a_ball_clears_its_ellipse_only(row, radius, half_rows, near_px, far_px, is_ring, seed):
     rng = np.random.default_rng(seed)
     marks = rng.integers(0, 3, (20, 25), dtype=np.uint8)
-    radius_px = np.linspace(2.0, 28.0, 25)
+    radius_px = frozen(np.linspace(2.0, 28.0, 25))
     rows = np.arange(math.floor(row - half_rows) - 1, math.ceil(row + half_rows) + 2)
     inside = np.zeros((20, 25), dtype=bool)
     half_px = np.where(radius_px > radius, far_px, near_px)
@@ -170,7 +171,7 @@ def test_marks_do_not_depend_on_where_in_a_row_things_lie(seed, is_ring):
         llr[:, first : first + wide], samples[:, first : first + wide] = things, colors
         widest, out = np.full(columns, 3, np.int32), np.empty((rows, columns), np.uint8)
         no_rim = np.full(rows, -1)
-        passable(samples, llr, np.ones_like(out), widest, widest, columns, is_ring, no_rim, out)
+        passable(samples, llr, frozen(np.ones_like(out)), widest, widest, columns, is_ring, no_rim, out)
         marks.append(out[:, first : first + wide])
     for other in marks[1:]:
         np.testing.assert_array_equal(other, marks[0])
@@ -186,7 +187,7 @@ def test_a_bright_corner_is_no_line_and_a_line_is_no_corner():
         samples = np.where(shape[..., None], 230, 60).astype(np.uint8).repeat(3, axis=2)
         llr = np.where(shape, -64, 40).astype(np.int8)
         out = np.empty((rows, columns), dtype=np.uint8)
-        valid = np.ones((rows, columns), dtype=np.uint8)
+        valid = frozen(np.ones((rows, columns), dtype=np.uint8))
         passable(samples, llr, valid, widest, widest, columns, True, np.full(rows, -1), out)
         marks.append(out)
     assert (marks[0][~corner] == FLOOR).all()
@@ -200,7 +201,7 @@ def test_a_bright_corner_is_no_line_and_a_line_is_no_corner():
 def test_what_hidden_samples_show_changes_no_mark(seed):
     rng = np.random.default_rng(seed)
     llr = rng.integers(-64, 64, (12, 15)).astype(np.int8)
-    valid = (rng.random((12, 15)) < 0.7).astype(np.uint8)
+    valid = frozen((rng.random((12, 15)) < 0.7).astype(np.uint8))
     llr[valid == 0] = 0
     samples = rng.integers(0, 256, (12, 15, 3), dtype=np.uint8)
     widest = np.full(15, 4, dtype=np.int32)

@@ -10,9 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strategies import PAPER_MIRROR
 
+from robocup_vision.arrays import read_only
 from robocup_vision.camera import OmniCamera
+from robocup_vision.compiling.loops import plain
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.goal.colors import GoalPalette, MirrorProjection, vote_goal_colors
+from robocup_vision.kernels.goal.colors import MirrorProjection, vote_goal_colors
 from robocup_vision.kernels.goal.edges import EdgeOffsets, EdgeStarts, measure_edges
 from robocup_vision.kernels.goal.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
 from robocup_vision.kernels.goal.paint.shine import fill_shine
@@ -184,9 +186,9 @@ def test_fills_nothing_between_paint_and_the_end_of_the_picture():
 
 
 NO_MASK = np.empty((0, 0), dtype=np.uint8)
-HUES = np.array([-0.4, 0.5, 0.0])  # yellow, blue, white
+HUES = read_only([-0.4, 0.5, 0.0])  # yellow, blue, white
 # log R/G and B/G of yellow, blue, both with red and blue swapped, and white
-LOG_RATIOS = np.array([[0.1, -1.8], [-0.8, 0.9], [-1.8, 0.1], [0.9, -0.8], [0.0, 0.0]])
+LOG_RATIOS = read_only([[0.1, -1.8], [-0.8, 0.9], [-1.8, 0.1], [0.9, -0.8], [0.0, 0.0]])
 Q_STEP = 0.002
 TABLE = np.nan_to_num(PAPER_MIRROR.radius_px(np.arange(5000) * Q_STEP))
 
@@ -197,7 +199,7 @@ def vote(frame, pose, points, sides, camera, hidden=NO_MASK):
         np.array(camera.viewpoint_m), to_camera, camera.center_px, camera.heading_rad, camera.mirrored,
         camera.usable_radius_px, Q_STEP, TABLE,
     )  # fmt: skip
-    return vote_goal_colors(frame, tuple(pose.array), points, sides, projection, GoalPalette(HUES, LOG_RATIOS), hidden)
+    return vote_goal_colors(frame, tuple(pose.array), points, sides, plain(projection), (HUES, LOG_RATIOS), hidden)
 
 
 @pytest.mark.parametrize(

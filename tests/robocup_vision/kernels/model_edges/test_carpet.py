@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from robocup_vision.arrays import read_only
 from robocup_vision.kernels.model_edges.carpet import (
     carpet_ends,
     carpet_look,
@@ -34,7 +35,7 @@ def test_paint_is_recognised_by_its_hue(paint, shown, is_one):
     mean = np.array(paint).mean()
     white = mean if min(paint) > 150 else 0.0
     hue = np.array(paint) - mean if np.ptp(paint) > 60 else np.zeros(3)
-    assert is_paint(*map(float, shown), np.array([1.0, 0.0, 1.0, 100.0, *hue, white]), 1.0) == is_one
+    assert is_paint(*map(float, shown), read_only([1.0, 0.0, 1.0, 100.0, *hue, white]), 1.0) == is_one
 
 
 def test_the_carpet_is_the_commonest_tone_and_noise_is_reported():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from robocup_vision.arrays import read_only
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.follow import brightness, prepare
 from robocup_vision.kernels.model_edges.tables import UNKNOWNS, Prior, empty_buffers
@@ -141,7 +142,7 @@ def test_outliers_do_not_move_the_fit():
 
 
 def test_the_prior_joins_pose_and_sway_and_forgets():
-    covariance = np.array([[0.04, 0.01, 0.0], [0.01, 0.02, 0.005], [0.0, 0.005, 0.03]])
+    covariance = read_only([[0.04, 0.01, 0.0], [0.01, 0.02, 0.005], [0.0, 0.005, 0.03]])
     held = np.array([[-0.2, 0.0, 0.3, 0.0], [0.02, 0.02, 0.01, 0.0]])
     keep, sway = np.full(4, 0.5), np.array([[0.02, -0.01, 0.0, 0.0], [1e-6, 1e-6, 1e-6, 0.0]])
     prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
@@ -150,7 +151,7 @@ def test_the_prior_joins_pose_and_sway_and_forgets():
     full = prior.root @ prior.root.T
     np.testing.assert_allclose(full[:3, :3], covariance)
     np.testing.assert_allclose(np.diag(full)[3:], held[1] ** 2 * 0.75 + 0.25 * np.array([1e-6, 1e-6, 1e-6, 0.0]))
-    assert not prepare(np.zeros(3), -covariance, held, keep, sway, prior)
+    assert not prepare(np.zeros(3), read_only(-covariance), held, keep, sway, prior)
 
 
 def test_brightness_is_reported_by_the_carpet_within_bounds():

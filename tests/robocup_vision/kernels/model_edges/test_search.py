@@ -6,13 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
+from robocup_vision.arrays import read_only
 from robocup_vision.kernels.model_edges.carpet import carpet_look
 from robocup_vision.kernels.model_edges.search import search
 from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, empty_buffers
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 CARPET, WHITE = np.array([45.0, 125.0, 42.0]), np.array([230.0, 230.0, 230.0])
-CHANNELS = np.array([[1.0, 0.0, 1.0, 365.0, 0.0, 0.0, 0.0, 230.0]])
+CHANNELS = read_only([[1.0, 0.0, 1.0, 365.0, 0.0, 0.0, 0.0, 230.0]])
 NUMBERS = EdgeSettings().for_width(208, 0.025)
 # as in a second look
 BANDS = EdgeSettings(max_line_widths=3.5).for_width(208, 0.025)

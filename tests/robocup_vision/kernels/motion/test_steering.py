@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from steering_twins import BINS, RADIUS, around, empty_profile, grown, plain_bin, sectors_of
 
+from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.motion import moving_contact
 from robocup_vision.kernels.motion import steering as kernels
 
@@ -33,16 +34,8 @@ def steer(velocity, target_distance, detour, range_m, count=24):
     scan = kernels.Scan(around(len(range_m)), range_m, np.full(len(range_m), np.nan), sectors_of(len(range_m)))
     target = kernels.Target(0.0, target_distance, detour)
     for _ in range(2):  # measuring the sectors, and with those already measured
-        found = kernels.steer(
-            kernels.Motion(velocity, velocity),
-            target,
-            RULES,
-            directions_of(count),
-            scan,
-            RADIUS,
-            empty_profile(),
-            NOTHING,
-        )
+        given = (kernels.Motion(velocity, velocity), target, RULES, directions_of(count), scan)
+        found = kernels.steer(*map(plain, given), RADIUS, plain(empty_profile()), NOTHING)
         np.testing.assert_array_equal(scan.known_bearing, scan.bearing)
     return found
 

@@ -83,7 +83,7 @@ def test_the_straight_part_comes_no_closer_to_anything_than_the_way(seed):
         way.append(int(come_from[way[-1]]))
         assert max(abs(way[-1] // SIZE - way[-2] // SIZE), abs(way[-1] % SIZE - way[-2] % SIZE)) <= 1
     way.reverse()
-    reached, after = straight_part(price, come_from, start, goal, start % SIZE, start // SIZE, 3)
+    reached, after = straight_part(price, come_from, start, goal, float(start % SIZE), float(start // SIZE), 3)
     k = way.index(reached)
     assert k >= min(1, len(way) - 1)
     assert after == way[min(k + 3, len(way) - 1)]

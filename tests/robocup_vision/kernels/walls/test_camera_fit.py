@@ -12,6 +12,7 @@ from strategies import PAPER_MIRROR, numbers
 from field_models import load_field
 from robocup_vision.camera import OmniCamera
 from robocup_vision.camera.pinhole import camera_rotation
+from robocup_vision.compiling.loops import plain
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.camera_fit import (
     PIVOT,
@@ -144,7 +145,7 @@ def test_normal_equations_agree_with_finite_differences(pose, seed):
 def fitted(start, radius, min_gain=MIN_GAIN, fit=fit_outline, scales=SCALES):
     """Return a fit from a start, its residuals, the predicted radii, and the covariance."""
     errors = CameraErrors(noise_px=0.15, center_std_px=0.5, turn_std_rad=0.01)
-    rules = FitRules(scene(), Q_STEP, RADIUS_OF_Q, 1.0, 1.5, 1.7, 0.008, errors, min_gain)
+    rules = plain(FitRules(scene(), Q_STEP, RADIUS_OF_Q, 1.0, 1.5, 1.7, 0.008, errors, min_gain))
     lines, covariance = np.empty((2, COUNT)), np.empty((3, 3))
     found = Fitted(*fit(tuple(start), radius, scales, rules, lines, covariance))
     return found, *lines, covariance

@@ -76,6 +76,7 @@ def test_frames_that_disagree_with_each_other_found_no_belief(start, seed):
     assert filter_.belief.pose.error_to(truth)[0] < 0.05
 
 
+@settings(max_examples=12)
 @given(poses(1.2), seeds)
 def test_frames_that_do_not_tell_the_half_keep_it(start, seed):
     rng = np.random.default_rng(seed)
@@ -182,6 +183,7 @@ def test_a_spell_of_the_wrong_half_is_outlived_at_any_frame_rate_and_a_turned_ro
     assert filter_.belief.pose.error_to(truth.half_turn())[0] < 0.01
 
 
+@settings(max_examples=15)
 @given(poses(1.0), seeds, numbers(-3.1, 3.1))
 def test_a_shoved_robot_is_found_in_a_fifth_of_a_second_in_its_own_half(start, seed, direction):
     rng = np.random.default_rng(seed)

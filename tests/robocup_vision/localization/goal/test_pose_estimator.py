@@ -65,7 +65,7 @@ def test_lines_make_a_far_goal_exact():
     places = paper_places(FIELD)
     estimator = GoalPoseEstimator(FIELD, GOAL_CONDITIONS["mild_glare_416x320"].camera)
     for sample in sample_goal(
-        FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 7, 66, places=places, indices=[53, 55], supersample=3
+        FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 7, 66, places=places, indices=[53], supersample=3
     ):
         found = estimator.locate_camera(sample.frame)
         assert found.lines is not None
@@ -100,13 +100,14 @@ def test_a_panel_of_nearly_the_same_hue_may_touch_a_post(estimator):
     ("condition", "seed", "index"),
     [
         ("clean_416x320", 10, 61),
-        ("clean_416x320", 9, 12),
-        ("clean_416x320", 22, 19),
         ("heavy_glare_416x320", 9, 60),
-        ("heavy_glare_416x320", 9, 61),
+        pytest.param("clean_416x320", 9, 12, marks=pytest.mark.slow),
+        pytest.param("clean_416x320", 22, 19, marks=pytest.mark.slow),
+        pytest.param("heavy_glare_416x320", 9, 61, marks=pytest.mark.slow),
     ],
 )
 def test_posts_washed_white_or_before_their_own_hue_are_found(condition, seed, index):
+    """The slow cases, each a picture that once misled, alone find a post lost to what is behind it."""
     places = paper_places(FIELD)
     sample = next(
         sample_goal(FIELD, GOAL_CONDITIONS[condition], seed, 66, places=places, indices=[index], supersample=3)
@@ -116,16 +117,25 @@ def test_posts_washed_white_or_before_their_own_hue_are_found(condition, seed, i
     assert estimate.pose.error_to(sample.pose)[0] < 0.2
 
 
-@pytest.mark.parametrize("index", [8, 21])
-def test_streaks_along_posts_and_bar_leave_the_goal_where_it_is(index):
+@pytest.mark.parametrize(
+    ("seed", "index", "within_m"),
+    [
+        (901, 8, 0.05),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((901, 21, 0.05), (91, 44, 0.1), (91, 49, 0.1))),
+    ],
+)
+def test_streaks_along_posts_and_bar_leave_the_goal_where_it_is(seed, index, within_m):
+    """The slow cases, each a picture that once misled, alone find streaks that hide a goal or move it."""
     condition, places = GOAL_CONDITIONS["streaks_416x320"], paper_places(FIELD)
-    sample = next(sample_goal(FIELD, condition, 901, 66, places=places, indices=[index], supersample=3))
+    sample = next(sample_goal(FIELD, condition, seed, 66, places=places, indices=[index], supersample=3))
     estimate = GoalPoseEstimator(FIELD, condition.camera).locate(sample.frame)
     assert estimate
-    assert estimate.pose.error_to(sample.pose)[0] < 0.05
+    assert estimate.pose.error_to(sample.pose)[0] < within_m
 
 
+@pytest.mark.slow
 def test_a_far_goal_alone_says_how_little_it_knows():
+    """Only this finds far goals that are surer than they are right."""
     condition = GOAL_CONDITIONS["mild_glare_208x160"]
     estimator = GoalPoseEstimator(FIELD, condition.camera, use_lines=False)
     squares = []
@@ -138,10 +148,10 @@ def test_a_far_goal_alone_says_how_little_it_knows():
     assert np.median(squares) < 16.3  # 99.9 % of 3 degrees of freedom
 
 
-def test_tilt_roll_and_height_are_estimated_too(clean, estimator):
-    found = estimator.locate_camera(clean[0].frame)
+def test_tilt_roll_and_height_are_estimated_too(estimator):
+    sample = next(sample_goal(FIELD, CLEAN, 3, 66, places=paper_places(FIELD), indices=[6], supersample=3))
+    found, camera = estimator.locate_camera(sample.frame), sample.camera
     assert found
-    camera = clean[0].camera
     assert found.unknowns[[TILT, ROLL]] == pytest.approx([camera.tilt_rad, camera.roll_rad], abs=0.02)
     assert found.unknowns[HEIGHT] == pytest.approx(camera.height_m, abs=0.01)
 

@@ -43,7 +43,9 @@ def is_near(unknowns, pose, goal_m):
     return off < max(0.15 * away, 0.15) and abs(math.remainder(unknowns[HEADING] - pose.theta_rad, math.tau)) < 0.1
 
 
+@pytest.mark.slow
 def test_the_true_camera_is_among_those_proposed_for_a_washed_goal():
+    """Only this finds proposals that the search's other stages make up for."""
     search, silhouettes = searched(STREAKS.camera)
     indices = [1, 9, 17, 25, 33, 41, 49, 57]
     shots = list(sample_goal(FIELD, STREAKS, 905, 66, places=paper_places(FIELD), indices=indices, supersample=2))

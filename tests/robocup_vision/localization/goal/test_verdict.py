@@ -21,12 +21,6 @@ from robocup_vision.localization.lines.line_map import LineMap
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
 FIELD = load_field("four_legged_2007")
-STREAKS = GOAL_CONDITIONS["streaks_416x320"]
-
-
-def streaked(index):
-    """Render a goal along whose posts lamps draw white streaks."""
-    return next(sample_goal(FIELD, STREAKS, 91, 66, places=paper_places(FIELD), indices=[index], supersample=3))
 
 
 def placed(x_m, y_m, std_m):
@@ -34,14 +28,6 @@ def placed(x_m, y_m, std_m):
     unknowns = np.zeros(8)
     unknowns[:2] = x_m, y_m
     return CameraEstimate(unknowns, np.eye(8) * std_m**2, (1,), None, None)
-
-
-@pytest.mark.parametrize("index", [44, 49])
-def test_a_goal_behind_streaks_of_light_is_located(index):
-    sample = streaked(index)
-    estimate = GoalPoseEstimator(FIELD, STREAKS.camera).locate(sample.frame)
-    assert estimate
-    assert estimate.pose.error_to(sample.pose)[0] < 0.1
 
 
 @given(

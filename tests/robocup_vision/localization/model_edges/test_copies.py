@@ -126,7 +126,9 @@ class Blurred:
         return self.pose.compose(CAMERA.camera_in_robot)
 
 
-@pytest.fixture(scope="module", params=[CORNER, PENALTY_AREA], ids=["corner", "penalty_area"])
+@pytest.fixture(
+    scope="module", params=[CORNER, pytest.param(PENALTY_AREA, marks=pytest.mark.slow)], ids=["corner", "penalty_area"]
+)
 def blurred(request):
     return Blurred(frame_at(request.param, (9.0, 3.0)), request.param)
 
@@ -146,6 +148,7 @@ def off_m(candidates, truth):
 
 
 def test_a_blurred_frame_of_wide_lines_is_located_among_the_corners_that_look_alike(blurred):
+    """The penalty area alone finds a corner that is taken where more is in view."""
     answer = finder_of_copies().find(blurred.frame)
     assert answer
     candidates = answer.estimate.candidates
@@ -155,6 +158,7 @@ def test_a_blurred_frame_of_wide_lines_is_located_among_the_corners_that_look_al
 
 
 def test_vision_takes_it_where_nothing_else_is_known_of_the_pose(blurred):
+    """The penalty area alone finds a `Vision` that stops at the first answer."""
     view = Vision(HALF, CAMERA).look(blurred.frame)
     assert view.pose
     assert off_m(view.pose.candidates, blurred.pose) < 0.05

@@ -290,8 +290,9 @@ def test_a_camera_located_lately_is_searched_for_about_its_prior(fl_shot, monkey
     assert nears == [None, expected, None]
 
 
-@pytest.mark.parametrize("condition", ["clean_208x160", "heavy_glare_208x160"])
+@pytest.mark.parametrize("condition", ["clean_208x160", pytest.param("heavy_glare_208x160", marks=pytest.mark.slow)])
 def test_a_goal_is_found_from_cold_where_edges_alone_do_not_know(condition):
+    """Heavy glare alone finds a search that needs a goal's own colour."""
     field, given = load_field("four_legged_2007"), GOAL_CONDITIONS[condition]
     for sample in sample_goal(field, given, 611, 3, supersample=4):
         camera = replace(given.camera, pan_rad=0.0, tilt_rad=sample.camera.tilt_rad, roll_rad=0.0)
