@@ -15,17 +15,8 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.calibration.forward.joint_fit import (
-    HEIGHT,
-    LENS,
-    LOG_FOCAL,
-    TILT,
-    ForwardParameters,
-    JointFit,
-    JointFitSettings,
-    JointFitter,
-    Sighting,
-)
+from robocup_vision.calibration.forward.joint_fit import JointFit, JointFitSettings, JointFitter, Sighting
+from robocup_vision.calibration.forward_parameters import HEIGHT, LENS, LOG_FOCAL, TILT, ForwardParameters
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.fisheye import FisheyeCamera

@@ -17,8 +17,8 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.calibration.forward.result import ONLY_ONE, ForwardCalibration, ForwardFrame, too_uncertain
+from robocup_vision.calibration.least_squares import FrameEquations
 from robocup_vision.calibration.not_calibrated import NotCalibrated
-from robocup_vision.calibration.online.evidence import eliminate
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated
@@ -322,9 +322,8 @@ def _common_information(
     weight = np.zeros(UNKNOWNS)
     weight[[ROLL, BLOOM]] = model.weight[[ROLL, BLOOM]]
     normal, pull = system_at(replace(model, weight=weight), estimate.fit.samples, p, _SCALE_PX)
-    information, gradient = eliminate(
-        normal[np.ix_(common, common)], normal[np.ix_(common, own)], normal[np.ix_(own, own)], pull[common], pull[own]
-    )
+    order, none = np.array(common + own), np.zeros(len(own))
+    information, gradient = FrameEquations(normal[np.ix_(order, order)], pull[order], none, none).reduced()
     return information, np.asarray(information @ p[common] + gradient, np.float64)
 
 

@@ -18,9 +18,9 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.forward.by_edges import EdgeCalibration, calibrate_by_edges
 from robocup_vision.calibration.forward.by_goals import calibrate_by_goals
-from robocup_vision.calibration.forward.joint_fit import CENTER, HEIGHT, LENS, LINE_WIDTH, LOG_FOCAL, ROLL, TILT
 from robocup_vision.calibration.forward.result import ONLY_ONE, ForwardCalibration, ForwardFrame, too_uncertain
 from robocup_vision.calibration.forward.starts import KnownOfCamera, circle_of, dark_rim, starts_about, starts_of
+from robocup_vision.calibration.forward_parameters import CENTER, HEIGHT, LENS, LINE_WIDTH, LOG_FOCAL, ROLL, TILT
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.fisheye import FisheyeCamera

@@ -17,7 +17,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.calibration.online.evidence import Evidence
+from robocup_vision.calibration.online.evidence import Belief, Evidence
 from robocup_vision.calibration.online.mirror import MirrorEvidence
 from robocup_vision.calibration.online.parameter_filter import ParameterFilter
 from robocup_vision.calibration.online.pinhole import PinholeEvidence
@@ -74,19 +74,13 @@ class EvidenceMaker(Protocol):
         """Take note of a view, whether its frame is used or not."""
         ...
 
-    def of(
-        self, frame: Any, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
-    ) -> Evidence | None:
+    def of(self, frame: Any, view: View, belief: Belief) -> Evidence | None:
         """Return what a frame tells, None where it shows too little, or most of it contradicts the field.
 
         Parameters
         ----------
         frame : (H, W, 3) uint8
             BGR; of a rig one for each camera, or None.
-        mean, covariance : (G,), (G, G) float64
-            What is believed of the parameters.
-        start : (G,) float64
-            Those by which the frame was located: where the fit begins.
         """
         ...
 
@@ -228,7 +222,7 @@ class OnlineCalibration:
         if view.pose.inlier_ratio < self.settings.min_inlier_ratio:
             return None
         start = self._now if self._is_trying or not self._frames.tries_others else self._filter.mean
-        evidence = self._frames.of(frame, view, self._filter.mean, self._filter.widened, start)
+        evidence = self._frames.of(frame, view, Belief(self._filter.mean, self._filter.widened, start))
         if evidence is None:
             return None
         dt_s = since_s if 0.0 < since_s < math.inf else self.settings.every_s

@@ -8,21 +8,10 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.calibration.least_squares import POSE_PRECISION, Noise, Residuals, Robust
 from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points
 from robocup_vision.calibration.omni.model import CENTER, SCALE, TILT, CameraModel
-from robocup_vision.calibration.online.evidence import (
-    POSE_PRECISION,
-    Evidence,
-    NoiseSettings,
-    Residuals,
-    gauss_newton_step,
-    has_support,
-    known,
-    marginal,
-    normal_equations,
-    spread_px,
-    tukey_weights,
-)
+from robocup_vision.calibration.online.evidence import Belief, Evidence, fit_frame
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import PoseEstimate
@@ -30,6 +19,8 @@ from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.view import View
 
 DESIGN_HEIGHT_PX = 220.0
+# of the last step, in robust standard deviations
+_LAST_GATE = 4.0
 
 
 class MirrorEvidence:
@@ -58,6 +49,13 @@ class MirrorEvidence:
         self.reach = np.full(self._model.size, 6.0 * mirror.curve_std)
         self.reach[CENTER], self.reach[TILT] = settings.max_center_px, settings.max_tilt_rad
         self._own = np.array([POSE_PRECISION] * 3 + [mirror.sway_std_rad**-2] * 2)
+        self._robust = Robust(
+            Noise(mirror.alone_px * self._px, mirror.shared_px * self._px),
+            mirror.gates_px[-1] * self._px,
+            _LAST_GATE,
+            mirror.min_points,
+            mirror.min_agreeing_ratio,
+        )
         self._warm_up(camera)
 
     def vector(self, camera: OmniCamera) -> FloatArray:
@@ -78,43 +76,28 @@ class MirrorEvidence:
         moved = other.floor_to_pixel(camera.pixel_to_floor(pixels.reshape(-1, 2))) - pixels.reshape(-1, 2)
         return float(np.nanmax(np.hypot(moved[:, 0], moved[:, 1])))
 
-    def of(
-        self, frame: UInt8Array, view: View, mean: FloatArray, covariance: FloatArray, start: FloatArray
-    ) -> Evidence | None:
+    def of(self, frame: UInt8Array, view: View, belief: Belief) -> Evidence | None:
         """Return what a frame tells: see `EvidenceMaker`."""
         points = self._points(frame, view)
         if points is None:
             return None
         assert isinstance(view.pose, PoseEstimate)
-        settings, size = self._settings, self._model.size
-        joint = JointFit(self._shape, points)
-        group = self._groups(points, mean)
-        vector, pose = start.copy(), view.pose.pose.array.copy()
-        before: FloatArray = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+        joint, size = JointFit(self._shape, points), self._model.size
+        group, pose = self._groups(points, belief.mean), view.pose.pose.array
         free = np.ones(size, dtype=bool)
-        # a body leans about its foot: seen from there as a tilt and a shift, and the pose takes up the shift
-        own, pull, lean = self._own, np.zeros(len(self._own)), np.zeros(2)
-        for gate in (*settings.gates_px, 0.0):
-            residual, by_camera, by_pose, is_known = joint.linearise(self._model, vector, pose[None], free)
-            by_frame = np.hstack([by_pose, by_camera[:, TILT]])
-            residual = residual + by_camera[:, TILT] @ lean
-            rows = known(is_known, Residuals(residual, by_camera, by_frame, group))
-            spread = spread_px(rows.residual_px[np.abs(rows.residual_px) < settings.gates_px[-1] * self._px], 0.0)
-            alone_px = max(spread, settings.alone_px * self._px)
-            weight = tukey_weights(rows.residual_px, gate * self._px or 4.0 * alone_px)
-            noise = NoiseSettings(alone_px, settings.shared_px * self._px)
-            information, gradient = normal_equations(rows, weight, noise)
-            if gate == 0.0:
-                break
-            step = gauss_newton_step(information, gradient, (before, before @ (mean - vector)), (own, pull))
-            vector += step[:size]
-            pose += step[size : size + 3]
-            lean += step[size + 3 :]
-            pull[3:] = -own[3:] * lean
-        agreeing = int(np.count_nonzero(weight))
-        if not has_support(agreeing, len(points.pixels), settings.min_points, settings.min_agreeing_ratio):
-            return None
-        return Evidence(vector, *marginal(information, gradient, size, own, pull))
+
+        def points_at(step: FloatArray) -> Residuals:
+            # a body leans about its foot: seen from there as a tilt and a shift, and the pose takes up the shift
+            of_camera, of_pose, lean = np.split(step, (size, size + 3))
+            residual, by_camera, by_pose, is_known = joint.linearise(
+                self._model, belief.start + of_camera, (pose + of_pose)[None], free
+            )
+            residual = np.where(is_known, residual + by_camera[:, TILT] @ lean, np.inf)
+            return Residuals(residual, by_camera, np.hstack([by_pose, by_camera[:, TILT]]), group)
+
+        gates_px = [gate * self._px for gate in self._settings.gates_px]
+        equations = fit_frame(points_at, belief, self._own, np.zeros(len(self._own)), self._robust, gates_px)
+        return None if equations is None else Evidence(belief.start, *equations.reduced())
 
     def _points(self, frame: UInt8Array, view: View) -> Points | None:
         most = self._settings.max_points

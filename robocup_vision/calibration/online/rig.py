@@ -17,7 +17,8 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.calibration.online.evidence import POSE_PRECISION, Evidence, marginal
+from robocup_vision.calibration.least_squares import POSE_PRECISION, FrameEquations
+from robocup_vision.calibration.online.evidence import Belief, Evidence
 from robocup_vision.calibration.online.pinhole import PinholeEvidence
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.pinhole import Mounting, PinholeCamera
@@ -105,24 +106,17 @@ class RigEvidence:
         for eye, one in zip(self._eyes, view.views, strict=True):
             eye.watch(one)
 
-    def of(
-        self,
-        frame: Sequence[UInt8Array | None],
-        view: View,
-        mean: FloatArray,
-        covariance: FloatArray,
-        start: FloatArray,
-    ) -> Evidence | None:
+    def of(self, frame: Sequence[UInt8Array | None], view: View, belief: Belief) -> Evidence | None:
         """Return what the frames of a look tell: see `EvidenceMaker`; None for one that was not given."""
         assert isinstance(view, RigView)
         assert view.pose
-        size = len(start)
+        size = len(belief.start)
         information, gradient = np.zeros((size + _BODY, size + _BODY)), np.zeros(size + _BODY)
         body = np.array([POSE_PRECISION] * _POSE + [math.inf] * (_BODY - _POSE))
         for number, (eye, shown, one) in enumerate(zip(self._eyes, frame, view.views, strict=True)):
             own = slice(_SIZE * number, _SIZE * (number + 1))
-            belief = mean[own], covariance[own, own], start[own]
-            terms = None if shown is None else self._of_camera(eye, shown, one, view.pose.pose, belief)
+            of_eye = Belief(belief.mean[own], belief.covariance[own, own], belief.start[own])
+            terms = None if shown is None else self._of_camera(eye, shown, one, view.pose.pose, of_eye)
             if terms is not None:
                 places = np.r_[own, size : size + _BODY]
                 information[np.ix_(places, places)] += terms.information
@@ -130,15 +124,11 @@ class RigEvidence:
                 body[_POSE:] = np.minimum(body[_POSE:], terms.sway)
         if not np.isfinite(body).all():
             return None
-        return Evidence(start.copy(), *marginal(information, gradient, size, body, np.zeros(_BODY)))
+        joint = FrameEquations(information, gradient, body, np.zeros(_BODY))
+        return Evidence(belief.start.copy(), *joint.reduced())
 
     def _of_camera(
-        self,
-        eye: PinholeEvidence,
-        frame: UInt8Array,
-        view: View,
-        body: Pose2,
-        belief: tuple[FloatArray, FloatArray, FloatArray],
+        self, eye: PinholeEvidence, frame: UInt8Array, view: View, body: Pose2, belief: Belief
     ) -> _Terms | None:
         """Return what a camera tells; None where that is too little.
 
@@ -146,19 +136,19 @@ class RigEvidence:
         ----------
         body : Pose2
             The body's at the moment of the look, by all cameras.
-        belief : (4,), (4, 4), (4,) float64
-            What is believed of the camera's parameters, and those in use.
+        belief : Belief
+            Of the camera's four parameters.
         """
         held = view.camera
         measured = self._measured(view)
         if measured is None or not view.pose or not isinstance(held, PinholeCamera):
             return None
-        mean, covariance, start = belief
         wide = np.diag(np.full(len(eye.start), _LENS_STD**2))
-        wide[:_HELD, :_HELD] = covariance[:_HELD, :_HELD]
+        wide[:_HELD, :_HELD] = belief.covariance[:_HELD, :_HELD]
         place, expected = measured.compose(held.camera_in_robot), view.pose.pose.compose(held.camera_in_robot)
-        terms = eye.terms(frame, held, place, (_with_lens(eye, mean), wide, _with_lens(eye, start)))
-        if terms is None:
+        with_lens = Belief(_with_lens(eye, belief.mean), wide, _with_lens(eye, belief.start))
+        found = eye.equations(frame, held, place, with_lens)
+        if found is None:
             return None
         own = np.r_[:_HELD, len(eye.start) : len(eye.start) + _BODY]
         by = _by_body(held, expected, body)
@@ -166,10 +156,10 @@ class RigEvidence:
         off[_HELD : _HELD + _POSE] = expected.array - place.array
         off[_HELD + _POSE - 1] = wrap_angle(expected.theta_rad - place.theta_rad)
         # the edges were linearised at the sway of this frame's fit
-        off[_HELD + _POSE :] = terms.slope[_POSE:] / terms.own[_POSE:]
-        information = terms.information[np.ix_(own, own)]
-        gradient = terms.gradient[own] - information @ off
-        return _Terms(by.T @ information @ by, by.T @ gradient, terms.own[_POSE:])
+        off[_HELD + _POSE :] = found.own_gradient[_POSE:] / found.own[_POSE:]
+        information = found.information[np.ix_(own, own)]
+        gradient = found.gradient[own] - information @ off
+        return _Terms(by.T @ information @ by, by.T @ gradient, found.own[_POSE:])
 
     def _measured(self, view: View) -> Pose2 | None:
         """Return the body's pose as one camera alone measured it; None where it took the body for elsewhere."""

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.calibration.forward.calibrate import calibrate_forward
-from robocup_vision.calibration.forward.joint_fit import CENTER, ForwardParameters
 from robocup_vision.calibration.forward.starts import KnownOfCamera, circle_of, dark_rim, starts_about, starts_of
+from robocup_vision.calibration.forward_parameters import CENTER, ForwardParameters
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
 

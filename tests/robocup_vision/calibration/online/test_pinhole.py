@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from field_models import load_field
 from robocup_vision import Pose2, PoseEstimate, Vision, load_camera
 from robocup_vision.calibration.online import OnlineCalibration, OnlineSettings
+from robocup_vision.calibration.online.evidence import Belief
 from robocup_vision.calibration.online.pinhole import PinholeEvidence
 from robocup_vision.estimates import NotLocated
 from sim2d.match.arena import Arena
@@ -126,7 +127,7 @@ def test_a_frame_while_the_camera_turns_tells_less(looks):
     still, turning = (PinholeEvidence(FIELD, CAMERA, None, OnlineSettings()) for _ in range(2))
     turning.watch(replace(view, t_s=0.0, camera=replace(view.camera, pan_rad=0.1)))
     turning.watch(replace(view, t_s=0.033))
-    seen = [one.of(frames[0][0], view, one.start, np.diag(one.std**2), one.start) for one in (still, turning)]
+    seen = [one.of(frames[0][0], view, Belief(one.start, np.diag(one.std**2), one.start)) for one in (still, turning)]
     assert np.trace(seen[1].information @ np.diag(still.std**2)) < 0.5 * np.trace(
         seen[0].information @ np.diag(still.std**2)
     )

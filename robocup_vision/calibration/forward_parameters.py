@@ -1,0 +1,105 @@
+"""A forward camera as a short vector of numbers that a fit can move: mounting, lens, and the width of painted lines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robocup_vision.arrays import FloatArray
+from robocup_vision.camera.fisheye import FisheyeCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+
+# places: tilt, roll (rad), height (m), logarithm of the focal length's scale, centre (px), logarithm of the painted
+# lines' width by that of the field file; then the first coefficients of the distortion
+TILT, ROLL, HEIGHT, LOG_FOCAL, LINE_WIDTH = 0, 1, 2, 3, 6
+CENTER = slice(4, 6)
+LENS = 7
+# coefficients of the distortion that are fitted where a lens is free
+_COEFFICIENTS = 2
+# step of the numerical derivatives, in each number's own unit
+_STEP = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class StartStd:
+    """How well a start is known: standard deviations before any picture."""
+
+    #: of tilt and roll, of the height, and of the logarithm of the focal length
+    angle_rad: float = 0.1
+    height_m: float = 0.1
+    log_focal: float = 0.15
+    #: of each coordinate of the centre, by the picture's width: of a fisheye as lenses sit on sensors; of a pinhole
+    #: camera less, as its centre is hardly told from its tilt
+    center_ratio: float = 0.005
+    fisheye_center_ratio: float = 0.02
+    log_line_width: float = 0.05  #: of the logarithm of the painted lines' width: a tape measure's or a painter's tenth
+    #: of the first two coefficients of the distortion, and of a fisheye: those of common lenses
+    coefficients: tuple[float, float] = (0.2, 0.2)
+    fisheye_coefficients: tuple[float, float] = (0.05, 0.02)
+
+
+class ForwardParameters:
+    """Turns cameras into vectors and back.
+
+    Parameters
+    ----------
+    start : PinholeCamera
+        What no number of the vector says is as of this camera. Its tilt is known.
+    bends : bool
+        Whether the distortion is unknown; else it is the start's.
+    """
+
+    def __init__(self, start: PinholeCamera, std: StartStd = StartStd(), *, bends: bool = True) -> None:
+        self.start, self.std = start, std
+        is_free = bends and (not isinstance(start, FisheyeCamera) or start.projection == "kannala_brandt")
+        self.coefficients = _COEFFICIENTS if is_free else 0
+        if is_free and not start.distortion:
+            self.start = replace(start, distortion=(0.0,) * 4)
+        self.size = LENS + self.coefficients
+
+    @property
+    def start_std(self) -> FloatArray:
+        """(G,) float64: of a start."""
+        s, is_fisheye = self.std, isinstance(self.start, FisheyeCamera)
+        center = (s.fisheye_center_ratio if is_fisheye else s.center_ratio) * self.start.size_px[0]
+        of_lens = s.fisheye_coefficients if is_fisheye else s.coefficients
+        lens = of_lens[: self.coefficients]
+        return np.array([s.angle_rad, s.angle_rad, s.height_m, s.log_focal, center, center, s.log_line_width, *lens])
+
+    def vector(self, camera: PinholeCamera, log_line_width: float = 0.0) -> FloatArray:
+        """Return the numbers (G,) of a camera."""
+        log_focal = math.log(camera.focal_px[0] / self.start.focal_px[0])
+        lens = (*camera.distortion, 0.0, 0.0)[: self.coefficients]
+        mounting = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
+        return np.array([*mounting, log_focal, *camera.center_px, log_line_width, *lens])
+
+    def camera(self, vector: FloatArray) -> PinholeCamera:
+        """Return the camera of numbers (G,), of which those of lines and lens may be left out."""
+        tilt, roll, height, log_focal, u, v = vector[:LINE_WIDTH].tolist()
+        scale, start, lens = math.exp(log_focal), self.start, vector[LENS:].tolist()
+        return replace(
+            start,
+            focal_px=(start.focal_px[0] * scale, start.focal_px[1] * scale),
+            center_px=(u, v),
+            distortion=(*lens, *start.distortion[len(lens) :]),
+            height_m=height,
+            tilt_rad=tilt,
+            roll_rad=roll,
+        )
+
+    def by_coefficients(self, camera: PinholeCamera, pixels: FloatArray, normal: FloatArray) -> FloatArray:
+        """Return derivatives (N, C) of pixels (N, 2) along normals (N, 2) by the coefficients of the distortion.
+
+        Pixels that the camera shows of no ray move with none.
+        """
+        rays = camera.pixel_to_camera_ray(pixels)
+        at = camera.camera_ray_to_pixel(rays)
+        columns = []
+        for place in range(self.coefficients):
+            lens = np.array(camera.distortion)
+            lens[place] += _STEP
+            moved = replace(camera, distortion=tuple(lens.tolist())).camera_ray_to_pixel(rays)
+            columns.append(((moved - at) * normal).sum(axis=1) / _STEP)
+        return np.asarray(np.nan_to_num(np.array(columns).reshape(self.coefficients, len(pixels)).T))
