@@ -175,7 +175,7 @@ def lens() -> PhotographRow | None:
     field, known = load_field(FIELD), KnownOfCamera("fisheye", height_m=0.75, tilt_rad=0.0)
     whole, *halves = (calibrate_forward(field, some, known) for some in (frames, frames[::2], frames[1::2]))
     good = [half for half in halves if isinstance(half, ForwardCalibration)]
-    if not isinstance(whole, ForwardCalibration) or len(good) < 2 or whole.residual_px is None:
+    if not isinstance(whole, ForwardCalibration) or len(good) < 2:
         return PhotographRow("msl_fisheye, lens by lines", "not calibrated", LENS_TARGET, False)
     (focal, height), center = (whole.camera.focal_px[0], whole.camera.height_m), np.array(whole.camera.center_px)
     ahead = np.array([(3.0, -1.5), (3.0, 0.0), (3.0, 1.5)])
@@ -198,7 +198,7 @@ def hall() -> PhotographRow | None:
     frames = {name: frame for name, frame in photographs(FOLDER) if name.startswith(HALL)}
     field = load_field(DATA / "msl_2022_field.toml")
     found = calibrate_forward(field, list(frames.values()), KnownOfCamera("fisheye", height_m=0.75, tilt_rad=0.0))
-    if not isinstance(found, ForwardCalibration) or found.residual_px is None:
+    if not isinstance(found, ForwardCalibration):
         return PhotographRow("msl_fisheye, hall of 2022", "not calibrated", HALL_TARGET, False)
     truths = {row["image"]: row for row in table_of(FOLDER, "poses.csv")}
     vision = Vision(field, found.camera)

@@ -88,21 +88,18 @@ def _print_calibration(result: ForwardCalibration, images: int) -> None:
     import math
 
     camera, std = result.camera, result.std
-    lines = sum(frame.with_lines for frame in result.frames)
-    print(f"calibrated by {len(result.frames)} of {images} images, {lines} of them with lines")
+    print(f"calibrated by {len(result.frames)} of {images} images")
     percent = 100 * std["focal_px"] / camera.focal_px[0]
     print(f"  focal length {camera.focal_px[0]:.1f} +- {std['focal_px']:.1f} px ({percent:.1f} %)")
-    if "center_u_px" in std:
-        (u, v), std_u, std_v = camera.center_px, std["center_u_px"], std["center_v_px"]
-        print(f"  center       {u:.1f} +- {std_u:.1f}, {v:.1f} +- {std_v:.1f} px")
+    (u, v), std_u, std_v = camera.center_px, std["center_u_px"], std["center_v_px"]
+    print(f"  center       {u:.1f} +- {std_u:.1f}, {v:.1f} +- {std_v:.1f} px")
     for place, name in enumerate(name for name in ("k1", "k2") if name in std):
         print(f"  {name}           {camera.distortion[place]:+.4f} +- {std[name]:.4f}")
     print(f"  height       {camera.height_m:.3f} +- {std['height_m']:.3f} m")
     for name, value, sign in (("tilt", camera.tilt_rad, " (+ is up)"), ("roll", camera.roll_rad, "")):
         if value is not None and f"{name}_rad" in std:
             print(f"  {name}         {math.degrees(value):.2f} +- {math.degrees(std[f'{name}_rad']):.2f} deg{sign}")
-    if result.residual_px is not None:
-        print(f"  edges in the images are off by {result.residual_px:.2f} px (root mean square)")
+    print(f"  edges in the images are off by {result.residual_px:.2f} px (root mean square)")
     if result.line_width_m is not None:
         print(f"  lines are {result.line_width_m:.3f} m wide by the images")
     print(f"  focal length and height are correlated by {result.correlation:+.2f}")

@@ -191,7 +191,7 @@ def _fitted(
     upright = start.with_orientation(0.0, start.tilt_rad, start.roll_rad or 0.0)
     parameters = ForwardParameters(upright, bends=isinstance(start, FisheyeCamera) or start.is_bent)
     sightings = _located(_start_finder(field, upright, settings), frames, prior)
-    fit = _joint(field, parameters, sightings, parameters.vector(parameters.start), settings)
+    fit = fit_jointly(field, parameters, sightings, parameters.vector(parameters.start), settings)
     for _ in range(1, rounds):
         fit = None if fit is None else _again(field, fit, frames, prior, settings)
     return fit
@@ -216,16 +216,17 @@ def _again(
         focal_std_px=float(std[LOG_FOCAL]) * fit.camera.focal_px[0],
     )
     finder = _finder(field, camera, settings.range_m, settings)
-    return _joint(field, fit.parameters, _located(finder, frames, prior), fit.fit.vector, settings)
+    return fit_jointly(field, fit.parameters, _located(finder, frames, prior), fit.fit.vector, settings)
 
 
-def _joint(
+def fit_jointly(
     field: Field,
     parameters: ForwardParameters,
     sightings: Mapping[int, Sighting],
     vector: FloatArray,
     settings: EdgeCalibrationSettings,
 ) -> EdgeCalibration | None:
+    """Fit camera and poses from where pictures were located; None where no picture agrees."""
     fit = JointFitter(field, parameters, settings.fit).fit(sightings, vector)
     return None if fit is None else EdgeCalibration(parameters.camera(fit.vector), parameters, fit)
 
@@ -242,7 +243,7 @@ def _bent(
     vector = parameters.vector(straight.camera)
     vector[:LENS] = straight.fit.vector[:LENS]
     finder = _finder(field, straight.camera, settings.range_m, settings)
-    bent = _joint(field, parameters, _located(finder, frames, prior), vector, settings)
+    bent = fit_jointly(field, parameters, _located(finder, frames, prior), vector, settings)
     if bent is None:
         return straight
     lens, covariance = bent.fit.vector[LENS:], bent.covariance[LENS:, LENS:]

@@ -18,7 +18,7 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.forward.by_edges import EdgeCalibration, calibrate_by_edges
 from robocup_vision.calibration.forward.by_goals import calibrate_by_goals
-from robocup_vision.calibration.forward.result import ONLY_ONE, ForwardCalibration, ForwardFrame, too_uncertain
+from robocup_vision.calibration.forward.result import ForwardCalibration, ForwardFrame
 from robocup_vision.calibration.forward.starts import KnownOfCamera, circle_of, dark_rim, starts_about, starts_of
 from robocup_vision.calibration.forward_parameters import CENTER, HEIGHT, LENS, LINE_WIDTH, LOG_FOCAL, ROLL, TILT
 from robocup_vision.calibration.not_calibrated import NotCalibrated
@@ -29,6 +29,8 @@ from robocup_vision.geometry import Pose2
 
 # standard deviation of the logarithm of the lines' width: a tape measure's
 _SAME_WIDTH = 0.03
+# a less certain result is refused: relative focal length, height
+_MAX_FOCAL_STD, _MAX_HEIGHT_STD_M = 0.03, 0.03
 
 
 def calibrate_forward(
@@ -77,7 +79,6 @@ def calibrate_forward(
     if not frames:
         return NotCalibrated("none of the images can be read", notes)
     prior = {index: (poses or {}).get(called[index]) for index in frames}
-    camera = start if isinstance(start, PinholeCamera) else None
     is_tilt_known = start.tilt_rad is not None
     results: list[ForwardCalibration | NotCalibrated] = []
     # where goals show the half, a pose is needed to determine the tilt
@@ -94,7 +95,8 @@ def calibrate_forward(
         if not any(goal.kind == "posts" for goal in field.goals):
             return by_edges
         results.append(by_edges)
-    by_goals = calibrate_by_goals(field, frames, camera, prior, called, notes, trials)
+    goals = calibrate_by_goals(field, frames, start, prior, trials)
+    by_goals = _result(goals, field, len(frames), called, None, notes)
     if isinstance(by_goals, NotCalibrated) and by_goals.reason.startswith("no goal") and not poses:
         tilted = "" if is_tilt_known else " a start with its tilt_rad (--start), or"
         reason = f"{by_goals.reason}; without a goal{tilted} rough poses of the images (--poses) may do"
@@ -116,14 +118,17 @@ def _result(
     if isinstance(found, NotCalibrated):
         return NotCalibrated(found.reason, notes)
     std, camera, used = np.sqrt(np.diag(found.covariance)), found.camera, found.fit.unknowns
-    refusal = too_uncertain(len(used), float(std[LOG_FOCAL]), float(std[HEIGHT]))
-    if refusal is not None:
-        return NotCalibrated(refusal, notes)
+    for what, one, most, size in (
+        ("focal length", std[LOG_FOCAL], _MAX_FOCAL_STD, f"{100 * std[LOG_FOCAL]:.0f} %"),
+        ("height", std[HEIGHT], _MAX_HEIGHT_STD_M, f"{std[HEIGHT]:.3f} m"),
+    ):
+        if one > most:
+            return NotCalibrated(f"{len(used)} usable images leave the {what} uncertain by {size}", notes)
     if len(used) < count:
         why = "show too little of the field or fit the others badly"
         notes = (*notes, f"{count - len(used)} of {count} images {why}: left out")
     if len(used) == 1:
-        notes = (*notes, ONLY_ONE)
+        notes = (*notes, "one image cannot be checked against others: use several")
     log_width = float(found.fit.vector[LINE_WIDTH])
     is_width_known = float(std[LINE_WIDTH]) < _SAME_WIDTH
     width_m = field.line_width_m * math.exp(log_width)
@@ -139,6 +144,9 @@ def _result(
         "center_v_px": center_v,
         **{f"k{place}": one for place, one in enumerate(std[LENS:].tolist(), 1)},
     }
+    if camera.tilt_rad is None:
+        del named["tilt_rad"], named["roll_rad"]
+        notes = (*notes, "the tilt differs between the images, or there is only one image: the tilt is left unknown")
     camera = replace(camera, height_std_m=max(named["height_m"], 1e-4), focal_std_px=named["focal_px"])
     if isinstance(camera, FisheyeCamera) and rim is not None:
         camera = replace(camera, usable_radius_px=circle_of(rim, camera.center_px))
@@ -147,7 +155,7 @@ def _result(
         camera,
         named,
         float(found.covariance[HEIGHT, LOG_FOCAL] / (std[HEIGHT] * std[LOG_FOCAL])),
-        tuple(ForwardFrame(index, called[index], tilt, roll, True) for index, (tilt, roll) in tilts.items()),
+        tuple(ForwardFrame(index, called[index], tilt, roll) for index, (tilt, roll) in tilts.items()),
         notes,
         found.rms_px,
         width_m if is_width_known else None,

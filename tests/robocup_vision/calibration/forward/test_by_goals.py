@@ -71,7 +71,7 @@ def test_pictures_without_a_goal_are_refused_with_the_reason(field):
 
 
 def test_one_far_goal_from_the_front_without_lines_is_refused(field):
-    bare = replace(field, lines=field.lines[:0], arcs=field.arcs[:0])
+    bare = replace(field, lines=field.lines[:0], arcs=field.arcs[:0], beacons=())
     (far,) = sample_goal(bare, CONDITION, seed=4, count=1, places=[(-1.5, 0.0)], supersample=3)
     result = calibrate_forward(bare, [far.frame], TRUE)
     assert isinstance(result, NotCalibrated)
