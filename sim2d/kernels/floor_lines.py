@@ -13,20 +13,13 @@ import numpy as np
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.bearing_profile import FLOOR
+from sim2d.kernels.floor_paint import share_of_arc, share_of_line
 from sim2d.kernels.frame_values import PaintMarks, PixelRays, Spans, Viewpoint
 
 # unsigned indices need no check for negative ones
 ONE = np.uintp(1)
 # rows of `PixelRays.rays`
 X, Y, SLOPE_LOW, SLOPE_HIGH, GAIN, RADIAL, TANGENTIAL, NEAR, FAR = range(9)
-
-
-@compiled(inline="always")
-def _overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float32:
-    """Return the fraction of an interval of `size` around `offset` that lies within `half` of 0."""
-    reach = max(size, np.float32(1e-6)) * np.float32(0.5)
-    covered = min(offset + reach, half) - max(offset - reach, -half)
-    return max(covered, np.float32(0.0)) / (reach + reach)
 
 
 @compiled
@@ -128,7 +121,7 @@ def mark_lines(
         extra = wide + spread[1] * (math.hypot(x, y) + half_length)
         from_k, until_k = _bearings_of_line(ahead, aside, (half_length + extra, extra), x, y, turns)
         middle_x, middle_y = np.float32(x), np.float32(y)
-        t_x, t_y, long = np.float32(tx), np.float32(ty), np.float32(half_length)
+        shape = np.float32(tx), np.float32(ty), np.float32(half_length), half_width
         guess = 0
         for turned in range(from_k, until_k + 1):
             k = turned % turns
@@ -150,17 +143,12 @@ def mark_lines(
             i, end = np.uintp(begin), np.uintp(stop)
             while i < end and near_of[i] <= limit:
                 off_x, off_y = x_of[i] - middle_x, y_of[i] - middle_y
-                radial, tangential = radial_of[i], tangential_of[i]
-                size = across_ray * radial + along_ray * tangential
-                covered = _overlap(off_x * t_y - off_y * t_x, half_width, size)
-                if covered > zero:
-                    size = along_ray * radial + across_ray * tangential
-                    covered *= _overlap(off_x * t_x + off_y * t_y, long + half_width, size)
-                    if covered > fraction[i]:
-                        if fraction[i] == zero:
-                            marks.marked[count] = i
-                            count += 1
-                        fraction[i] = covered
+                covered = share_of_line(off_x, off_y, shape, along_ray, across_ray, radial_of[i], tangential_of[i])
+                if covered > fraction[i]:
+                    if fraction[i] == zero:
+                        marks.marked[count] = i
+                        count += 1
+                    fraction[i] = covered
                 i += ONE
     return count
 
@@ -186,7 +174,7 @@ def mark_arcs(
     x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
     near_of, far_of = rays[NEAR], rays[FAR]
     turns = len(directions)
-    half_width, zero, least = np.float32(half), np.float32(0.0), np.float32(1e-6)
+    half_width, zero = np.float32(half), np.float32(0.0)
     for arc in range(len(arcs)):
         dx, dy = arcs[arc, 0] - eye.x_m, arcs[arc, 1] - eye.y_m
         x, y, radius = c * dx + s * dy, c * dy - s * dx, arcs[arc, 2]
@@ -198,10 +186,10 @@ def mark_arcs(
             middle, beside = math.atan2(y, x), math.asin(outer / away)
             from_k = math.floor((middle - beside) * turns / math.tau)
             until_k = math.ceil((middle + beside) * turns / math.tau)
-        center_x, center_y, size_m = np.float32(x), np.float32(y), np.float32(radius)
+        center_x, center_y = np.float32(x), np.float32(y)
         aim_x = np.float32(c * arcs[arc, 3] + s * arcs[arc, 4])
         aim_y = np.float32(c * arcs[arc, 4] - s * arcs[arc, 3])
-        sweep = np.float32(arcs[arc, 5])
+        shape = np.float32(radius), aim_x, aim_y, np.float32(arcs[arc, 5]), half_width
         near_guess, far_guess = 0, 0
         for turned in range(from_k, until_k + 1):
             k = turned % turns
@@ -229,16 +217,12 @@ def mark_arcs(
                 i, end = np.uintp(max(begin, done)), np.uintp(stop)
                 while i < end and near_of[i] <= limit:
                     off_x, off_y = x_of[i] - center_x, y_of[i] - center_y
-                    from_center = max(np.float32(math.sqrt(off_x * off_x + off_y * off_y)), least)
-                    if off_x * aim_x + off_y * aim_y >= from_center * sweep:
-                        across = abs(ray_cos * off_x + ray_sin * off_y) * radial_of[i]
-                        across += abs(ray_cos * off_y - ray_sin * off_x) * tangential_of[i]
-                        covered = _overlap(from_center - size_m, half_width, across / from_center)
-                        if covered > fraction[i]:
-                            if fraction[i] == zero:
-                                marks.marked[count] = i
-                                count += 1
-                            fraction[i] = covered
+                    covered = share_of_arc(off_x, off_y, shape, ray_cos, ray_sin, radial_of[i], tangential_of[i])
+                    if covered > fraction[i]:
+                        if fraction[i] == zero:
+                            marks.marked[count] = i
+                            count += 1
+                        fraction[i] = covered
                     i += ONE
                 done = np.int64(i)
     return count

@@ -32,6 +32,32 @@ class Lighting(NamedTuple):
     lamp_rad: float
 
 
+class FloorPaint(NamedTuple):
+    """What is painted on the floor, field frame, metres."""
+
+    #: (N, 5) float64: start x, y, unit direction x, y, length.
+    lines: FloatArray
+    #: (M, 6) float64: centre x, y, radius, direction x, y of the middle, cosine of half the sweep (-2: a full circle).
+    arcs: FloatArray
+    #: Half the width of a line.
+    half_m: float
+    #: (K, 4) float64: edges of the carpet, counter-clockwise: x0, y0, x1, y1.
+    edges: FloatArray
+    #: Whether the carpet is convex.
+    is_convex: bool
+    #: (3, 3) float32: BGR of carpet, line and the ground around the carpet.
+    colors: Float32Array
+
+
+class UprightThings(NamedTuple):
+    """What stands or lies on the floor."""
+
+    #: (T, 10) float64: see the columns' names in `things`.
+    rows: FloatArray
+    #: (C, 3) float32: BGR.
+    colors: Float32Array
+
+
 class Bearings(NamedTuple):
     """The bearings of a frame."""
 

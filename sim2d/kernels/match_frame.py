@@ -15,6 +15,7 @@ from sim2d.kernels.frame_values import (
     BallSphere,
     Bearings,
     Crossings,
+    FloorPaint,
     Lighting,
     PaintMarks,
     PixelRays,
@@ -41,18 +42,6 @@ class Standing(NamedTuple):
     first_cylinder: int
 
 
-class FloorPaint(NamedTuple):
-    """Lines on the floor."""
-
-    #: float64 arrays: as `floor_lines.mark_lines` and `mark_arcs` take them.
-    lines: FloatArray
-    arcs: FloatArray
-    #: Half a line's width.
-    half_line_m: float
-    #: Floor farther away is not seen.
-    farthest_m: float
-
-
 class FrameRoom(NamedTuple):
     """Arrays that every frame uses anew."""
 
@@ -69,6 +58,7 @@ def draw_over_carpet(
     standing: Standing,
     things: Things,
     paint: FloorPaint,
+    farthest_m: float,
     ball: BallSphere,
     walls: RoomWall,
     light: Lighting,
@@ -83,6 +73,8 @@ def draw_over_carpet(
 
     Parameters
     ----------
+    farthest_m : float
+        Floor farther away is not seen.
     plain : (3, 3) float32
         BGR of carpet, line, ball.
     room : FrameRoom
@@ -96,8 +88,8 @@ def draw_over_carpet(
     meet_boxes(standing.boxes, standing.first_face, eye, bearings, crossings)
     meet_cylinders(standing.cylinders, standing.first_cylinder, eye, light.lamp_rad, bearings, crossings)
     stack_spans(crossings, things, bearings, eye, light, walls, ball, spans)
-    floor_until(spans, eye.height_m, paint.farthest_m, until_m)
-    count = mark_lines(rays, eye, until_m, paint.half_line_m, paint.lines, marks, 0)
-    count = mark_arcs(rays, eye, until_m, paint.half_line_m, paint.arcs, marks, count)
+    floor_until(spans, eye.height_m, farthest_m, until_m)
+    count = mark_lines(rays, eye, until_m, paint.half_m, paint.lines, marks, 0)
+    count = mark_arcs(rays, eye, until_m, paint.half_m, paint.arcs, marks, count)
     paint_marked(rays, light, eye, plain, marks, count, out)
     draw_pixels(rays, eye, spans, ball, plain, light, out)

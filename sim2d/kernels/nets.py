@@ -45,7 +45,7 @@ def cover_axis(
 
 
 @compiled(error_model="numpy")
-def _from_eye(row: FloatArray, eye: Float32Array) -> tuple[Float32Array, Float32Array]:
+def from_eye(row: FloatArray, eye: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Return directions (3, 3): first edge, second edge, normal; and the corner's places along them, from the eye."""
     axes, start = np.empty((3, 3), dtype=np.float32), np.zeros(3, dtype=np.float32)
     for k in range(3):
@@ -99,7 +99,7 @@ def draw_nets(
         Blue, green, red; drawn over.
     """
     row = nets.rows[which]
-    axes, start = _from_eye(row, here)
+    axes, start = from_eye(row, here)
     size_a, size_b = np.float32(row[SIZE]), np.float32(row[SIZE + 1])
     mesh_a, mesh_b, cord = np.float32(row[MESH]), np.float32(row[MESH + 1]), np.float32(row[CORD])
     by_u, by_v = np.empty(3, dtype=np.float32), np.empty(3, dtype=np.float32)
@@ -184,7 +184,7 @@ def lay_nets(
     to_ball = (ball.x_m - eye.x_m, ball.y_m - eye.y_m)
     for which in range(len(nets.rows)):
         row = nets.rows[which]
-        axes, start = _from_eye(row, here)
+        axes, start = from_eye(row, here)
         low, high = _bearings_of(row, eye)
         first_bearing = math.floor(low / step)
         for index in range(min(math.ceil(high / step) + 1 - first_bearing, bearings)):
@@ -208,7 +208,7 @@ def lay_nets(
                 if high_of[i] < lowest or low_of[i] > highest:
                     continue
                 ray = _ray_of(pixels, i, step, np.float32(c), np.float32(s))
-                t, covered = _cover(row, axes, start, ray)
+                t, covered = cover(row, axes, start, ray)
                 if covered <= _ZERO:
                     continue
                 if not is_upright:
@@ -223,11 +223,11 @@ def lay_nets(
                     out[pixel, channel] = np.uint8(behind_it + covered * (cord - behind_it) + _HALF)
 
 
-_Ray = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
+Ray = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
 
 
 @compiled(error_model="numpy", inline="always")
-def _ray_of(pixels: PixelRays, i: int, step: np.float32, c: np.float32, s: np.float32) -> _Ray:
+def _ray_of(pixels: PixelRays, i: int, step: np.float32, c: np.float32, s: np.float32) -> Ray:
     """Return a pixel's direction x, y, slope, its angle across the bearing and its range of slopes."""
     ahead, left = pixels.rays[X, i], pixels.rays[Y, i]
     floor_m = np.float32(math.sqrt(ahead * ahead + left * left))
@@ -239,8 +239,8 @@ def _ray_of(pixels: PixelRays, i: int, step: np.float32, c: np.float32, s: np.fl
 
 
 @compiled(error_model="numpy", inline="always")
-def _cover(row: FloatArray, axes: Float32Array, start: Float32Array, ray: _Ray) -> tuple[np.float32, np.float32]:
-    """Return the distance at which a mirror camera's ray meets a net, and the share of its pixel that cords cover."""
+def cover(row: FloatArray, axes: Float32Array, start: Float32Array, ray: Ray) -> tuple[np.float32, np.float32]:
+    """Return the horizontal distance at which a ray meets a net, and the share of its pixel that cords cover."""
     x, y, z, angle, tall = ray
     per_facing = _ONE / _along(axes, 2, x, y, z)
     t = start[2] * per_facing

@@ -4,42 +4,65 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from field_models import COLOR_NAMES, Field
-from robocup_vision.arrays import Float32Array
+from field_models import COLOR_NAMES
+from robocup_vision.arrays import Float32Array, Int32Array
 from robocup_vision.geometry import Pose2
+from sim2d.kernels.ray_casting import first_things, paint_floor
+from sim2d.kernels.things import rows_from_eye
 from sim2d.rendering.backdrop import ROOM_HEIGHT_M, ROOM_ROWS_PER_M, room_panorama
-from sim2d.rendering.paint import LinePaint
 from sim2d.rendering.rays import RaySet
-from sim2d.rendering.scene import SHADE_REACH, Ball, Light, Scene
-from sim2d.rendering.surfaces import FLOOR, FirstHits
+from sim2d.rendering.scene import LAMP_DIRECTION_RAD, SHADE_REACH, Light, Scene
+from sim2d.rendering.scene_table import ThingTable, floor_paint
 
+# numbers of the carpet and of the ground around it among the surfaces
+FLOOR, GROUND = range(2)
 SMOOTH_TEXTURE_M, FINE_TEXTURE_M = 0.15, 0.012  # cells of the carpet's two noises
+_LAMP = np.array([math.cos(LAMP_DIRECTION_RAD), math.sin(LAMP_DIRECTION_RAD)], dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class TracedLight:
-    """The light of N rays."""
+    """The light of N rays, and what they met."""
 
-    #: (N, 3) float32: BGR; 255 is a sensor's white, more is possible.
-    light: Float32Array
-    #: The surfaces they met.
-    hits: FirstHits
-    #: (N,) float32: where, field frame, metres.
-    x_m: Float32Array
-    y_m: Float32Array
+    #: What was traced, and from where: the viewpoint's place and the robot's heading, field frame.
+    rays: RaySet
+    eye: Pose2
+    #: (3, N) float32: horizontal directions and slopes of the rays, field axes.
+    directions: Float32Array
+    #: (N,) float32: how far they went, horizontally, metres.
+    distance_m: Float32Array
+    #: (N,) int32: `FLOOR`, `GROUND` or a thing's colour.
+    surface: Int32Array
     #: (M,) intp: those that ended on the room's wall.
     in_room: npt.NDArray[np.intp]
+    #: (N, 3) float32: BGR; 255 is a sensor's white, more is possible.
+    light: Float32Array
+
+    @cached_property
+    def x_m(self) -> Float32Array:
+        """(N,) float32: where they ended, field frame, metres."""
+        return np.asarray(self.distance_m * self.directions[0] + np.float32(self.eye.x_m))
+
+    @cached_property
+    def y_m(self) -> Float32Array:
+        """(N,) float32: where they ended, field frame, metres."""
+        return np.asarray(self.distance_m * self.directions[1] + np.float32(self.eye.y_m))
+
+    @cached_property
+    def z_m(self) -> Float32Array:
+        """(N,) float32: height at which they ended, metres."""
+        return np.asarray(self.distance_m * self.rays.slope + np.float32(self.rays.height_m))
 
     @property
     def per_pixel(self) -> Float32Array:
         """(P, 3) float32: mean light of each pixel's rays."""
-        samples = self.light.reshape(-1, self.hits.rays.samples, 3)
+        samples = self.light.reshape(-1, self.rays.samples, 3)
         total = samples[:, 0].copy()
         for k in range(1, samples.shape[1]):  # many times faster than a mean over so short an axis
             total += samples[:, k]
@@ -56,59 +79,64 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
     eye : Pose2
         The viewpoint's place and the robot's heading, field frame.
     """
-    hits = FirstHits(rays, eye, COLOR_NAMES["green"])
-    outside = hits.crosses(scene.carpet_polygon)
-    hits.add_scene(scene)
-    ground = hits.add_surface(scene.room.floor_bgr)
-    np.copyto(hits.surface, np.uint16(ground), where=outside & (hits.surface == FLOOR))
-
     c, s = np.float32(math.cos(eye.theta_rad)), np.float32(math.sin(eye.theta_rad))
-    cos, sin = rays.cos * c - rays.sin * s, rays.cos * s + rays.sin * c
-    in_room, room_light = _room_light(scene, hits, cos, sin)
-    hit_x = hits.distance_m * cos + np.float32(eye.x_m)
-    hit_y = hits.distance_m * sin + np.float32(eye.y_m)
+    directions = np.stack([rays.cos * c - rays.sin * s, rays.cos * s + rays.sin * c, rays.slope])
+    things = ThingTable((*scene.fixed(), *scene.robots, *(() if scene.ball is None else (scene.ball,))), GROUND + 1)
+    distance_m, surface = rays.floor_m.copy(), np.full(len(rays.cos), FLOOR, dtype=np.int32)
+    shade = np.ones(len(surface), dtype=np.float32)
+    rows = rows_from_eye(things.values(), float(eye.x_m), float(eye.y_m))
+    first_things(rows, directions, np.float32(rays.height_m), _LAMP, distance_m, surface, shade)
+    in_room, room_light = _room_light(scene, eye, rays.height_m, directions, distance_m)
+    traced = TracedLight(rays, eye, directions, distance_m, surface, in_room, np.empty((len(surface), 3), np.float32))
 
-    light = np.take(np.array(hits.colors, dtype=np.float32), hits.surface, axis=0)
-    floor = np.flatnonzero(hits.surface == FLOOR)
-    where, covered_ratio = _line_paint(scene.field).coverage(
-        hit_x[floor], hit_y[floor], cos[floor], sin[floor], rays.radial_m[floor], rays.tangential_m[floor]
-    )
-    painted = floor[where]
+    floor, covered = _paint(traced, scene)
+    colors = np.array([COLOR_NAMES["green"], scene.room.floor_bgr, *things.colors], dtype=np.float32)
+    light = np.take(colors, surface, axis=0, out=traced.light)
     step = np.subtract(COLOR_NAMES[scene.field.line_color], COLOR_NAMES["green"]).astype(np.float32)
-    light[painted] += covered_ratio[:, None] * step
+    painted = np.flatnonzero(covered)
+    light[floor[painted]] += covered[painted, None] * step
+    x_m, y_m = traced.x_m[floor], traced.y_m[floor]
     if scene.light.texture and len(floor):
-        patch = np.maximum(rays.radial_m[floor], rays.tangential_m[floor])
-        light[floor] *= _carpet_texture(scene.light, hit_x[floor], hit_y[floor], patch)[:, None]
+        light[floor] *= _carpet_texture(scene.light, x_m, y_m, rays.patch_m[:, floor].max(axis=0))[:, None]
     if scene.ball is not None:
-        _shade_under_ball(light, hits, scene.ball, eye)
-    illuminate(light, hits.shade, scene, hit_x, hit_y)
+        away2 = (x_m - np.float32(scene.ball.x_m)) ** 2 + (y_m - np.float32(scene.ball.y_m)) ** 2
+        near = np.flatnonzero(away2 < np.float32((SHADE_REACH * scene.ball.radius_m) ** 2))
+        gone = np.float32(0.55) * np.exp(-away2[near] * np.float32(1 / scene.ball.radius_m**2))
+        light[floor[near]] *= (1 - gone)[:, None]
+    illuminate(light, shade, scene, traced.x_m, traced.y_m)
     light[in_room] = room_light
-    return TracedLight(light, hits, hit_x, hit_y, in_room)
+    return traced
 
 
-@lru_cache(maxsize=16)
-def _line_paint(field: Field) -> LinePaint:
-    return LinePaint(field)
+def _paint(traced: TracedLight, scene: Scene) -> tuple[npt.NDArray[np.intp], Float32Array]:
+    """Return the rays that end on the carpet, and the painted fractions of their patches; mark those on the ground."""
+    on_floor = traced.surface == FLOOR
+    on_floor[traced.in_room] = False
+    floor = np.flatnonzero(on_floor)
+    places, directions = np.stack([traced.x_m[floor], traced.y_m[floor]]), traced.directions[:2, floor]
+    covered, on_carpet = np.empty(len(floor), dtype=np.float32), np.empty(len(floor), dtype=np.bool_)
+    paint_floor(floor_paint(scene), places, directions, traced.rays.patch_m[:, floor], covered, on_carpet)
+    traced.surface[floor[~on_carpet]] = GROUND
+    return floor[on_carpet], covered[on_carpet]
 
 
 def _room_light(
-    scene: Scene, hits: FirstHits, cos: Float32Array, sin: Float32Array
-) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float32]]:
+    scene: Scene, eye: Pose2, height_m: float, directions: Float32Array, distance_m: Float32Array
+) -> tuple[npt.NDArray[np.intp], Float32Array]:
     """Rays that end on the room's round wall, and the light from there; their distances are set."""
-    radius = scene.room_radius_m
-    away = math.hypot(hits.eye.x_m, hits.eye.y_m)
-    far = np.flatnonzero(hits.distance_m > max(radius - away, 0.0))
-    x, y = np.float32(hits.eye.x_m), np.float32(hits.eye.y_m)
-    toward = -(cos[far] * x + sin[far] * y)
+    radius, away = scene.room_radius_m, math.hypot(eye.x_m, eye.y_m)
+    far = np.flatnonzero(distance_m > max(radius - away, 0.0))
+    x, y = np.float32(eye.x_m), np.float32(eye.y_m)
+    cos, sin, slope = directions[:, far]
+    toward = -(cos * x + sin * y)
     distance = toward + np.sqrt(np.maximum(toward**2 + np.float32(radius**2 - away**2), 0))
-    behind = distance < hits.distance_m[far]
-    far, distance = far[behind], distance[behind]
-    hits.distance_m[far] = distance
+    behind = distance < distance_m[far]
+    far, distance, cos, sin, slope = (values[behind] for values in (far, distance, cos, sin, slope))
+    distance_m[far] = distance
     panorama = room_panorama(scene.room.seed)
     columns = panorama.shape[1]
-    up = hits.rays.height_m + distance * hits.rays.slope[far]
-    row = np.clip(up, 0, ROOM_HEIGHT_M - 0.01) * np.float32(ROOM_ROWS_PER_M)
-    turn = np.arctan2(distance * sin[far] + y, distance * cos[far] + x) * np.float32(columns / math.tau)
+    row = np.clip(height_m + distance * slope, 0, ROOM_HEIGHT_M - 0.01) * np.float32(ROOM_ROWS_PER_M)
+    turn = np.arctan2(distance * sin + y, distance * cos + x) * np.float32(columns / math.tau)
     light = panorama[row.astype(np.intp), turn.astype(np.intp) % columns]
     return far, np.asarray(light * np.float32(scene.light.level))
 
@@ -134,21 +162,6 @@ def _noise(tile: Float32Array, x: Float32Array, y: Float32Array, cell_m: float) 
         maps.append(cells.reshape(-1, width))
     found = cv2.remap(tile, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
     return np.asarray(found.ravel()[: len(x)])
-
-
-def _shade_under_ball(light: Float32Array, hits: FirstHits, ball: Ball, eye: Pose2) -> None:
-    """Darken the floor around a ball's foot, softly."""
-    x, y = eye.inverse().transform([ball.x_m, ball.y_m])
-    reach = SHADE_REACH * ball.radius_m
-    away = math.hypot(x, y)
-    half = math.asin(reach / away) if away > reach else math.pi
-    bearing = math.atan2(y, x)
-    for part in hits.rays.window(bearing - half, bearing + half):
-        dx = hits.distance_m[part] * hits.rays.cos[part] - np.float32(x)
-        dy = hits.distance_m[part] * hits.rays.sin[part] - np.float32(y)
-        gone = np.float32(0.55) * np.exp(-(dx * dx + dy * dy) * np.float32(1 / ball.radius_m**2))
-        gone[hits.surface[part] != FLOOR] = 0
-        light[part] *= (1 - gone)[:, None]
 
 
 def illuminate(light: Float32Array, shade: Float32Array, scene: Scene, x: Float32Array, y: Float32Array) -> None:

@@ -13,7 +13,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
-from sim2d.kernels.ray_directions import pinhole_patches
+from sim2d.kernels.ray_casting import pinhole_patches
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.goal.surroundings import Glare, SunPatch
 from sim2d.rendering.light import TracedLight, trace_light
@@ -127,8 +127,8 @@ def render_pinhole(
         traced = trace_light(rays, scene, eye)
         if backdrop is not None:
             wall = traced.in_room
-            up = rays.height_m + traced.hits.distance_m[wall] * rays.slope[wall]
-            traced.light[wall] = backdrop.colors(traced.x_m[wall], traced.y_m[wall], up) * scene.light.level
+            colors = backdrop.colors(traced.x_m[wall], traced.y_m[wall], traced.z_m[wall])
+            traced.light[wall] = colors * scene.light.level
         for patch in sun:
             patch.shine_on(traced)
         for spot in glare:
@@ -161,9 +161,9 @@ def dark_pixels(camera: PinholeCamera) -> npt.NDArray[np.bool_]:
 
 def _pixels_at_edges(traced: TracedLight, shape: tuple[int, int]) -> npt.NDArray[np.intp]:
     """Flat indices of pixels whose own or neighbours' rays differ in what they met or in brightness."""
-    rays = traced.hits.rays
+    rays = traced.rays
     count = rays.samples
-    surface = traced.hits.surface.astype(np.float32)
+    surface = traced.surface.astype(np.float32)
     surface[traced.in_room] = -1.0
     # clutter on the room's wall is blurred already: only what stands before it has edges
     light = traced.light.copy()

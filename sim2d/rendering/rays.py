@@ -1,15 +1,14 @@
-"""All rays of a camera's image, computed once and sorted by bearing: an object meets only the rays that can hit it."""
+"""All rays of a camera's image."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera
-from sim2d.kernels.ray_directions import FlatRays, flatten_rays
+from sim2d.kernels.ray_casting import LEVEL, MIN_RUN
 
 # how far the mirror's edge lies outside the usable radius, in pixels of a 256 x 220 image
 RIM_MARGIN = 4.0 / 112.0
@@ -29,56 +28,41 @@ class RaySet:
     pixel_index : (P,) intp
         Flat image index of each pixel.
     directions : (P, samples, 3) float64
-        Unit directions, robot frame.
+        Directions, robot frame.
     radial_m, tangential_m : (P, samples) float64
         Size on the floor of the patch a ray stands for, along and across it, metres.
 
     Attributes
     ----------
     pixel_index : (P,) intp
-        As given, sorted by bearing.
+        As given, sorted.
     cos, sin, slope : (N,) float32
         Directions.
     floor_m : (N,) float32
         Horizontal distance at which a ray meets the floor, metres; inf from the horizon on.
-    radial_m, tangential_m : (N,) float32
-        As given, sorted.
+    patch_m : (2, N) float32
+        Radial and tangential sizes.
     """
 
     def __init__(
         self,
         height_m: float,
         pixel_index: npt.NDArray[np.intp],
-        directions: npt.NDArray[np.float64],
-        radial_m: npt.NDArray[np.float64],
-        tangential_m: npt.NDArray[np.float64],
+        directions: FloatArray,
+        radial_m: FloatArray,
+        tangential_m: FloatArray,
     ) -> None:
-        self.height_m = height_m
-        self.samples = directions.shape[1]
-        bearing = np.arctan2(directions[:, 0, 1], directions[:, 0, 0])
-        order = np.argsort(bearing, kind="stable")
+        self.height_m, self.samples = height_m, directions.shape[1]
+        order = np.argsort(np.arctan2(directions[:, 0, 1], directions[:, 0, 0]), kind="stable")
         self.pixel_index = pixel_index[order]
-        self._bearing = bearing[order]
-        flat = FlatRays(*np.empty((len(FlatRays._fields), directions[..., 0].size), dtype=np.float32))
-        spread = flatten_rays(height_m, order, directions, radial_m, tangential_m, flat)
-        self._margin = spread + 1e-6
-        self.cos, self.sin, self.slope, self.floor_m, self.radial_m, self.tangential_m = flat
-
-    def window(self, low_rad: float, high_rad: float) -> list[slice]:
-        """Slices of the rays that can have bearings from `low_rad` counter-clockwise to `high_rad`."""
-        low, high = low_rad - self._margin, high_rad + self._margin
-        if high - low >= math.tau:
-            return [slice(0, len(self.cos))]
-        turns = math.floor((low + math.pi) / math.tau) * math.tau
-        low, high = low - turns, high - turns
-        spans = [(low, high)] if high <= math.pi else [(low, math.pi), (-math.pi, high - math.tau)]
-        slices = []
-        for start, stop in spans:
-            i = int(np.searchsorted(self._bearing, start, side="left"))
-            j = int(np.searchsorted(self._bearing, stop, side="right"))
-            if j > i:
-                slices.append(slice(i * self.samples, j * self.samples))
-        return slices
+        x, y, z = directions[order].reshape(-1, 3).T
+        run = np.maximum(np.hypot(x, y), MIN_RUN)
+        slope = z / run
+        floor_m = np.full(len(slope), np.inf)
+        np.divide(-height_m, slope, out=floor_m, where=slope < LEVEL)
+        rows = (x / run, y / run, slope, floor_m)
+        self.cos, self.sin, self.slope, self.floor_m = (row.astype(np.float32) for row in rows)
+        self.patch_m = np.stack([radial_m[order].ravel(), tangential_m[order].ravel()]).astype(np.float32)
 
 
 class MirrorRays(RaySet):
@@ -137,7 +121,7 @@ class MirrorRays(RaySet):
         super().__init__(camera.height_m, candidates, ray, radial, tangential)
 
 
-def sample_offsets(supersample: int) -> npt.NDArray[np.float64]:
+def sample_offsets(supersample: int) -> FloatArray:
     """(n^2, 2): a grid sheared both ways, so that each sample has its own u and its own v.
 
     An edge along a pixel row or column then moves the mean in n^2 steps, not in n; a half turn maps it onto itself.

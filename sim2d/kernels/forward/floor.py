@@ -11,18 +11,11 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.forward.values import FloorPaint
+from sim2d.kernels.floor_paint import is_inside, overlap
+from sim2d.kernels.frame_values import FloorPaint
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _MIN_DROP = np.float32(1e-6)  # of a ray that still meets the floor
-
-
-@compiled(inline="always")
-def _overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float32:
-    """Return the fraction of an interval of `size` around `offset` that lies within `half` of 0."""
-    reach = max(size, np.float32(1e-6)) * _HALF
-    covered = min(offset + reach, half) - max(offset - reach, -half)
-    return max(covered, _ZERO) / (reach + reach)
 
 
 @compiled(error_model="numpy")
@@ -91,8 +84,8 @@ def cover_line(
         along = height * per_drop * (dx[i] * tx + dy[i] * ty)
         size_across = per_drop * (abs(across_u + across * down_u) + abs(across_v + across * down_v))
         size_along = per_drop * (abs(along_u + along * down_u) + abs(along_v + along * down_v))
-        ratio = _overlap(across - off_across, half, size_across)
-        ratio *= _overlap(along - off_along - long, long + half, size_along)
+        ratio = overlap(across - off_across, half, size_across)
+        ratio *= overlap(along - off_along - long, long + half, size_along)
         some[i] = max(some[i], ratio if dz[i] < -_MIN_DROP else _ZERO)
 
 
@@ -126,7 +119,7 @@ def cover_arc(
         toward = nx * floor_x + ny * floor_y
         size = abs(scale * (nx * ux + ny * uy) + toward * per_drop * uz)
         size += abs(scale * (nx * vx + ny * vy) + toward * per_drop * vz)
-        part = _overlap(away - radius, half, size)
+        part = overlap(away - radius, half, size)
         is_on = dz[i] < -_MIN_DROP and off_x * aim_x + off_y * aim_y >= away * sweep
         covered[i] = max(covered[i], part if is_on else _ZERO)
 
@@ -144,17 +137,6 @@ def shade_floor(ball: Float32Array, reach_m: float, rays: Float32Array, height: 
         away2 = off_x * off_x + off_y * off_y
         if away2 < reach2:
             tone[i] *= _ONE - np.float32(0.55) * np.float32(math.exp(-away2 * per_radius2))
-
-
-@compiled(error_model="numpy")
-def is_inside(edges: FloatArray, x_m: float, y_m: float) -> bool:
-    """Return whether a point lies inside a polygon, (K, 4) float64: x0, y0, x1, y1 of its edges."""
-    inside = False
-    for k in range(len(edges)):
-        x0, y0, x1, y1 = edges[k]
-        if (y0 > y_m) != (y1 > y_m) and x_m < x0 + (y_m - y0) / (y1 - y0) * (x1 - x0):
-            inside = not inside
-    return inside
 
 
 @compiled(error_model="numpy")

@@ -12,9 +12,9 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.forward.things import BALL, BAR, BOX_TOP, CYLINDER, HEIGHT, KIND, OTHER, RADIUS, X0, X1, Y0, Y1
-from sim2d.kernels.forward.values import FloorPaint, ForwardEye, Outlines, UprightThings
-from sim2d.kernels.frame_values import Nets
+from sim2d.kernels.forward.values import ForwardEye, Outlines
+from sim2d.kernels.frame_values import FloorPaint, Nets, UprightThings
+from sim2d.kernels.things import BALL, BAR, BOX_TOP, CYLINDER, HEIGHT, KIND, OTHER, RADIUS, X0, X1, Y0, Y1
 
 # kinds of owners
 EDGE, LINE, ARC, SHADE, THING, NET = range(6)

@@ -8,21 +8,14 @@ from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Arr
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.forward.outlines import THING, THING_ROWS, overlaps
 from sim2d.kernels.forward.rays import cast_corners, pixels_of
-from sim2d.kernels.forward.things import KIND, meet_grid, meet_thing
 from sim2d.kernels.forward.values import Outlines
+from sim2d.kernels.things import ID_BITS, KIND, meet_grid, meet_thing, row_of
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _FAR = np.float32(1e29)
 # places of the four rays in a pixel, as `rays.sample_offsets(2)` has them
 _SAMPLES_U = (-0.375, -0.125, 0.125, 0.375)
 _SAMPLES_V = (-0.125, 0.375, -0.375, 0.125)
-
-
-@compiled(inline="always")
-def _row_of(rows: Float32Array, k: np.uintp) -> tuple[np.float32, ...]:
-    """Return the numbers of a row: a view of it is counted and let go again, which takes longer than what it is for."""
-    first = rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4]
-    return (*first, rows[k, 5], rows[k, 6], rows[k, 7], rows[k, 8], rows[k, 9])
 
 
 @compiled(error_model="numpy")
@@ -62,7 +55,7 @@ def draw_things(
         v0, v1, u0, u1 = pixels_of(outline, of_tile, per_pixel, tile)
         first_v, last_v, first_u, last_u = min(first_v, v0), max(last_v, v1), min(first_u, u0), max(last_u, u1)
         part = v0, v1 + 2, u0, u1 + 2
-        meet_grid(rows_of[near[n]], np.int32(near[n] * 256), corner_rays, part, wide, height, lamp, depth, ids)
+        meet_grid(rows_of[near[n]], np.int32(near[n] << ID_BITS), corner_rays, part, wide, height, lamp, depth, ids)
         if outlines.owners[seen[THING_ROWS, n], 2]:
             any_thin = True
             for v in range(v0, v1 + 1):
@@ -78,7 +71,7 @@ def draw_things(
                 _draw_edge(rows_of, paints, near, near_count, rays, i, steps, here, lit, lamp, nearest, colors)
             elif first >= 0:
                 dx, dy, dz = rays[0, i], rays[1, i], rays[2, i]
-                row = _row_of(rows_of, np.uintp(first >> 8))
+                row = row_of(rows_of, np.uintp(first >> ID_BITS))
                 t, color, shade = meet_thing(row[KIND], row, dx, dy, dz, height, lamp)
                 if t < _FAR:
                     nearest[0, i], nearest[1, i] = t, _ONE
@@ -114,7 +107,7 @@ def _draw_edge(
         dx, dy, dz = rays[0, i] + a * ux + b * vx, rays[1, i] + a * uy + b * vy, rays[2, i] + a * uz + b * vz
         met, found, shade = _FAR, np.int32(-1), _ZERO
         for n in range(near_count):
-            row = _row_of(rows_of, np.uintp(near[n]))
+            row = row_of(rows_of, np.uintp(near[n]))
             t, color, shade_there = meet_thing(row[KIND], row, dx, dy, dz, here[2], lamp)
             if t < met:
                 met, found, shade = t, color, shade_there

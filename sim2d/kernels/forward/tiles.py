@@ -12,14 +12,8 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.forward.floor import (
-    cover_arc,
-    cover_line,
-    end_carpet,
-    fill_floor,
-    is_inside,
-    shade_floor,
-)
+from sim2d.kernels.floor_paint import is_inside
+from sim2d.kernels.forward.floor import cover_arc, cover_line, end_carpet, fill_floor, shade_floor
 from sim2d.kernels.forward.outlines import (
     ARC,
     EDGE,
@@ -38,10 +32,10 @@ from sim2d.kernels.forward.outlines import (
 from sim2d.kernels.forward.rays import camera_ray, cast, fill_slopes, pixels_of, turn_bounds, turn_slopes, turned
 from sim2d.kernels.forward.room import draw_wall, wall_point
 from sim2d.kernels.forward.standing import draw_things
-from sim2d.kernels.forward.things import BAR, KIND, RADIUS, SHEET, X0, X1, Y0, Y1
-from sim2d.kernels.forward.values import FloorPaint, ForwardEye, ForwardLens, Outlines, UprightThings, WallPicture
-from sim2d.kernels.frame_values import Lighting, Nets
+from sim2d.kernels.forward.values import ForwardEye, ForwardLens, Outlines, WallPicture
+from sim2d.kernels.frame_values import FloorPaint, Lighting, Nets, UprightThings
 from sim2d.kernels.nets import draw_nets
+from sim2d.kernels.things import RADIUS, X0, Y0, rows_from_eye
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _MOST = np.float32(255.0)
@@ -81,7 +75,7 @@ def draw_forward(
     here = np.array([eye.x_m, eye.y_m, eye.height_m], dtype=np.float32)
     lit = np.array([light.level, light.per_m_x, light.per_m_y, light.min_level], dtype=np.float32)
     lamp = np.array([math.cos(light.lamp_rad), math.sin(light.lamp_rad)], dtype=np.float32)
-    near_rows = _rows_from_eye(things, eye)
+    near_rows = rows_from_eye(things, eye.x_m, eye.y_m)
     tile_rows, tile_columns, _ = lens.bounds.shape
     thin = 2.0 * float(lens.per_pixel[tile_rows // 2, tile_columns // 2, 0])
     count = outline_things(things, eye, shade_m, thin, outline_floor(paint, eye, thin, outlines), outlines)
@@ -179,19 +173,6 @@ def draw_forward(
                 part = pixels_of(outlines.bounds[seen[NET_ROWS, n]], slopes, per_pixel, tile)
                 draw_nets(nets, seen[NET, n], part, tile[1], rays, steps, here, lit, nearest, colors)
             _store(lens, tile, row, column, colors, size_px, flat)
-
-
-@compiled(error_model="numpy")
-def _rows_from_eye(things: UprightThings, eye: ForwardEye) -> Float32Array:
-    """Return the rows of things with the eye's foot as the origin."""
-    rows = things.rows.astype(np.float32)
-    for k in range(len(rows)):
-        rows[k, X0] = np.float32(things.rows[k, X0] - eye.x_m)
-        rows[k, Y0] = np.float32(things.rows[k, Y0] - eye.y_m)
-        if rows[k, KIND] == SHEET or rows[k, KIND] == BAR:
-            rows[k, X1] = np.float32(things.rows[k, X1] - eye.x_m)
-            rows[k, Y1] = np.float32(things.rows[k, Y1] - eye.y_m)
-    return rows
 
 
 @compiled(error_model="numpy")

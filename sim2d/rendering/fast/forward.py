@@ -7,7 +7,6 @@ highlights, glare and patches of sun.
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -21,12 +20,14 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.pinhole import camera_rotation
 from sim2d.kernels.forward.outlines import ARC_PIECES
 from sim2d.kernels.forward.room import pack_cells
-from sim2d.kernels.forward.things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, SHEET
 from sim2d.kernels.forward.tiles import draw_forward
-from sim2d.kernels.forward.values import FloorPaint, ForwardEye, ForwardLens, Outlines, UprightThings, WallPicture
+from sim2d.kernels.forward.values import ForwardEye, ForwardLens, Outlines, WallPicture
+from sim2d.kernels.frame_values import UprightThings
+from sim2d.kernels.things import COLUMNS
 from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, Backdrop, room_panorama
-from sim2d.rendering.fast.match_frames import MatchFrames, arc_rows, line_rows
-from sim2d.rendering.scene import SHADE_REACH, Ball, Bar, Bgr, Post, Robot, Scene, Wall
+from sim2d.rendering.fast.match_frames import MatchFrames
+from sim2d.rendering.scene import SHADE_REACH, Ball, Bgr, Robot, Scene
+from sim2d.rendering.scene_table import ThingTable, in_cast
 from sim2d.rendering.sensor import Sensor
 
 TILE_PX = (8, 32)  # rows and columns: most edges run across the image
@@ -71,85 +72,30 @@ class ForwardFrames(MatchFrames):
         picture, rows_per_m = _wall_picture(scene, backdrop, radius_m / max(camera.focal_px))
         cells = pack_cells((picture * (scene.light.level * self._cast)).astype(np.float32))
         self._wall = WallPicture(cells, picture.shape[1], rows_per_m, radius_m)
-        corners = scene.carpet_polygon
-        colors = np.array([*self._paints, scene.room.floor_bgr])
-        self._paint = FloorPaint(
-            line_rows(scene.field),
-            arc_rows(scene.field),
-            scene.field.line_width_m / 2,
-            np.hstack([corners, np.roll(corners, -1, axis=0)]),
-            not scene.field.is_bounded,  # a floor with recesses is not
-            (colors * self._cast).astype(np.float32),
-        )
-        self._rows: list[list[float]] = []
-        self._colors: list[Bgr] = []
-        self._add_fixed(scene)
+        self._fixed = ThingTable(scene.fixed())
         self._planes = np.zeros((3, height, width), dtype=np.uint8)
         self._all_rows = np.zeros((0, COLUMNS))
         self._outlines = _empty_outlines(0)
 
-    def _add_fixed(self, scene: Scene) -> None:
-        for thing in scene.fixed():
-            number = len(self._colors)
-            if isinstance(thing, Wall):
-                self._add_sheet(thing)
-            elif isinstance(thing, Bar):
-                ends = [thing.x_m, -thing.half_length_m, thing.x_m, thing.half_length_m]
-                self._rows.append([BAR, *ends, thing.radius_m, thing.height_m, number, 1, -1])
-                self._colors.append(thing.color_bgr)
-            elif isinstance(thing, Post):
-                row = [CYLINDER, thing.x_m, thing.y_m, 0, 0, thing.radius_m, thing.height_m, number]
-                self._rows.append([*row, len(thing.bands_bgr), -1])
-                self._colors += thing.bands_bgr
-            else:
-                for face in thing.faces():
-                    self._add_sheet(face)
-                along = math.cos(thing.yaw_rad), math.sin(thing.yaw_rad)
-                row = [BOX_TOP, thing.x_m, thing.y_m, *along, thing.width_m / 2, thing.height_m, len(self._colors)]
-                self._rows.append([*row, 1, thing.depth_m / 2])
-                self._colors.append(thing.color_bgr)
-
-    def _add_sheet(self, wall: Wall) -> None:
-        number, ends = len(self._colors), [wall.x0_m, wall.y0_m, wall.x1_m, wall.y1_m]
-        self._rows.append([SHEET, *ends, 0, wall.height_m, number, 1, number + 1])
-        self._colors += [wall.left_bgr, wall.right_bgr]
-
     @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
     def _colors_with(self, moving: tuple[Bgr, ...]) -> Float32Array:
-        colors = np.array([*self._colors, *moving], dtype=np.float64).reshape(-1, 3)
-        return np.asarray(colors * self._cast, dtype=np.float32)
+        return in_cast([*self._fixed.colors, *moving], self._cast)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, eye: EyeInField) -> UInt8Array:
         """Draw a frame (H, W, 3) uint8 of other robots and the ball: light through the lens, without blur and noise."""
-        fixed, number = len(self._rows), len(self._colors)
-        count = fixed + len(robots) + (ball is not None)
+        moving = ThingTable((*robots, *(() if ball is None else (ball,))), len(self._fixed.colors))
+        fixed = len(self._fixed.rows)
+        count = fixed + len(moving.rows)
         if count > len(self._all_rows):
             self._all_rows = np.zeros((count, COLUMNS))
-            self._all_rows[:fixed] = np.array(self._rows, dtype=np.float64).reshape(-1, COLUMNS)
+            self._all_rows[:fixed] = self._fixed.values().rows
             floor = len(self._paint.edges) + len(self._paint.lines) + len(self._paint.arcs) * ARC_PIECES
             self._outlines = _empty_outlines(floor + count + 1 + len(self._nets.rows))
         rows = self._all_rows[:count]
-        moving: list[Bgr] = []
-        moving_rows: list[tuple[float, ...]] = []
-        for k, robot in enumerate(robots):
-            first = number + 2 * k
-            place = robot.x_m, robot.y_m, 0.0, 0.0
-            moving_rows.append((CYLINDER, *place, robot.radius_m, robot.height_m, first, 1.0, first + 1))
-            moving += [robot.color_bgr, robot.marker_bgr]
-        reach_m = 0.0
-        if ball is not None:
-            about_x, about_y, about_z = ball.turn_rad
-            place, first = (ball.x_m, ball.y_m, about_x, about_y), number + len(moving)
-            moving.append(ball.color_bgr)
-            patches = -1.0
-            if ball.patches_bgr is not None:
-                patches = first + 1.0
-                moving.append(ball.patches_bgr)
-            moving_rows.append((BALL, *place, ball.radius_m, 2 * ball.radius_m, first, about_z, patches))
-            reach_m = SHADE_REACH * ball.radius_m
-        if moving_rows:
-            rows[fixed:] = moving_rows
-        things = UprightThings(rows, self._colors_with(tuple(moving)))
+        if moving.rows:
+            rows[fixed:] = moving.rows
+        reach_m = 0.0 if ball is None else SHADE_REACH * ball.radius_m
+        things = UprightThings(rows, self._colors_with(tuple(moving.colors)))
         rotation = np.ascontiguousarray(camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad), dtype=np.float64)
         at = ForwardEye(float(eye.x_m), float(eye.y_m), float(eye.height_m), rotation, np.array(eye.turn_rad))
         seen = self._lens, at, self._paint, things, self._nets, reach_m, self._light, self._wall

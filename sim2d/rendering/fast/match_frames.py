@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
-from field_models import COLOR_NAMES, Field
 from field_models.errors import ArgumentError
-from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from sim2d.kernels.frame_values import Lighting
 from sim2d.rendering.nets import nets_of
 from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Light, Scene
+from sim2d.rendering.scene_table import floor_paint
 from sim2d.rendering.sensor import Sensor, vignette_gain
 
 
@@ -40,7 +39,7 @@ class MatchFrames:
         self._cast = np.array(sensor.cast_bgr)
         width, height = camera.size_px
         self._gain = vignette_gain(height, width, sensor.vignette) * np.float32(sensor.gain)
-        self._paints = COLOR_NAMES["green"], COLOR_NAMES[scene.field.line_color]
+        self._paint = floor_paint(scene, self._cast)
         self._nets = nets_of(scene.field, self._cast)
 
     def set_light(self, light: Light) -> None:
@@ -57,22 +56,3 @@ class MatchFrames:
         direction = light.gradient_direction_rad
         along = per_m * math.cos(direction), per_m * math.sin(direction)
         self._light = Lighting(float(light.level), *along, 0.05 * light.level, LAMP_DIRECTION_RAD)
-
-
-def line_rows(field: Field) -> FloatArray:
-    """Lines (N, 5): start x, y, unit direction x, y, length."""
-    rows = []
-    for x0, y0, x1, y1 in field.painted_lines.tolist():
-        length = math.hypot(x1 - x0, y1 - y0)
-        rows.append([x0, y0, (x1 - x0) / length, (y1 - y0) / length, length])
-    return np.array(rows, dtype=np.float64).reshape(-1, 5)
-
-
-def arc_rows(field: Field) -> FloatArray:
-    """Arcs (M, 6): centre x, y, radius, direction x, y of the middle, cosine of half the sweep (-2: a full circle)."""
-    rows = []
-    for x, y, radius, start, sweep in field.painted_arcs.tolist():
-        middle = start + sweep / 2
-        cosine = -2.0 if abs(sweep) > math.tau - 1e-9 else math.cos(sweep / 2)
-        rows.append([x, y, radius, math.cos(middle), math.sin(middle), cosine])
-    return np.array(rows, dtype=np.float64).reshape(-1, 6)

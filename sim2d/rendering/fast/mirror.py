@@ -34,11 +34,11 @@ from sim2d.kernels.frame_values import (
     Things,
     Viewpoint,
 )
-from sim2d.kernels.match_frame import FloorPaint, FrameRoom, Standing, draw_over_carpet
+from sim2d.kernels.match_frame import FrameRoom, Standing, draw_over_carpet
 from sim2d.kernels.match_pixels import fill_carpet
 from sim2d.kernels.nets import lay_nets
 from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, room_panorama
-from sim2d.rendering.fast.match_frames import MatchFrames, arc_rows, line_rows
+from sim2d.rendering.fast.match_frames import MatchFrames
 from sim2d.rendering.mirror import BODY_BGR
 from sim2d.rendering.rays import RIM_MARGIN, MirrorRays
 from sim2d.rendering.scene import MARKER_RATIO, SHADE_REACH, Ball, Bgr, Box, Post, Robot, Scene, Wall
@@ -66,10 +66,8 @@ class MirrorFrames(MatchFrames):
             raise ArgumentError("a mirror camera's match is drawn without bystanders")
         self.camera = camera
         width, height = camera.size_px
-        farthest_m = 2 * scene.room_radius_m
-        self._table = mirror_pixels(camera, self._gain, farthest_m)
-        half_line_m = scene.field.line_width_m / 2
-        self._paint = FloorPaint(line_rows(scene.field), arc_rows(scene.field), half_line_m, farthest_m)
+        self._farthest_m = 2 * scene.room_radius_m
+        self._table = mirror_pixels(camera, self._gain, self._farthest_m)
         picture = np.ascontiguousarray(
             room_panorama(scene.room.seed) * scene.light.level * self._cast, dtype=np.float32
         )
@@ -88,7 +86,8 @@ class MirrorFrames(MatchFrames):
         self._room = FrameRoom(crossings, spans, marks, np.zeros(count))
         self._planes = np.zeros((3, width * height), dtype=np.uint8)
         self._image_planes = [plane.reshape(height, width) for plane in self._planes]
-        self._plain = (np.array([*self._paints, (0, 0, 0)]) * self._cast).astype(np.float32)
+        # of carpet, line and ball
+        self._plain = self._paint.colors.copy()
 
     def _build_fixed(self, scene: Scene) -> None:
         """Rows of all things that do not move: walls from either side, faces of boxes, posts."""
@@ -182,6 +181,7 @@ class MirrorFrames(MatchFrames):
             standing,
             things,
             self._paint,
+            self._farthest_m,
             sphere,
             self._walls_behind,
             self._light,
@@ -239,6 +239,7 @@ def mirror_pixels(camera: OmniCamera, gain: Float32Array, farthest_m: float) -> 
     place = np.rint(np.arctan2(drawn.sin, drawn.cos) * per_turn / math.tau).astype(np.int32) % per_turn
     along = np.minimum(drawn.floor_m, farthest_m)
     on_floor = drawn.floor_m < farthest_m
+    radial, tangential = drawn.patch_m
     order = np.lexsort((low, place))
     rows = np.stack(
         [
@@ -247,10 +248,10 @@ def mirror_pixels(camera: OmniCamera, gain: Float32Array, farthest_m: float) -> 
             low,
             high,
             gain.ravel()[pixel],
-            drawn.radial_m,
-            drawn.tangential_m,
-            along - drawn.radial_m / 2,
-            along + drawn.radial_m / 2,
+            radial,
+            tangential,
+            along - radial / 2,
+            along + radial / 2,
         ]
     )
     rays = np.ascontiguousarray(rows[:, order], dtype=np.float32)
@@ -268,7 +269,7 @@ def mirror_pixels(camera: OmniCamera, gain: Float32Array, farthest_m: float) -> 
             pixel.astype(np.uint32),
             np.searchsorted(place[order], np.arange(per_turn + 1)).astype(np.int32),
             directions,
-            _spread(along[on_floor], drawn.tangential_m[on_floor] / 2 + along[on_floor] * math.pi / per_turn),
+            _spread(along[on_floor], tangential[on_floor] / 2 + along[on_floor] * math.pi / per_turn),
         ),
         Bearings(directions, per_turn),
         image,

@@ -11,9 +11,8 @@ import numpy as np
 from field_models import COLOR_NAMES, Field, Goal
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
-from sim2d.rendering.light import TracedLight
+from sim2d.rendering.light import FLOOR, TracedLight
 from sim2d.rendering.scene import BOX_COLORS, Ball, Box, Robot
-from sim2d.rendering.surfaces import FLOOR
 
 Member = Literal["positive_y", "negative_y", "bar"]
 MEMBERS: tuple[Member, ...] = ("positive_y", "negative_y", "bar")
@@ -41,10 +40,9 @@ class Glare:
 
     def add_to(self, traced: TracedLight, goal: Goal) -> None:
         """Add this light to the rays that met the goal's paint there."""
-        eye, rays = traced.hits.eye, traced.hits.rays
-        met = np.flatnonzero(traced.hits.surface != FLOOR)
-        x, y = traced.x_m[met] - goal.line_x_m, traced.y_m[met]
-        z = rays.height_m + traced.hits.distance_m[met] * rays.slope[met]
+        eye, rays = traced.eye, traced.rays
+        met = np.flatnonzero(traced.surface != FLOOR)
+        x, y, z = traced.x_m[met] - goal.line_x_m, traced.y_m[met], traced.z_m[met]
         radius, half = goal.post_radius_m, goal.width_m / 2
         if self.member == "bar":
             aside = np.stack([x, z - goal.height_m])
@@ -83,10 +81,7 @@ class SunPatch:
 
     def shine_on(self, traced: TracedLight) -> None:
         """Brighten every ray that met something sunlit, except the room's wall."""
-        rays = traced.hits.rays
-        with np.errstate(invalid="ignore"):
-            z = np.maximum(rays.height_m + traced.hits.distance_m * rays.slope, 0)
-        drop = z / math.tan(self.sun_elevation_rad)
+        drop = np.maximum(traced.z_m, 0) / math.tan(self.sun_elevation_rad)
         dx = traced.x_m - drop * math.cos(self.sun_azimuth_rad) - self.x_m
         dy = traced.y_m - drop * math.sin(self.sun_azimuth_rad) - self.y_m
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)

@@ -9,10 +9,11 @@ from field_models import field_names, load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from sim2d.kernels import floor_lines as kernels
 from sim2d.kernels.frame_values import PaintMarks, Spans, Viewpoint
+from sim2d.kernels.ray_casting import paint_floor
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.rendering.fast.match_frames import arc_rows, line_rows
 from sim2d.rendering.fast.mirror import mirror_pixels
-from sim2d.rendering.paint import LinePaint
+from sim2d.rendering.scene import Scene
+from sim2d.rendering.scene_table import floor_paint
 
 FARTHEST_M = 12.0
 HIGH = OmniCamera(
@@ -26,9 +27,10 @@ def shares(table, field, eye, until_m):
     """Return the shares of all rays, and the rays marked."""
     count = len(table.rays.pixels)
     marks = PaintMarks(np.zeros(count, dtype=np.float32), np.zeros(count, dtype=np.int32))
-    seen = table.rays, Viewpoint(*map(float, eye), table.height_m), until_m, field.line_width_m / 2
-    found = kernels.mark_lines(*seen, line_rows(field), marks, 0)
-    found = kernels.mark_arcs(*seen, arc_rows(field), marks, found)
+    paint = floor_paint(Scene(field))
+    seen = table.rays, Viewpoint(*map(float, eye), table.height_m), until_m, paint.half_m
+    found = kernels.mark_lines(*seen, paint.lines, marks, 0)
+    found = kernels.mark_arcs(*seen, paint.arcs, marks, found)
     return marks.fraction, marks.marked[:found]
 
 
@@ -37,7 +39,7 @@ def shares(table, field, eye, until_m):
 )
 def test_shares_are_those_of_the_ray_caster(name, camera):
     field, table = load_field(name), TABLES[camera]
-    paint = LinePaint(field)
+    paint = floor_paint(Scene(field))
     rng = np.random.default_rng(4)
     high = field.floor_polygon.max(axis=0)
     x0, y0, x1, y1 = field.lines[0]
@@ -52,11 +54,11 @@ def test_shares_are_those_of_the_ray_caster(name, camera):
     for eye in eyes:
         c, s = math.cos(eye[2]), math.sin(eye[2])
         field_x, field_y = eye[0] + c * x - s * y, eye[1] + s * x + c * y
-        expected = np.zeros(len(x))
+        expected, on_carpet = np.empty(len(x), dtype=np.float32), np.empty(len(x), dtype=np.bool_)
         aim = (bearing + eye[2]).astype(np.float32)
-        places = (p.astype(np.float32) for p in (field_x, field_y, np.cos(aim), np.sin(aim)))
-        where, covered = paint.coverage(*places, radial, tangential)
-        expected[where] = covered
+        places = np.stack([field_x, field_y]).astype(np.float32)
+        patches = np.stack([np.cos(aim), np.sin(aim)]), np.stack([radial, tangential])
+        paint_floor(paint, places, *patches, expected, on_carpet)
         share, marked = shares(table, field, eye, np.full(table.bearings.per_turn, FARTHEST_M))
         assert (np.sort(marked) == np.flatnonzero(share)).all()
         off, difference = np.abs(share - expected), np.abs(share - expected)[on_floor]

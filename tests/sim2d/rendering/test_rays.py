@@ -1,4 +1,4 @@
-"""Rays against formulas written down a second time, and the bearing windows against a plain search."""
+"""Rays against formulas written down a second time."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
 from robocup_vision.camera import OmniCamera, Tangent
@@ -54,20 +52,6 @@ def test_scaled_camera_sees_the_same_floor():
     assert large.center_px == (319.5, 239.5)
 
 
-@given(low=st.floats(-12, 12), width=st.floats(0, 6.5))
-def test_window_holds_every_ray_of_its_bearings(low: float, width: float):
-    bearing = np.arctan2(RAYS.sin, RAYS.cos)
-    inside = np.remainder(bearing - low, math.tau) <= width
-    found = np.zeros(len(bearing), dtype=int)
-    for part in RAYS.window(low, low + width):
-        found[part] += 1
-    assert found.max(initial=0) <= 1
-    assert np.all(found[inside] == 1)
-    # and little more: the margin is a pixel's width at the inner radius
-    stray = np.remainder(bearing - low + 0.1, math.tau) > width + 0.2
-    assert not np.any(found[stray])
-
-
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
 def test_samples_cover_a_pixel_evenly(n: int):
     offsets = sample_offsets(n)
@@ -93,8 +77,8 @@ def test_patch_sizes_are_the_floor_between_neighbouring_radii():
     radius = np.hypot(u - 127.5, v - 109.5)
     floor = (radius > 27) & (radius < 110)
     step = paper_range_m(radius[floor] + 0.01) - paper_range_m(radius[floor] - 0.01)
-    np.testing.assert_allclose(rays.radial_m[floor], step / 0.02, rtol=1e-2)
-    np.testing.assert_allclose(rays.tangential_m[floor], paper_range_m(radius[floor]) / radius[floor], rtol=1e-4)
+    np.testing.assert_allclose(rays.patch_m[0, floor], step / 0.02, rtol=1e-2)
+    np.testing.assert_allclose(rays.patch_m[1, floor], paper_range_m(radius[floor]) / radius[floor], rtol=1e-4)
 
 
 def test_refusals():

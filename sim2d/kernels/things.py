@@ -12,6 +12,7 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, Int32Array
 from robocup_vision.compiling.loops import compiled
+from sim2d.kernels.frame_values import UprightThings
 
 # kinds of things
 SHEET, CYLINDER, BAR, BALL, BOX_TOP = range(5)
@@ -21,15 +22,48 @@ SHEET, CYLINDER, BAR, BALL, BOX_TOP = range(5)
 # none), or half the depth of a box's top. A ball's turns about x, y and z stand in place of its end and its bands.
 KIND, X0, Y0, X1, Y1, RADIUS, HEIGHT, COLOR, BANDS, OTHER = range(10)
 COLUMNS = 10
+# of the number of a thing and one of its colours in one: so many bits are the colour's
+ID_BITS = 12
 MARKER_RATIO = np.float32(0.3)  # radius of a robot's marker, of its own
 # corners of an icosahedron are (0, 1, golden) over their length, with all signs, and its turns about the diagonal; the
-# middle of a dark pentagon is at each, as large as `rendering.ball_patches` has it
+# middle of a dark pentagon is at each, a disc of its area: the twelve cover 28 % of a ball whose edges are all of one
+# length
 _GOLDEN = np.float32((1 + math.sqrt(5)) / 2)
 _PATCH_REACH = np.float32((1 - 2 * 0.284 / 12) * math.hypot(1.0, (1 + math.sqrt(5)) / 2))
 _NOTHING = np.float32(1e30)
 _ZERO, _ONE, _MIN_DROP = np.float32(0.0), np.float32(1.0), np.float32(1e-6)
 # a row of `UprightThings.rows`, or its numbers
 ThingRow = Float32Array | tuple[np.float32, ...]
+
+
+@compiled(inline="always")
+def row_of(rows: Float32Array, k: np.uintp) -> tuple[np.float32, ...]:
+    """Return the numbers of a row: a view of it is counted and let go again, which takes longer than what it is for."""
+    first = rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4]
+    return (*first, rows[k, 5], rows[k, 6], rows[k, 7], rows[k, 8], rows[k, 9])
+
+
+@compiled(error_model="numpy")
+def rows_from_eye(things: UprightThings, eye_x_m: float, eye_y_m: float) -> Float32Array:
+    """Return the rows of things with the eye's foot as the origin."""
+    rows = things.rows.astype(np.float32)
+    for k in range(len(rows)):
+        rows[k, X0] = np.float32(things.rows[k, X0] - eye_x_m)
+        rows[k, Y0] = np.float32(things.rows[k, Y0] - eye_y_m)
+        if rows[k, KIND] == SHEET or rows[k, KIND] == BAR:
+            rows[k, X1] = np.float32(things.rows[k, X1] - eye_x_m)
+            rows[k, Y1] = np.float32(things.rows[k, Y1] - eye_y_m)
+    return rows
+
+
+@compiled(error_model="numpy")
+def foot_circle(row: Float32Array) -> tuple[float, float, float]:
+    """Return a circle in plan, x, y and radius, that a thing lies within."""
+    kind, x, y, radius = row[KIND], float(row[X0]), float(row[Y0]), float(row[RADIUS])
+    if kind == SHEET or kind == BAR:
+        end_x, end_y = float(row[X1]), float(row[Y1])
+        return (x + end_x) / 2, (y + end_y) / 2, radius + math.hypot(end_x - x, end_y - y) / 2
+    return x, y, math.hypot(radius, float(row[OTHER])) if kind == BOX_TOP else radius
 
 
 @compiled(error_model="numpy", inline="always")

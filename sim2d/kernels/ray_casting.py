@@ -1,0 +1,186 @@
+"""Compiled: of the exact pictures' rays what each meets first, how much of its patch is painted, which nets it crosses.
+
+A ray has a horizontal direction of length 1 and a slope, so that distances are horizontal ones.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robocup_vision.arrays import BoolArray, Float32Array, FloatArray, Int32Array
+from robocup_vision.compiling.loops import compiled
+from sim2d.kernels.floor_paint import is_inside, share_of_arc, share_of_line
+from sim2d.kernels.frame_values import FloorPaint, Nets
+from sim2d.kernels.nets import cover, from_eye
+from sim2d.kernels.things import ID_BITS, KIND, foot_circle, meet_grid, meet_thing, row_of
+
+LEVEL = -1e-7  # slope above which a ray never meets the floor
+MIN_RUN = 1e-9
+MAX_FLOOR_M = 1e3
+_BLOCK = 1024  # so many rays are taken together: things beside all of their bearings are left out
+
+
+@compiled(error_model="numpy")
+def first_things(
+    rows: Float32Array,
+    directions: Float32Array,
+    height: np.float32,
+    lamp: Float32Array,
+    distance_m: Float32Array,
+    surface: Int32Array,
+    shade: Float32Array,
+) -> None:
+    """Find the thing each ray meets first.
+
+    Parameters
+    ----------
+    rows : (T, 10) float32
+        Of `UprightThings.rows`, with the eye's foot as the origin.
+    directions : (3, N) float32
+        Horizontal direction and slope, field axes; neighbours should have nearly the same bearing.
+    height : float32
+        Of the eye, metres.
+    lamp : (2,) float32
+        Unit direction towards the light, field axes.
+    distance_m : (N,) float32
+        How far each ray goes at most; lowered to where it meets a thing, metres.
+    surface : (N,) int32
+        Set to the thing's colour where one is met.
+    shade : (N,) float32
+        Set to its shade there.
+    """
+    ids = np.empty(directions.shape[1], dtype=np.int32)
+    for start in range(0, len(ids), _BLOCK):
+        stop = min(start + _BLOCK, len(ids))
+        ids[start:stop] = -1
+        middle = math.atan2(directions[1, start:stop].sum(), directions[0, start:stop].sum())
+        c, s, least = np.float32(math.cos(middle)), np.float32(math.sin(middle)), np.float32(1.0)
+        for i in range(start, stop):
+            least = min(least, c * directions[0, i] + s * directions[1, i])
+        half_rad = math.acos(least) + 1e-3
+        for k in range(len(rows)):
+            x, y, radius = foot_circle(rows[k])
+            away = math.hypot(x, y)
+            if away > radius:
+                off_rad = abs(math.atan2(c * y - s * x, c * x + s * y))
+                if off_rad > half_rad + math.asin(radius / away):
+                    continue
+            part = (0, 1, start, stop)
+            meet_grid(rows[k], np.int32(k << ID_BITS), directions, part, 0, height, lamp, distance_m, ids)
+        for i in range(start, stop):
+            if ids[i] >= 0:
+                row = row_of(rows, np.uintp(ids[i] >> ID_BITS))
+                dx, dy, dz = directions[0, i], directions[1, i], directions[2, i]
+                _, surface[i], shade[i] = meet_thing(row[KIND], row, dx, dy, dz, height, lamp)
+
+
+@compiled(error_model="numpy")
+def paint_floor(
+    paint: FloorPaint,
+    places_m: Float32Array,
+    directions: Float32Array,
+    sizes_m: Float32Array,
+    covered: Float32Array,
+    on_carpet: BoolArray,
+) -> None:
+    """Fill in which fraction of each ray's patch of floor is painted, and whether the patch lies on the carpet.
+
+    Parameters
+    ----------
+    places_m : (2, N) float32
+        Middles of the patches, field frame, metres.
+    directions : (2, N) float32
+        Of the patches' radial sides.
+    sizes_m : (2, N) float32
+        Along them and across, metres.
+    covered : (N,) float32
+        Filled.
+    on_carpet : (N,) bool
+        Filled.
+    """
+    half = np.float32(paint.half_m)
+    x, y, cos, sin = places_m[0], places_m[1], directions[0], directions[1]
+    radial, tangential = sizes_m[0], sizes_m[1]
+    for i in range(len(covered)):
+        covered[i], on_carpet[i] = np.float32(0.0), is_inside(paint.edges, x[i], y[i])
+    for k in range(len(paint.lines)):
+        x0, y0, t_x, t_y, length = paint.lines[k]
+        middle_x, middle_y = np.float32(x0 + length / 2 * t_x), np.float32(y0 + length / 2 * t_y)
+        line = np.float32(t_x), np.float32(t_y), np.float32(length / 2), half
+        for i in range(len(covered)):
+            along, across = abs(cos[i] * line[0] + sin[i] * line[1]), abs(sin[i] * line[0] - cos[i] * line[1])
+            share = share_of_line(x[i] - middle_x, y[i] - middle_y, line, along, across, radial[i], tangential[i])
+            covered[i] = max(covered[i], share)
+    for k in range(len(paint.arcs)):
+        row = paint.arcs[k]
+        center_x, center_y = np.float32(row[0]), np.float32(row[1])
+        arc = np.float32(row[2]), np.float32(row[3]), np.float32(row[4]), np.float32(row[5]), half
+        for i in range(len(covered)):
+            share = share_of_arc(x[i] - center_x, y[i] - center_y, arc, cos[i], sin[i], radial[i], tangential[i])
+            covered[i] = max(covered[i], share)
+
+
+@compiled(error_model="numpy")
+def cross_net(
+    nets: Nets,
+    which: int,
+    eye_m: Float32Array,
+    directions: Float32Array,
+    steps: Float32Array,
+    distance_m: Float32Array,
+    covered: Float32Array,
+) -> None:
+    """Fill in where rays cross a net, and which fraction of their patches its cords cover.
+
+    Parameters
+    ----------
+    which : int
+        Row of the net.
+    eye_m : (3,) float32
+        Where the rays start, field frame, metres.
+    directions : (3, N) float32
+        As in `first_things`.
+    steps : (2, N) float32
+        Angle to the ray beside each, radians, and difference of slope to the one above.
+    distance_m, covered : (N,) float32
+        Filled.
+    """
+    row = nets.rows[which]
+    axes, start = from_eye(row, eye_m)
+    for i in range(len(covered)):
+        ray = directions[0, i], directions[1, i], directions[2, i], steps[0, i], steps[1, i]
+        distance_m[i], covered[i] = cover(row, axes, start, ray)
+
+
+@compiled(error_model="numpy")
+def pinhole_patches(
+    height_m: float,
+    rays_per_rad: float,
+    along_axis: FloatArray,
+    directions: FloatArray,
+    radial_m: FloatArray,
+    tangential_m: FloatArray,
+) -> None:
+    """Write the sizes of the floor patches that a pinhole camera's rays stand for.
+
+    Parameters
+    ----------
+    rays_per_rad : float
+        Rays an angle of one radian on the optical axis; where the cosine to it is c there are 1 / c^2 times as many.
+    along_axis : (P, samples) float64
+        Cosine between each ray and the optical axis.
+    directions : (P, samples, 3) float64
+        Unit directions, robot frame.
+    radial_m, tangential_m : (P, samples) float64
+        Filled: sizes along and across the ray, metres.
+    """
+    for pixel in range(directions.shape[0]):
+        for sample in range(directions.shape[1]):
+            x, y, z = directions[pixel, sample, 0], directions[pixel, sample, 1], directions[pixel, sample, 2]
+            floor = height_m * max(math.hypot(x, y), MIN_RUN) / -z if z < LEVEL else MAX_FLOOR_M
+            ray_m = math.hypot(min(floor, MAX_FLOOR_M), height_m)
+            angle = along_axis[pixel, sample] * along_axis[pixel, sample] / rays_per_rad
+            radial_m[pixel, sample] = ray_m * ray_m / height_m * angle
+            tangential_m[pixel, sample] = ray_m * angle

@@ -1,0 +1,105 @@
+"""A scene as the compiled loops of every renderer take it: rows of what stands there and of what is painted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from field_models import COLOR_NAMES, Field
+from robocup_vision.arrays import Float32Array, FloatArray
+from sim2d.kernels.frame_values import FloorPaint, UprightThings
+from sim2d.kernels.things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, SHEET
+from sim2d.rendering.scene import Ball, Bar, Bgr, Box, Post, Robot, Scene, Wall
+
+Thing = Wall | Post | Bar | Box | Robot | Ball
+WHITE = np.ones(3)
+
+
+class ThingTable:
+    """The rows of some things, and the colours that they name by number."""
+
+    def __init__(self, things: Iterable[Thing], first_color: int = 0) -> None:
+        self.rows: list[list[float]] = []
+        self.colors: list[Bgr] = []
+        self._first = first_color
+        for thing in things:
+            self._add(thing)
+
+    def values(self, cast_bgr: FloatArray = WHITE) -> UprightThings:
+        """Return them as the loops take them, in a sensor's colours."""
+        rows = np.array(self.rows, dtype=np.float64).reshape(-1, COLUMNS)
+        return UprightThings(rows, in_cast(self.colors, cast_bgr))
+
+    def _color(self, *colors: Bgr) -> int:
+        """Keep colours; return the number of the first."""
+        self.colors += colors
+        return self._first + len(self.colors) - len(colors)
+
+    def _add(self, thing: Thing) -> None:
+        add = self.rows.append
+        if isinstance(thing, Wall):
+            ends = [thing.x0_m, thing.y0_m, thing.x1_m, thing.y1_m]
+            left = self._color(thing.left_bgr, thing.right_bgr)
+            add([SHEET, *ends, 0, thing.height_m, left, 1, left + 1])
+        elif isinstance(thing, Bar):
+            ends = [thing.x_m, -thing.half_length_m, thing.x_m, thing.half_length_m]
+            add([BAR, *ends, thing.radius_m, thing.height_m, self._color(thing.color_bgr), 1, -1])
+        elif isinstance(thing, Post):
+            color = self._color(*thing.bands_bgr)
+            row = [CYLINDER, thing.x_m, thing.y_m, 0, 0, thing.radius_m, thing.height_m, color]
+            add([*row, len(thing.bands_bgr), -1])
+        elif isinstance(thing, Box):
+            for face in thing.faces():
+                self._add(face)
+            along = math.cos(thing.yaw_rad), math.sin(thing.yaw_rad)
+            row = [BOX_TOP, thing.x_m, thing.y_m, *along, thing.width_m / 2, thing.height_m]
+            add([*row, self._color(thing.color_bgr), 1, thing.depth_m / 2])
+        elif isinstance(thing, Robot):
+            side = self._color(thing.color_bgr, thing.marker_bgr)
+            add([CYLINDER, thing.x_m, thing.y_m, 0, 0, thing.radius_m, thing.height_m, side, 1, side + 1])
+        else:
+            color = self._color(thing.color_bgr)
+            patches = -1 if thing.patches_bgr is None else self._color(thing.patches_bgr)
+            about_x, about_y, about_z = thing.turn_rad
+            place = [thing.x_m, thing.y_m, about_x, about_y, thing.radius_m, 2 * thing.radius_m]
+            add([BALL, *place, color, about_z, patches])
+
+
+def in_cast(colors: Iterable[Bgr], cast_bgr: FloatArray) -> Float32Array:
+    """Return colours (C, 3) float32 BGR as a sensor of this white balance has them."""
+    return np.asarray(np.array([*colors], dtype=np.float64).reshape(-1, 3) * cast_bgr, dtype=np.float32)
+
+
+def floor_paint(scene: Scene, cast_bgr: FloatArray = WHITE) -> FloorPaint:
+    """Return what is painted on a scene's floor, in a sensor's colours."""
+    field, corners = scene.field, scene.carpet_polygon
+    colors = COLOR_NAMES["green"], COLOR_NAMES[field.line_color], scene.room.floor_bgr
+    return FloorPaint(
+        _line_rows(field),
+        _arc_rows(field),
+        field.line_width_m / 2,
+        np.hstack([corners, np.roll(corners, -1, axis=0)]),
+        not field.is_bounded,  # a floor with recesses is not
+        in_cast(colors, cast_bgr),
+    )
+
+
+def _line_rows(field: Field) -> FloatArray:
+    """Lines (N, 5): start x, y, unit direction x, y, length."""
+    rows = []
+    for x0, y0, x1, y1 in field.painted_lines.tolist():
+        length = math.hypot(x1 - x0, y1 - y0)
+        rows.append([x0, y0, (x1 - x0) / length, (y1 - y0) / length, length])
+    return np.array(rows, dtype=np.float64).reshape(-1, 5)
+
+
+def _arc_rows(field: Field) -> FloatArray:
+    """Arcs (M, 6): centre x, y, radius, direction x, y of the middle, cosine of half the sweep (-2: a full circle)."""
+    rows = []
+    for x, y, radius, start, sweep in field.painted_arcs.tolist():
+        middle = start + sweep / 2
+        cosine = -2.0 if abs(sweep) > math.tau - 1e-9 else math.cos(sweep / 2)
+        rows.append([x, y, radius, math.cos(middle), math.sin(middle), cosine])
+    return np.array(rows, dtype=np.float64).reshape(-1, 6)
