@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.floor import colors as kernel
+from robocup_vision.kernels.floor.common_tone import greenest_common_tone
 
 # columns of the ring around the robot
 RING_COLUMNS = 10
@@ -44,8 +44,6 @@ class FloorColorSettings:
     #: bounds of the relative standard deviation of a ratio beyond the noise
     min_spread: float = 0.05
     max_spread: float = 0.15
-    #: a colour is a candidate for the floor if it has this part of the commonest colour's weight
-    min_mode_ratio: float = 0.25
     min_samples: int = 50  #: samples that determine a colour
     gate: float = 6.0  #: chi-square of a sample that belongs to the floor: 2 degrees of freedom, 95 %
 
@@ -156,7 +154,7 @@ def learn_floor_color(
         return None
     log_red = np.log((red[bright] + 1) / (green[bright] + 1))
     log_blue = np.log((blue[bright] + 1) / (green[bright] + 1))
-    red0, blue0, member = _mode(log_red, log_blue, weight[bright], settings.min_mode_ratio)
+    red0, blue0, member = _mode(log_red, log_blue, weight[bright])
     level0 = _lit_level(level[bright][member])
     red_ratio, blue_ratio, spread = _follow(samples, valid, level0, noise, (math.exp(red0), math.exp(blue0)), settings)
     return FloorColor(level0, noise, red_ratio, blue_ratio, spread)
@@ -251,19 +249,9 @@ def _noise(samples: UInt8Array, usable: npt.NDArray[np.bool_]) -> float:
     return float(np.percentile(difference, 25)) / (0.83 * math.sqrt(2.0)) if len(difference) else 1.0
 
 
-def _mode(
-    log_red: FloatArray, log_blue: FloatArray, weight: FloatArray, min_ratio: float
-) -> tuple[float, float, npt.NDArray[np.bool_]]:
-    # wide enough for every ratio of two bytes: beyond its ends no sample would be near the mode
-    step, low, count = 0.1, -6.0, 120
-    i = np.clip(((log_red - low) / step).astype(int), 1, count - 2)
-    j = np.clip(((log_blue - low) / step).astype(int), 1, count - 2)
-    histogram = np.bincount(i * count + j, weight, minlength=count * count).reshape(count, count)
-    pooled = np.asarray(cv2.boxFilter(histogram, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT))
-    # in a corner more of the hall's floor is in view than of the carpet, which is the greener one under any light
-    common = np.argwhere(pooled >= min_ratio * pooled.max())
-    top_i, top_j = common[np.argmin(common.max(axis=1))]
-    red, blue = low + (float(top_i) + 0.5) * step, low + (float(top_j) + 0.5) * step
+def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tuple[float, float, npt.NDArray[np.bool_]]:
+    """Return the medians of the greenest common tone, and which colours (N,) have it."""
+    red, blue = greenest_common_tone(log_red, log_blue, weight)
     member = np.ones(len(log_red), dtype=bool)
     for _ in range(3):
         member = np.hypot(log_red - red, log_blue - blue) < 0.3

@@ -67,16 +67,7 @@ class LineSettings:
     one_sided_weight: float = 0.5  #: weight of points with floor on one side only, where the carpet ends at the line
     #: from this width on no line can be hidden in the floor's tone: where none is, floor is bare
     resolved_px: float = 1.5
-    tone_stds: float = 4.0  #: largest deviation of a floor colour from the floor's tone, in robust standard deviations
-    min_tone_spread: float = 0.04  #: least standard deviation of a tone's logarithm: quantisation of a dark floor
-    #: tones that cover so much of the nearest floor, by the commonest one's cover, may be the carpet's
-    common_tone_ratio: float = 0.25
-    #: darkest and brightest floor, of the nearest floor's median green: deep shadow and a spot of light
-    dark_ratio: float = 0.35
-    bright_ratio: float = 1.9
-    #: grey levels a channel may leave the tone's ratios by: sensor noise, which weighs more the darker the floor is
-    slack: float = 2.0
-    min_samples: int = 50  #: samples of a tone that determine it
+    tone: ToneRules = ToneRules()  #: what the floor's tone may be
     #: how wide a line looks is worked out once in each square of so many pixels to a side, as a power of two: more than
     #: one for large frames whose camera is another in each
     cell_bits: int = 0
@@ -143,8 +134,6 @@ class LineFinder:
     ----------
     mask : (H, W) array, optional
         Non-zero pixels are never looked at.
-    floor_m : (R, C, 2) float64, optional
-        What the camera shows at `cell_middles`, where that is known.
     """
 
     def __init__(
@@ -153,7 +142,6 @@ class LineFinder:
         line_width_m: float,
         mask: npt.NDArray[np.generic] | None = None,
         settings: LineSettings = LineSettings(),
-        floor_m: FloatArray | None = None,
     ) -> None:
         self.camera = camera
         self.settings = settings
@@ -161,10 +149,11 @@ class LineFinder:
         if mask is not None and mask.shape[:2] != (height, width):
             raise ArgumentError(f"mask must be {width}x{height}, got {mask.shape[1]}x{mask.shape[0]}")
         cell = 2**settings.cell_bits
-        floor = camera.pixel_to_floor(cell_middles(camera.size_px, settings.cell_bits)) if floor_m is None else floor_m
+        middles = cell_middles(camera.size_px, settings.cell_bits)
+        floor = camera.pixel_to_floor(middles)
         seen: npt.NDArray[np.bool_] = np.isfinite(floor[..., 0]) & np.isfinite(floor[..., 1])
         if isinstance(camera, OmniCamera):
-            from_center = cell_middles(camera.size_px, settings.cell_bits) - camera.center_px
+            from_center = middles - camera.center_px
             radius = np.hypot(from_center[..., 0], from_center[..., 1])
             inner, outer = camera.usable_radius_px
             seen &= (radius >= inner) & (radius <= outer)
@@ -250,17 +239,8 @@ class LineFinder:
 
     def _tone(self, smooth: npt.NDArray[np.uint8]) -> Float32Array | None:
         """Learn the floor's colour from the nearest pixels: (7,), see `floor_mask_by_tone`; None if they have none."""
-        settings, tone = self.settings, np.empty(7, dtype=np.float32)
-        rules = ToneRules(
-            settings.min_samples,
-            settings.common_tone_ratio,
-            settings.tone_stds,
-            settings.min_tone_spread,
-            settings.dark_ratio,
-            settings.bright_ratio,
-            settings.slack,
-        )
-        return tone if learn_tone(smooth, self._near, rules, tone) else None
+        tone = np.empty(7, dtype=np.float32)
+        return tone if learn_tone(smooth, self._near, self.settings.tone, tone) else None
 
     def _noise_threshold(self, whiteness: npt.NDArray[np.uint8], floor: npt.NDArray[np.uint8]) -> int:
         values = whiteness.ravel()

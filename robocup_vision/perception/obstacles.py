@@ -14,7 +14,6 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.kernels.floor.stretches import join_bearings
 from robocup_vision.kernels.floor.things import (
     AVERAGED_COLUMNS,
     FieldFeet,
@@ -183,7 +182,7 @@ def _feet(view: PolarView | FloorView, columns: Int64Array, edge_px: FloatArray 
 def join_places(
     places_m: FloatArray, seen: npt.NDArray[np.bool_], gap_m: float, step_rad: float
 ) -> tuple[Obstacle, ...]:
-    """Join neighbouring bearings whose places lie close together.
+    """Join neighbouring bearings whose places lie close together; the last bearing is the first one's neighbour.
 
     Parameters
     ----------
@@ -196,6 +195,19 @@ def join_places(
     step_rad : float
         That spacing.
     """
-    found = np.empty((len(seen), 5))
-    count = join_bearings(places_m, seen, gap_m, step_rad, found)
-    return tuple(Obstacle(*row) for row in found[:count].tolist())
+    if not seen.any():
+        return ()
+    space_m = np.hypot(*places_m.T) * step_rad
+    apart_m = np.hypot(*(places_m - np.roll(places_m, 1, axis=0)).T)
+    goes_on = seen & np.roll(seen, 1) & (apart_m < gap_m + space_m)
+    # from a gap on, so that a thing across the last bearing is whole
+    order = np.roll(np.arange(len(seen)), -int(np.argmin(goes_on)))
+    order = order[seen[order]]
+    first = np.union1d([0], np.flatnonzero(~goes_on[order]))
+    last = np.append(first[1:], len(order)) - 1
+    bearings = last - first + 1
+    x, y = (np.add.reduceat(places_m[order], first) / bearings[:, None]).T
+    ends_m = np.hypot(*(places_m[order[last]] - places_m[order[first]]).T)
+    width = ends_m + np.add.reduceat(space_m[order], first) / bearings
+    found = np.column_stack([x, y, width, np.arctan2(y, x), np.hypot(x, y)])
+    return tuple(Obstacle(*row) for row in found.tolist())

@@ -13,6 +13,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, Int64Array, UInt8Array, UInt16Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.floor.free_floor import passable
+from robocup_vision.kernels.floor.free_ranges import sum_near
 from robocup_vision.kernels.floor.polar import classify, outer_boundary
 from robocup_vision.kernels.floor.radial_edges import EdgeSearch, Rays, radial_edges
 from robocup_vision.kernels.floor.unrolled import unroll
@@ -139,8 +140,4 @@ def outline_floor(
     is_ring = variable(1) > 0
     widest = rules.line_columns, rules.line_rows
     passable(samples, llr, rules.valid, widest[0], widest[1], rules.columns_in_use, is_ring, outermost, marks)
-    near = 0
-    for k in range(llr.shape[0]):
-        for m in range(llr.shape[1] // 3):
-            near += llr[k, m]
-    return near
+    return sum_near(llr, llr.shape[1] // 3)

@@ -10,25 +10,41 @@ import numpy as np
 from robocup_vision.arrays import BoolArray, Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.order import quantiles
+from robocup_vision.kernels.floor.common_tone import greenest_common_tone
 
-# ratios R/G and B/G are counted in bins of their logarithms; one that is smaller counts as the smallest
-_BIN, _SPAN, _BINS = 0.08, 2.0, 50
+# smallest logarithm of a ratio R/G or B/G, with a minus: one that is smaller counts as this
+_SPAN = 2.0
+# of a tone's logarithms before it is measured, as a standard deviation
+_FIRST_SPREAD = 0.08
 # burnt out, and dark, channels tell no ratio
 _BRIGHTEST, _DARKEST = 250, 3
-# but that it is smaller than any that is counted, in a vivid green: one so bright, and twice as bright as the others
+# but that it is smaller than that, in a vivid green: one so bright, and twice as bright as the others
 _VIVID = _DARKEST * math.exp(_SPAN)
 
 
 class ToneRules(NamedTuple):
-    """As the `LineSettings` of `line_points` say; see there."""
+    """What a floor's tone may be.
 
-    min_samples: int
-    common_tone_ratio: float
-    tone_stds: float
-    min_tone_spread: float
-    dark_ratio: float
-    bright_ratio: float
-    slack: float
+    Parameters
+    ----------
+    min_samples : int
+        Pixels of a tone that determine it.
+    stds : float
+        Largest deviation of a floor colour from the floor's tone, in robust standard deviations.
+    min_spread : float
+        Least standard deviation of a tone's logarithm: quantisation of a dark floor.
+    dark_ratio, bright_ratio : float
+        Darkest and brightest floor, of the nearest floor's median green: deep shadow and a spot of light.
+    slack : float
+        Grey levels a channel may leave the tone's ratios by: sensor noise, which weighs more the darker the floor is.
+    """
+
+    min_samples: int = 50
+    stds: float = 4.0
+    min_spread: float = 0.04
+    dark_ratio: float = 0.35
+    bright_ratio: float = 1.9
+    slack: float = 2.0
 
 
 @compiled(error_model="numpy")
@@ -66,15 +82,15 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
     if count < known.min_samples:
         return False
     mode = np.empty(2)
-    mode[0], mode[1] = _common_tone(seen[0, :count], seen[1, :count], known.common_tone_ratio)
-    spread = np.full(2, _BIN)
+    mode[0], mode[1] = greenest_common_tone(seen[0, :count], seen[1, :count], np.ones(count))
+    spread = np.full(2, _FIRST_SPREAD)
     members, scratch, usual = np.empty(count), np.empty(count + 1), np.empty(1)
     half, chosen, is_member = np.full(1, 0.5), 0, np.empty(count, np.bool_)
     for _ in range(3):
         chosen = 0
         for n in range(count):
-            is_member[n] = abs(seen[0, n] - mode[0]) < known.tone_stds * spread[0]
-            is_member[n] &= abs(seen[1, n] - mode[1]) < known.tone_stds * spread[1]
+            is_member[n] = abs(seen[0, n] - mode[0]) < known.stds * spread[0]
+            is_member[n] &= abs(seen[1, n] - mode[1]) < known.stds * spread[1]
             chosen += is_member[n]
         if chosen < known.min_samples:
             return False
@@ -83,8 +99,8 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
         for i in range(2):
             _pick(seen[i, :count], is_member, members)
             mode[i], around = _middle_and_spread(members[:chosen], scratch)
-            spread[i] = max(around, known.min_tone_spread)
-            if mode[i] - known.tone_stds * spread[i] > -_SPAN:
+            spread[i] = max(around, known.min_spread)
+            if mode[i] - known.stds * spread[i] > -_SPAN:
                 continue
             # a channel so dark that its ratio is cut off varies by counts
             ratio = math.exp(mode[i])
@@ -92,7 +108,7 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
             _, around = _middle_and_spread(members[:chosen], scratch)
             spread[i] = max(spread[i], around / (ratio * usual[0]))
     for i in range(2):
-        least, most = mode[i] - known.tone_stds * spread[i], mode[i] + known.tone_stds * spread[i]
+        least, most = mode[i] - known.stds * spread[i], mode[i] + known.stds * spread[i]
         # grey is no carpet whose own tone is clear of it
         most = min(most, max(0.5 * mode[i], mode[i] + 2.0 * spread[i]))
         tone[2 * i], tone[2 * i + 1] = math.exp(least) if least > -_SPAN else 0.0, math.exp(most)
@@ -136,31 +152,3 @@ def _pick_off(channel: FloatArray, green: FloatArray, ratio: float, chosen: Bool
         if chosen[n]:
             out[count] = channel[n] - ratio * green[n]
             count += 1
-
-
-@compiled
-def _common_tone(red: FloatArray, blue: FloatArray, common_ratio: float) -> tuple[float, float]:
-    """Return the greenest of the tones that are nearly as common as the commonest: logarithms of R/G and B/G.
-
-    A robot at the carpet's edge sees the hall's floor as near as the carpet: of tones that both cover much of the ring
-    the carpet is the greener one, under any light.
-    """
-    # with a border of zeros, so that neighbours need no checks
-    counts = np.zeros((_BINS + 2, _BINS + 2), np.int64)
-    for n in range(red.shape[0]):
-        if abs(red[n]) <= _SPAN and abs(blue[n]) <= _SPAN:
-            row, column = int((red[n] + _SPAN) / _BIN), int((blue[n] + _SPAN) / _BIN)
-            counts[min(row, _BINS - 1) + 1, min(column, _BINS - 1) + 1] += 1
-    around, most = np.zeros((_BINS, _BINS), np.int64), 0
-    for row in range(_BINS):
-        for column in range(_BINS):
-            for i in range(3):
-                for j in range(3):
-                    around[row, column] += counts[row + i, column + j]
-            most = max(most, around[row, column])
-    best, best_row, best_column = _BINS, 0, 0
-    for row in range(_BINS):
-        for column in range(_BINS):
-            if around[row, column] >= common_ratio * most and max(row, column) < best:
-                best, best_row, best_column = max(row, column), row, column
-    return (best_row + 0.5) * _BIN - _SPAN, (best_column + 0.5) * _BIN - _SPAN

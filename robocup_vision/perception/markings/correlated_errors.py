@@ -7,10 +7,8 @@ stretches of line, not single points.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +19,6 @@ from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.marking import MarkingSettings
 from robocup_vision.perception.markings.straight import Straight, scale_m
 
-Held = TypeVar("Held", OmniCamera, PinholeCamera)
 # width of a square of the picture whose points have correlated errors
 _SQUARE_PX = 24.0
 # the mean of a stripe of fewer points is not used
@@ -35,9 +32,8 @@ class FloorErrors:
     """A camera, and the errors of its attitude, height, focal length and pan."""
 
     camera: OmniCamera | PinholeCamera  #: as the frame shows it to be held
-    #: (5, K) float64 or (2, K) float64: columns are independent errors, each by one standard deviation: of a forward
-    #: camera's tilt, roll, height, logarithm of the focal length and pan, of a mirror camera's tilt about either axis.
-    #: Rad and m.
+    #: (5, K) float64: columns are independent errors, each by one standard deviation: of a forward camera's tilt, roll,
+    #: height, logarithm of the focal length and pan, rad and m. (0, 0): a mirror camera's file is taken to be right.
     root: FloatArray
 
     @classmethod
@@ -59,7 +55,7 @@ class FloorErrors:
             Of a forward camera's tilt, roll, height and logarithm of the focal length.
         """
         if isinstance(camera, OmniCamera):
-            return cls(camera, _root(np.eye(2) * settings.mirror_std_rad**2))
+            return cls(camera, np.empty((0, 0)))
         covariance = np.zeros((5, 5))
         if held_covariance is None:
             focal_std = camera.focal_std_px / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
@@ -69,18 +65,18 @@ class FloorErrors:
         return cls(camera, _root(covariance))
 
     @cached_property
-    def _others(self) -> tuple[tuple[OmniCamera | PinholeCamera, OmniCamera | PinholeCamera], ...]:
+    def _others(self) -> tuple[tuple[PinholeCamera, PinholeCamera], ...]:
         """The camera off by each error either way, one at a time."""
         camera = self.camera
-        if isinstance(camera, PinholeCamera):
-            return tuple(_both(camera, _held, column) for column in self.root.T)
-        return tuple(_both(camera, _tilted, column) for column in self.root.T)
+        if isinstance(camera, OmniCamera):
+            return ()
+        return tuple((_held(camera, column), _held(camera, -column)) for column in self.root.T)
 
     def moved(self, deviations: FloatArray) -> FloorErrors:
         """Return the errors about the camera that is off by so many (K,) standard deviations of each."""
-        error, camera = self.root @ deviations, self.camera
-        off = _held(camera, error) if isinstance(camera, PinholeCamera) else _tilted(camera, error)
-        return FloorErrors(off, self.root)
+        if isinstance(self.camera, OmniCamera):
+            return self
+        return FloorErrors(_held(self.camera, self.root @ deviations), self.root)
 
     def shifts_m(self, pixels: FloatArray) -> FloatArray:
         """How far floor places of pixels (..., 2) move by one standard deviation of each error, (..., 2, K), metres.
@@ -100,10 +96,6 @@ def _root(covariance: FloatArray) -> FloatArray:
     return root[:, errs]
 
 
-def _both(camera: Held, off: Callable[[Held, FloatArray], Held], error: FloatArray) -> tuple[Held, Held]:
-    return off(camera, error), off(camera, -error)
-
-
 def _held(camera: PinholeCamera, error: FloatArray) -> PinholeCamera:
     tilt, roll, height, log_focal, pan = error.tolist()
     (fu, fv), scale = camera.focal_px, math.exp(log_focal)
@@ -115,13 +107,6 @@ def _held(camera: PinholeCamera, error: FloatArray) -> PinholeCamera:
         max(camera.height_m + height, 0.1 * camera.height_m),
         (fu * scale, fv * scale),
     )
-
-
-def _tilted(camera: OmniCamera, error: FloatArray) -> OmniCamera:
-    if camera.height_m is None:
-        return camera
-    (x, y), (about_x, about_y) = camera.tilt_rad, error.tolist()
-    return replace(camera, viewpoint_height_m=camera.height_m, tilt_rad=(x + about_x, y + about_y))
 
 
 def common_error_px(points: LinePoints, lines: list[Straight], settings: MarkingSettings) -> float:

@@ -98,7 +98,8 @@ class MarkingFinder:
     ) -> None:
         self.field, self.settings, self._mask = field, settings, mask
         self._radii_m = np.round(field.arcs[:, 2], 6)
-        self._reach_m = settings.max_range_ratio * math.hypot(field.length_m, field.width_m)
+        # no line of a field is farther from a robot on it
+        self._reach_m = math.hypot(field.length_m, field.width_m)
         self._features = FieldFeatures(field, settings.gate_sigmas)
         self._posts, self._spots = PostFinder(field, settings), SpotFinder(field, settings)
         self._finder: LineFinder | None = None

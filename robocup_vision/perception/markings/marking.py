@@ -64,8 +64,6 @@ class MarkingSettings:
     spot_size_ratio: float = 1.5
     spot_std_px: float = 0.12  #: of a penalty mark's middle in the picture
     sway_std_rad: float = 0.02  #: of a forward camera's tilt and roll, where the camera does not say: a walking robot's
-    mirror_std_rad: float = 0.0  #: of a mirror camera's tilt
-    max_range_ratio: float = 1.0  #: largest range at which lines are looked for, in diagonals of the field
 
 
 CrossingKind = Literal["L", "T", "X"]

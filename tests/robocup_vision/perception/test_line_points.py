@@ -179,16 +179,6 @@ def test_from_pixels_gives_floor_and_its_derivative(mirror_camera):
     assert math.isclose(points.weight.sum(), 2.0)
 
 
-def test_a_floor_that_is_known_is_not_asked_for(mirror_camera, paint_field):
-    frame = paint_field(mirror_camera, FIELD, POSE, rng=np.random.default_rng(1))
-    settings = LineSettings(cell_bits=1)
-    floor_m = mirror_camera.pixel_to_floor(cell_middles(mirror_camera.size_px, 1))
-    asked = LineFinder(mirror_camera, FIELD.line_width_m, settings=settings).find(frame)
-    known = LineFinder(mirror_camera, FIELD.line_width_m, settings=settings, floor_m=floor_m).find(frame)
-    assert len(asked) > 20
-    np.testing.assert_array_equal(known.pixels, asked.pixels)
-
-
 def test_cells_are_met_in_their_middles():
     assert cell_middles((7, 3), 0)[1, 4].tolist() == [4.0, 1.0]
     assert cell_middles((8, 4), 1).tolist() == [[[u, v] for u in (1, 3, 5, 7)] for v in (1, 3)]

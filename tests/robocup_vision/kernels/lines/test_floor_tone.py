@@ -5,7 +5,7 @@ import pytest
 
 from robocup_vision.kernels.lines.floor_tone import ToneRules, learn_tone
 
-RULES = ToneRules(50, 0.25, 4.0, 0.04, 0.35, 1.9, 2.0)
+RULES = ToneRules()
 
 
 def test_of_two_common_tones_the_greener_is_the_carpet():
