@@ -101,78 +101,58 @@ def test_an_unreadable_image_is_one_line_and_status_2(
     assert len(Path("here/results.csv").read_text().splitlines()) == 5
 
 
+GIVEN = "evaluate drive --field ssl_2001 --camera"
+
+
 @pytest.mark.parametrize(
-    ("arguments", "line"),
+    ("words", "line"),
     [
-        (["evaluate", "nowhere"], "robocup-vision evaluate: nowhere: does not exist"),
-        (["evaluate", "drive"], "robocup-vision evaluate: drive: has no dataset.toml, so --field must be given"),
+        ("evaluate nowhere", " evaluate: nowhere: does not exist"),
+        ("evaluate drive", " evaluate: drive: has no dataset.toml, so --field must be given"),
+        ("evaluate camera.toml", " evaluate: camera.toml: is a camera file, must be a dataset file"),
+        ("evaluate drive --jobs many", " evaluate: argument --jobs: must be a whole number, got 'many' (see robocup-v"),
+        ("--versoin", ": unknown option --versoin; did you mean '--version'? (see"),
+        ("evalute drive", ": argument COMMAND: 'evalute' is unknown; did you mean 'evaluate'? (see"),
+        ("evaluate drive --metod=edges", " evaluate: unknown option --metod=edges; did you mean '--method'? (see robo"),
+        ("evaluate --xyzzy", " evaluate: unknown option --xyzzy (see robocup-vision evaluate --help"),
+        ("fields spl", " fields: unknown argument spl (see robocup-vision fields --help)"),
+        ("calibrate forwrad drive", " calibrate: argument KIND: 'forwrad' is unknown; did you mean 'forward'? (see"),
         (
-            ["evaluate", "camera.toml"],
-            "robocup-vision evaluate: camera.toml: is a camera file, must be a dataset file",
+            "evaluate drive --field spl_2002 --camera camera.toml",
+            f" evaluate: field 'spl_2002' is neither a .toml file nor one of: {', '.join(field_names())};"
+            " did you mean 'spl_2020'?",
         ),
         (
-            ["evaluate", "drive", "--jobs", "many"],
-            "robocup-vision evaluate: argument --jobs: must be a whole number, got 'many' "
-            "(see robocup-vision evaluate --help)",
-        ),
-        (["--versoin"], "robocup-vision: unknown option --versoin; did you mean '--version'? (see"),
-        (["evalute", "drive"], "robocup-vision: argument COMMAND: 'evalute' is unknown; did you mean 'evaluate'? (see"),
-        (
-            ["evaluate", "drive", "--metod=edges"],
-            "robocup-vision evaluate: unknown option --metod=edges; did you mean '--method'? (see robocup-vision eval",
+            f"{GIVEN} camra.toml",
+            " evaluate: camra.toml: cannot be read (No such file or directory); did you mean 'camera.toml'?",
         ),
         (
-            ["evaluate", "--xyzzy"],
-            "robocup-vision evaluate: unknown option --xyzzy (see robocup-vision evaluate --help",
+            "evaluate drive --field camera.toml --camera field.toml",
+            " evaluate: camera.toml: is a camera file, must be a field file: are the two swapped?",
         ),
-        (["fields", "spl"], "robocup-vision fields: unknown argument spl (see robocup-vision fields --help)"),
+        (f"{GIVEN} field.toml", " evaluate: field.toml: is a field file, must be a camera file: are the two swapped?"),
         (
-            ["calibrate", "forwrad", "drive"],
-            "robocup-vision calibrate: argument KIND: 'forwrad' is unknown; did you mean 'forward'? (see",
-        ),
-        (
-            ["evaluate", "drive", "--field", "spl_2002", "--camera", "camera.toml"],
-            "robocup-vision evaluate: field 'spl_2002' is neither a .toml file nor one of: "
-            + ", ".join(field_names())
-            + "; did you mean 'spl_2020'?",
+            f"{GIVEN} camera.toml --method egdes",
+            " evaluate: method must be one of field, floor, hull, edges, goal, angles, landmarks, got 'egdes';"
+            " did you mean 'edges'?",
         ),
         (
-            ["evaluate", "drive", "--field", "ssl_2001", "--camera", "camra.toml"],
-            "robocup-vision evaluate: camra.toml: cannot be read (No such file or directory); "
-            "did you mean 'camera.toml'?",
-        ),
-        (
-            ["evaluate", "drive", "--field", "camera.toml", "--camera", "field.toml"],
-            "robocup-vision evaluate: camera.toml: is a camera file, must be a field file: are the two swapped?",
-        ),
-        (
-            ["evaluate", "drive", "--field", "ssl_2001", "--camera", "field.toml"],
-            "robocup-vision evaluate: field.toml: is a field file, must be a camera file: are the two swapped?",
-        ),
-        (
-            ["evaluate", "drive", "--field", "ssl_2001", "--camera", "camera.toml", "--method", "egdes"],
-            "robocup-vision evaluate: method must be one of field, floor, hull, edges, goal, angles, landmarks, "
-            "got 'egdes'; did you mean 'edges'?",
-        ),
-        (
-            ["evaluate", ".", "--field", "ssl_2001", "--camera", "camera.toml"],
-            "robocup-vision evaluate: .: no images found in this folder (png, jpg, jpeg, bmp, webp, tif, tiff);"
+            "evaluate . --field ssl_2001 --camera camera.toml",
+            " evaluate: .: no images found in this folder (png, jpg, jpeg, bmp, webp, tif, tiff);"
             " there are some in drive",
         ),
-        ([], "robocup-vision: the following arguments are required: COMMAND (see robocup-vision --help)"),
+        ("", ": the following arguments are required: COMMAND (see robocup-vision --help)"),
     ],
 )
-def test_mistakes_are_one_line(
-    folder: Path, capfd: pytest.CaptureFixture[str], arguments: list[str], line: str
-) -> None:
+def test_mistakes_are_one_line(folder: Path, capfd: pytest.CaptureFixture[str], words: str, line: str) -> None:
     try:
-        status: object = cli.main(arguments)
+        status: object = cli.main(words.split())
     except SystemExit as stop:
         status = stop.code
     assert status == 2
     out, err = capfd.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert err.startswith(line)
+    assert err.startswith(f"robocup-vision{line}")
 
 
 def test_a_folder_with_images_in_it_is_taken(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,12 +3,16 @@
 import csv
 import importlib
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+
+from robocup_vision.evaluation.run import evaluate
 
 SIZE = (64, 56)
 CAMERA = """
@@ -109,6 +113,17 @@ def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.syspath_prepend(folder)
     sys.modules.pop("fake_localiser", None)
     return importlib.import_module("fake_localiser")
+
+
+@pytest.fixture
+def scored(fake: ModuleType, tmp_path: Path) -> Callable[..., Any]:
+    """Return a function that evaluates a dataset with that localiser."""
+
+    def run(dataset: Any, out: str = "out", jobs: int = 1, **options: Any) -> Any:
+        given = {"make_vision": fake.FakeVision, "draw_overlay": fake.draw, **options}
+        return evaluate(dataset, tmp_path / out, jobs, **given)
+
+    return run
 
 
 def write_image(path: Path, pose_codes: tuple[int, int, int], kind: int = 0) -> None:

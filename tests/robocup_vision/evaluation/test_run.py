@@ -34,8 +34,8 @@ def code(path: Path, kind: int) -> None:
     cv2.imwrite(str(path), image)
 
 
-def test_the_files_of_a_run(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
-    summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+def test_the_files_of_a_run(folder: Path, tmp_path: Path, scored) -> None:
+    summary = scored(load_dataset(folder))
     assert summary.problem is None
     header = (tmp_path / "out" / "results.csv").read_text().splitlines()[0]
     assert header == (
@@ -72,13 +72,13 @@ def test_the_files_of_a_run(folder: Path, fake: ModuleType, tmp_path: Path) -> N
     assert summary.report.read_text().count("data:image/jpeg;base64,") == 5
 
 
-def test_nothing_is_dropped(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_nothing_is_dropped(folder: Path, tmp_path: Path, scored) -> None:
     images = folder / "images"
     code(images / "0.png", 1)
     code(images / "1.png", 2)
     code(images / "2.png", 3)
     (images / "3.png").write_bytes((images / "3.png").read_bytes()[:-20])
-    summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    summary = scored(load_dataset(folder))
     rows = read_rows(tmp_path / "out")
     assert [row["status"] for row in rows] == ["not_located"] * 3 + ["unreadable", "located"]
     assert [row["reason"] for row in rows] == [
@@ -104,32 +104,27 @@ def test_nothing_is_dropped(folder: Path, fake: ModuleType, tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_a_localiser_may_know_no_symmetry(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_a_localiser_may_know_no_symmetry(folder: Path, tmp_path: Path, scored) -> None:
     """Only this finds a half turn that is forgiven on a field that has none."""
     text = (folder / "truth.csv").read_text().replace("0.png,-0.01,-0.08,0.0", f"0.png,0.01,0.08,{math.pi}")
     (folder / "truth.csv").write_text(text)
-    turned = evaluate(load_dataset(folder), tmp_path / "a", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    turned = scored(load_dataset(folder), "a")
     assert turned.rows[0].error is not None
     assert turned.rows[0].error.within(0.05, 0.05)
     assert float(read_rows(tmp_path / "a")[0]["y_m"]) == pytest.approx(-0.08)  # the first candidate, never turned
     (folder / "dataset.toml").write_text((folder / "dataset.toml").read_text().replace('"point"', '"none"'))
-    strict = evaluate(load_dataset(folder), tmp_path / "b", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    strict = scored(load_dataset(folder), "b")
     assert strict.rows[0].error is not None
     assert strict.rows[0].error.position_m == pytest.approx(0.16, abs=0.01)
 
 
-def test_each_image_stands_alone(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_each_image_stands_alone(folder: Path, fake: ModuleType, scored) -> None:
     made = []
-    evaluate(
-        load_dataset(folder),
-        tmp_path / "out",
-        make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
-        draw_overlay=fake.draw,
-    )
+    scored(load_dataset(folder), make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0])
     assert made[0].calls == [("forget",), ("look", None, None)] * 5
 
 
-def test_a_sequence_hands_on_time_and_odometry(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_a_sequence_hands_on_time_and_odometry(folder: Path, fake: ModuleType, tmp_path: Path, scored) -> None:
     with (folder / "dataset.toml").open("a") as stream:
         stream.write('frames = "frames.csv"\n')
     rows = ["0.png,10,,,", "1.png,11,0.1,0,1", "2.png,12,0.2,0,0", "3.png,13.5,0.3,0,0", "4.png,14,0.4,0,0"]
@@ -137,13 +132,7 @@ def test_a_sequence_hands_on_time_and_odometry(folder: Path, fake: ModuleType, t
     (folder / "images" / "1.png").write_bytes(b"")
     code(folder / "images" / "3.png", 2)
     made = []
-    summary = evaluate(
-        load_dataset(folder),
-        tmp_path / "out",
-        2,
-        make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
-        draw_overlay=fake.draw,
-    )
+    summary = scored(load_dataset(folder), "out", 2, make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0])
     assert summary.notes == ("a sequence runs in order in one process: --jobs and --dask are ignored",)
     assert made[0].calls == [
         ("look", 10.0, None),
@@ -161,7 +150,7 @@ def without_times(out: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.slow
-def test_the_results_do_not_depend_on_jobs(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_the_results_do_not_depend_on_jobs(folder: Path, tmp_path: Path, scored) -> None:
     """Only this finds a report or trajectory whose order depends on who finished first."""
     for index in range(5, 30):
         (folder / "images" / f"{index}.png").write_bytes((folder / "images" / f"{index % 5}.png").read_bytes())
@@ -169,7 +158,7 @@ def test_the_results_do_not_depend_on_jobs(folder: Path, fake: ModuleType, tmp_p
     (folder / "images" / "7.png").write_bytes(b"")
     dataset = load_dataset(folder)
     for jobs in (1, 2):
-        evaluate(dataset, tmp_path / str(jobs), jobs, make_vision=fake.FakeVision, draw_overlay=fake.draw)
+        scored(dataset, str(jobs), jobs)
     assert without_times(tmp_path / "1") == without_times(tmp_path / "2")
     assert (tmp_path / "1" / "trajectory.tum").read_text() == (tmp_path / "2" / "trajectory.tum").read_text()
     pictures = [
@@ -180,7 +169,7 @@ def test_the_results_do_not_depend_on_jobs(folder: Path, fake: ModuleType, tmp_p
     assert 8 < len(pictures[0]) <= 24
 
 
-def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, tmp_path: Path, scored) -> None:
     path = tmp_path / "drive.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (64, 56))
     for level in range(100, 130, 3):
@@ -190,13 +179,7 @@ def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, t
     writer.release()
     dataset = load_dataset(path, field="ssl_2001", camera=folder / "camera.toml")
     made = []
-    summary = evaluate(
-        dataset,
-        tmp_path / "out",
-        2,
-        make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0],
-        draw_overlay=fake.draw,
-    )
+    summary = scored(dataset, "out", 2, make_vision=lambda d: made.append(fake.FakeVision(d)) or made[0])
     assert summary.notes == ("a sequence runs in order in one process: --jobs and --dask are ignored",)
     assert summary.is_sequence
     assert "per frame (median), in a sequence" in (tmp_path / "out" / "report.html").read_text()
@@ -211,16 +194,14 @@ def test_a_video_is_a_sequence_in_real_seconds(folder: Path, fake: ModuleType, t
 
 
 @pytest.mark.slow
-def test_a_process_that_dies_is_reported(
-    folder: Path, fake: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_that_dies_is_reported(folder: Path, monkeypatch: pytest.MonkeyPatch, scored) -> None:
     """Only this finds an evaluation that waits for ever for a process that died."""
     monkeypatch.setattr("robocup_vision.workers.pieces._BARREN_ROUNDS", 1)
     code(folder / "images" / "2.png", 9)
     with pytest.raises(
         RobocupVisionError, match=r"image [012]\.png is not done: 1 times all workers ended before they"
     ):
-        evaluate(load_dataset(folder), tmp_path / "out", 2, make_vision=fake.FakeVision, draw_overlay=fake.draw)
+        scored(load_dataset(folder), "out", 2)
 
 
 def test_a_picture_that_cannot_be_drawn_costs_no_figure(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
@@ -279,12 +260,12 @@ def test_files_of_others_are_refused_unless_forced(folder: Path, fake: ModuleTyp
     assert precious.read_text() == "mine"
 
 
-def test_a_datasets_poses_may_be_those_of_the_camera(folder: Path, tmp_path: Path, fake: ModuleType) -> None:
-    robots = evaluate(load_dataset(folder), tmp_path / "robot", make_vision=fake.MountedVision, draw_overlay=fake.draw)
+def test_a_datasets_poses_may_be_those_of_the_camera(folder: Path, tmp_path: Path, fake: ModuleType, scored) -> None:
+    robots = scored(load_dataset(folder), "robot", make_vision=fake.MountedVision)
     with (folder / "dataset.toml").open("a") as stream:
         stream.write('pose_of = "camera"\n')
     dataset = load_dataset(folder)
-    cameras = evaluate(dataset, tmp_path / "camera", make_vision=fake.MountedVision, draw_overlay=fake.draw)
+    cameras = scored(dataset, "camera", make_vision=fake.MountedVision)
     mounted = Pose2(0.3, 0.0, 0.5)
     for robot, camera in zip(robots.rows, cameras.rows, strict=True):
         expected = robot.estimate.pose.compose(mounted)
@@ -294,12 +275,10 @@ def test_a_datasets_poses_may_be_those_of_the_camera(folder: Path, tmp_path: Pat
     assert read_rows(tmp_path / "camera")[0]["x_m"] != read_rows(tmp_path / "robot")[0]["x_m"]
 
 
-def test_a_localiser_without_camera_poses_cannot_be_scored_by_them(
-    folder: Path, tmp_path: Path, fake: ModuleType
-) -> None:
+def test_a_localiser_without_camera_poses_cannot_be_scored_by_them(folder: Path, scored) -> None:
     with (folder / "dataset.toml").open("a") as stream:
         stream.write('pose_of = "camera"\n')
-    summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    summary = scored(load_dataset(folder))
     assert {row.reason for row in summary.rows} == {
         'the localiser gives no camera_pose, which pose_of = "camera" in dataset.toml needs'
     }
@@ -308,7 +287,7 @@ def test_a_localiser_without_camera_poses_cannot_be_scored_by_them(
 
 @pytest.mark.slow
 def test_an_interrupted_run_keeps_what_is_done_and_is_gone_on_with(
-    folder: Path, fake: ModuleType, tmp_path: Path
+    folder: Path, fake: ModuleType, tmp_path: Path, scored
 ) -> None:
     """Only this finds figures that differ once a run was interrupted."""
 
@@ -334,7 +313,7 @@ def test_an_interrupted_run_keeps_what_is_done_and_is_gone_on_with(
         resume=True,
     )
     assert sum(call[0] == "look" for call in made[0].calls) == 2
-    evaluate(dataset, tmp_path / "whole", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+    scored(dataset, "whole")
     assert without_times(out) == without_times(tmp_path / "whole")
     for name in ("summary.json", "trajectory.tum"):
         texts = [(where / name).read_text().split('"median_ms"')[0] for where in (out, tmp_path / "whole")]
@@ -344,27 +323,25 @@ def test_an_interrupted_run_keeps_what_is_done_and_is_gone_on_with(
     assert not (out / "unfinished.jsonl").exists()
 
 
-def test_a_sequence_is_looked_at_from_its_beginning_again(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_a_sequence_is_looked_at_from_its_beginning_again(folder: Path, scored) -> None:
     with (folder / "dataset.toml").open("a") as stream:
         stream.write('frames = "frames.csv"\n')
     rows = [f"{index}.png,{index}" for index in range(5)]
     (folder / "frames.csv").write_text("\n".join(["image,t_s", *rows]) + "\n")
-    summary = evaluate(
-        load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw, resume=True
-    )
+    summary = scored(load_dataset(folder), resume=True)
     assert summary.notes == ("a sequence cannot be gone on with in its middle: --resume is ignored",)
     assert summary.figures.located == 5
 
 
-def test_the_time_of_single_images_is_said_to_be_theirs(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
-    summary = evaluate(load_dataset(folder), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw)
+def test_the_time_of_single_images_is_said_to_be_theirs(folder: Path, tmp_path: Path, scored) -> None:
+    summary = scored(load_dataset(folder))
     assert not summary.is_sequence
     page = (tmp_path / "out" / "report.html").read_text()
     assert "per frame (median), single images, nothing carried on between them" in page
 
 
 @pytest.mark.slow
-def test_the_estimate_over_time_is_scored(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_the_estimate_over_time_is_scored(folder: Path, fake: ModuleType, tmp_path: Path, scored) -> None:
     """Only this finds a memory's run that is scored by its single looks."""
 
     class Remembering(fake.FakeVision):
@@ -380,7 +357,7 @@ def test_the_estimate_over_time_is_scored(folder: Path, fake: ModuleType, tmp_pa
         evaluate(dataset, tmp_path / "out", make_vision=Remembering, scores_belief=True)
     times = {name: FrameTime(float(index), None) for index, name in enumerate(dataset.image_names)}
     dataset = replace(dataset, times=times)
-    evaluate(dataset, tmp_path / "out", make_vision=Remembering, draw_overlay=fake.draw, scores_belief=True)
+    scored(dataset, make_vision=Remembering, scores_belief=True)
     rows = read_rows(tmp_path / "out")
     assert [row["reason"] for row in rows] == ["not yet", "", "", "", ""]
     assert [row["x_m"] for row in rows] == ["", "0.5", "0.5", "0.5", "0.5"]
@@ -414,31 +391,25 @@ def test_a_memory_may_know_the_half_in_which_the_robot_begins(folder: Path) -> N
         (1.0, 1.0, ""),
     ],
 )
-def test_truth_in_other_units_is_told(
-    folder: Path, fake: ModuleType, tmp_path: Path, length: float, angle: float, words: str
-) -> None:
+def test_truth_in_other_units_is_told(folder: Path, length: float, angle: float, words: str, scored) -> None:
     dataset = load_dataset(folder)
     # the last one has no heading, and fits before its length is in other units
     truth = {
         name: Truth(length * one.x_m, length * one.y_m, None if one.theta_rad is None else angle * one.theta_rad)
         for name, one in dataset.truth.items()
     }
-    summary = evaluate(
-        replace(dataset, truth=truth), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw
-    )
+    summary = scored(replace(dataset, truth=truth))
     said = [note for note in summary.notes if "truth read as" in note]
     assert len(said) == (1 if words else 0)
     assert all(words in note and note.endswith("write metres and radians") for note in said)
 
 
-def test_truth_beyond_a_turn_that_is_in_radians_is_left_alone(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_truth_beyond_a_turn_that_is_in_radians_is_left_alone(folder: Path, scored) -> None:
     dataset = load_dataset(folder)
     turns = {
         name: Truth(one.x_m, one.y_m, None if one.theta_rad is None else one.theta_rad + 6 * math.pi)
         for name, one in dataset.truth.items()
     }
-    summary = evaluate(
-        replace(dataset, truth=turns), tmp_path / "out", make_vision=fake.FakeVision, draw_overlay=fake.draw
-    )
+    summary = scored(replace(dataset, truth=turns))
     assert summary.figures.within_10cm_5deg == 0.8
     assert not any("truth" in note for note in summary.notes)

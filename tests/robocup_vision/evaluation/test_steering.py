@@ -56,7 +56,7 @@ def test_each_frame_is_steered_by(folder: Path, fake: ModuleType, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_commands_of_an_interrupted_run_are_kept(folder: Path, fake: ModuleType, tmp_path: Path) -> None:
+def test_commands_of_an_interrupted_run_are_kept(folder: Path, fake: ModuleType, tmp_path: Path, scored) -> None:
     """Only this finds commands that an interrupted run loses, or mixes with those of another robot."""
 
     class Looking(fake.FakeVision):
@@ -71,12 +71,12 @@ def test_commands_of_an_interrupted_run_are_kept(folder: Path, fake: ModuleType,
 
     dataset, plan = load_dataset(folder), SteerPlan(0.09, MotionLimits(0.4, 0.3))
     with pytest.raises(KeyboardInterrupt, match="3 of 5 images"):
-        evaluate(dataset, tmp_path / "out", make_vision=Looking, draw_overlay=fake.draw, steering=plan)
+        scored(dataset, make_vision=Looking, steering=plan)
     Looking.stops = False
     with pytest.raises(FileError, match="is of another run: steering was"):
-        evaluate(dataset, tmp_path / "out", make_vision=Looking, draw_overlay=fake.draw, resume=True)
+        scored(dataset, make_vision=Looking, resume=True)
     for out, resume in (("out", True), ("whole", False)):
-        evaluate(dataset, tmp_path / out, make_vision=Looking, draw_overlay=fake.draw, steering=plan, resume=resume)
+        scored(dataset, out, make_vision=Looking, steering=plan, resume=resume)
     tables = []
     for out in ("out", "whole"):
         with (tmp_path / out / "steering.csv").open(newline="") as stream:
