@@ -21,9 +21,9 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 # with --import-mode=importlib pytest puts no test folder on the path
 sys.path.insert(0, str(Path(__file__).parent))
 
-# fixtures that tests of several folders use: calibrated and miscalibrated frames, and a short run for landmark maps;
-# modules that need protobuf are skipped without it
-pytest_plugins = ["miscalibrated_frames", "needs_protobuf", "short_landmark_run"]
+# fixtures that tests of several folders use: calibrated and miscalibrated frames, a short run for landmark maps, and
+# peers of framed ports; modules that need protobuf are skipped without it
+pytest_plugins = ["miscalibrated_frames", "needs_protobuf", "short_landmark_run", "ssl_sockets"]
 
 # a law that needs more examples, or has dear ones, says how many itself
 settings.register_profile("repeat", derandomize=True, deadline=None, max_examples=30)

@@ -3,32 +3,18 @@
 import json
 
 import pytest
+from sim2d_players import Sleeper
 
 from field_models import FileError, field_names, load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import OmniCamera, PinholeCamera
-from robocup_vision.estimates import NotLocated
 from sim2d.commands.match_options import CAMERA_NAMES, ROBOT_NAMES
 from sim2d.match.arena import Arena
 from sim2d.match.match import Match
 from sim2d.match.run import MatchPlan
 from sim2d.match.setups import CAMERAS, ROBOTS, camera_for, setup_for
 from sim2d.report.match_figures import match_json
-from sim2d.robot_link import Command, PlayerStatus, RobotLimits
-
-
-class Sleeper:
-    """Stands where it is."""
-
-    status = PlayerStatus(NotLocated("it sleeps"), None, "sleep", None)
-
-    def __init__(self, setup):
-        """Take nothing of it."""
-
-    def act(self, senses):
-        """Stand."""
-        return Command()
-
+from sim2d.robot_link import RobotLimits
 
 # field, players per side, kind of camera, whether robots have legs
 LEAGUES = (
@@ -102,8 +88,14 @@ def test_a_plan_takes_names_and_is_played_as_the_table_says():
     assert match_json("ssl_2001", 1, 0, match.figures, disturbances=["sway"])["disturbances"] == ["sway"]
 
 
-@pytest.mark.parametrize("name", [name for name, *_ in LEAGUES])
+FEW = ("ssl_2001", "spl_2020", "msl_6x4")
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name, *_ in LEAGUES]
+)
 def test_every_robot_of_every_field_sees_at_the_kick_off(name):
+    """The slow cases alone find a field whose robots see nothing."""
     arena = Arena(load_field(name), None, 3)
     senses = arena.senses()
     assert len(senses) == 2 * arena.players

@@ -1,39 +1,17 @@
 """A league simulator that runs on free ports of this machine until the test is over."""
 
-import socket
 import threading
 import time
 from contextlib import contextmanager
 
 import pytest
-from ssl_sockets import free_port
+from ssl_sockets import free_port, free_ports
 
 from sim2d.network.league import LeagueSimulator
 from sim2d.network.realism import Realism
-from sim2d.network.server import LeagueServer, Ports
+from sim2d.network.server import LeagueServer
 
 MAX_RUN_S, MAX_JOIN_S = 60.0, 20.0
-
-
-def free_ports():
-    """Return ports of which the control's next two are free as well."""
-    while True:
-        control = free_port()
-        try:
-            with (
-                socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as first,
-                socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second,
-                socket.socket() as tcp_control,
-                socket.socket() as tcp_first,
-                socket.socket() as tcp_second,
-            ):
-                first.bind(("127.0.0.1", control + 1))
-                second.bind(("127.0.0.1", control + 2))
-                for place, tcp in enumerate((tcp_control, tcp_first, tcp_second)):
-                    tcp.bind(("127.0.0.1", control + place))
-        except (OSError, OverflowError):
-            continue
-        return Ports(control, free_port(), free_port())
 
 
 @pytest.fixture

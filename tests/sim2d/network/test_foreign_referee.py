@@ -2,8 +2,6 @@
 
 # ruff: noqa: D102
 import dataclasses
-import socket
-import threading
 
 import pytest
 from sim2d_players import SMALL_CAMERA, Reckoner
@@ -13,7 +11,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.cli import main
 from robocup_vision.ssl.controller_clients import CiClient
-from robocup_vision.ssl.framed import take_frame, varint
+from robocup_vision.ssl.framed import varint
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.referee import CiInput, CiOutput, DesignatedPosition, RefereeCommand
 from sim2d.match.league_referee import league_referee
@@ -22,7 +20,6 @@ from sim2d.network.foreign_referee import DrivenReferee, ForeignReferee
 
 C = RefereeCommand
 FIELD = load_field("ssl_division_b")
-WAIT_S = 20.0
 
 
 class Source:
@@ -41,14 +38,10 @@ class Source:
 
 
 def begin(source, players=1):
-    return Match(
-        FIELD,
-        players,
-        ours=Reckoner,
-        theirs=Reckoner,
-        camera=SMALL_CAMERA,
-        referee=lambda field, limits: ForeignReferee(source, field),
-    )
+    def rules(field, limits):
+        return ForeignReferee(source, field)
+
+    return Match(FIELD, players, ours=Reckoner, theirs=Reckoner, camera=SMALL_CAMERA, referee=rules)
 
 
 def senses(match):
@@ -97,47 +90,18 @@ def test_the_leagues_rules_need_no_game_controller():
     assert phases[:3] == ["halt", "stop", "kick_off"]
 
 
-@pytest.fixture
-def controller():
-    """Run a game controller of a few lines that halts and then lets everybody play; return its port and what it got."""
+def test_a_match_drives_a_game_controller_at_its_own_speed(peer):
     got = []
-    listening = socket.create_server(("127.0.0.1", 0))
-    listening.settimeout(WAIT_S)
 
-    def serve():
-        connection, _ = listening.accept()
-        connection.settimeout(WAIT_S)
-        buffer = bytearray()
-        with connection:
-            while data := connection.recv(65536):
-                buffer += data
-                while (frame := take_frame(buffer)) is not None:
-                    got.append(decode(CiInput, frame))
-                    started = len(got) > 10
-                    told = dataclasses.replace(
-                        REFEREE, command=C.FORCE_START if started else C.HALT, command_counter=int(started)
-                    )
-                    answer = encode(CiOutput(told))
-                    connection.sendall(varint(len(answer)) + answer)
+    def halt_and_then_play(frame):
+        got.append(decode(CiInput, frame))
+        started = len(got) > 10
+        command = C.FORCE_START if started else C.HALT
+        answer = encode(CiOutput(dataclasses.replace(REFEREE, command=command, command_counter=int(started))))
+        return varint(len(answer)) + answer
 
-    thread = threading.Thread(target=serve)
-    thread.start()
-    yield listening.getsockname()[1], got
-    listening.close()
-    thread.join(WAIT_S)
-
-
-def test_a_match_drives_a_game_controller_at_its_own_speed(controller):
-    port, got = controller
-    with CiClient(port=port) as client:
-        match = Match(
-            FIELD,
-            1,
-            ours=Reckoner,
-            theirs=Reckoner,
-            camera=SMALL_CAMERA,
-            referee=lambda field, limits: ForeignReferee(DrivenReferee(client, field), field),
-        )
+    with CiClient(port=peer(halt_and_then_play)) as client:
+        match = begin(DrivenReferee(client, FIELD))
         phases = [moment.state.phase for moment in match.play(1.0)]
     assert phases[1] == "halt"
     assert phases[-1] == "play"

@@ -28,8 +28,9 @@ def marked(kind):
     return field, replace(field, lines=field.painted_lines, arcs=field.painted_arcs)
 
 
-@pytest.mark.parametrize("kind", ["cross", "dot"])
+@pytest.mark.parametrize("kind", ["cross", pytest.param("dot", marks=pytest.mark.slow)])
 def test_a_penalty_mark_is_found_and_its_error_is_told(paint_field, kind):
+    """The dot alone finds a search that needs strokes."""
     field, painted = marked(kind)
     finder, rng, squared = MarkingFinder(field), np.random.default_rng(2), []
     for x, y, heading in PLACES:

@@ -137,10 +137,9 @@ def test_orange_wall_is_orange_where_a_plain_hall_is_not():
     assert orange_share("orange_wall") > 4 * orange_share("no_goal")
 
 
-@pytest.mark.parametrize("name", list(TINY))
-def test_sample_depends_on_seed_and_index_alone(name: str):
+def test_sample_depends_on_seed_and_index_alone():
     def draw(seed: int, count: int, indices=None) -> list[GoalSample]:
-        return list(sample_goal(DOGS, TINY[name], seed, count, indices=indices, supersample=2))
+        return list(sample_goal(DOGS, TINY["heavy_glare"], seed, count, indices=indices, supersample=2))
 
     first, again, other = draw(7, 4), draw(7, 100, indices=[3, 1]), draw(8, 2)
     for a, b in ((first[3], again[0]), (first[1], again[1])):
@@ -274,6 +273,8 @@ def test_bad_options_are_refused(tmp_path: Path, words: list[str], message: str)
 @pytest.mark.parametrize(("field_name", "shows"), [("spl_2020", True), ("four_legged_2007", False)])
 def test_a_goal_has_its_net_where_the_condition_says_so(field_name, shows):
     field, condition = load_field(field_name), GOAL_CONDITIONS["white_640x480"]
+    small = {"size_px": (160, 120), "focal_px": (154.0, 154.0), "center_px": (79.5, 59.5)}
+    condition = dataclasses.replace(condition, camera=dataclasses.replace(condition.camera, **small))
     bare, net = (
         next(iter(sample_goal(field, dataclasses.replace(condition, has_nets=has), 3, 1, supersample=2))).frame
         for has in (False, True)
