@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, plain_frame
 from robocup_vision.kernels.model_edges import tables
 from robocup_vision.kernels.model_edges.carpet import CARPET, carpet_look
 from robocup_vision.kernels.model_edges.follow import brightness
@@ -84,7 +84,7 @@ class EdgePointFinder:
             The field's edges, with paint as bright as the picture shows it.
         """
         edges, workspace, carpet = edges or self.edges, self._workspace, np.zeros(CARPET)
-        samples, found = workspace.samples, workspace.found
+        frame, samples, found = plain_frame(frame), workspace.samples, workspace.found
         workspace.reach_px[:] = reach_px
         carpet_look(frame, int(lens[_CENTER_V] + lens[_FOCAL_V] * math.tan(unknowns[tables.TILT])), carpet)
         count = int(predict(edges, lens, unknowns, self._numbers.spacing_px, samples))

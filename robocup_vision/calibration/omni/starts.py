@@ -226,7 +226,8 @@ class Search:
         for sighting in sightings:
             pose = None
             if fitter is not None:
-                pose = fitter.likeliest(sighting.radius_px)
+                # a copy that may be written to, as a view hands it over: another type would be compiled anew
+                pose = fitter.likeliest(np.array(sighting.radius_px))
             if pose is None:
                 pose = self.pose_by_lines(camera, sighting)
             if pose is None:
