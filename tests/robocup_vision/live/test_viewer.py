@@ -97,7 +97,9 @@ def test_the_loop_goes_on_when_the_page_process_is_killed(vision, frames, capfd)
     assert "the robot goes on" in capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_page_process_ends_with_the_robot(vision):
+    """Only this finds a page's process that outlives its robot."""
     viewer = Viewer(vision, port=0)
     process = viewer._page._process
     viewer.close()

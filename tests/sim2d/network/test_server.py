@@ -115,7 +115,9 @@ def test_a_speed_that_no_clock_waits_for_is_refused_and_nothing_ends(running):
         assert control.step(0.02, timeout_s=WAIT_S) is not None
 
 
+@pytest.mark.slow
 def test_stamps_are_this_machines_time_also_after_a_pause(running):
+    """Only this finds stamps that a pause leaves behind."""
     with VisionClient(running.simulator.vision_port) as vision, SimulatorClient(port=running.ports.control) as control:
         latest = []
         for speed in (0.0, 1.0, 0.0, 1.0):
@@ -130,7 +132,9 @@ def test_stamps_are_this_machines_time_also_after_a_pause(running):
     assert all(-0.002 < late_s < 0.25 for late_s in latest)
 
 
+@pytest.mark.slow
 def test_who_floods_it_slows_nobody(running):
+    """Only this finds a simulator that falls behind for those who send it rubbish."""
     simulator = running.simulator
     flooding = threading.Event()
 
