@@ -14,9 +14,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator, GoalSettings
-from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.localization.goal.verdict import VerdictSettings
-from robocup_vision.perception.goal_region import Strip
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
 
 FIELD = load_field("four_legged_2007")
@@ -70,23 +68,6 @@ def test_lines_make_a_far_goal_exact():
         found = estimator.locate_camera(sample.frame)
         assert found.lines is not None
         assert found.estimate().pose.error_to(sample.pose)[0] < 0.05
-
-
-@pytest.mark.parametrize("nearer_m", [0.6, 0.7, 1.5, 3.0])
-def test_posts_may_look_as_unlike_as_one_can_stand_behind_the_other(nearer_m):
-    search = GoalSearch(FIELD, CLEAN.camera)
-    thick_px = 2 * search.shape.radius_m * CLEAN.camera.focal_px[0]
-
-    def post(at_px, away_m):
-        half = 0.5 * thick_px / away_m
-        return Strip((at_px - half, 0.0), (at_px + half, 0.0), 100.0, 240.0, 245.0, 20.0)
-
-    left, apart_px = post(90.0, nearer_m), 16 * thick_px / (2 * nearer_m + 0.8) / 3
-    right = post(90.0 + apart_px, nearer_m + 0.8)
-    assert search._pairs([left, right], 3) == [(left, right)]
-    # no goal is as wide as that
-    behind = post(90.0 + apart_px, 2.4 * nearer_m + 1.0)
-    assert search._pairs([left, behind], 3) == []
 
 
 def test_a_panel_of_nearly_the_same_hue_may_touch_a_post(estimator):
