@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from robocup_vision.kernels.algebra.cholesky import factor, invert, solve_symmetric, substitute
-from robocup_vision.kernels.algebra.copies import copy_matrix, copy_vector
 from robocup_vision.kernels.algebra.order import quantiles, sort, sorted_median
 
 seeds = st.integers(0, 2**32 - 1)
@@ -73,12 +72,3 @@ def test_quantiles_agree_with_numpy(values, parts):
     found = np.empty(len(parts))
     quantiles(values, parts, np.empty(len(values) + 1), found)
     np.testing.assert_allclose(found, np.quantile(values, parts), rtol=1e-9, atol=1e-9)
-
-
-@given(hnp.arrays(np.float64, hnp.array_shapes(min_dims=2, max_dims=2, max_side=6), elements=numbers))
-def test_copies_are_equal(matrix):
-    target, row = np.zeros_like(matrix), np.zeros(matrix.shape[1])
-    copy_matrix(matrix, target)
-    copy_vector(matrix[0], row)
-    np.testing.assert_array_equal(target, matrix)
-    np.testing.assert_array_equal(row, matrix[0])

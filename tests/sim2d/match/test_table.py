@@ -136,6 +136,8 @@ def test_an_interrupted_table_goes_on_where_it_was(tmp_path, capsys, monkeypatch
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
+        (["--matches", "0"], "matches must be at least 1, got 0"),
+        (["--players", "0"], "players must be at least 1, got 0"),
         (["--table", "plain"], "a table needs at least two players, got 1"),
         (["--table", "plain,nobody"], "there is no player 'nobody'"),
         (["--table", "--ours", "memory"], "--table names all players: leave out --ours and --theirs"),

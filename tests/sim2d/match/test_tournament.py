@@ -116,15 +116,3 @@ def test_command_writes_the_same_file_for_any_workers(tmp_path, capsys, monkeypa
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "ssl_2001, 1 against 1, 2 matches of 0.2 s"
     assert lines[2] == "won, drawn, lost by the side that attacks +x: 0, 2, 0"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "problem"),
-    [
-        (["--matches", "0"], "matches must be at least 1, got 0"),
-        (["--players", "0"], "players must be at least 1, got 0"),
-    ],
-)
-def test_mistakes_are_one_line(capsys, arguments, problem):
-    assert cli.main(["tournament", *arguments]) == 2
-    assert capsys.readouterr().err == f"robocup-vision tournament: {problem}\n"
