@@ -78,10 +78,7 @@ def test_memory_of_another_field_is_refused(ssl_field, paper_camera):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (
-            {"odometry": (0.1, 0.0, 0.0)},
-            r"odometry must be a Pose2\(x_m, y_m, theta_rad\), got tuple \(0.1",
-        ),
+        ({"odometry": (0.1, 0.0, 0.0)}, r"odometry must be a Pose2\(x_m, y_m, theta_rad\), got tuple \(0.1"),
         ({"odometry": NAN_POSE}, "odometry must be finite, got Pose2"),
         ({"odometry": Pose2(0.0, None, 0.0)}, "odometry must be finite, got Pose2"),
         ({"prior": [0.0, 0.0, 0.0]}, r"prior must be a Pose2\(x_m, y_m, theta_rad\), got list"),
@@ -126,10 +123,7 @@ def test_predictions_take_poses_and_times(vision):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            {"free_space": "view"},
-            r"must be the free space of a view, steer\(view.free_space, ...\), got View",
-        ),
+        ({"free_space": "view"}, r"must be the free space of a view, steer\(view.free_space, ...\), got View"),
         ({"free_space": None}, "free_space must be the free space of a view, bearing_rad and range_m, got NoneType"),
         ({"velocity_mps": (400.0, 0.0)}, "velocity_mps must be at most 100 m/s long"),
         ({"target_bearing_rad": None}, "target_bearing_rad must be a number, got NoneType None"),

@@ -141,10 +141,7 @@ def test_rgb_frames_are_drawn_as_they_look(ssl_field, paper_camera, nominal_samp
         ({"vision": None}, "got View, ndarray, NoneType"),
         ({"frame": None}, r"the frame to draw must be \(220, 256, 3\) uint8, got NoneType"),
         ({"frame": np.zeros((480, 640, 3), np.uint8)}, r"must be \(220, 256, 3\) uint8, got \(480, 640, 3\)"),
-        (
-            {"out": np.zeros((300, 300, 3), np.uint8)},
-            r"out must be a whole number times \(220, 256, 3\), got",
-        ),
+        ({"out": np.zeros((300, 300, 3), np.uint8)}, r"out must be a whole number times \(220, 256, 3\), got"),
         ({"out": np.zeros((220, 256), np.uint8)}, r"out must be a \(s H, s W, 3\) uint8 array"),
         ({"out": np.zeros((220, 512, 3), np.uint8)[:, ::2]}, "out must be writeable and contiguous"),
     ],

@@ -142,8 +142,7 @@ def test_tilt_turns_about_x_first_and_then_about_y():
     tilted = dataclasses.replace(PAPER, tilt_rad=(0.2, 0.1))
     # the camera's y axis: about x it rises to (0, cos, sin) of 0.2; about y its height then moves forward
     np.testing.assert_allclose(
-        tilted.camera_to_robot[:, 1],
-        [math.sin(0.2) * math.sin(0.1), math.cos(0.2), math.sin(0.2) * math.cos(0.1)],
+        tilted.camera_to_robot[:, 1], [math.sin(0.2) * math.sin(0.1), math.cos(0.2), math.sin(0.2) * math.cos(0.1)]
     )
 
 

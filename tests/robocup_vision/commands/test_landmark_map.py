@@ -96,10 +96,7 @@ def test_errors_are_one_line(hall_folder, short_run, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("option", "value", "message"),
-    [
-        ("--turns", "0", "--turns must be positive"),
-        ("--moved", "2", "fraction must be within 0 to 1"),
-    ],
+    [("--turns", "0", "--turns must be positive"), ("--moved", "2", "fraction must be within 0 to 1")],
 )
 def test_render_hall_refuses(tmp_path, capsys, option, value, message):
     assert cli.main(["render-hall", option, value, str(tmp_path / "out")]) == 2

@@ -137,12 +137,7 @@ def printed(program: str, *words: str, **environment: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "workload",
-    [
-        "work.mirror('field', seed=77, count=3)",
-        "work.pinhole('edges', seed=77)",
-        "work.memory(77)",
-    ],
+    "workload", ["work.mirror('field', seed=77, count=3)", "work.pinhole('edges', seed=77)", "work.memory(77)"]
 )
 def test_no_loop_is_compiled_or_loaded_after_the_making(workload: str) -> None:
     """Only this finds a loop that the list lacks, so that a robot's first frames wait."""

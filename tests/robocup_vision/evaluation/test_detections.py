@@ -13,11 +13,7 @@ from robocup_vision.camera import PinholeCamera, save_camera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.evaluation.boxes import Box, load_boxes
 from robocup_vision.evaluation.dataset import Dataset, load_dataset
-from robocup_vision.evaluation.detections import (
-    detection_figures,
-    match_boxes,
-    reported_kinds,
-)
+from robocup_vision.evaluation.detections import detection_figures, match_boxes, reported_kinds
 from robocup_vision.evaluation.run import Summary, evaluate
 from robocup_vision.landmarks.landmark_map import LandmarkMap, save_map
 

@@ -9,11 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.tracking.branches import (
-    Eye,
-    cast_shadows,
-    visible_ratio,
-)
+from robocup_vision.kernels.tracking.branches import Eye, cast_shadows, visible_ratio
 from robocup_vision.tracking.branches import MISS, Branches, MovingObjectsSettings
 
 

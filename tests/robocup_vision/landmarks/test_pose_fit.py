@@ -12,14 +12,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.landmarks.mapping.refinement import Observations, refine
 from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 from robocup_vision.landmarks.mapping.stereo import place
-from robocup_vision.landmarks.pose_fit import (
-    fit_stereo,
-    point_by_pose,
-    project,
-    to_camera,
-    to_world,
-    world_to_camera,
-)
+from robocup_vision.landmarks.pose_fit import fit_stereo, point_by_pose, project, to_camera, to_world, world_to_camera
 
 CAMERA = PinholeCamera(
     (320, 240), (277.0, 270.0), (159.5, 119.5), 0.6, offset_m=(0.05, -0.03), pan_rad=0.2, tilt_rad=0.1, roll_rad=0.02

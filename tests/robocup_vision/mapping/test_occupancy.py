@@ -131,12 +131,7 @@ def test_clipped_cells_can_be_unlearnt():
 
 
 # what one sensor makes of a cell at 0.5 m, in updates: circles that end there, or beyond
-STORIES = {
-    "free": [0.9] * 8,
-    "no_go": [0.5] * 8,
-    "undecided_often": [0.5, 0.9] * 6,
-    "undecided_seldom": [0.9],
-}
+STORIES = {"free": [0.9] * 8, "no_go": [0.5] * 8, "undecided_often": [0.5, 0.9] * 6, "undecided_seldom": [0.9]}
 
 
 @pytest.mark.parametrize("first", STORIES)

@@ -9,13 +9,7 @@ from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError, FileError
 from robocup_vision.kernels.mapping.occupancy import CROSSED, HIT
-from robocup_vision.mapping.sensor_model import (
-    SensorModel,
-    SensorTally,
-    default_sensors,
-    load_sensors,
-    write_sensors,
-)
+from robocup_vision.mapping.sensor_model import SensorModel, SensorTally, default_sensors, load_sensors, write_sensors
 
 GOOD = """format = 1
 source = "by hand"

@@ -66,8 +66,7 @@ def test_a_goal_is_told_once_for_the_side_that_attacks_it(blue_positive):
 
 
 @pytest.mark.parametrize(
-    ("ball", "kind"),
-    [((0.0, 3.1), K.BALL_LEFT_FIELD_TOUCH_LINE), ((4.7, 2.0), K.BALL_LEFT_FIELD_GOAL_LINE)],
+    ("ball", "kind"), [((0.0, 3.1), K.BALL_LEFT_FIELD_TOUCH_LINE), ((4.7, 2.0), K.BALL_LEFT_FIELD_GOAL_LINE)]
 )
 def test_a_ball_that_left_the_field_is_told_with_who_touched_it_last(ball, kind):
     game = Game().say(C.FORCE_START).go(robots=[robot(-1, 2, 0.11, 0.0)])

@@ -169,10 +169,7 @@ NAN = float("nan")
             "SPEC_UNKNOWN",
         ),
         (configure(realism=sim.RealismConfig((sim.AnyMessage("a/b.Odd"),))), "REALISM_UNKNOWN"),
-        (
-            configure(realism=sim.RealismConfig((sim.AnyMessage("a/b.RealismConfigErForce", b"\xff"),))),
-            "REALISM_RANGE",
-        ),
+        (configure(realism=sim.RealismConfig((sim.AnyMessage("a/b.RealismConfigErForce", b"\xff"),))), "REALISM_RANGE"),
     ],
 )
 def test_what_cannot_be_done_has_a_code_and_changes_nothing(command, code):

@@ -79,10 +79,7 @@ def test_players_of_ones_own_are_found_by_their_import_path(tmp_path, monkeypatc
 @pytest.mark.parametrize(
     ("path", "problem"),
     [
-        (
-            "nowhere_at_all:Player",
-            "the player 'nowhere_at_all:Player' cannot be imported: ModuleNotFoundError",
-        ),
+        ("nowhere_at_all:Player", "the player 'nowhere_at_all:Player' cannot be imported: ModuleNotFoundError"),
         ("sim2d_players:Nobody", "the module 'sim2d_players' has no player 'Nobody'"),
         ("sim2d_players:", "the module 'sim2d_players' has no player ''"),
         (":Nobody", "the player ':Nobody' cannot be imported: ValueError"),

@@ -46,11 +46,7 @@ def random_state(field, rng, count=4):
 
 @pytest.mark.parametrize(
     ("name", "camera"),
-    [
-        ("ssl_2001", SEKIMORI),
-        pytest.param("ssl_division_b", HIGH, marks=pytest.mark.slow),
-        ("four_legged_2007", HIGH),
-    ],
+    [("ssl_2001", SEKIMORI), pytest.param("ssl_division_b", HIGH, marks=pytest.mark.slow), ("four_legged_2007", HIGH)],
 )
 def test_frames_are_those_of_the_ray_caster(name, camera):
     """Boards around the carpet, the slow case, alone find lines of the fast frames that end elsewhere."""

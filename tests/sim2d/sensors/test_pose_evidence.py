@@ -47,10 +47,7 @@ def test_without_samples_nothing_is_fitted():
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [
-        (["--odds", "1"], "--odds must be above 1, got 1"),
-        (["--field", "msl_6x4"], "must have walls or boards"),
-    ],
+    [(["--odds", "1"], "--odds must be above 1, got 1"), (["--field", "msl_6x4"], "must have walls or boards")],
 )
 def test_command_refuses(tmp_path, capsys, arguments, message):
     assert main(["fit-evidence", *arguments, str(tmp_path / "out.toml")]) == 2

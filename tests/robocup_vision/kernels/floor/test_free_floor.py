@@ -11,12 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.kernels.floor.dark_feet import (
-    FADE,
-    block_dark_bodies,
-    block_dark_feet,
-    foot_px,
-)
+from robocup_vision.kernels.floor.dark_feet import FADE, block_dark_bodies, block_dark_feet, foot_px
 from robocup_vision.kernels.floor.free_floor import BALL, BLOCKED, FLOOR, LINE, clear_ball, passable
 from robocup_vision.kernels.floor.polar import outer_boundary
 from robocup_vision.kernels.floor.things import FieldFeet, blocked_feet, is_of_field

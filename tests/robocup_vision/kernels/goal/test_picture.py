@@ -5,12 +5,7 @@ from goal_samples import OFFSETS, SCENE, SHAPE, VIEW, feet_px, floor_px, silhoue
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robocup_vision.kernels.goal.picture import (
-    floor_derivatives,
-    floor_residuals,
-    goal_derivatives,
-    predict_goal,
-)
+from robocup_vision.kernels.goal.picture import floor_derivatives, floor_residuals, goal_derivatives, predict_goal
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -5,11 +5,7 @@ import numpy as np
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.kernels.landmarks.fit import LandmarkPixels, fit_pose
 from robocup_vision.landmarks.landmark_map import pinhole_view
-from robocup_vision.landmarks.pose_fit import (
-    CHI2_2DOF,
-    project,
-    to_world,
-)
+from robocup_vision.landmarks.pose_fit import CHI2_2DOF, project, to_world
 
 CAMERA = PinholeCamera(
     (320, 240), (277.0, 270.0), (159.5, 119.5), 0.6, offset_m=(0.05, -0.03), pan_rad=0.2, tilt_rad=0.1, roll_rad=0.02

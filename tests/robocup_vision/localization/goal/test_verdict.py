@@ -30,11 +30,7 @@ def placed(x_m, y_m, std_m):
     return CameraEstimate(unknowns, np.eye(8) * std_m**2, (1,), None, None)
 
 
-@given(
-    offset_m=st.floats(0.0, 0.19),
-    std_m=st.floats(0.001, 0.05),
-    behind_nats=st.floats(0.0, 100.0),
-)
+@given(offset_m=st.floats(0.0, 0.19), std_m=st.floats(0.001, 0.05), behind_nats=st.floats(0.0, 100.0))
 def test_a_camera_is_as_uncertain_as_its_neighbours_differ(offset_m, std_m, behind_nats):
     best, other = placed(0.0, 0.0, std_m), placed(offset_m, 0.0, std_m)
     doubted = with_spread(best, [(300.0, best), (300.0 - behind_nats, other)], 0.2, 15.0)

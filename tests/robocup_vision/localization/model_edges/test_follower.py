@@ -218,14 +218,7 @@ GOOD = Evidence(100, 100, 80, 0, 20, 80, 0.2, 3.0, 40, 40, 5, 0.02, 8, 4.0)
 
 @pytest.mark.parametrize(
     "change",
-    [
-        {"missing": 8.0},
-        {"found": 50.0},
-        {"explained": 30.0},
-        {"rms_px": 0.6},
-        {"edges": 5.0},
-        {"position_std_m": 0.3},
-    ],
+    [{"missing": 8.0}, {"found": 50.0}, {"explained": 30.0}, {"rms_px": 0.6}, {"edges": 5.0}, {"position_std_m": 0.3}],
 )
 def test_what_speaks_against_a_pose_lowers_its_weight(change):
     settings = CandidateSettings()

@@ -20,11 +20,7 @@ from sim2d.rendering.sensor import Sensor
 FIELD = load_field("spl_2020")
 CAMERA = nao_camera()
 # across the centre circle with one post at the border; the penalty area; a whole goal behind the circle, looking up
-PLACES = [
-    (Pose2(-1.4, -1.2, 0.75), -0.17),
-    (Pose2(1.4, 1.0, -0.2), -0.35),
-    (Pose2(2.6, 0.2, -3.1), 0.03),
-]
+PLACES = [(Pose2(-1.4, -1.2, 0.75), -0.17), (Pose2(1.4, 1.0, -0.2), -0.35), (Pose2(2.6, 0.2, -3.1), 0.03)]
 
 
 @lru_cache

@@ -45,12 +45,7 @@ defenders = st.lists(
 
 
 def chance(
-    shots: ShotPlanner,
-    ball: tuple[float, float],
-    heading_rad: float,
-    who: list[Disc],
-    std_m: float,
-    std_rad: float,
+    shots: ShotPlanner, ball: tuple[float, float], heading_rad: float, who: list[Disc], std_m: float, std_rad: float
 ) -> float:
     return float(shots.chances(np.array(ball), np.array(heading_rad), who, std_m, std_rad))
 

@@ -33,11 +33,7 @@ def test_a_team_on_the_network_goes_for_the_ball(running):
     before = simulator.world.robot(Team.YELLOW, 1).pose.x_m
     end_s = time.monotonic() + WAIT_S
     with TeamClient(
-        Team.YELLOW,
-        FIELD,
-        vision_port=simulator.vision_port,
-        referee_port=ports.referee,
-        robot_port=ports.yellow,
+        Team.YELLOW, FIELD, vision_port=simulator.vision_port, referee_port=ports.referee, robot_port=ports.yellow
     ) as client:
         client.run(lambda: simulator.world.robot(Team.YELLOW, 1).pose.x_m < before + 0.2 and time.monotonic() < end_s)
         assert client.sent > 3
