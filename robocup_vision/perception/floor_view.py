@@ -17,8 +17,8 @@ import numpy.typing as npt
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array, read_only
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.lens_table import lens_table
-from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.kernels.floor.turned_view import map_turn, place_on_floor, sample_turned
+from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
+from robocup_vision.kernels.floor.turned_view import sample_turned
 
 BEARINGS = 160
 COLUMNS = 144
@@ -291,10 +291,7 @@ class FloorView:
     @cached_property
     def floor_m(self) -> FloatArray:
         """(K, M, 2) float64: the samples' places on the floor, robot frame, metres; NaN from the horizon on."""
-        rays = np.stack([np.cos(self.bearing_rad), np.sin(self.bearing_rad)], axis=1)
-        floor = self.camera.offset_m + self._distance_m[None, :, None] * rays[:, None]
-        floor[self.seen_bearings :] = np.nan
-        return read_only(floor)
+        return read_only(self._places_m(self._distance_m))
 
     def floor_at(self, columns: npt.NDArray[np.int64]) -> FloatArray:
         """Return `floor_m` of one sample of each bearing, (K, 2), without computing all of it.
@@ -302,12 +299,17 @@ class FloorView:
         Parameters
         ----------
         columns : (K,) int64
-            The sample of each bearing; M where none, which has no place.
+            The sample of each bearing; M or more where none, which has no place.
         """
-        floor = np.empty((self.bearings, 2))
-        first, step = self._rows_rad
-        place_on_floor(columns, self._distance_m, first, step, self.camera.offset_m, self.seen_bearings, floor)
-        return floor
+        shown = np.minimum(columns, len(self._distance_m))
+        return self._places_m(np.append(self._distance_m, np.nan)[shown, None])[:, 0]
+
+    def _places_m(self, distance_m: FloatArray) -> FloatArray:
+        """Floor places (K, N, 2) at distances (N,) or (K, N) along each bearing; NaN in rows that see nothing."""
+        rays = np.stack([np.cos(self.bearing_rad), np.sin(self.bearing_rad)], axis=1)
+        floor = self.camera.offset_m + distance_m[..., None] * rays[:, None]
+        floor[self.seen_bearings :] = np.nan
+        return np.asarray(floor)
 
     @cached_property
     def _distance_m(self) -> FloatArray:
@@ -361,9 +363,11 @@ class FloorView:
         before, after = _turn_of(known), _turn_of(camera)
         if before == after:
             return np.eye(3)
-        homography = np.empty((3, 3))
-        map_turn(before, after, camera.focal_px, camera.center_px, homography)
-        return homography
+        (fu, fv), (cu, cv) = camera.focal_px, camera.center_px
+        # from directions in the camera's frame to pixels, and back
+        pixel = np.array([[cu, -fu, 0.0], [cv, 0.0, -fv], [1.0, 0.0, 0.0]])
+        ray = np.array([[0.0, 0.0, 1.0], [-1.0 / fu, 0.0, cu / fu], [0.0, -1.0 / fv, cv / fv]])
+        return np.asarray(pixel @ camera_rotation(0.0, *after).T @ camera_rotation(0.0, *before) @ ray)
 
     @cached_property
     def no_edges_px(self) -> FloatArray:

@@ -127,36 +127,6 @@ class Scratch(NamedTuple):
 
 
 @compiled
-def pick_seeds(frame: UInt8Array, seeds: Int32Array, color: BallColor, out: Int32Array) -> int:
-    """Pick the seeds that may be of a ball's colour, wherever on the way from white on it begins.
-
-    Parameters
-    ----------
-    frame, seeds
-        As those of `find_blobs`.
-    color : BallColor
-        Any of the ball's colours of this frame, may be plain: what parts them from the floor is the same.
-    out : (N, 2) int32
-        Filled with the seeds picked, in their order.
-
-    Returns
-    -------
-    int
-        How many.
-    """
-    color = BallColor(*color)
-    f0, f1, f2 = color.from_floor
-    count = 0
-    for n in range(seeds.shape[0]):
-        v, u = seeds[n, 0], seeds[n, 1]
-        b, g, r = frame[v, u, 0], frame[v, u, 1], frame[v, u, 2]
-        # as they come: a branch that is hard to foresee costs more than writing
-        out[count, 0], out[count, 1] = v, u
-        count += (f0 * b + f1 * g + f2 * r > 0.0) | (max(b, g, r) >= CLIPPED)
-    return count
-
-
-@compiled
 def find_blobs(
     frame: UInt8Array,
     seeds: Int32Array,

@@ -2,81 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.lens import BENT, CELLS, FORWARD, LOWEST_COSINE, MAX_SLOPE2, P1, P2, PER_COSINE
-from robocup_vision.kernels.algebra.pinhole import camera_axes
 
-Pair = tuple[float, float]
 # added to a number of a few digits and taken off again it rounds it to the nearest whole one
 _ROUNDS = np.float32(1.5 * 2**23)
-
-
-@compiled(error_model="numpy")
-def map_turn(before_rad: Pair, after_rad: Pair, focal_px: Pair, center_px: Pair, out: FloatArray) -> None:
-    """Write the homography (3, 3) of a camera that is turned about its viewpoint, from pixels before to those after.
-
-    Parameters
-    ----------
-    before_rad, after_rad : (float, float)
-        Tilt and roll.
-    focal_px, center_px : (float, float)
-        Along u and v.
-    out : (3, 3) float64
-        Result: of u, v, 1.
-    """
-    before = camera_axes(0.0, before_rad[0], before_rad[1])
-    after = camera_axes(0.0, after_rad[0], after_rad[1])
-    (fu, fv), (cu, cv) = focal_px, center_px
-    for row in range(3):
-        for column in range(3):
-            out[row, column] = 0.0
-    # the world's axes one by one: what of each lies before the turn along a pixel's ray, and after it
-    for axis in range(3):
-        ahead, left, up = before[axis]
-        ray = -left / fu, -up / fv, ahead + left * cu / fu + up * cv / fv
-        ahead, left, up = after[axis]
-        pixel = cu * ahead - fu * left, cv * ahead - fv * up, ahead
-        for row in range(3):
-            for column in range(3):
-                out[row, column] += pixel[row] * ray[column]
-
-
-@compiled
-def place_on_floor(
-    columns: Int64Array,
-    distance_m: FloatArray,
-    first_rad: float,
-    step_rad: float,
-    foot_m: Pair,
-    seen: int,
-    out: FloatArray,
-) -> None:
-    """Write where one sample of each bearing lies on the floor, robot frame.
-
-    Parameters
-    ----------
-    columns : (K,) int64
-        The sample of each bearing; M where none.
-    distance_m : (M,) float64
-        Of the columns from the camera's foot; NaN from the horizon on.
-    first_rad, step_rad : float
-        First bearing, and from one to the next.
-    foot_m : (float, float)
-        The camera's foot.
-    seen : int
-        Bearings in view; those behind them have no place.
-    out : (K, 2) float64
-        Result; NaN where there is none.
-    """
-    for k in range(out.shape[0]):
-        bearing = first_rad + k * step_rad
-        distance = distance_m[columns[k]] if k < seen and columns[k] < distance_m.shape[0] else math.nan
-        out[k, 0], out[k, 1] = foot_m[0] + distance * math.cos(bearing), foot_m[1] + distance * math.sin(bearing)
 
 
 @compiled(error_model="numpy")

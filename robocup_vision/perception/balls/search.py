@@ -237,10 +237,6 @@ class BallSearch(ABC):
         # in the order of memory
         return np.ascontiguousarray(np.unique(pixels[:, ::-1], axis=0))
 
-    @cached_property
-    def _picked(self) -> npt.NDArray[np.int32]:
-        return np.empty_like(self._seeds)
-
     def find(self, frame: UInt8Array, table: ColorTable, near_floor_nats: float) -> tuple[Ball, ...]:
         """Find the balls in a frame, the likeliest first.
 
@@ -295,11 +291,9 @@ class BallSearch(ABC):
         before : list of (float, float, float)
             Where and how large balls were in the last frame.
         """
-        count, seeds = 0, self._seeds
-        if len(colors) > 1:
-            seeds = self._picked[: kernel.pick_seeds(frame, seeds, colors[0], self._picked)]
+        count = 0
         for color in colors:
-            count += self._weigh(frame, seeds, color, count)
+            count += self._weigh(frame, color, count)
         places: list[tuple[float, float, float]] = []
         if not count:
             return (), places
@@ -330,12 +324,12 @@ class BallSearch(ABC):
         last = [(u, v, max(half_px, *self._expected_px(u, v))) for u, v, half_px in places]
         return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio)), last
 
-    def _weigh(self, frame: UInt8Array, seeds: npt.NDArray[np.int32], color: kernel.BallColor, first: int) -> int:
+    def _weigh(self, frame: UInt8Array, color: kernel.BallColor, first: int) -> int:
         """Find and weigh the blobs of a colour, into the rows from `first` on, and return their number."""
         memory = self._memory
         count, memory.stamp = find_and_weigh(
             frame,
-            seeds,
+            self._seeds,
             memory.scratch,
             memory.begin(),
             color,
