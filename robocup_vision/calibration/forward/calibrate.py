@@ -16,8 +16,9 @@ import numpy as np
 from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.calibration.forward.by_edges import EdgeCalibration, calibrate_by_edges
+from robocup_vision.calibration.forward.by_edges import calibrate_by_edges
 from robocup_vision.calibration.forward.by_goals import calibrate_by_goals
+from robocup_vision.calibration.forward.calibrator import EdgeCalibration
 from robocup_vision.calibration.forward.result import ForwardCalibration, ForwardFrame
 from robocup_vision.calibration.forward.starts import KnownOfCamera, circle_of, dark_rim, starts_about, starts_of
 from robocup_vision.calibration.forward_parameters import CENTER, HEIGHT, LENS, LINE_WIDTH, LOG_FOCAL, ROLL, TILT

@@ -1,0 +1,170 @@
+"""Fits a forward camera from starts that are about right, by pictures that are located one by one.
+
+Pictures are located with the camera as it is thought to be, loosely at first, and then camera and poses are fitted
+together (`joint_fit`). The pictures are located again with the result: more of them, and by farther lines. Which starts
+are followed so far is told by how many pictures they locate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from field_models.field import Field
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.calibration.forward.joint_fit import JointFit, JointFitSettings, JointFitter, Sighting
+from robocup_vision.calibration.forward_parameters import ForwardParameters
+from robocup_vision.calibration.not_calibrated import NotCalibrated
+from robocup_vision.calibration.starts import StartTrials
+from robocup_vision.camera.fisheye import FisheyeCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.model_edges.evidence import CandidateSettings
+from robocup_vision.progress import progress
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeCalibrationSettings:
+    """Settings of a calibration by edges."""
+
+    #: pictures that starts are compared by; one that has located none of the first half of them is given up
+    start_frames: int = 6
+    #: starts that all pictures are located by; how often they are located with the best, each time with the result
+    #: before: the second time more of them are located, the third time nothing changes
+    starts_followed: int = 4
+    rounds: int = 3
+    #: standard deviations while starts are compared: of the tilt, of the height and of the focal length, the latter two
+    #: by themselves. The poses found serve to begin a fit.
+    angle_std_rad: float = 0.05
+    height_ratio: float = 0.1
+    focal_std: float = 0.06
+    #: how far lines may be away that a start, and that a result, proposes poses by
+    start_range_m: float = 6.0
+    range_m: float = 10.0
+    #: what a picture alone must show of its pose. That is less than one that is to be located: the pictures together
+    #: decide, as one camera must fit them all.
+    candidates: CandidateSettings = CandidateSettings(min_probability=0.1, max_candidates=1)
+    max_std_m: float = 0.3
+    fit: JointFitSettings = JointFitSettings()  #: of the joint fit
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeCalibration:
+    """A camera by edges."""
+
+    camera: PinholeCamera  #: the result
+    parameters: ForwardParameters  #: what the vector of the fit means
+    fit: JointFit  #: the last fit
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(G, G) float64: of tilt, roll (rad), height (m), logarithm of the focal length, centre u, v (px), ..."""
+        return self.fit.covariance
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of the residuals of all samples that count."""
+        return math.sqrt(float(np.mean(np.concatenate(list(self.fit.residual_px.values())) ** 2)))
+
+
+# locates a camera by a picture alone, perhaps near a pose: how probably it is right, and where it was
+Locate = Callable[[UInt8Array, Pose2 | None], tuple[float, Sighting] | None]
+
+
+class Locator(Protocol):
+    """Locates cameras by what single pictures show.
+
+    Attributes
+    ----------
+    nothing : str
+        What is said where no start locates any picture.
+    """
+
+    nothing: str
+
+    def of_start(self, camera: PinholeCamera) -> Locate:
+        """Return what locates a camera that is about right."""
+        ...
+
+    def of_fit(self, fit: EdgeCalibration) -> Locate:
+        """Return what locates a camera that was fitted."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrator:
+    """Fits cameras by pictures of a field."""
+
+    field: Field
+    frames: Mapping[int, UInt8Array]  #: (H, W, 3) uint8, BGR, by index
+    prior: Mapping[int, Pose2 | None]  #: where the camera roughly was
+    locator: Locator
+    settings: EdgeCalibrationSettings
+
+    def best(self, starts: Sequence[PinholeCamera], trials: StartTrials) -> EdgeCalibration | NotCalibrated:
+        """Return the fit from the likeliest starts that most pictures agree with."""
+        settings = self.settings
+        some = dict(list(self.frames.items())[:: -(-len(self.frames) // settings.start_frames)])
+        ranks = trials.results(_RankStart(some, self.prior, self.locator), starts, "starts")
+        order = sorted(range(len(starts)), key=lambda place: ranks[place], reverse=True)
+        likely = [starts[place] for place in order[: settings.starts_followed] if ranks[place] > 0.0]
+        if not likely:
+            return NotCalibrated(self.locator.nothing)
+        followed = [self._followed(start) for start in progress(likely, len(likely), "likeliest starts")]
+        fits = [fit for fit in followed if fit is not None]
+        if not fits:
+            return NotCalibrated("too little of lines, goals and walls is in view in the images")
+        best = max(fits, key=lambda fit: (len(fit.fit.unknowns), -fit.rms_px))
+        for _ in progress(range(2, settings.rounds), settings.rounds - 2, "all images"):
+            best = self.again(best) or best
+        return best
+
+    def _followed(self, start: PinholeCamera) -> EdgeCalibration | None:
+        """Locate pictures with a start, and fit; then again with what was fitted."""
+        upright = start.with_orientation(0.0, start.tilt_rad, start.roll_rad or 0.0)
+        parameters = ForwardParameters(upright, bends=isinstance(start, FisheyeCamera) or start.is_bent)
+        first = self.located(self.locator.of_start(upright))
+        fit = self.fitted(parameters, first, parameters.vector(parameters.start))
+        return None if fit is None else self.again(fit)
+
+    def again(self, fit: EdgeCalibration) -> EdgeCalibration | None:
+        """Locate pictures with a camera that was fitted, each alone, and fit it again."""
+        return self.fitted(fit.parameters, self.located(self.locator.of_fit(fit)), fit.fit.vector)
+
+    def located(self, locate: Locate) -> dict[int, Sighting]:
+        """Return the pictures that are located."""
+        found = {index: locate(frame, self.prior[index]) for index, frame in self.frames.items()}
+        return {index: one[1] for index, one in found.items() if one is not None}
+
+    def fitted(
+        self, parameters: ForwardParameters, sightings: Mapping[int, Sighting], vector: FloatArray
+    ) -> EdgeCalibration | None:
+        """Fit camera and poses from where pictures were located; None where no picture agrees."""
+        fit = JointFitter(self.field, parameters, self.settings.fit).fit(sightings, vector)
+        return None if fit is None else EdgeCalibration(parameters.camera(fit.vector), parameters, fit)
+
+
+@dataclass(frozen=True, eq=False)
+class _RankStart:
+    frames: Mapping[int, UInt8Array]
+    prior: Mapping[int, Pose2 | None]
+    locator: Locator
+
+    def __call__(self) -> Callable[[PinholeCamera], float]:
+        def rank(camera: PinholeCamera) -> float:
+            """Return how many pictures a camera locates."""
+            locate = self.locator.of_start(camera)
+            total = 0.0
+            for number, (index, frame) in enumerate(self.frames.items()):
+                if 2 * number >= len(self.frames) and total < 0.5:
+                    break
+                answer = locate(frame, self.prior[index])
+                if answer is not None:
+                    total += answer[0]
+            return total
+
+        return rank
