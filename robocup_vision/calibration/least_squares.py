@@ -38,8 +38,8 @@ class Residuals:
     by_frame: FloatArray  #: (N, F) float64: derivatives by the frame's own unknowns
     group: Int64Array  #: (N,) int64: points of one number have a common error
 
-    def take(self, chosen: npt.NDArray[np.bool_]) -> Residuals:
-        """Return the points where a mask is true."""
+    def take(self, chosen: npt.NDArray[np.bool_] | slice) -> Residuals:
+        """Return the points where a mask is true, or of a slice."""
         return Residuals(self.residual_px[chosen], self.by_camera[chosen], self.by_frame[chosen], self.group[chosen])
 
 
@@ -109,6 +109,15 @@ class FrameEquations:
         size = len(step)
         right = self.gradient[size:] + self.own_gradient - self.information[size:, :size] @ step
         return self._own_solved(right)
+
+    def scores(self, points: Residuals, weight: FloatArray, noise: Noise) -> FloatArray:
+        """Return the gradient (S, G) by each group of the points (N,), the frame's own unknowns left out."""
+        size = points.by_camera.shape[1]
+        rows = points.by_camera - points.by_frame @ self._own_solved(self.information[size:, :size])
+        _, member = np.unique(points.group, return_inverse=True)
+        scores = np.zeros((int(member.max()) + 1, size))
+        np.add.at(scores, member, -rows * (weight * points.residual_px / noise.point_std_px**2)[:, None])
+        return scores
 
     def _own_solved(self, right: FloatArray) -> FloatArray:
         size = len(self.gradient) - len(self.own)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
-from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points
+from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points, truncated
 from robocup_vision.calibration.omni.model import CENTER, CURVES, HORIZON, SCALE, TILT, CameraModel, Curve
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.calibration.omni.starts import Observer, Sighting
@@ -128,9 +128,8 @@ class Chooser:
             seen, hidden = self.points.take(self._half == half), self._half != half
             fit = self._fit(seen, curve, tilted, self._scales)
             residual[hidden] = self._joint(self.points.take(hidden)).residuals(fit.camera, fit.poses, fit.paint_m)
-        square = np.minimum(residual**2, 1e6)
         scale_px = self._settings.scale_px
-        loss = square / (square + scale_px**2)
+        loss = truncated(residual, scale_px)
         good = np.abs(residual)[np.abs(residual) < 3 * scale_px]
         weight = self.points.weight
         choice = Choice(

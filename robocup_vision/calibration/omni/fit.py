@@ -11,7 +11,9 @@ centimetres into its centre and tilt, so a fit may move each line and arc by thr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -20,6 +22,16 @@ import numpy.typing as npt
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.calibration import least_squares
+from robocup_vision.calibration.least_squares import (
+    POSE_PRECISION,
+    FrameEquations,
+    Noise,
+    Residuals,
+    frame_equations,
+    sandwich,
+    solve,
+)
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
 from robocup_vision.calibration.omni.settings import JointFitSettings
 from robocup_vision.camera.omni import OmniCamera
@@ -125,7 +137,7 @@ class OnPaint:
         return OnPaint(is_line, lines.which, by_paint)
 
     def move(self, covector: FloatArray, paint_m: FloatArray) -> None:
-        """Move the points' covectors (N, 3) in place to where paint (L, 3) lies, see `no_paint`."""
+        """Move the points' covectors (N, 3) in place to where paint (L, 3) lies, see `Fit`."""
         covector[self.is_line, 2] -= np.einsum("ij,ij->i", self.by_paint, paint_m[self.which])
 
     def derivative(self, weight: FloatArray, paint_m: FloatArray) -> FloatArray:
@@ -134,11 +146,6 @@ class OnPaint:
         columns = _NUMBERS * self.which[:, None] + np.arange(_NUMBERS)
         by_paint[np.flatnonzero(self.is_line)[:, None], columns] = -self.by_paint * weight[self.is_line, None]
         return by_paint
-
-
-def no_paint(count: int) -> FloatArray:
-    """Return the paint (L, 3), metres, of so many lines and arcs that lie where the field has them."""
-    return np.zeros((count, _NUMBERS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +185,21 @@ class Fit:
     def camera(self) -> OmniCamera:
         """The camera fitted."""
         return self.model.camera(self.vector)
+
+
+class _State(NamedTuple):
+    """The points as a camera at poses sees them."""
+
+    place: FloatArray  # (N, 3), see `homogeneous`
+    # (N, 3), (N, 3, 3): linear forms that vanish on what each point belongs to, and their derivatives by the pose
+    covector: FloatArray
+    by_pose: FloatArray
+    # (N, 2), (N,): the forms' derivatives by the pixel, and their size
+    by_pixel: FloatArray
+    slope: FloatArray
+    residual_px: FloatArray
+    known: npt.NDArray[np.bool_]
+    on: OnPaint
 
 
 class JointFit:
@@ -235,7 +257,7 @@ class JointFit:
         """
         vector, poses = vector.copy(), poses.copy()
         free = np.ones(len(vector), dtype=bool) if free is None else free
-        paint = self._no_paint()
+        paint = np.zeros((len(self.shape.lines) + len(self.shape.arcs), _NUMBERS)) if self._painted else None
         for place, scale in enumerate(scales_px):
             last = place == len(scales_px) - 1
             for _ in range(most if last else repeats):
@@ -245,34 +267,30 @@ class JointFit:
         residual = self.residuals(model.camera(vector), poses, paint)
         return Fit(model, vector, poses, self.cost(residual, scales_px[-1]), residual, paint)
 
-    def _no_paint(self) -> FloatArray | None:
-        return no_paint(len(self.shape.lines) + len(self.shape.arcs)) if self._painted else None
-
     def cost(self, residual_px: FloatArray, scale_px: float) -> float:
         """Weighted mean (0 to 1) of the truncated squares of residuals (N,) at a width."""
-        with np.errstate(invalid="ignore"):
-            loss = np.where(
-                np.isfinite(residual_px), 1 / (1 + (scale_px / np.maximum(np.abs(residual_px), 1e-9)) ** 2), 1.0
-            )
-        return float(self.points.weight @ loss) / self._total
+        return float(self.points.weight @ truncated(residual_px, scale_px)) / self._total
 
     def residuals(self, camera: OmniCamera, poses: FloatArray, paint_m: FloatArray | None = None) -> FloatArray:
         """Signed distances (N,) in pixels of the points from the walls and lines of poses (F, 3).
 
         See `Fit` for `paint_m`.
         """
-        place = homogeneous(camera, self.points.pixels)
-        covector, _, known, on = self._covectors(camera, place, poses)
+        state = self._state(camera, poses, paint_m)
+        return np.where(state.known, state.residual_px, np.inf)
+
+    def _state(self, camera: OmniCamera, poses: FloatArray, paint_m: FloatArray | None) -> _State:
+        points = self.points
+        place = homogeneous(camera, points.pixels)
+        covector, by_pose, known, on = self._covectors(camera, place, poses)
         if paint_m is not None:
             on.move(covector, paint_m)
-        slope = np.maximum(np.hypot(*self._by_pixel(camera, place, covector).T), _MIN_SLOPE)
-        return np.where(known, np.einsum("ij,ij->i", covector, place) / slope, np.inf)
-
-    def _by_pixel(self, camera: OmniCamera, place: FloatArray, covector: FloatArray) -> FloatArray:
-        """Differentiate the covectors' values by u and v: (N, 2)."""
         steps = np.array([[_STEP, 0.0], [0.0, _STEP]])
-        moved = [homogeneous(camera, self.points.pixels + step) - place for step in steps]
-        return np.stack([np.einsum("ij,ij->i", covector, by) for by in moved], axis=1) / _STEP
+        moved = [homogeneous(camera, points.pixels + step) - place for step in steps]
+        by_pixel = np.stack([np.einsum("ij,ij->i", covector, by) for by in moved], axis=1) / _STEP
+        slope = np.maximum(np.hypot(*by_pixel.T), _MIN_SLOPE)
+        residual = np.einsum("ij,ij->i", covector, place) / slope
+        return _State(place, covector, by_pose, by_pixel, slope, residual, known, on)
 
     def _covectors(
         self, camera: OmniCamera, place: FloatArray, poses: FloatArray
@@ -320,34 +338,53 @@ class JointFit:
         poses: FloatArray,
         free: npt.NDArray[np.bool_],
         paint_m: FloatArray | None = None,
-    ) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-        """Residuals (N,), their derivatives by the vector (N, G) and the own pose (N, 3), and which are known (N,).
+    ) -> Residuals:
+        """Linearise the points by the vector (G,) and the own poses; by their sectors they err together.
 
-        With `paint_m` (L, 3), see `Fit`, its 3 L numbers follow those of the vector.
+        Points of which nothing is known have an infinite residual. With `paint_m` (L, 3), see `Fit`, its 3 L numbers
+        follow those of the vector.
         """
         pixels = self.points.pixels
-        camera = model.camera(vector)
-        place = homogeneous(camera, pixels)
-        covector, by_pose, known, on = self._covectors(camera, place, poses)
+        state = self._state(model.camera(vector), poses, paint_m)
         by_paint = np.zeros((len(pixels), 0))
         if paint_m is not None:
-            on.move(covector, paint_m)
-            by_paint = on.derivative(place[:, 2], paint_m)
-        by_pixel = self._by_pixel(camera, place, covector)
-        slope = np.maximum(np.hypot(by_pixel[:, 0], by_pixel[:, 1]), _MIN_SLOPE)
-        residual = np.where(known, np.einsum("ij,ij->i", covector, place) / slope, 0.0)
+            by_paint = state.on.derivative(state.place[:, 2], paint_m)
         by_vector = np.zeros((len(pixels), len(vector)))
         # only a pixel's place relative to the centre counts
-        by_vector[:, CENTER] = -by_pixel / slope[:, None]
+        by_vector[:, CENTER] = -state.by_pixel
         for g in np.flatnonzero(free):
             if g < TILT.start:
                 continue
             ahead = vector.copy()
             ahead[g] += _STEP
             moved = homogeneous(model.camera(ahead), pixels)
-            by_vector[:, g] = np.einsum("ij,ij->i", covector, moved - place) / (_STEP * slope)
-        by_own = np.einsum("ipj,ij->ip", by_pose, place) / slope[:, None]
-        return residual, np.hstack([by_vector, by_paint / slope[:, None]]), by_own, known
+            by_vector[:, g] = np.einsum("ij,ij->i", state.covector, moved - state.place) / _STEP
+        by_own = np.einsum("ipj,ij->ip", state.by_pose, state.place)
+        sectors = self.settings.sectors
+        turn = np.arctan2(*(pixels - vector[CENTER]).T[::-1]) / math.tau + 0.5
+        return Residuals(
+            np.where(state.known, state.residual_px, np.inf),
+            np.hstack([by_vector, by_paint]) / state.slope[:, None],
+            by_own / state.slope[:, None],
+            np.floor(turn * sectors).astype(np.int64),
+        )
+
+    def _frames(
+        self, points: Residuals, scale_px: float, noise_px: float
+    ) -> list[tuple[Residuals, FloatArray, Noise, FrameEquations]]:
+        """Return each frame's points with their weights, at a width of the loss, their noise and equations."""
+        noise, own = Noise(noise_px, 0.0), np.full(3, POSE_PRECISION)
+        weight = self.points.weight * (1.0 - truncated(points.residual_px, scale_px)) ** 2
+        frames = []
+        for first, end in itertools.pairwise([*self._first.tolist(), len(weight)]):
+            rows, one = points.take(np.s_[first:end]), weight[first:end]
+            frames.append((rows, one, noise, frame_equations(rows, one, noise, own, np.zeros(3))))
+        return frames
+
+    def _prior(self, model: CameraModel, paint_m: FloatArray | None) -> FloatArray:
+        """Precision of the numbers of vector and paint under their prior."""
+        paint = np.full(0 if paint_m is None else paint_m.size, max(self.shape.paint_std_m, 1e-9))
+        return np.asarray(np.concatenate([model.prior_std(), paint]) ** -2.0)
 
     def _step(
         self,
@@ -361,95 +398,64 @@ class JointFit:
         free: npt.NDArray[np.bool_],
     ) -> float:
         """Do one Gauss-Newton step in place; return its length, relative to the bounds of a step, for a stop test."""
-        residual, by_vector, by_own, known = self.linearise(model, vector, poses, free, paint_m)
-        weight = np.where(known, self.points.weight / (1 + (residual / scale) ** 2) ** 2, 0.0)
-        settings = self.settings
-        weight /= settings.points_per_measurement * max(scale / 2, settings.min_noise_px) ** 2
-        count = len(vector)
+        settings, count = self.settings, len(vector)
+        points = self.linearise(model, vector, poses, free, paint_m)
         # lines out of view stay where they are
-        seen = np.flatnonzero(by_vector[:, count:].any(axis=0))
-        by_vector = by_vector[:, np.concatenate([np.arange(count), count + seen])]
-        h_gg, h_gp, h_pp, g_g, g_p = self._normal(residual, by_vector, by_own, weight)
-        std = model.prior_std()
-        h_gg[:count, :count] += np.diag(1 / std**2)
-        g_g[:count] += (vector - prior) / std**2
-        if paint_m is not None:
-            h_gg[count:, count:] += np.eye(len(seen)) / self.shape.paint_std_m**2
-            g_g[count:] += paint_m.ravel()[seen] / self.shape.paint_std_m**2
-        # damping of about a decimetre: the pose of a frame that shows one wall only does not run away
-        h_pp += np.diag([1e-3, 1e-3, 1e-3]) * np.trace(h_pp, axis1=1, axis2=2)[:, None, None] / 3 + 1e-6 * np.eye(3)
-        back = np.linalg.solve(h_pp, np.concatenate([h_gp.transpose(0, 2, 1), g_p[:, :, None]], axis=2))
-        schur = h_gg - np.einsum("fgp,fph->gh", h_gp, back[:, :, :-1])
-        right = g_g - np.einsum("fgp,fp->g", h_gp, back[:, :, -1])
-        fixed = np.flatnonzero(~free)
-        schur[fixed] = 0.0
-        schur[:, fixed] = 0.0
-        schur[fixed, fixed] = 1.0
-        right[fixed] = 0.0
-        step = -np.linalg.solve(schur, right)
-        most = np.full(len(step), settings.max_log_step)
+        seen = np.flatnonzero(points.by_camera[:, count:].any(axis=0))
+        moves = np.concatenate([np.flatnonzero(free), count + seen])
+        points = replace(points, by_camera=points.by_camera[:, moves])
+        noise_px = math.sqrt(settings.points_per_measurement) * max(scale / 2, settings.min_noise_px)
+        frames = [frame for _, _, _, frame in self._frames(points, scale, noise_px)]
+        numbers = np.concatenate([vector - prior, np.zeros(0) if paint_m is None else paint_m.ravel()])
+        precision = self._prior(model, paint_m)[moves]
+        total, pull = np.diag(precision), -precision * numbers[moves]
+        for information, gradient in (frame.reduced() for frame in frames):
+            total += information
+            pull += gradient
+        step = solve(total, pull)
+        most = np.full(count + len(numbers), settings.max_log_step)
         most[CENTER], most[TILT] = settings.max_center_step_px, settings.max_tilt_step_rad
+        most = most[moves]
         step *= min(1.0, float(np.min(most / np.maximum(np.abs(step), 1e-12))))
-        pose_step = -(back[:, :, -1] + np.einsum("fpg,g->fp", back[:, :, :-1], step))
+        pose_step = np.array([frame.own_step(step) for frame in frames])
         pose_step *= np.minimum(1.0, settings.max_pose_step / np.maximum(np.abs(pose_step).max(axis=1), 1e-12))[:, None]
-        before = vector.copy()
-        vector += step[:count]
+        before, of_vector = vector.copy(), len(moves) - len(seen)
+        vector[free] += step[:of_vector]
         np.clip(vector, *bounds, out=vector)
         if paint_m is not None:
-            paint_m.ravel()[seen] += step[count:]
+            paint_m.ravel()[seen] += step[of_vector:]
         poses += pose_step
         np.clip(poses[:, :2], self.shape.low + 0.01, self.shape.high - 0.01, out=poses[:, :2])
-        return float(np.abs((vector - before) / most[:count]).max() + np.abs(pose_step).max())
-
-    def _normal(
-        self, residual: FloatArray, by_vector: FloatArray, by_own: FloatArray, weight: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        weighted = by_vector * weight[:, None]
-        h_gg = by_vector.T @ weighted
-        h_gp = np.add.reduceat(weighted[:, :, None] * by_own[:, None, :], self._first, axis=0)
-        own = by_own * weight[:, None]
-        h_pp = np.add.reduceat(own[:, :, None] * by_own[:, None, :], self._first, axis=0)
-        g_p = np.add.reduceat(own * residual[:, None], self._first, axis=0)
-        return h_gg, h_gp, h_pp, weighted.T @ residual, g_p
+        moved = np.abs(vector - before)[free] / most[:of_vector]
+        return float(moved.max(initial=0.0) + np.abs(pose_step).max())
 
     def covariance(self, fit: Fit) -> FloatArray:
         """Covariance (G, G) of a fit's vector, with unknown poses and paint. Points that err together count once.
 
-        Points of one frame and one sector of the image are one group (a cluster-robust "sandwich"). Every number
-        counts as unknown, even if it was fixed in the fit.
+        Points of one frame and one sector of the image are one group. Every number counts as unknown, even if it was
+        fixed in the fit.
         """
-        residual, by_vector, by_own, known = self.linearise(
-            fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool), fit.paint_m
-        )
-        spread = spread_px(residual[known], self.settings)
-        weight = np.where(known, self.points.weight / (1 + (residual / (3 * spread)) ** 2) ** 2 / spread**2, 0.0)
-        _, h_gp, h_pp, _, _ = self._normal(residual, by_vector, by_own, weight)
-        h_pp += 1e-6 * np.eye(3)
-        eliminated = np.linalg.solve(h_pp, h_gp.transpose(0, 2, 1))
-        reduced = by_vector - np.einsum("np,npg->ng", by_own, eliminated[self.points.frame])
-        offset = self.points.pixels - fit.vector[CENTER]
-        sectors = self.settings.sectors
-        sector = np.floor((np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) + 0.5) * sectors).astype(np.int64)
-        _, member = np.unique(self.points.frame * (sectors + 1) + sector, return_inverse=True)
+        points = self.linearise(fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool), fit.paint_m)
+        spread = spread_px(points.residual_px, self.settings)
+        frames = self._frames(points, 3 * spread, spread)
+        information = np.diag(self._prior(fit.model, fit.paint_m))
+        information += sum(frame.reduced()[0] for *_, frame in frames)
+        scores = np.vstack([frame.scores(rows, weight, noise) for rows, weight, noise, frame in frames])
         count = len(fit.vector)
-        scores = np.zeros((int(member.max()) + 1, by_vector.shape[1]))
-        np.add.at(scores, member.ravel(), reduced * (weight * residual)[:, None])
-        fisher = (reduced.T * weight) @ reduced
-        prior = np.full(len(fisher), 1 / max(self.shape.paint_std_m, 1e-9) ** 2)
-        prior[:count] = 1 / fit.model.prior_std() ** 2
-        bread = np.linalg.inv(fisher + np.diag(prior))
-        covariance = bread @ (fisher + scores.T @ scores + np.diag(prior)) @ bread
-        return np.asarray(covariance[:count, :count])
+        return sandwich(information, scores)[:count, :count]
+
+
+def truncated(residual_px: FloatArray, scale_px: float) -> FloatArray:
+    """Return the loss (N,) of residuals, 0 to 1: their squares, truncated softly at a width."""
+    return np.asarray(1.0 - 1.0 / (1.0 + np.square(residual_px / scale_px)))
 
 
 def spread_px(residual_px: FloatArray, settings: JointFitSettings = JointFitSettings()) -> float:
     """Robust standard deviation of residuals (N,), from those that agree with one another."""
-    size = np.abs(residual_px[np.isfinite(residual_px)])
     within = 3.0
     for _ in range(5):
-        good = size[size <= within]
+        good = residual_px[np.abs(residual_px) <= within]
         if not len(good):
             break
-        # half of the points that agree lie within 0.67 standard deviations
-        within = max(3 * 1.48 * float(np.median(good)), 3 * settings.min_noise_px)
+        within = 3 * least_squares.spread_px(good, settings.min_noise_px)
     return within / 3

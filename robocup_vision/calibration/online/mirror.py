@@ -89,11 +89,11 @@ class MirrorEvidence:
         def points_at(step: FloatArray) -> Residuals:
             # a body leans about its foot: seen from there as a tilt and a shift, and the pose takes up the shift
             of_camera, of_pose, lean = np.split(step, (size, size + 3))
-            residual, by_camera, by_pose, is_known = joint.linearise(
-                self._model, belief.start + of_camera, (pose + of_pose)[None], free
+            seen = joint.linearise(self._model, belief.start + of_camera, (pose + of_pose)[None], free)
+            by_lean = seen.by_camera[:, TILT]
+            return Residuals(
+                seen.residual_px + by_lean @ lean, seen.by_camera, np.hstack([seen.by_frame, by_lean]), group
             )
-            residual = np.where(is_known, residual + by_camera[:, TILT] @ lean, np.inf)
-            return Residuals(residual, by_camera, np.hstack([by_pose, by_camera[:, TILT]]), group)
 
         gates_px = [gate * self._px for gate in self._settings.gates_px]
         equations = fit_frame(points_at, belief, self._own, np.zeros(len(self._own)), self._robust, gates_px)
