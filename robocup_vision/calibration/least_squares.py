@@ -7,7 +7,7 @@ a step costs as much as its frames.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -55,10 +55,16 @@ class Robust:
     """How residuals are weighed: by Tukey's function within a gate, and by the noise that they show within it."""
 
     noise: Noise  #: at least
-    reach_px: float  #: residuals beyond it tell nothing of the noise
-    last_gate: float  #: of the last steps, in robust standard deviations
+    gates_px: tuple[float, ...]  #: of the steps, down to a few times the noise
     min_points: int  #: points that must agree
-    min_agreeing_ratio: float  #: of all points, those that must agree
+    last_gate: float = 3.5  #: of the steps after these, in robust standard deviations
+    min_agreeing_ratio: float = 0.5  #: of all points, those that must agree: more than other robots hide
+
+    def scaled(self, gates: float, noise: float) -> Robust:
+        """Return the same with larger gates and noise."""
+        point_px, group_px = self.noise
+        gates_px = tuple(gates * gate for gate in self.gates_px)
+        return replace(self, noise=Noise(noise * point_px, noise * group_px), gates_px=gates_px)
 
     def weighed(self, residual_px: FloatArray, gate_px: float) -> tuple[FloatArray, Noise]:
         """Weigh residuals (N,).
@@ -75,7 +81,7 @@ class Robust:
         noise : Noise
             Where points agree worse than their noise lets expect, their common error is taken to be larger, too.
         """
-        inside = np.abs(residual_px) < (gate_px or self.reach_px)
+        inside = np.abs(residual_px) < (gate_px or self.gates_px[-1])
         spread = spread_px(residual_px[inside], self.noise.point_std_px)
         off = np.minimum(np.abs(residual_px) / (gate_px or self.last_gate * spread), 1.0)
         noise = Noise(spread, self.noise.group_std_px * spread / self.noise.point_std_px)

@@ -41,6 +41,8 @@ VALUE_TYPES: Mapping[str, str] = {
     "OnlineSettings": "robocup_vision.calibration.online.settings",
     "MirrorCalibrationSettings": "robocup_vision.calibration.online.settings",
     "PinholeCalibrationSettings": "robocup_vision.calibration.online.settings",
+    "Robust": "robocup_vision.calibration.least_squares",
+    "Noise": "robocup_vision.calibration.least_squares",
     "ParameterFilterSettings": "robocup_vision.calibration.online.parameter_filter",
     "ViewMotionSettings": "robocup_vision.mapping.view_motion",
     "EgoMotionSettings": "robocup_vision.mapping.ego_motion",

@@ -76,15 +76,12 @@ Locate = Callable[[UInt8Array, Pose2 | None], tuple[float, Sighting] | None]
 
 
 class Locator(Protocol):
-    """Locates cameras by what single pictures show.
+    """Locates cameras by what single pictures show."""
 
-    Attributes
-    ----------
-    nothing : str
-        What is said where no start locates any picture.
-    """
-
-    nothing: str
+    @property
+    def nothing(self) -> str:
+        """What is said where no start locates any picture."""
+        ...
 
     def of_start(self, camera: PinholeCamera) -> Locate:
         """Return what locates a camera that is about right."""

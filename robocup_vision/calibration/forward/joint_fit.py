@@ -43,17 +43,10 @@ class JointFitSettings:
     #: how far a body nods, rolls and rises about its rest
     sway_std_rad: float = 0.01
     sway_std_m: float = 0.003
-    #: of the first steps, pixels of a picture 208 wide: from what a start is off down to noise
-    gates_px: tuple[float, ...] = (4.0, 4.0, 3.0, 2.0, 1.5)
-    #: of the steps that follow: in robust standard deviations of the residuals, and their number
-    last_gate: float = 3.5
-    last_steps: int = 5
-    #: noise of a sample alone, and of what all samples of an edge have in common
-    point_std_px: float = 0.15
-    group_std_px: float = 0.2
-    #: samples that a picture must show, and of these those that the fit must explain, or it is left out
-    min_points: int = 12
-    min_agreeing_ratio: float = 0.5
+    #: noise of a sample alone, and of what all samples of an edge have in common; gates of the first steps, pixels of a
+    #: picture 208 wide: from what a start is off down to noise; samples that a picture must show, or it is left out
+    robust: Robust = Robust(Noise(0.15, 0.2), (4.0, 4.0, 3.0, 2.0, 1.5), 12)
+    last_steps: int = 5  #: steps that follow the gates
     #: largest spread of a picture's residuals relative to the median picture's: one with more was placed wrongly
     max_spread_ratio: float = 3.0
 
@@ -110,14 +103,7 @@ class JointFitter:
         start = parameters.start
         self._finder = EdgePointFinder(field, start.size_px[0], EdgeSettings().for_unconfirmed_frames())
         scale = max(start.size_px[0] / DESIGN_WIDTH_PX, 1.0)
-        self._gates = [scale * gate for gate in settings.gates_px]
-        self._robust = Robust(
-            Noise(settings.point_std_px, settings.group_std_px),
-            self._gates[-1],
-            settings.last_gate,
-            settings.min_points,
-            settings.min_agreeing_ratio,
-        )
+        self._robust = settings.robust.scaled(scale, 1.0)
         sway = settings.sway_std_rad if start.roll_std_rad is None else start.roll_std_rad
         self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, settings.sway_std_m**-2])
 
@@ -141,7 +127,7 @@ class JointFitter:
         unknowns = {index: one.unknowns.copy() for index, one in sightings.items()}
         pictures: dict[int, _Picture] = {}
         total = prior
-        for gate in (*self._gates, *[0.0] * self._settings.last_steps):
+        for gate in (*self._robust.gates_px, *[0.0] * self._settings.last_steps):
             camera = self._parameters.camera(vector)
             lens = lens_table(camera)
             seen = {i: self._linearised(sightings[i], one, vector, camera, lens, gate) for i, one in unknowns.items()}
@@ -173,8 +159,8 @@ class JointFitter:
         lens: FloatArray,
         gate: float,
     ) -> _Picture | None:
-        points = self._finder.find(sighting.frame, lens, unknowns, gate or self._gates[-1], sighting.edges)
-        if len(points.feature) < self._settings.min_points:
+        points = self._finder.find(sighting.frame, lens, unknowns, gate or self._robust.gates_px[-1], sighting.edges)
+        if len(points.feature) < self._robust.min_points:
             return None
         by_lens = self._parameters.by_coefficients(camera, points.pixels, points.normal)
         by_camera = np.column_stack([points.by_camera, points.by_line_width, by_lens])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,7 +37,6 @@ def fit_frame(
     own: FloatArray,
     own_off: FloatArray,
     robust: Robust,
-    gates_px: Sequence[float],
     skew_px: float = 0.0,
 ) -> FrameEquations | None:
     """Fit a camera's parameters and a frame's own unknowns.
@@ -48,8 +47,6 @@ def fit_frame(
         Returns the frame's points for a step (G + F,) from the start.
     own, own_off : (F,) float64
         Precision of the frame's own unknowns under their prior, and how far off its mean they are at the start.
-    gates_px : sequence of float
-        Of the steps; the last gate follows them.
     skew_px : float
         Standard deviation of a further error that the points of a group share.
 
@@ -60,7 +57,7 @@ def fit_frame(
     """
     size, precision = len(belief.start), np.linalg.inv(belief.covariance)
     step = np.zeros(size + len(own))
-    for gate in gates_px:
+    for gate in robust.gates_px:
         equations, _ = _equations(points_at(step), own, own_off + step[size:], robust, gate, skew_px)
         information, gradient = equations.reduced()
         pull = precision @ (belief.mean - belief.start - step[:size])

@@ -8,7 +8,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
-from robocup_vision.calibration.least_squares import POSE_PRECISION, Noise, Residuals, Robust
+from robocup_vision.calibration.least_squares import POSE_PRECISION, Residuals
 from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points
 from robocup_vision.calibration.omni.model import CENTER, SCALE, TILT, CameraModel
 from robocup_vision.calibration.online.evidence import Belief, Evidence, fit_frame
@@ -19,8 +19,6 @@ from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.view import View
 
 DESIGN_HEIGHT_PX = 220.0
-# of the last step, in robust standard deviations
-_LAST_GATE = 4.0
 
 
 class MirrorEvidence:
@@ -49,13 +47,7 @@ class MirrorEvidence:
         self.reach = np.full(self._model.size, 6.0 * mirror.curve_std)
         self.reach[CENTER], self.reach[TILT] = settings.max_center_px, settings.max_tilt_rad
         self._own = np.array([POSE_PRECISION] * 3 + [mirror.sway_std_rad**-2] * 2)
-        self._robust = Robust(
-            Noise(mirror.alone_px * self._px, mirror.shared_px * self._px),
-            mirror.gates_px[-1] * self._px,
-            _LAST_GATE,
-            mirror.min_points,
-            mirror.min_agreeing_ratio,
-        )
+        self._robust = mirror.robust.scaled(self._px, self._px)
         self._warm_up(camera)
 
     def vector(self, camera: OmniCamera) -> FloatArray:
@@ -95,8 +87,7 @@ class MirrorEvidence:
                 seen.residual_px + by_lean @ lean, seen.by_camera, np.hstack([seen.by_frame, by_lean]), group
             )
 
-        gates_px = [gate * self._px for gate in self._settings.gates_px]
-        equations = fit_frame(points_at, belief, self._own, np.zeros(len(self._own)), self._robust, gates_px)
+        equations = fit_frame(points_at, belief, self._own, np.zeros(len(self._own)), self._robust)
         return None if equations is None else Evidence(belief.start, *equations.reduced())
 
     def _points(self, frame: UInt8Array, view: View) -> Points | None:
@@ -105,7 +96,7 @@ class MirrorEvidence:
         boundary = _thinned(boundary[np.isfinite(boundary).all(axis=1)], most)
         lines = _thinned(self._finder.find(frame).pixels, most)
         count = len(boundary) + len(lines)
-        if count < self._settings.min_points:
+        if count < self._robust.min_points:
             return None
         pixels = np.vstack([boundary, lines])
         return Points(pixels, np.zeros(count, dtype=np.int64), np.arange(count) >= len(boundary), np.ones(count))

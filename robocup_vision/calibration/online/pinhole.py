@@ -13,7 +13,7 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.edge_points import EdgePointFinder
 from robocup_vision.calibration.forward_parameters import CENTER, HEIGHT, LINE_WIDTH, LOG_FOCAL, ForwardParameters
-from robocup_vision.calibration.least_squares import POSE_PRECISION, FrameEquations, Noise, Residuals, Robust
+from robocup_vision.calibration.least_squares import POSE_PRECISION, FrameEquations, Residuals
 from robocup_vision.calibration.online.evidence import Belief, Evidence, fit_frame
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.lens_table import lens_table
@@ -57,13 +57,6 @@ class PinholeEvidence:
         self.reach[CENTER], self.reach[_ANGLES] = settings.max_center_px * px, settings.max_tilt_rad
         sway = own.sway_std_rad if camera.roll_std_rad is None else max(camera.roll_std_rad, own.sway_std_rad)
         self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
-        self._robust = Robust(
-            Noise(own.alone_px, own.shared_px),
-            own.gates_px[-1],
-            own.last_gate,
-            own.min_points,
-            own.min_agreeing_ratio,
-        )
         self._finder = EdgePointFinder(field, camera.size_px[0], EdgeSettings(), mask)
         self._reach_px = own.reach_px * px
         # time of the last view (s), and the camera's heading, tilt and roll in it
@@ -140,7 +133,7 @@ class PinholeEvidence:
             self._lens, self._lens_of = lens_table(self.camera(belief.start)), belief.start.copy()
         unknowns = np.array([*pose.array, *mounting, 0.0])
         points = self._finder.find(frame, self._lens, unknowns, self._reach_px)
-        if len(points.feature) < self._robust.min_points:
+        if len(points.feature) < self._settings.robust.min_points:
             return None
         rows = np.hstack([points.by_camera, points.by_frame])
 
@@ -151,4 +144,4 @@ class PinholeEvidence:
         # standard deviation of the shift of rows that are evenly spread over the readout
         readout_s = self._file.readout_s or self._settings.readout_s
         skew_px = self._lens[0] * self._turn_radps * readout_s / math.sqrt(12.0)
-        return fit_frame(points_at, belief, self._own, sway, self._robust, self._settings.gates_px, skew_px)
+        return fit_frame(points_at, belief, self._own, sway, self._settings.robust, skew_px)

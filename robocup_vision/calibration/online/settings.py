@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from robocup_vision.calibration.least_squares import Noise, Robust
 from robocup_vision.calibration.online.parameter_filter import ParameterFilterSettings
 from robocup_vision.checks import require_positive
 
@@ -22,15 +23,11 @@ class MirrorCalibrationSettings:
     #: full braking leans wheels by; a wider one hides knocks, a narrower one takes leans for knocks.
     sway_std_rad: float = 0.005
     max_points: int = 80  #: points of each kind that are used of a frame: neighbours err together
-    min_points: int = 40  #: points that a frame must show: fewer do not fix its pose
-    min_agreeing_ratio: float = 0.5  #: of these, those that the fit must explain: more than other robots hide
     #: noise of a point alone, and of what all points of one sector and kind have in common: the mirror's polish, the
-    #: wall's foot, the paint's edge
-    alone_px: float = 0.3
-    shared_px: float = 0.2
+    #: wall's foot, the paint's edge; gates from what a wrong camera file does to a pose's residuals down to the points'
+    #: noise; points that a frame must show: fewer do not fix its pose
+    robust: Robust = Robust(Noise(0.3, 0.2), (8.0, 6.0, 4.0, 3.0, 2.0, 2.0), 40, last_gate=4.0)
     sectors: int = 16  #: sectors of the image whose points err together
-    #: of the fit's steps: from what a wrong camera file does to a pose's residuals down to the points' noise
-    gates_px: tuple[float, ...] = (8.0, 6.0, 4.0, 3.0, 2.0, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,17 +49,10 @@ class PinholeCalibrationSettings:
     #: (`RollingShutter`), so much of the turn about the upright is left after frames have been straightened.
     readout_s: float = 0.02
     straightened_to: float = 0.1
-    min_points: int = 12  #: samples that a frame must show
-    #: of the samples that an edge is found at, those that the fit must explain: more than other robots hide
-    min_agreeing_ratio: float = 0.5
     #: how far from its prediction an edge is looked for: as far as a wrong lens leaves it at the picture's border
     reach_px: float = 5.0
     #: noise of a sample alone, and of what all samples of an edge have in common, as the follower has them
-    alone_px: float = 0.15
-    shared_px: float = 0.2
-    #: of the fit's steps; the last one in robust standard deviations
-    gates_px: tuple[float, ...] = (4.0, 3.0, 2.5)
-    last_gate: float = 3.5
+    robust: Robust = Robust(Noise(0.15, 0.2), (4.0, 3.0, 2.5), 12)
 
 
 @dataclass(frozen=True, slots=True)
