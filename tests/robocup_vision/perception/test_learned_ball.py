@@ -6,13 +6,13 @@ from importlib.resources import files
 import cv2
 import numpy as np
 import pytest
+from ball_patches import is_patch
 
 from field_models import load_field
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.perception.balls.learned import LearnedBallFinder
 from robocup_vision.perception.balls.network import BallPlaces
 from robocup_vision.vision import Vision
-from sim2d.rendering.ball_patches import is_patch
 
 FIELD = load_field("msl_18x12")
 HELD = FisheyeCamera(

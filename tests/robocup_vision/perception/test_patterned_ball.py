@@ -6,12 +6,12 @@ import math
 import cv2
 import numpy as np
 import pytest
+from ball_patches import is_patch
 
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.perception.balls.patterned import PatternedBallFinder
 from robocup_vision.vision import Vision
-from sim2d.rendering.ball_patches import is_patch
 
 FIELD = load_field("spl_2020")
 HELD = PinholeCamera(
