@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,7 +41,7 @@ def ball_on_floor(
     camera: PinholeCamera,
     center_px: tuple[float, float],
     radius_m: float,
-    angle_std_rad: Callable[[float], float],
+    place_std: float,
     tilt_std_rad: float,
     log_likelihood_ratio: float,
 ) -> Ball | None:
@@ -51,8 +51,8 @@ def ball_on_floor(
     ----------
     camera : PinholeCamera
         As held.
-    angle_std_rad : callable
-        Standard deviation of the ray by the centre's place in the picture, given the ball's distance in metres.
+    place_std : float
+        Standard deviation of its centre in the picture, in radii.
     tilt_std_rad : float
         Of the camera's tilt, by which the ray errs along itself.
     """
@@ -64,13 +64,24 @@ def ball_on_floor(
     range_m = height * level / -float(ray[2])
     away = np.asarray(ray[:2]) / level
     x, y = (camera.offset_m + range_m * away).tolist()
-    distance_m = math.hypot(range_m, height)
-    angle_std = angle_std_rad(distance_m)
-    along = (range_m**2 + height**2) / height * math.hypot(angle_std, tilt_std_rad)
-    across = distance_m * angle_std
+    across = place_std * radius_m
+    along = (range_m**2 + height**2) / height * math.hypot(across / math.hypot(range_m, height), tilt_std_rad)
     turn: FloatArray = np.array([[away[0], -away[1]], [away[1], away[0]]])
     covariance = read_only(turn @ np.diag([along**2, across**2]) @ turn.T)
     return Ball(x, y, covariance, *center_px, log_likelihood_ratio)
+
+
+def lie_apart(places: Sequence[tuple[float, float, float]], radii: float) -> list[int]:
+    """Return the indices of the finds (u, v, radius), the likeliest first, that lie over no likelier one.
+
+    They do where their centres are no farther apart than so many radii of the larger.
+    """
+    kept: list[int] = []
+    for n, (u, v, radius) in enumerate(places):
+        others = (places[m] for m in kept)
+        if all(math.hypot(u - x, v - y) > radii * max(radius, other) for x, y, other in others):
+            kept.append(n)
+    return kept
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,12 +147,5 @@ class LearnedBallFinder:
 
     def _ball(self, one: Sighting, camera: PinholeCamera) -> Ball | None:
         """Place a ball on the floor; None where its ray does not meet it."""
-        s, radius_m = self.settings, self._radius_m
-        return ball_on_floor(
-            camera,
-            (one.u_px, one.v_px),
-            radius_m,
-            lambda distance_m: s.place_std * radius_m / distance_m,
-            s.tilt_std_rad,
-            one.nats,
-        )
+        s = self.settings
+        return ball_on_floor(camera, (one.u_px, one.v_px), self._radius_m, s.place_std, s.tilt_std_rad, one.nats)

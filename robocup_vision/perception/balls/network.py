@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.perception.balls.ball import lie_apart
 from robocup_vision.perception.networks import Shrunk, read_network
 
 # of the first network: what a ball's radius is about, how far apart its answers are, and where the first is
@@ -251,14 +252,7 @@ class BallNetwork:
 
 def _apart(sightings: list[Sighting], radii: float) -> list[Sighting]:
     """Of sightings, the likeliest first, keep those that do not lie so near a likelier one."""
-    found: list[Sighting] = []
-    for one in sightings:
-        if all(
-            math.hypot(one.u_px - other.u_px, one.v_px - other.v_px) > radii * max(one.radius_px, other.radius_px)
-            for other in found
-        ):
-            found.append(one)
-    return found
+    return [sightings[n] for n in lie_apart([one[:3] for one in sightings], radii)]
 
 
 def is_near(places: FloatArray, ball: Sighting) -> BoolArray:

@@ -20,7 +20,7 @@ from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import patterned as kernel
 from robocup_vision.kernels.balls import patterned_carpet
-from robocup_vision.perception.balls.ball import Ball, ball_on_floor
+from robocup_vision.perception.balls.ball import Ball, ball_on_floor, lie_apart
 
 _TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
@@ -152,32 +152,36 @@ class PatternedBallFinder:
             voted = self._voted_tilt(discs)
             if voted is None:
                 return ()
-            tilt, is_alone = voted
+            tilt, tilt_std, is_alone = voted
             # a disc that alone says what the tilt is cannot be borne out by it
             ratios = [min(self._ratio(disc, tilt), disc.nats if is_alone else math.inf) for disc in discs]
         else:
-            tilt = camera.tilt_rad
+            tilt, tilt_std = camera.tilt_rad, self.settings.tilt_std_rad
             ratios = [self._ratio(disc, tilt) for disc in discs]
         held = camera.with_orientation(camera.pan_rad or 0.0, tilt, camera.roll_rad or 0.0)
-        placed = (self._ball(disc, held, ratio) for ratio, disc in _apart(discs, ratios, needed))
+        placed = (self._ball(disc, held, tilt_std, ratio) for ratio, disc in _apart(discs, ratios, needed))
         return tuple([ball for ball in placed if ball is not None][: self.settings.max_balls])
 
-    def _voted_tilt(self, discs: list[_Disc]) -> tuple[float, bool] | None:
-        """Return the tilt that most speaks for, and whether one disc alone does; None if no disc may be a ball."""
+    def _voted_tilt(self, discs: list[_Disc]) -> tuple[float, float, bool] | None:
+        """Return the tilt that most speaks for, its standard deviation, and whether one disc alone speaks for it.
+
+        None if no disc may be a ball.
+        """
         needed = self.settings.min_log_likelihood_ratio
-        tilts = [disc.tilt_rad for disc in discs if disc.nats > 0]
-        if not tilts:
+        likely = [disc for disc in discs if disc.nats > 0]
+        if not likely:
             return None
 
         def apart(tilt: float, least: float) -> list[tuple[float, _Disc]]:
             return _apart(discs, [self._ratio(disc, tilt) for disc in discs], least)
 
-        best = max(tilts, key=lambda tilt: sum(ratio for ratio, _ in apart(tilt, 0.0)))
-        clear = [disc for _, disc in apart(best, needed)]
+        best = max(likely, key=lambda disc: sum(ratio for ratio, _ in apart(disc.tilt_rad, 0.0)))
+        clear = [disc for _, disc in apart(best.tilt_rad, needed)]
         if len(clear) < 2:
-            return best, True
+            return best.tilt_rad, best.tilt_std_rad, True
         weights = [disc.tilt_std_rad**-2 for disc in clear]
-        return float(np.average([disc.tilt_rad for disc in clear], weights=weights)), False
+        tilt = float(np.average([disc.tilt_rad for disc in clear], weights=weights))
+        return tilt, sum(weights) ** -0.5, False
 
     def _discs(self, frame: UInt8Array, camera: PinholeCamera) -> list[_Disc]:
         settings = self.settings
@@ -275,12 +279,10 @@ class PatternedBallFinder:
         likelihood = (1 - settings.outlier_ratio) * density * settings.tilt_span_rad + 0.1 * settings.outlier_ratio
         return disc.nats + math.log(likelihood)
 
-    def _ball(self, disc: _Disc, camera: PinholeCamera, ratio: float) -> Ball | None:
+    def _ball(self, disc: _Disc, camera: PinholeCamera, tilt_std_rad: float, ratio: float) -> Ball | None:
         """Place a ball on the floor; None where its ray does not meet it."""
-        s = self.settings
-        angle_std_rad = s.place_std * disc.radius_px / camera.focal_px[0]
-        at = (disc.u_px, disc.v_px)
-        return ball_on_floor(camera, at, self._radius_m, lambda _: angle_std_rad, s.tilt_std_rad, ratio)
+        center_px = (disc.u_px, disc.v_px)
+        return ball_on_floor(camera, center_px, self._radius_m, self.settings.place_std, tilt_std_rad, ratio)
 
 
 def _lens_scale(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
@@ -295,14 +297,9 @@ def _lens_scale(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
 
 def _apart(discs: list[_Disc], ratios: list[float], needed: float) -> list[tuple[float, _Disc]]:
     """Return the discs of at least the needed ratio, the best first, of those that lie over each other the best."""
-    kept: list[tuple[float, _Disc]] = []
-    for ratio, disc in sorted(zip(ratios, discs, strict=True), key=lambda one: -one[0]):
-        if ratio < needed:
-            break
-        u, v, radius = disc.u_px, disc.v_px, disc.radius_px
-        if not any(math.hypot(u - o.u_px, v - o.v_px) < max(radius, o.radius_px) for _, o in kept):
-            kept.append((ratio, disc))
-    return kept
+    likely = [(ratio, disc) for ratio, disc in zip(ratios, discs, strict=True) if ratio >= needed]
+    likely.sort(key=lambda one: -one[0])
+    return [likely[n] for n in lie_apart([(disc.u_px, disc.v_px, disc.radius_px) for _, disc in likely], 1.0)]
 
 
 def _sign_nats(ratio: float, expected: float, by_chance: float) -> float:
