@@ -19,7 +19,7 @@ from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import player_name
 from sim2d.report import html as match_report
 from sim2d.report.match_figures import MatchFigures, match_json, write_json
-from sim2d.report.story import MatchStory, PlanningStory
+from sim2d.report.story import MatchStory
 from sim2d.report.video import MatchVideo
 from sim2d.robot_link import CONTROL_PERIOD_S, PlayerFactory
 from sim2d.sensors.faults import Fault
@@ -151,7 +151,7 @@ def _play(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: b
     arena = match.arena
     robots = arena.state.robots
     video = MatchVideo(out / "match.webm", arena.field, arena.camera, len(robots), arena.limits.radius_m)
-    story, planning = MatchStory(len(robots)), PlanningStory(len(robots))
+    story = MatchStory(len(robots))
     recorders = MatchRecorders(out, match, (player_name(plan.ours), player_name(plan.theirs))) if record else None
     started_s = time.monotonic()
     behind_s = 0.0
@@ -159,7 +159,6 @@ def _play(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: b
         for done, moment in enumerate(progress(match.play(plan.seconds), periods(plan.seconds), "match"), start=1):
             video.add(moment)
             story.add(moment)
-            planning.add(moment)
             if recorders is not None:
                 recorders.add(moment)
             if realtime:
@@ -185,7 +184,7 @@ def _play(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: b
     if report is not None:
         recorded = () if recorders is None else tuple(path.name for path in recorders.paths)
         text = match_report.render_report(
-            arena.field, plan.seed, figures, story, planning, video_path, notes, recorded, video.poster
+            arena.field, plan.seed, figures, story, video_path, notes, recorded, video.poster
         )
         with telling_write_errors(report):
             report.write_text(text, encoding="utf-8")

@@ -18,7 +18,7 @@ from robocup_vision.evaluation.report import degrees, millimetres, missing_packa
 from robocup_vision.evaluation.scoring import NEAR_M
 from sim2d.report.match_figures import MatchFigures
 from sim2d.report.robot_figures import FaultFigures, RobotFigures
-from sim2d.report.story import ChoiceRate, MatchStory, PlanningStory
+from sim2d.report.story import ChoiceRate, MatchStory
 
 __all__ = ["missing_packages", "render_report"]
 
@@ -37,7 +37,6 @@ def render_report(
     seed: int,
     figures: MatchFigures,
     story: MatchStory,
-    planning: PlanningStory,
     video: Path | None,
     notes: Sequence[str],
     recordings: Sequence[str] = (),
@@ -62,9 +61,9 @@ def render_report(
     if story.calibrates:
         moved = dict(enumerate(story.center_moved_px))
         plots.append((_over_time(figures, story.t_s, moved, "centre moved (px)"), _CAMERAS_CAPTION))
-    if planning.planners:
-        speeds = {index: planning.speed_mps[index] for index in planning.planners}
-        plots.append((_over_time(figures, planning.t_s, speeds, "speed allowed (m/s)"), _SPEEDS_CAPTION))
+    if story.planners:
+        speeds = {index: story.speed_mps[index] for index in story.planners}
+        plots.append((_over_time(figures, story.t_s, speeds, "speed allowed (m/s)"), _SPEEDS_CAPTION))
 
     template = (files("sim2d.report") / "report.html").read_text(encoding="utf-8")
     page: str = (
@@ -88,7 +87,7 @@ def render_report(
             robots=[(_name(robot), _color(robot), _cells(robot)) for robot in figures.robots],
             starts=_moment_links(recordings, 0.0),
             faults=[_fault_cells(fault) for fault in figures.faults],
-            planned=[_planned_cells(figures, rate) for rate in planning.rates],
+            planned=[_planned_cells(figures, rate) for rate in story.rates],
             plots=plots,
         )
     )

@@ -15,43 +15,6 @@ _PERIODS_PER_SAMPLE = 3
 TOPICS = ("gap", "speed", "gaze", "shot")
 
 
-class MatchStory:
-    """Collects samples of a match as it is played."""
-
-    def __init__(self, robots: int) -> None:
-        self.t_s = array("d")
-        # of each robot; the error is NaN where there was no estimate
-        self.x_m = [array("f") for _ in range(robots)]
-        self.y_m = [array("f") for _ in range(robots)]
-        self.error_m = [array("f") for _ in range(robots)]
-        # how far each player believes the camera's centre to be from its file's; NaN where it does not calibrate
-        self.center_moved_px = [array("f") for _ in range(robots)]
-        self.ball_x_m, self.ball_y_m = array("f"), array("f")
-        self._periods = 0
-
-    @property
-    def calibrates(self) -> bool:
-        """Whether any player calibrates its camera."""
-        return any(not math.isnan(value) for one in self.center_moved_px for value in one[-1:])
-
-    def add(self, moment: Moment) -> None:
-        """Add a control period."""
-        if self._periods % _PERIODS_PER_SAMPLE == 0:
-            self.t_s.append(moment.state.t_s)
-            if moment.state.ball is not None:
-                self.ball_x_m.append(moment.state.ball.x_m)
-                self.ball_y_m.append(moment.state.ball.y_m)
-            for index, (truth, robot) in enumerate(zip(moment.state.robots, moment.robots, strict=True)):
-                self.x_m[index].append(truth.pose.x_m)
-                self.y_m[index].append(truth.pose.y_m)
-                pose = robot.status.pose
-                error_m = pose.pose.error_to(truth.pose)[0] if isinstance(pose, PoseEstimate) else math.nan
-                self.error_m[index].append(error_m)
-                calibration = robot.status.calibration
-                self.center_moved_px[index].append(math.nan if calibration is None else calibration.moved_px)
-        self._periods += 1
-
-
 @dataclass(frozen=True, slots=True)
 class ChoiceRate:
     """How often a robot made one choice."""
@@ -69,35 +32,57 @@ class ChoiceRate:
     example: str
 
 
-class PlanningStory:
-    """Collects decisions of a match as it is played; stays empty where no player plans."""
+class MatchStory:
+    """Collects samples and decisions of a match as it is played."""
 
     def __init__(self, robots: int) -> None:
         self.t_s = array("d")
-        # of each robot, m/s; NaN while it plans no speed
+        # of each robot; the error is NaN where there was no estimate
+        self.x_m = [array("f") for _ in range(robots)]
+        self.y_m = [array("f") for _ in range(robots)]
+        self.error_m = [array("f") for _ in range(robots)]
+        # how far each player believes the camera's centre to be from its file's; NaN where it does not calibrate
+        self.center_moved_px = [array("f") for _ in range(robots)]
+        # NaN while it plans no speed
         self.speed_mps = [array("f") for _ in range(robots)]
+        self.ball_x_m, self.ball_y_m = array("f"), array("f")
         self._periods = 0
         self._counts: list[Counter[tuple[str, str]]] = [Counter() for _ in range(robots)]
         self._times: list[Counter[tuple[str, str]]] = [Counter() for _ in range(robots)]
         self._examples: list[dict[tuple[str, str], str]] = [{} for _ in range(robots)]
         self._before: list[set[tuple[str, str]]] = [set() for _ in range(robots)]
 
+    @property
+    def calibrates(self) -> bool:
+        """Whether any player calibrates its camera."""
+        return any(not math.isnan(value) for one in self.center_moved_px for value in one[-1:])
+
     def add(self, moment: Moment) -> None:
         """Add a control period."""
-        is_sampled = self._periods % _PERIODS_PER_SAMPLE == 0
+        if self._periods % _PERIODS_PER_SAMPLE == 0:
+            self._sample(moment)
         self._periods += 1
-        if is_sampled:
-            self.t_s.append(moment.state.t_s)
         for index, robot in enumerate(moment.robots):
-            status = robot.status
-            if is_sampled:
-                self.speed_mps[index].append(math.nan if status.speed_mps is None else status.speed_mps)
-            now = {(reason.topic, reason.choice): reason.text for reason in status.reasons}
+            now = {(reason.topic, reason.choice): reason.text for reason in robot.status.reasons}
             self._counts[index].update(now.keys())
             self._times[index].update(now.keys() - self._before[index])
             for key, text in now.items():
                 self._examples[index].setdefault(key, text)
             self._before[index] = set(now)
+
+    def _sample(self, moment: Moment) -> None:
+        self.t_s.append(moment.state.t_s)
+        if moment.state.ball is not None:
+            self.ball_x_m.append(moment.state.ball.x_m)
+            self.ball_y_m.append(moment.state.ball.y_m)
+        for index, (truth, robot) in enumerate(zip(moment.state.robots, moment.robots, strict=True)):
+            self.x_m[index].append(truth.pose.x_m)
+            self.y_m[index].append(truth.pose.y_m)
+            pose, calibration, speed_mps = robot.status.pose, robot.status.calibration, robot.status.speed_mps
+            error_m = pose.pose.error_to(truth.pose)[0] if isinstance(pose, PoseEstimate) else math.nan
+            self.error_m[index].append(error_m)
+            self.center_moved_px[index].append(math.nan if calibration is None else calibration.moved_px)
+            self.speed_mps[index].append(math.nan if speed_mps is None else speed_mps)
 
     @property
     def planners(self) -> list[int]:

@@ -10,7 +10,7 @@ from sim2d_players import SMALL_CAMERA, Reckoner, Sleeper
 
 from sim2d.match.match import Match
 from sim2d.match.run import MatchPlan, run_match
-from sim2d.report.story import PlanningStory
+from sim2d.report.story import MatchStory
 from sim2d.report.video import MatchPictures
 from sim2d.robot_link import Reason
 
@@ -47,7 +47,7 @@ def begin(ours=Reasoner):
 
 
 def test_shares_are_of_the_time_in_which_it_was_decided():
-    story = PlanningStory(2)
+    story = MatchStory(2)
     for moment in begin().play(PLAN.seconds):
         story.add(moment)
     assert story.planners == [0]
