@@ -13,20 +13,45 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.frame_values import BallSphere, Bearings, Crossings, Lighting, RoomWall, Spans, Things, Viewpoint
+from sim2d.kernels.frame_values import (
+    BallSphere,
+    Crossings,
+    Lighting,
+    RoomWall,
+    Spans,
+    UprightThings,
+    Viewpoint,
+)
+from sim2d.kernels.things import (
+    BANDS,
+    BOX,
+    COLOR,
+    CYLINDER,
+    HEIGHT,
+    KIND,
+    MARKER_RATIO,
+    OTHER,
+    RADIUS,
+    SHEET,
+    X0,
+    X1,
+    Y0,
+    Y1,
+    meet_box_sides,
+)
 
 # kinds of spans
 FLOOR, PAINT, BALL = 0, 1, 2
 # columns of `Crossings.entries`
-NEAR, FAR, THING, SHADE = range(4)
+NEAR, FAR, THING, FIRST_COLOR, SHADE = range(5)
+# number of an edge of the carpet among the things
+EDGE = -1
 # the room's wall is computed for every so many bearings, and interpolated between them
 ROOM_STRIDE = 16
-# columns of `Things.rows`
-HEIGHT, BANDS, COLOR, TOP_COLOR, MARKER_COLOR, MARKER_GAP_M2, IS_EDGE = range(7)
 
 
 @compiled(inline="always")
-def _add(bearing: int, near_m: float, far_m: float, thing: int, shade: float, crossings: Crossings) -> None:
+def _add(bearing: int, near_m: float, far_m: float, thing: int, color: int, shade: float, crossings: Crossings) -> None:
     """Insert a thing into a bearing's list, sorted by distance; the farthest falls out of a full list."""
     count, entries = crossings.lengths, crossings.entries
     k = count[bearing]
@@ -36,147 +61,110 @@ def _add(bearing: int, near_m: float, far_m: float, thing: int, shade: float, cr
     if not is_full or entries[bearing, k, NEAR] > near_m:
         count[bearing] = k + 1
         while k > 0 and entries[bearing, k - 1, NEAR] > near_m:
-            for column in range(4):
+            for column in range(5):
                 entries[bearing, k, column] = entries[bearing, k - 1, column]
             k -= 1
         entries[bearing, k, NEAR], entries[bearing, k, FAR] = near_m, far_m
-        entries[bearing, k, THING], entries[bearing, k, SHADE] = thing, shade
+        entries[bearing, k, THING], entries[bearing, k, FIRST_COLOR] = thing, color
+        entries[bearing, k, SHADE] = shade
+
+
+@compiled(error_model="numpy", inline="always")
+def _span_of(low_rad: float, span_rad: float, turns: int) -> tuple[int, int]:
+    """Return the first of `turns` bearings that lies within a span, and the one after the last; they go on in turns."""
+    low = low_rad - math.floor(low_rad / math.tau) * math.tau
+    start = math.ceil(low * turns / math.tau)
+    return start, min(math.ceil((low + span_rad) * turns / math.tau), start + turns)
 
 
 @compiled(error_model="numpy")
-def meet_walls(
-    walls: FloatArray,
-    first: int,
+def _meet_sheet(
+    ends: tuple[float, float, float, float],
+    thing: int,
+    colors: tuple[int, int],
     eye: Viewpoint,
-    bearings: Bearings,
+    directions: FloatArray,
     crossings: Crossings,
 ) -> None:
-    """Enter upright sheets into the lists of the bearings that meet them.
+    """Enter an upright sheet (x0, y0, x1, y1, field frame, metres) with its colours seen from left and right."""
+    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    x, y = ends[0] - eye.x_m, ends[1] - eye.y_m
+    ax, ay = c * x + s * y, c * y - s * x
+    x, y = ends[2] - eye.x_m, ends[3] - eye.y_m
+    bx, by = c * x + s * y, c * y - s * x
+    turn, color = ax * by - ay * bx, colors[0]
+    if turn < 0:
+        ax, ay, bx, by, turn, color = bx, by, ax, ay, -turn, colors[1]
+    if turn < 1e-9:
+        return
+    turns = len(directions)
+    start, stop = _span_of(math.atan2(ay, ax), math.atan2(turn, ax * bx + ay * by), turns)
+    for i in range(start, stop):
+        k = i if i < turns else i - turns
+        across = directions[k, 2] * (ax - bx) - directions[k, 1] * (ay - by)
+        if across > 0:
+            _add(k, turn / across, turn / across, thing, color, 1.0, crossings)
+
+
+@compiled(error_model="numpy")
+def meet_things(
+    things: UprightThings,
+    edges: FloatArray,
+    lamp_rad: float,
+    eye: Viewpoint,
+    directions: FloatArray,
+    crossings: Crossings,
+) -> None:
+    """Enter the carpet's edges, sheets, cylinders and boxes into the lists of the bearings that meet them.
 
     Parameters
     ----------
-    walls : (W, 4) float64
-        x0, y0, x1, y1, field frame, metres.
-    first : int
-        Wall w is thing `first + 2 w` seen from its left and `first + 2 w + 1` from its right.
+    edges : (K, 4) float64
+        As in `FloorPaint`.
+    lamp_rad : float
+        Direction of the light, field frame.
+    directions : (K, 3) float64
+        As in `PixelRays`.
     crossings : Crossings
         Extended.
     """
-    directions, per_turn = bearings.directions, bearings.per_turn
-    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
-    per_rad = per_turn / math.tau
-    for w in range(len(walls)):
-        x, y = walls[w, 0] - eye.x_m, walls[w, 1] - eye.y_m
-        ax, ay = c * x + s * y, c * y - s * x
-        x, y = walls[w, 2] - eye.x_m, walls[w, 3] - eye.y_m
-        bx, by = c * x + s * y, c * y - s * x
-        turn = ax * by - ay * bx
-        thing = first + 2 * w
-        if turn < 0:
-            ax, ay, bx, by, turn = bx, by, ax, ay, -turn
-            thing += 1
-        if turn < 1e-9:
-            continue
-        low = math.atan2(ay, ax) - directions[0, 0]
-        low -= math.floor(low / math.tau) * math.tau
-        span = math.atan2(turn, ax * bx + ay * by)
-        for i in range(math.ceil(low * per_rad), math.ceil((low + span) * per_rad)):
-            k = i if i < per_turn else i - per_turn
-            if k >= len(directions):
-                continue
-            across = directions[k, 2] * (ax - bx) - directions[k, 1] * (ay - by)
-            if across > 0:
-                distance = turn / across
-                _add(k, distance, distance, thing, 1.0, crossings)
-
-
-@compiled(error_model="numpy")
-def meet_cylinders(
-    cylinders: FloatArray,
-    first: int,
-    eye: Viewpoint,
-    lamp_rad: float,
-    bearings: Bearings,
-    crossings: Crossings,
-) -> None:
-    """Enter upright cylinders, (C, 3) float64: x, y, radius (m), field frame; cylinder i is thing `first + i`.
-
-    Other parameters as in `meet_walls`; `lamp_rad` is the field-frame direction of the light.
-    """
-    directions, per_turn = bearings.directions, bearings.per_turn
+    for k in range(len(edges)):
+        ends = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        _meet_sheet(ends, EDGE, (0, 0), eye, directions, crossings)
+    turns = len(directions)
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     lamp_x, lamp_y = math.cos(lamp_rad - eye.heading_rad), math.sin(lamp_rad - eye.heading_rad)
-    per_rad = per_turn / math.tau
-    for i in range(len(cylinders)):
-        dx, dy, radius = cylinders[i, 0] - eye.x_m, cylinders[i, 1] - eye.y_m, cylinders[i, 2]
-        x, y = c * dx + s * dy, c * dy - s * dx
-        away = math.hypot(x, y)
-        if away <= radius:
+    for thing in range(len(things.rows)):
+        row = things.rows[thing]
+        kind, color, other = int(row[KIND]), int(row[COLOR]), row[OTHER]
+        if kind == SHEET:
+            ends = row[X0], row[Y0], row[X1], row[Y1]
+            _meet_sheet(ends, thing, (color, int(other)), eye, directions, crossings)
+        if kind != CYLINDER and kind != BOX:
             continue
-        half = math.asin(radius / away)
-        low = math.atan2(y, x) - half - directions[0, 0]
-        low -= math.floor(low / math.tau) * math.tau
-        for j in range(math.ceil(low * per_rad), math.ceil((low + 2 * half) * per_rad)):
-            k = j if j < per_turn else j - per_turn
-            if k >= len(directions):
-                continue
+        dx, dy, radius = row[X0] - eye.x_m, row[Y0] - eye.y_m, row[RADIUS]
+        x, y = c * dx + s * dy, c * dy - s * dx
+        away, reach = math.hypot(x, y), math.hypot(radius, other) if kind == BOX else radius
+        if kind == CYLINDER and away <= radius:
+            continue
+        # from within a box's corners it may be seen anywhere
+        half = math.asin(reach / away) if away > reach else math.pi
+        start, stop = _span_of(math.atan2(y, x) - half, 2 * half, turns)
+        ahead, left = c * row[X1] + s * row[Y1], c * row[Y1] - s * row[X1]
+        box = (row[KIND], x, y, ahead, left, radius, row[HEIGHT], row[COLOR], row[BANDS], other)
+        for i in range(start, stop):
+            k = i if i < turns else i - turns
             cos, sin = directions[k, 1], directions[k, 2]
+            if kind == BOX:
+                enter, leave, face = meet_box_sides(box, cos, sin)
+                if 0 < enter < leave:
+                    _add(k, float(enter), float(leave), thing, color + int(face), 1.0, crossings)
+                continue
             toward, aside = cos * x + sin * y, cos * y - sin * x
             chord = math.sqrt(max(radius * radius - aside * aside, 0.0))
             distance = toward - chord
             facing = ((distance * cos - x) * lamp_x + (distance * sin - y) * lamp_y) / radius
-            _add(k, distance, toward + chord, first + i, 0.75 + 0.20 * facing, crossings)
-
-
-@compiled(error_model="numpy")
-def meet_boxes(
-    corners: FloatArray,
-    first: int,
-    eye: Viewpoint,
-    bearings: Bearings,
-    crossings: Crossings,
-) -> None:
-    """Enter upright boxes, (B, 4, 2) float64 corners, field frame (m), counter-clockwise.
-
-    Face f of box b, between corners f - 1 and f, is thing `first + 4 b + f`. Other parameters as in `meet_walls`.
-    """
-    directions, per_turn = bearings.directions, bearings.per_turn
-    c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
-    per_rad = per_turn / math.tau
-    x, y = np.empty(4), np.empty(4)
-    for b in range(len(corners)):
-        for f in range(4):
-            dx, dy = corners[b, f, 0] - eye.x_m, corners[b, f, 1] - eye.y_m
-            x[f], y[f] = c * dx + s * dy, c * dy - s * dx
-        middle_x, middle_y = (x[0] + x[2]) / 2, (y[0] + y[2]) / 2
-        low, high = 0.0, 0.0
-        for f in range(4):
-            beside = math.atan2(middle_x * y[f] - middle_y * x[f], middle_x * x[f] + middle_y * y[f])
-            low, high = min(low, beside), max(high, beside)
-        start = math.atan2(middle_y, middle_x) + low - directions[0, 0]
-        start -= math.floor(start / math.tau) * math.tau
-        for i in range(math.ceil(start * per_rad), math.ceil((start + high - low) * per_rad)):
-            k = i if i < per_turn else i - per_turn
-            if k >= len(directions):
-                continue
-            cos, sin = directions[k, 1], directions[k, 2]
-            enter, leave, face = -1.0, math.inf, -1
-            for f in range(4):
-                g = (f + 3) % 4
-                # the line through corners g and f; inside is to its left
-                ex, ey = x[f] - x[g], y[f] - y[g]
-                at_eye = ey * x[g] - ex * y[g]  # > 0: the eye is on the inner side
-                speed = ex * sin - ey * cos
-                if abs(speed) < 1e-12:
-                    continue
-                at = -at_eye / speed
-                if speed > 0:
-                    if at > enter:
-                        enter, face = at, f
-                else:
-                    leave = min(leave, at)
-            if face >= 0 and 0 < enter < leave:
-                _add(k, enter, leave, first + 4 * b + face, 1.0, crossings)
+            _add(k, distance, toward + chord, thing, color, 0.75 + 0.20 * facing, crossings)
 
 
 @compiled(error_model="numpy")
@@ -196,7 +184,7 @@ def _end_span(
     n: int,
     end: float,
     kind: int,
-    colors: FloatArray,
+    colors: FloatArray | Float32Array,
     color: np.uintp,
     light: float,
     ends: Float32Array,
@@ -204,9 +192,10 @@ def _end_span(
     paint: Float32Array,
 ) -> int:
     """Append a span to bearing k's stack of n unless it is hidden or the stack is full; return the new n."""
-    if (n > 0 and end <= ends[k, n - 1]) or n == ends.shape[1] - 1:
+    slope = np.float32(end)
+    if (n > 0 and slope <= ends[k, n - 1]) or n == ends.shape[1] - 1:
         return n
-    ends[k, n], kinds[k, n] = end, kind
+    ends[k, n], kinds[k, n] = slope, kind
     for channel in range(3):
         paint[k, n, channel] = colors[color, channel] * light
     return n + 1
@@ -234,25 +223,28 @@ def _end_thing(
     lit: float,
     height_m: float,
     rows: FloatArray,
-    colors: FloatArray,
+    colors: FloatArray | Float32Array,
     ends: Float32Array,
     kinds: Int32Array,
     paint: Float32Array,
 ) -> int:
     """Append the spans of entry e of bearing k to its stack of n: a thing's bands, its top and a marker there."""
     # a row of an array would be counted and let go again, which takes longer than what is read of it
-    thing = np.uintp(int(entries[k, e, THING]))
+    thing, color = np.uintp(int(entries[k, e, THING])), np.uintp(int(entries[k, e, FIRST_COLOR]))
     distance, far, shade = float(entries[k, e, NEAR]), float(entries[k, e, FAR]), entries[k, e, SHADE]
-    height, bands, color = rows[thing, HEIGHT], int(rows[thing, BANDS]), np.uintp(int(rows[thing, COLOR]))
+    kind, height = int(rows[thing, KIND]), rows[thing, HEIGHT]
+    # a bearing shows one of a box's faces
+    bands = int(rows[thing, BANDS]) if kind == CYLINDER else 1
     for band in range(bands):
         top = (height * (band + 1) / bands - height_m) / distance
         n = _end_span(k, n, top, PAINT, colors, color + np.uintp(band), lit * shade, ends, kinds, paint)
-    if rows[thing, TOP_COLOR] >= 0 and height < height_m:
-        drop, top_color = height - height_m, np.uintp(int(rows[thing, TOP_COLOR]))
+    if kind != SHEET and height < height_m:
+        # of all its colours the last
+        drop, top_color = height - height_m, np.uintp(int(rows[thing, COLOR] + rows[thing, BANDS]) - 1)
         middle, half = (distance + far) / 2, (far - distance) / 2
-        marker2 = half * half - rows[thing, MARKER_GAP_M2]
-        if rows[thing, MARKER_COLOR] >= 0 and marker2 > 0:
-            marker, marker_color = math.sqrt(marker2), np.uintp(int(rows[thing, MARKER_COLOR]))
+        marker2 = half * half - rows[thing, RADIUS] ** 2 * (1 - MARKER_RATIO * MARKER_RATIO)
+        if kind == CYLINDER and rows[thing, OTHER] >= 0 and marker2 > 0:
+            marker, marker_color = math.sqrt(marker2), np.uintp(int(rows[thing, OTHER]))
             n = _end_span(k, n, drop / (middle - marker), PAINT, colors, top_color, lit, ends, kinds, paint)
             n = _end_span(k, n, drop / (middle + marker), PAINT, colors, marker_color, lit, ends, kinds, paint)
         n = _end_span(k, n, drop / far, PAINT, colors, top_color, lit, ends, kinds, paint)
@@ -262,8 +254,8 @@ def _end_thing(
 @compiled(error_model="numpy")
 def stack_spans(
     crossings: Crossings,
-    things: Things,
-    bearings: Bearings,
+    things: UprightThings,
+    directions: FloatArray,
     eye: Viewpoint,
     light: Lighting,
     room: RoomWall,
@@ -279,7 +271,7 @@ def stack_spans(
     spans : Spans
         Filled.
     """
-    directions, count, entries, picture = bearings.directions, crossings.lengths, crossings.entries, room.picture
+    count, entries, picture = crossings.lengths, crossings.entries, room.picture
     ends, kinds, paint, near_ball = spans.ends, spans.kinds, spans.paint, spans.near_ball
     rows, colors, height_m = things.rows, things.colors, eye.height_m
     ground, zero = room.ground.reshape((1, 3)), np.uintp(0)
@@ -327,9 +319,10 @@ def stack_spans(
             )
             if is_last:
                 break
-            if rows[int(entries[k, e, THING]), IS_EDGE]:
+            if entries[k, e, THING] == EDGE:
                 on_floor = not on_floor
-            n = _end_thing(k, n, entries, e, lit, height_m, rows, colors, ends, kinds, paint)
+            else:
+                n = _end_thing(k, n, entries, e, lit, height_m, rows, colors, ends, kinds, paint)
             lit_ground = lit
         # seen at the middle between the last edge and the horizon
         up = height_m + room_m * (float(ends[k, n - 1]) + 0.02) / 2

@@ -58,34 +58,14 @@ class UprightThings(NamedTuple):
     colors: Float32Array
 
 
-class Bearings(NamedTuple):
-    """The bearings of a frame."""
-
-    #: (K, 3) float64: bearing (rad), its cosine and sine, in the viewpoint's frame, evenly spaced.
-    directions: FloatArray
-    #: How many bearings would make a full turn.
-    per_turn: int
-
-
 class Crossings(NamedTuple):
     """What stands along each bearing, nearest first."""
 
     #: (K,) int32: of the lists.
     lengths: Int32Array
-    #: (K, E, 4) float32: distances where a thing begins and ends (m), its number, its shade; see the columns' names in
-    #: `bearing_profile`.
+    #: (K, E, 5) float32: distances where a thing begins and ends (m), its number, its first colour there, its shade;
+    #: see the columns' names in `bearing_profile`.
     entries: Float32Array
-
-
-class Things(NamedTuple):
-    """What can stand on the field: one row for each side of a wall, box face, cylinder."""
-
-    #: (T, 7) float64: see the columns' names in `bearing_profile`: height (m), number of colour bands, row of the
-    #: lowest band's colour, of the top's and of the marker's colour (-1: none), squared radius less that of the marker
-    #: (m^2), whether the floor ends there.
-    rows: FloatArray
-    #: (C, 3) float64: BGR.
-    colors: FloatArray
 
 
 class Nets(NamedTuple):
@@ -145,7 +125,7 @@ class PixelRays(NamedTuple):
     pixels: UInt32Array
     #: (K + 1,) int32: first ray of each bearing, and P.
     first: Int32Array
-    #: (K, 3) float64: as in `Bearings`, over a full turn from 0.
+    #: (K, 3) float64: each bearing (rad), its cosine and sine, viewpoint's frame, evenly over a full turn from 0.
     directions: FloatArray
     #: (2,) float64: half a patch's tangential size and how far its middle may lie beside the bearing are together at
     #: most `spread[0] + spread[1] * distance`, metres.

@@ -11,9 +11,10 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.bearing_profile import FAR, HEIGHT, NEAR, THING
+from sim2d.kernels.bearing_profile import EDGE, FAR, NEAR, THING
 from sim2d.kernels.floor_lines import GAIN, SLOPE_HIGH, SLOPE_LOW, TANGENTIAL, X, Y
-from sim2d.kernels.frame_values import BallSphere, Crossings, Lighting, Nets, PixelRays, Things, Viewpoint
+from sim2d.kernels.frame_values import BallSphere, Crossings, Lighting, Nets, PixelRays, UprightThings, Viewpoint
+from sim2d.kernels.things import HEIGHT
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _MIN_WIDTH_M = np.float32(1e-4)
@@ -143,7 +144,12 @@ def draw_nets(
 
 @compiled(error_model="numpy")
 def _hidden_until(
-    crossings: Crossings, things: Things, bearing: int, distance_m: float, eye: Viewpoint, ball: tuple[float, float]
+    crossings: Crossings,
+    things: UprightThings,
+    bearing: int,
+    distance_m: float,
+    eye: Viewpoint,
+    ball: tuple[float, float],
 ) -> float:
     """Return the slope up to which things nearer than a distance hide what is behind them."""
     hidden = ball[1] if ball[0] < distance_m else -math.inf
@@ -151,7 +157,8 @@ def _hidden_until(
         entry = crossings.entries[bearing, e]
         if entry[NEAR] >= distance_m:
             break
-        rise = things.rows[int(entry[THING]), HEIGHT] - eye.height_m
+        thing = int(entry[THING])
+        rise = (0.0 if thing == EDGE else things.rows[thing, HEIGHT]) - eye.height_m
         hidden = max(hidden, rise / entry[NEAR], rise / entry[FAR])
     return hidden
 
@@ -161,7 +168,7 @@ def lay_nets(
     nets: Nets,
     pixels: PixelRays,
     crossings: Crossings,
-    things: Things,
+    things: UprightThings,
     eye: Viewpoint,
     ball: BallSphere,
     light: Lighting,

@@ -1,4 +1,4 @@
-"""Compiled: where a ray meets one thing that stands or lies on the floor: sheet, cylinder, bar, ball, top of a box.
+"""Compiled: where a ray meets one thing that stands or lies on the floor: sheet, cylinder, bar, ball, box.
 
 A ray starts at the eye; its direction need not have length 1. Everything is in axes of the field with the eye's foot
 as the origin.
@@ -15,11 +15,12 @@ from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.frame_values import UprightThings
 
 # kinds of things
-SHEET, CYLINDER, BAR, BALL, BOX_TOP = range(5)
-# columns of `UprightThings.rows`: kind; place (of a sheet or bar: its start); end (of a box's top: direction of its
-# width); radius (of a box's top: half its width); height (of a bar: of its axis; of a ball: of its upper end); first
-# colour; bands of colour; and the colour of a sheet's right side, of a cylinder's marker or of a ball's patches (-1:
-# none), or half the depth of a box's top. A ball's turns about x, y and z stand in place of its end and its bands.
+SHEET, CYLINDER, BAR, BALL, BOX = range(5)
+# columns of `UprightThings.rows`: kind; place (of a sheet or bar: its start); end (of a box: direction of its width);
+# radius (of a box: half its width); height (of a bar: of its axis; of a ball: of its upper end); first colour; bands of
+# colour (of a box its four faces: right, ahead, left and behind of the direction of its width, then its top); and the
+# colour of a sheet's right side, of a cylinder's marker or of a ball's patches (-1: none), or half a box's depth. A
+# ball's turns about x, y and z stand in place of its end and its bands.
 KIND, X0, Y0, X1, Y1, RADIUS, HEIGHT, COLOR, BANDS, OTHER = range(10)
 COLUMNS = 10
 # of the number of a thing and one of its colours in one: so many bits are the colour's
@@ -63,7 +64,7 @@ def foot_circle(row: Float32Array) -> tuple[float, float, float]:
     if kind == SHEET or kind == BAR:
         end_x, end_y = float(row[X1]), float(row[Y1])
         return (x + end_x) / 2, (y + end_y) / 2, radius + math.hypot(end_x - x, end_y - y) / 2
-    return x, y, math.hypot(radius, float(row[OTHER])) if kind == BOX_TOP else radius
+    return x, y, math.hypot(radius, float(row[OTHER])) if kind == BOX else radius
 
 
 @compiled(error_model="numpy", inline="always")
@@ -158,16 +159,33 @@ def _meet_ball(
 
 
 @compiled(error_model="numpy", inline="always")
-def _meet_box_top(
+def meet_box_sides(row: ThingRow, dx: np.float32, dy: np.float32) -> tuple[np.float32, np.float32, np.int32]:
+    """Return where a ray enters and leaves a box in plan, in lengths of its direction, and by which face it enters."""
+    x, y, c, s = row[X0], row[Y0], row[X1], row[Y1]
+    box_x, box_y = x * c + y * s, y * c - x * s
+    ray_x, ray_y = dx * c + dy * s, dy * c - dx * s
+    least = np.float32(1e-9)
+    ray_x = ray_x if abs(ray_x) > least else least
+    ray_y = ray_y if abs(ray_y) > least else least
+    half_x, half_y = row[RADIUS] if ray_x > _ZERO else -row[RADIUS], row[OTHER] if ray_y > _ZERO else -row[OTHER]
+    enter_x, enter_y = (box_x - half_x) / ray_x, (box_y - half_y) / ray_y
+    leave = min((box_x + half_x) / ray_x, (box_y + half_y) / ray_y)
+    by_x, by_y = np.int32(3 if ray_x > _ZERO else 1), np.int32(0 if ray_y > _ZERO else 2)
+    return max(enter_x, enter_y), leave, by_x if enter_x > enter_y else by_y
+
+
+@compiled(error_model="numpy", inline="always")
+def _meet_box(
     row: ThingRow, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32
 ) -> tuple[np.float32, np.int32, np.float32]:
-    if row[HEIGHT] >= height or dz >= _ZERO:
-        return _NOTHING, np.int32(-1), _ZERO
-    t = (row[HEIGHT] - height) / dz
-    x, y, c, s = t * dx - row[X0], t * dy - row[Y0], row[X1], row[Y1]
-    if abs(x * c + y * s) > row[RADIUS] or abs(y * c - x * s) > row[OTHER]:
-        return _NOTHING, np.int32(-1), _ZERO
-    return t, np.int32(row[COLOR]), _ONE
+    enter, leave, face = meet_box_sides(row, dx, dy)
+    top, first = row[HEIGHT], np.int32(row[COLOR])
+    up = height + enter * dz
+    if _ZERO < enter < leave and _ZERO <= up <= top:
+        return enter, first + face, _ONE
+    t = (top - height) / min(dz, -_MIN_DROP)
+    is_on_top = top < height and dz < -_MIN_DROP and enter <= t <= leave
+    return (t if is_on_top else _NOTHING), first + np.int32(4), _ONE
 
 
 @compiled(error_model="numpy", inline="always")
@@ -201,7 +219,7 @@ def meet_thing(
         return _meet_bar(row, dx, dy, dz, height)
     if kind == BALL:
         return _meet_ball(row, dx, dy, dz, height, lamp)
-    return _meet_box_top(row, dx, dy, dz, height)
+    return _meet_box(row, dx, dy, dz, height)
 
 
 @compiled(error_model="numpy")

@@ -18,7 +18,6 @@ from robocup_vision.geometry import Pose2
 
 Bgr = tuple[float, float, float]
 
-MARKER_RATIO = 0.3  # radius of a robot's marker, of its own
 SHADE_REACH = 3.0  # of a ball on the floor, in its radii
 LAMP_DIRECTION_RAD = 0.9  # in the field frame: uprights facing it are lighter than those facing away
 

@@ -10,7 +10,7 @@ import numpy as np
 from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import Float32Array, FloatArray
 from sim2d.kernels.frame_values import FloorPaint, UprightThings
-from sim2d.kernels.things import BALL, BAR, BOX_TOP, COLUMNS, CYLINDER, SHEET
+from sim2d.kernels.things import BALL, BAR, BOX, COLUMNS, CYLINDER, SHEET
 from sim2d.rendering.scene import Ball, Bar, Bgr, Box, Post, Robot, Scene, Wall
 
 Thing = Wall | Post | Bar | Box | Robot | Ball
@@ -51,11 +51,10 @@ class ThingTable:
             row = [CYLINDER, thing.x_m, thing.y_m, 0, 0, thing.radius_m, thing.height_m, color]
             add([*row, len(thing.bands_bgr), -1])
         elif isinstance(thing, Box):
-            for face in thing.faces():
-                self._add(face)
             along = math.cos(thing.yaw_rad), math.sin(thing.yaw_rad)
-            row = [BOX_TOP, thing.x_m, thing.y_m, *along, thing.width_m / 2, thing.height_m]
-            add([*row, self._color(thing.color_bgr), 1, thing.depth_m / 2])
+            color = self._color(*(face.right_bgr for face in thing.faces()), thing.color_bgr)
+            row = [BOX, thing.x_m, thing.y_m, *along, thing.width_m / 2, thing.height_m, color]
+            add([*row, 5, thing.depth_m / 2])
         elif isinstance(thing, Robot):
             side = self._color(thing.color_bgr, thing.marker_bgr)
             add([CYLINDER, thing.x_m, thing.y_m, 0, 0, thing.radius_m, thing.height_m, side, 1, side + 1])

@@ -14,7 +14,7 @@ from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.forward.values import ForwardEye, Outlines
 from sim2d.kernels.frame_values import FloorPaint, Nets, UprightThings
-from sim2d.kernels.things import BALL, BAR, BOX_TOP, CYLINDER, HEIGHT, KIND, OTHER, RADIUS, X0, X1, Y0, Y1
+from sim2d.kernels.things import BALL, BAR, BOX, CYLINDER, HEIGHT, KIND, OTHER, RADIUS, X0, X1, Y0, Y1
 
 # kinds of owners
 EDGE, LINE, ARC, SHADE, THING, NET = range(6)
@@ -166,7 +166,6 @@ def outline_things(things: UprightThings, eye: ForwardEye, shade_m: float, thin:
         row = things.rows[k]
         kind, foot, x, y = int(row[KIND]), -eye.height_m, row[X0] - eye.x_m, row[Y0] - eye.y_m
         top, radius = foot + row[HEIGHT], row[RADIUS]
-        count = 8
         if kind == CYLINDER:
             # the square whose sides face the eye
             away = max(math.hypot(x, y), 1e-9)
@@ -180,14 +179,13 @@ def outline_things(things: UprightThings, eye: ForwardEye, shade_m: float, thin:
             _square(x, y, shade_m, foot, foot, points)
             n = _add(points, 4, eye, thin, SHADE, k, n, to)
             _square(x, y, radius, foot, top, points)
-        elif kind == BOX_TOP:
-            count = 4
-            for corner in range(4):
+        elif kind == BOX:
+            for corner in range(8):
                 along = radius if corner & 1 else -radius
                 aside = row[OTHER] if corner & 2 else -row[OTHER]
                 points[corner, 0] = x + along * row[X1] - aside * row[Y1]
                 points[corner, 1] = y + along * row[Y1] + aside * row[X1]
-                points[corner, 2] = top
+                points[corner, 2] = top if corner & 4 else foot
         else:  # a sheet or a bar
             end_x, end_y = row[X1] - eye.x_m, row[Y1] - eye.y_m
             length = max(math.hypot(end_x - x, end_y - y), 1e-9)
@@ -200,7 +198,7 @@ def outline_things(things: UprightThings, eye: ForwardEye, shade_m: float, thin:
                 points[corner, 0] = (end_x if is_end else x) + left * left_x
                 points[corner, 1] = (end_y if is_end else y) + left * left_y
                 points[corner, 2] = high if corner & 4 else low
-        n = _add(points, count, eye, thin, THING, k, n, to)
+        n = _add(points, 8, eye, thin, THING, k, n, to)
     return n
 
 

@@ -7,7 +7,6 @@ highlights, glare and patches of sun.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -22,12 +21,9 @@ from sim2d.kernels.forward.outlines import ARC_PIECES
 from sim2d.kernels.forward.room import pack_cells
 from sim2d.kernels.forward.tiles import draw_forward
 from sim2d.kernels.forward.values import ForwardEye, ForwardLens, Outlines, WallPicture
-from sim2d.kernels.frame_values import UprightThings
-from sim2d.kernels.things import COLUMNS
 from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, Backdrop, room_panorama
 from sim2d.rendering.fast.match_frames import MatchFrames
-from sim2d.rendering.scene import SHADE_REACH, Ball, Bgr, Robot, Scene
-from sim2d.rendering.scene_table import ThingTable, in_cast
+from sim2d.rendering.scene import SHADE_REACH, Ball, Robot, Scene
 from sim2d.rendering.sensor import Sensor
 
 TILE_PX = (8, 32)  # rows and columns: most edges run across the image
@@ -72,30 +68,17 @@ class ForwardFrames(MatchFrames):
         picture, rows_per_m = _wall_picture(scene, backdrop, radius_m / max(camera.focal_px))
         cells = pack_cells((picture * (scene.light.level * self._cast)).astype(np.float32))
         self._wall = WallPicture(cells, picture.shape[1], rows_per_m, radius_m)
-        self._fixed = ThingTable(scene.fixed())
         self._planes = np.zeros((3, height, width), dtype=np.uint8)
-        self._all_rows = np.zeros((0, COLUMNS))
         self._outlines = _empty_outlines(0)
-
-    @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
-    def _colors_with(self, moving: tuple[Bgr, ...]) -> Float32Array:
-        return in_cast([*self._fixed.colors, *moving], self._cast)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, eye: EyeInField) -> UInt8Array:
         """Draw a frame (H, W, 3) uint8 of other robots and the ball: light through the lens, without blur and noise."""
-        moving = ThingTable((*robots, *(() if ball is None else (ball,))), len(self._fixed.colors))
-        fixed = len(self._fixed.rows)
-        count = fixed + len(moving.rows)
-        if count > len(self._all_rows):
-            self._all_rows = np.zeros((count, COLUMNS))
-            self._all_rows[:fixed] = self._fixed.values().rows
-            floor = len(self._paint.edges) + len(self._paint.lines) + len(self._paint.arcs) * ARC_PIECES
-            self._outlines = _empty_outlines(floor + count + 1 + len(self._nets.rows))
-        rows = self._all_rows[:count]
-        if moving.rows:
-            rows[fixed:] = moving.rows
+        things = self._things(robots, ball)
+        floor = len(self._paint.edges) + len(self._paint.lines) + len(self._paint.arcs) * ARC_PIECES
+        count = floor + len(things.rows) + 1 + len(self._nets.rows)
+        if count > len(self._outlines.owners):
+            self._outlines = _empty_outlines(count)
         reach_m = 0.0 if ball is None else SHADE_REACH * ball.radius_m
-        things = UprightThings(rows, self._colors_with(tuple(moving.colors)))
         rotation = np.ascontiguousarray(camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad), dtype=np.float64)
         at = ForwardEye(float(eye.x_m), float(eye.y_m), float(eye.height_m), rotation, np.array(eye.turn_rad))
         seen = self._lens, at, self._paint, things, self._nets, reach_m, self._light, self._wall

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
 from field_models.errors import ArgumentError
+from robocup_vision.arrays import Float32Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
-from sim2d.kernels.frame_values import Lighting
+from sim2d.kernels.frame_values import Lighting, UprightThings
+from sim2d.kernels.things import COLUMNS
 from sim2d.rendering.nets import nets_of
-from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Light, Scene
-from sim2d.rendering.scene_table import floor_paint
+from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Ball, Bgr, Light, Robot, Scene
+from sim2d.rendering.scene_table import ThingTable, floor_paint, in_cast
 from sim2d.rendering.sensor import Sensor, vignette_gain
 
 
@@ -41,6 +44,8 @@ class MatchFrames:
         self._gain = vignette_gain(height, width, sensor.vignette) * np.float32(sensor.gain)
         self._paint = floor_paint(scene, self._cast)
         self._nets = nets_of(scene.field, self._cast)
+        self._fixed = ThingTable(scene.fixed())
+        self._rows = self._fixed.values().rows
 
     def set_light(self, light: Light) -> None:
         """Light the field so from now on; the room behind it keeps its light.
@@ -56,3 +61,18 @@ class MatchFrames:
         direction = light.gradient_direction_rad
         along = per_m * math.cos(direction), per_m * math.sin(direction)
         self._light = Lighting(float(light.level), *along, 0.05 * light.level, LAMP_DIRECTION_RAD)
+
+    def _things(self, robots: tuple[Robot, ...], ball: Ball | None) -> UprightThings:
+        """Return everything that stands or lies in the scene, with robots and a ball."""
+        moving = ThingTable((*robots, *(() if ball is None else (ball,))), len(self._fixed.colors))
+        fixed = len(self._fixed.rows)
+        count = fixed + len(moving.rows)
+        if count > len(self._rows):
+            self._rows = np.vstack([self._rows[:fixed], np.zeros((count - fixed, COLUMNS))])
+        if moving.rows:
+            self._rows[fixed:count] = moving.rows
+        return UprightThings(self._rows[:count], self._colors_with(tuple(moving.colors)))
+
+    @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
+    def _colors_with(self, moving: tuple[Bgr, ...]) -> Float32Array:
+        return in_cast([*self._fixed.colors, *moving], self._cast)

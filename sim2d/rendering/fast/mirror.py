@@ -9,9 +9,8 @@ stands on the floor hides the rest in one order, which is several times faster a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -25,26 +24,24 @@ from robocup_vision.geometry import Pose2
 from sim2d.kernels.floor_lines import GAIN, X, Y
 from sim2d.kernels.frame_values import (
     BallSphere,
-    Bearings,
     Crossings,
     PaintMarks,
     PixelRays,
     RoomWall,
     Spans,
-    Things,
     Viewpoint,
 )
-from sim2d.kernels.match_frame import FrameRoom, Standing, draw_over_carpet
+from sim2d.kernels.match_frame import FrameRoom, draw_over_carpet
 from sim2d.kernels.match_pixels import fill_carpet
 from sim2d.kernels.nets import lay_nets
 from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, room_panorama
 from sim2d.rendering.fast.match_frames import MatchFrames
 from sim2d.rendering.mirror import BODY_BGR
 from sim2d.rendering.rays import RIM_MARGIN, MirrorRays
-from sim2d.rendering.scene import MARKER_RATIO, SHADE_REACH, Ball, Bgr, Box, Post, Robot, Scene, Wall
+from sim2d.rendering.scene import SHADE_REACH, Ball, Robot, Scene
 from sim2d.rendering.sensor import Sensor
 
-ENTRIES, SPANS = 12, 32  # most things along a bearing, and most spans they make
+ENTRIES, SPANS = 14, 32  # most things along a bearing, and most spans they make
 # a lean's derivatives are differences over so much; less leans are not drawn: they move nothing by a tenth of a pixel
 _STEP_RAD, _MIN_LEAN_RAD = math.radians(1.0), math.radians(0.01)
 # of maps whose two coordinates stand together
@@ -73,9 +70,8 @@ class MirrorFrames(MatchFrames):
         )
         ground = np.array(scene.room.floor_bgr) * self._cast
         self._walls_behind = RoomWall(picture, float(ROOM_ROWS_PER_M), scene.room_radius_m, ground)
-        self._build_fixed(scene)
-        count, rays = len(self._table.bearings.directions), len(self._table.rays.pixels)
-        crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 4), dtype=np.float32))
+        count, rays = len(self._table.rays.directions), len(self._table.rays.pixels)
+        crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 5), dtype=np.float32))
         spans = Spans(
             np.zeros((count, SPANS), dtype=np.float32),
             np.zeros((count, SPANS), dtype=np.int32),
@@ -88,52 +84,6 @@ class MirrorFrames(MatchFrames):
         self._image_planes = [plane.reshape(height, width) for plane in self._planes]
         # of carpet, line and ball
         self._plain = self._paint.colors.copy()
-
-    def _build_fixed(self, scene: Scene) -> None:
-        """Rows of all things that do not move: walls from either side, faces of boxes, posts."""
-        fixed = list(scene.fixed())
-        walls = [thing for thing in fixed if isinstance(thing, Wall)]
-        boxes = [thing for thing in fixed if isinstance(thing, Box)]
-        posts = [thing for thing in fixed if isinstance(thing, Post)]
-        corners = scene.carpet_polygon
-        if not scene.field.is_bounded:
-            # the carpet's end: an edge of the floor without height; else the first walls stand on the floor's edges
-            ends = np.hstack([corners, np.roll(corners, -1, axis=0)]).tolist()
-            walls = [Wall(x0, y0, x1, y1, 0.0, (0, 0, 0), (0, 0, 0)) for x0, y0, x1, y1 in ends] + walls
-        colors: list[Bgr] = []
-        rows: list[list[float]] = []
-
-        def add(height_m: float, bands: Sequence[Bgr], top: Bgr | None = None, is_edge: bool = False) -> None:
-            rows.append([height_m, len(bands), len(colors), -1, -1, 0.0, float(is_edge)])
-            colors.extend(bands)
-            if top is not None:
-                rows[-1][3] = len(colors)
-                colors.append(top)
-
-        for number, wall in enumerate(walls):
-            for side in (wall.left_bgr, wall.right_bgr):
-                add(wall.height_m, (side,), is_edge=number < len(corners))
-        self._first_face = len(rows)
-        for box in boxes:
-            for face in box.faces():
-                add(box.height_m, (face.right_bgr,), box.color_bgr)
-        self._first_cylinder = len(rows)
-        for post in posts:
-            add(post.height_m, post.bands_bgr, post.bands_bgr[-1])
-        self._walls = np.array([[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in walls], dtype=np.float64).reshape(-1, 4)
-        self._boxes = np.array([box.corners for box in boxes], dtype=np.float64).reshape(-1, 4, 2)
-        self._posts = [(post.x_m, post.y_m, post.radius_m) for post in posts]
-        self._rows, self._colors = rows, colors
-
-    @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
-    def _things(self, robots: tuple[tuple[float, float, Bgr, Bgr], ...]) -> Things:
-        """Return all rows and colours, with robots of given radius, height, colour and marker."""
-        rows, colors = [list(row) for row in self._rows], list(self._colors)
-        for radius, height, color, marker in robots:
-            gap = radius**2 * (1 - MARKER_RATIO**2)
-            rows.append([height, 1, len(colors), len(colors), len(colors) + 1, gap, 0.0])
-            colors += [color, marker]
-        return Things(np.array(rows, dtype=np.float64).reshape(-1, 7), np.array(colors, dtype=np.float64) * self._cast)
 
     def draw(
         self,
@@ -165,9 +115,7 @@ class MirrorFrames(MatchFrames):
     def _draw_upright(self, robots: tuple[Robot, ...], ball: Ball | None, pose: Pose2) -> UInt8Array:
         table, plain = self._table, self._plain
         eye = self._viewpoint(pose)
-        things = self._things(tuple((r.radius_m, r.height_m, r.color_bgr, r.marker_bgr) for r in robots))
-        round_things = self._posts + [(r.x_m, r.y_m, r.radius_m) for r in robots]
-        cylinders = np.array(round_things, dtype=np.float64).reshape(-1, 3)
+        things = self._things(robots, None)
         sphere = BallSphere(0.0, 0.0, 0.0, 0.0)
         if ball is not None:
             sphere = BallSphere(float(ball.x_m), float(ball.y_m), ball.radius_m, SHADE_REACH * ball.radius_m)
@@ -176,9 +124,7 @@ class MirrorFrames(MatchFrames):
         fill_carpet(table.floor, self._light, eye, plain[0], table.body, self._planes)
         frame = np.asarray(cv2.merge(self._image_planes), dtype=np.uint8)
         flat = frame.reshape(-1, 3)
-        standing = Standing(self._walls, self._boxes, self._first_face, cylinders, self._first_cylinder)
         draw_over_carpet(
-            standing,
             things,
             self._paint,
             self._farthest_m,
@@ -186,7 +132,6 @@ class MirrorFrames(MatchFrames):
             self._walls_behind,
             self._light,
             eye,
-            table.bearings,
             table.rays,
             plain,
             self._room,
@@ -211,8 +156,6 @@ class PixelTable:
     height_m: float
     #: Rays of every pixel that shows the scene.
     rays: PixelRays
-    #: Over a full turn.
-    bearings: Bearings
     #: (3, H * W) float32: floor point and gain of every pixel in the order of the image; 0 where no ray goes.
     floor: Float32Array
     #: (3, H * W) uint8: the picture where no ray goes: the robot's own body, and black.
@@ -271,7 +214,6 @@ def mirror_pixels(camera: OmniCamera, gain: Float32Array, farthest_m: float) -> 
             directions,
             _spread(along[on_floor], tangential[on_floor] / 2 + along[on_floor] * math.pi / per_turn),
         ),
-        Bearings(directions, per_turn),
         image,
         np.rint(np.clip(body, 0, 255)).astype(np.uint8),
     )

@@ -58,8 +58,9 @@ def test_shares_are_those_of_the_ray_caster(name, camera):
     x, y, _, _, _, radial, tangential, near, far = table.rays.rays
     middle = (near + far) / 2
     # every ray of a bearing is looked at in the bearing's direction
-    bearing = np.repeat(table.bearings.directions[:, 0], np.diff(table.rays.first))
-    assert np.abs(np.angle(np.exp(1j * (bearing - np.arctan2(y, x))))).max() < 1.01 * math.pi / table.bearings.per_turn
+    bearing = np.repeat(table.rays.directions[:, 0], np.diff(table.rays.first))
+    turns = len(table.rays.directions)
+    assert np.abs(np.angle(np.exp(1j * (bearing - np.arctan2(y, x))))).max() < 1.01 * math.pi / turns
     on_floor = middle < 0.7 * FARTHEST_M
     for eye in eyes:
         c, s = math.cos(eye[2]), math.sin(eye[2])
@@ -69,7 +70,7 @@ def test_shares_are_those_of_the_ray_caster(name, camera):
         places = np.stack([field_x, field_y]).astype(np.float32)
         patches = np.stack([np.cos(aim), np.sin(aim)]), np.stack([radial, tangential])
         paint_floor(paint, places, *patches, expected, on_carpet)
-        share, marked = shares(table, field, eye, np.full(table.bearings.per_turn, FARTHEST_M))
+        share, marked = shares(table, field, eye, np.full(turns, FARTHEST_M))
         assert (np.sort(marked) == np.flatnonzero(share)).all()
         off, difference = np.abs(share - expected), np.abs(share - expected)[on_floor]
         assert (expected[on_floor] > 0).sum() > 20
@@ -86,8 +87,8 @@ def test_shares_are_those_of_the_ray_caster(name, camera):
 
 def test_nothing_is_marked_beyond_the_floor_that_is_seen():
     field, table, eye = load_field("ssl_2001"), TABLES[0], (0.3, 0.1, 0.5)
-    free, _ = shares(table, field, eye, np.full(table.bearings.per_turn, FARTHEST_M))
-    cut, _ = shares(table, field, eye, np.full(table.bearings.per_turn, 0.4))
+    free, _ = shares(table, field, eye, np.full(len(table.rays.directions), FARTHEST_M))
+    cut, _ = shares(table, field, eye, np.full(len(table.rays.directions), 0.4))
     near, far = table.rays.rays[kernels.NEAR], table.rays.rays[kernels.FAR]
     assert (cut[far <= 0.4] == free[far <= 0.4]).all()
     assert not cut[near > 0.4].any()
