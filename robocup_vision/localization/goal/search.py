@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from field_models.field import COLOR_NAMES, Field
@@ -187,18 +188,16 @@ class GoalSearch:
         """Goals that paint alone does not show: washed by lamps, or before something of a neighbouring hue."""
         paint, carpet = picture.masks
         straight = picture.straight_masks
-        proposed = []
-        for color in self.families:
+        found: list[Candidate] = []
+        # the hue of a goal in view covers more of the picture than the other one
+        for color in sorted(self.families, key=lambda one: -cv2.countNonZero(straight.paint[one])):
             proposal = self._of_hue(color, paint[color], carpet, [], picture.factor)
             appearance = replace(proposal.appearance, paint=picture.washable(color))
-            proposal = proposal._replace(appearance=appearance)
-            starts = self._silhouettes.propose(picture.gradients, straight.paint[color], straight.carpet)
-            proposed += [(nats, start, proposal) for nats, start in starts]
-        proposed.sort(key=lambda one: -one[0])
-        found = []
-        for _, start, proposal in proposed[: self._silhouettes.settings.proposed]:
-            fit = refine(picture.frame, self.camera, proposal.model, start, proposal.appearance)
-            found += [] if fit is None else self._judged(picture, [fit], proposal)
+            for _, start in self._silhouettes.propose(picture.gradients, straight.paint[color], straight.carpet):
+                fit = refine(picture.frame, self.camera, proposal.model, start, appearance)
+                found += [] if fit is None else self._judged(picture, [fit], proposal._replace(appearance=appearance))
+            if any(one.is_clear for one in found):
+                break
         return found
 
     def nats(self, picture: GoalPicture, candidate: Candidate, unknowns: FloatArray) -> float:
