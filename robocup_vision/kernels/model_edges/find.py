@@ -12,6 +12,7 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
+from robocup_vision.kernels.algebra.distinct import pick_distinct
 from robocup_vision.kernels.algebra.lens import distorted
 from robocup_vision.kernels.model_edges.prediction import on_floor, pose_frame
 
@@ -321,29 +322,6 @@ def _score_by_all(bank: Bank, rows: FloatArray, number: int, scores: FloatArray,
     return full
 
 
-@compiled(fastmath=True, error_model="numpy")
-def _first_apart(bank: Bank, order: Int64Array, full: FloatArray, apart: FloatArray, out: FloatArray) -> int:
-    """Take poses in the order given that are apart from those taken before; returns how many."""
-    headings = bank.headings.shape[0]
-    count = 0
-    for n in range(order.shape[0]):
-        i, j = order[n] // headings, order[n] % headings
-        x, y, theta = bank.places[i, 0], bank.places[i, 1], bank.headings[j]
-        near = False
-        for k in range(count):
-            turn = abs(theta - out[k, 2])
-            turn = min(turn, math.tau - turn)
-            if turn < apart[1] and (x - out[k, 0]) ** 2 + (y - out[k, 1]) ** 2 < apart[0] * apart[0]:
-                near = True
-                break
-        if not near:
-            out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, theta, full[n]
-            count += 1
-            if count == out.shape[0]:
-                break
-    return count
-
-
 def _least(values: FloatArray, count: int) -> Int64Array:
     """Return the places of the `count` least of some values (N,), and of those equal to the greatest of them."""
     # a part of them tells a bound that few are below: these alone are sorted
@@ -357,7 +335,14 @@ def _least(values: FloatArray, count: int) -> Int64Array:
 
 
 def best_poses(
-    bank: Bank, rows: FloatArray, number: int, scores: FloatArray, kept: int, apart: FloatArray, out: FloatArray
+    bank: Bank,
+    rows: FloatArray,
+    number: int,
+    scores: FloatArray,
+    kept: int,
+    apart_m: float,
+    apart_rad: float,
+    out: FloatArray,
 ) -> int:
     """Score the best `kept` poses by all points and give those that are apart, the best first.
 
@@ -369,8 +354,8 @@ def best_poses(
         As in `score_bank`.
     kept : int
         How many are scored in full.
-    apart : (2,) float64
-        Metres and radians that two answers are apart.
+    apart_m, apart_rad : float
+        As of `pick_distinct`.
     out : (K, 4) float64
         Result: x, y, heading, score.
 
@@ -384,4 +369,8 @@ def best_poses(
     order = _least(flat, kept)
     full = _score_by_all(bank, rows, number, flat, order)
     again = np.argsort(full, kind="stable")
-    return _first_apart(bank, order[again], full[again], apart, out)
+    place, heading = np.divmod(order[again], len(bank.headings))
+    poses, picked = np.column_stack([bank.places[place], bank.headings[heading]]), np.empty(len(out), np.int64)
+    count = pick_distinct(poses, apart_m, apart_rad, False, picked)
+    out[:count, :3], out[:count, 3] = poses[picked[:count]], full[again[picked[:count]]]
+    return count

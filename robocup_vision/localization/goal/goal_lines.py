@@ -19,12 +19,13 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
 from robocup_vision.kernels.goal.picture import FLOOR_UNKNOWNS, floor_derivatives, floor_residuals
+from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.goal.arc import GoalArc
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, LineFit
 from robocup_vision.localization.goal.drawing import LineDrawing, line_pen
 from robocup_vision.localization.goal.edges import from_ideal
 from robocup_vision.localization.goal.fit import GoalModel, covariance_of, fit_samples, sample_residuals
-from robocup_vision.localization.goal.geometry import EDGES, HEADING
+from robocup_vision.localization.goal.geometry import EDGES, HEADING, X, Y
 from robocup_vision.localization.goal.search import Candidate
 from robocup_vision.localization.lines.line_map import LineMap
 
@@ -174,12 +175,10 @@ class GoalLines:
     def _drawn(self, drawing: LineDrawing, model: GoalModel, fits: list[_Fitted]) -> list[_Fitted]:
         """Settle each fit along its arc by all lines drawn."""
         settled: list[_Fitted] = []
-        tried: list[FloatArray] = []
-        for _, line_fit, samples in sorted(fits, key=lambda t: -t[0]):
-            place = line_fit.unknowns[:2]
-            if any(math.dist(place, other) < self._settings.same_m / 2 for other in tried):
-                continue
-            tried.append(place)
+        fits = sorted(fits, key=lambda t: -t[0])
+        places = np.array([line_fit.unknowns[[X, Y, HEADING]] for _, line_fit, _ in fits]).reshape(-1, 3)
+        for k in Apart(self._settings.same_m / 2).first(places, len(fits)):
+            _, line_fit, samples = fits[k]
             reach = self._settings.reach_on_arc_stds * math.sqrt(line_fit.covariance[HEADING, HEADING])
             drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
             if drawn is not None:

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -15,6 +15,7 @@ from field_models.field import COLOR_NAMES, Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.paint.strips import mean_along
+from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.goal.edges import EdgeAppearance, from_ideal
 from robocup_vision.localization.goal.fit import (
     GoalFit,
@@ -27,7 +28,7 @@ from robocup_vision.localization.goal.fit import (
     refine,
     residuals,
 )
-from robocup_vision.localization.goal.geometry import X, goal_shape, project
+from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y, goal_shape, project
 from robocup_vision.localization.goal.goal_picture import WHITE, GoalPicture
 from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
 from robocup_vision.localization.goal.starts import bar_rows, starts, strip_samples, with_bar
@@ -45,6 +46,7 @@ from robocup_vision.perception.goal_region import (
 )
 
 _START_SCALES = np.full(8, 100.0)
+_Found = TypeVar("_Found")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ class SearchSettings:
     #: evidence, nats, of edges of a silhouette that all lie at their places to a fraction of a pixel, in addition to
     #: that of their presence
     exact_nats: float = 100.0
-    same_m: float = 0.03  #: fits nearer to each other count as one
+    apart: Apart = Apart(0.03)  #: of two fits
     edge_on_m: float = (
         0.2  #: least distance from the goal's plane: nearer, one post hides the other and the bar coincides with both
     )
@@ -147,12 +149,12 @@ class GoalSearch:
         if self.families and not any(c.is_clear for c in found):
             found += self.by_silhouettes(picture)
         found.sort(key=lambda c: -c.nats)
-        distinct: list[Candidate] = []
-        for candidate in found:
-            place = candidate.fit.unknowns[:2]
-            if all(math.dist(place, other.fit.unknowns[:2]) > self.settings.same_m for other in distinct):
-                distinct.append(candidate)
-        return distinct, reason
+        return self._distinct(found, [c.fit.unknowns for c in found]), reason
+
+    def _distinct(self, found: list[_Found], unknowns: list[FloatArray]) -> list[_Found]:
+        """Return of what was found for cameras (N, 8) what is not of a place before it."""
+        poses = np.array(unknowns).reshape(-1, UNKNOWNS)[:, [X, Y, HEADING]]
+        return [found[k] for k in self.settings.apart.first(poses, len(found))]
 
     def _judged(self, picture: GoalPicture, fits: list[GoalFit], proposal: Proposal) -> list[Candidate]:
         judged = []
@@ -261,11 +263,7 @@ class GoalSearch:
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
         rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - self.settings.edge_on_m]
         # where two starts came to the same place, one goes on
-        rough = [
-            r
-            for k, r in enumerate(rough)
-            if all(math.dist(r[0][:2], o[0][:2]) > self.settings.same_m for o in rough[:k])
-        ]
+        rough = self._distinct(rough, [r[0] for r in rough])
         if not rough:
             return []
         found: list[GoalFit] = []

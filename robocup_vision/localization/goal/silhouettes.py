@@ -29,6 +29,7 @@ from robocup_vision.kernels.goal.silhouettes import (
     silhouette_nats,
     strongest_gradients,
 )
+from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.goal.edges import from_ideal
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.localization.goal.geometry import HEADING, HEIGHT, ROLL, TILT, UNKNOWNS, X, Y
@@ -59,9 +60,7 @@ class SilhouetteSettings:
     #: places that are settled, and cameras that are proposed
     settled: int = 30
     proposed: int = 12
-    #: cameras nearer to each other than both count as one
-    apart_m: float = 0.1
-    apart_rad: float = 0.03
+    apart: Apart = Apart(0.1, 0.03)  #: of two cameras
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,15 +195,12 @@ class SilhouetteSearch:
         ]
         settled.sort(key=lambda one: -one[0])
         proposed: list[tuple[float, FloatArray]] = []
-        for nats, p in settled:
-            if len(proposed) < s.proposed and all(
-                math.dist(p[:2], other[:2]) > s.apart_m or abs(p[2] - other[HEADING]) > s.apart_rad
-                for _, other in proposed
-            ):
-                unknowns = np.zeros(UNKNOWNS)
-                unknowns[[X, Y, HEADING, TILT, ROLL]] = p
-                unknowns[HEIGHT] = height
-                proposed.append((nats, unknowns))
+        for k in s.apart.first(np.array([p[:3] for _, p in settled]).reshape(-1, 3), s.proposed):
+            nats, p = settled[k]
+            unknowns = np.zeros(UNKNOWNS)
+            unknowns[[X, Y, HEADING, TILT, ROLL]] = p
+            unknowns[HEIGHT] = height
+            proposed.append((nats, unknowns))
         return proposed
 
     def nats(self, seen: Evidence, unknowns: FloatArray) -> float:

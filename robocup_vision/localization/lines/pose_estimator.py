@@ -18,7 +18,6 @@ from robocup_vision.localization.lines.search import (
     LineCandidate,
     LineSearchSettings,
     one_per_patch,
-    same_pose,
     search_by_lines,
 )
 from robocup_vision.perception.line_points import FloorCamera, LineFinder, LinePoints
@@ -176,11 +175,11 @@ class LinePoseEstimator:
         if not ranked:
             return NotLocated(f"no pose puts {least:.0%} of the line points on the carpet onto lines")
         best = poses[ranked[0][1]]
+        apart = replace(self.settings.search.apart, twins=self.line_map.is_point_symmetric)
         for loss, i in ranked[1:]:
             other = poses[i]
-            if loss < self.settings.rival_ratio * ranked[0][0] + self.settings.rival_excess and not same_pose(
-                other, best, self.line_map.is_point_symmetric, self.settings.search
-            ):
+            rivals = loss < self.settings.rival_ratio * ranked[0][0] + self.settings.rival_excess
+            if rivals and not apart.is_one(other, best):
                 return NotLocated(
                     f"the lines fit two poses about equally well: ({best.x_m:.2f}, {best.y_m:.2f}) "
                     f"and ({other.x_m:.2f}, {other.y_m:.2f})"

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 
 from robocup_vision.arrays import BoolArray, FloatArray
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.lines.lines import PoseGrid, refine_line_poses, score_pose_grid
+from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.lines.line_map import CELL_M, LineMap
 from robocup_vision.perception.line_points import LinePoints
 
@@ -38,9 +39,7 @@ class LineSearchSettings:
     max_starts: int = 24  #: poses of the grid that are refined
     #: scale of the loss, step by step
     scales_m: tuple[float, ...] = (0.25, 0.25, 0.2, 0.16, 0.13, 0.1, 0.08, 0.06, 0.06, 0.06)
-    #: two refined poses closer than this are one mode
-    same_m: float = 0.15
-    same_rad: float = math.radians(4.0)
+    apart: Apart = Apart(0.15, math.radians(4.0))  #: of two refined poses that are two modes
     inlier_px: float = 3.0  #: a point within this many pixels of a line agrees with a pose
     noise_px: float = 2.0  #: noise of the search, which a camera's calibration error may reach; the refinement is finer
 
@@ -79,29 +78,18 @@ def search_by_lines(
     )
     low, high = line_map.extent_m
     slack = settings.grid_step_m
+    is_near_field = ((starts[:, :2] >= low - slack) & (starts[:, :2] <= high + slack)).all(axis=1)
+    order = np.argsort(cost, kind="stable")
+    order = order[(np.isfinite(cost) & is_near_field)[order]]
+    apart = replace(settings.apart, twins=line_map.is_point_symmetric)
     kept: list[LineCandidate] = []
-    for k in np.argsort(cost, kind="stable"):
-        if len(kept) == max_candidates:
-            break
-        x, y, theta = starts[k]
-        if not (
-            math.isfinite(cost[k]) and low[0] - slack <= x <= high[0] + slack and low[1] - slack <= y <= high[1] + slack
-        ):
-            continue
-        pose = Pose2(float(x), float(y), float(theta))
-        if any(same_pose(pose, other.pose, line_map.is_point_symmetric, settings) for other in kept):
-            continue
+    for k in order[apart.first(starts[order], max_candidates)]:
+        pose = Pose2(*starts[k].tolist())
         distance = line_map.nearest(pose.transform(floor_m)).distance_m
         good = distance <= np.maximum(settings.inlier_px / settings.noise_px * noise_m, 0.06)
         ratio = float(thin.weight[good].sum() / thin.weight.sum())
         kept.append(LineCandidate(pose, float(cost[k]), ratio))
     return kept
-
-
-def same_pose(pose: Pose2, other: Pose2, symmetric: bool, settings: LineSearchSettings = LineSearchSettings()) -> bool:
-    """Return whether two poses are one mode; `symmetric`: modulo a half turn about the field's centre."""
-    distance, angle = pose.error_to(other, symmetric=symmetric)
-    return distance < settings.same_m and angle < settings.same_rad
 
 
 def _metres_per_px(points: LinePoints) -> FloatArray:
@@ -159,14 +147,5 @@ def _best_of_grid(floor_m: FloatArray, line_map: LineMap, settings: LineSearchSe
     best = best[np.argsort(flat[best], kind="stable")]
     k, iy, ix = np.unravel_index(best, cost.shape)
     poses = np.stack([(first_x + ix * step) * cell, (first_y + iy * step) * cell, headings[k]], axis=1)
-    kept: list[FloatArray] = []
-    for pose in poses:
-        if len(kept) == settings.max_starts:
-            break
-        if not any(
-            math.hypot(pose[0] - o[0], pose[1] - o[1]) < 1.6 * settings.grid_step_m
-            and abs(wrap_angle(pose[2] - o[2])) < 1.6 * settings.grid_step_rad
-            for o in kept
-        ):
-            kept.append(pose)
-    return np.array(kept)
+    apart = Apart(1.6 * settings.grid_step_m, 1.6 * settings.grid_step_rad)
+    return np.asarray(poses[apart.first(poses, settings.max_starts)])

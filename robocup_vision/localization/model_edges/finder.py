@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,6 +26,7 @@ from robocup_vision.kernels.model_edges.sightings import (
     poses_around,
     sightings,
 )
+from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights, with_walls
 from robocup_vision.localization.model_edges.evidence import CandidateSettings, accepted, log_weight, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
@@ -70,8 +71,7 @@ class FinderSettings:
     #: weight of a place where the carpet ends, in line points, where walls bound the floor: robots end it, too
     end_weight: float = 0.0
     #: proposals and answers nearer to each other count as one
-    apart_m: float = 0.2
-    apart_rad: float = math.radians(6.0)
+    apart: Apart = Apart(0.2, math.radians(6.0))
     #: steps of aligning: scale of the robust weight, pixels of a picture 208 wide
     gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0)
     #: standard deviations of a pose of the bank, as the prior of its alignment
@@ -159,6 +159,7 @@ class EdgeFinder:
         field, camera = follower.field, follower.camera
         self._bank = prepare_bank(field, camera, s.spacing_m, s.heading_step_rad)
         self._has_twins = not field.halves_differ
+        self._apart = replace(s.apart, twins=self._has_twins)
         self._is_same_frame = False  # as that of the last fit
         self._scores = np.zeros((len(self._bank.places), len(self._bank.headings)))
         self._seen = np.zeros((len(self._bank.paints), BINS + 1))
@@ -177,7 +178,6 @@ class EdgeFinder:
         self._candidates = replace(s.candidates, of_rms=s.candidates.of_rms / scale)
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         self._searched_m2rad = math.tau * float(np.prod(high - low))
-        self._apart = np.array([s.apart_m, s.apart_rad])
         self._covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
         self._gates_px = np.array(s.gates_px) * max(1.0, 0.5 * (1.0 + scale))
 
@@ -235,7 +235,7 @@ class EdgeFinder:
         """Return, of poses with tilts, rolls and costs (N, 6), distinct ones with costs near the least, best first."""
         costs = aligned[:, 5]
         likely = aligned[costs <= costs.min(initial=math.inf) + self.settings.max_more_missed]
-        poses = (TiltedPose(*pose) for pose in likely[np.argsort(likely[:, 5], kind="stable"), :5].tolist())
+        poses = [TiltedPose(*pose) for pose in likely[np.argsort(likely[:, 5], kind="stable"), :5].tolist()]
         return self._first_apart(poses, self.settings.fitted)
 
     def _clues(self, frame: UInt8Array, tilt_rad: float) -> Clues:
@@ -267,7 +267,7 @@ class EdgeFinder:
         if ends:
             score_bank(walls, self._end_rows, ends, _NOTHING_SEEN, 0.0, self._end_scores)
             self._scores += s.end_weight * self._end_scores
-        kept = best_poses(bank, self._rows, number, self._scores, s.scored, self._apart, self._starts)
+        kept = best_poses(bank, self._rows, number, self._scores, s.scored, s.apart.m, s.apart.rad, self._starts)
         how = Alignment(
             slopes_of(self._rows[:number], tilt, roll, height_m),
             tilt,
@@ -292,25 +292,10 @@ class EdgeFinder:
         ended = costs < 0.5 * DROPPED
         return np.column_stack([poses[ended] + (0.0, 0.0, 0.0, tilt, roll), costs[ended]])
 
-    def _first_apart(self, poses: Iterable[_AnyPose], count: int) -> list[_AnyPose]:
+    def _first_apart(self, poses: Sequence[_AnyPose], count: int) -> list[_AnyPose]:
         """Return the first distinct poses, at most this number."""
-        chosen: list[_AnyPose] = []
-        for pose in poses:
-            if not any(self._is_same(pose, other) for other in chosen):
-                chosen.append(pose)
-                if len(chosen) == count:
-                    break
-        return chosen
-
-    def _is_same(self, pose: Pose2, other: Pose2) -> bool:
-        """Whether two poses are one; on a field whose halves look alike, a pose and its half turn are."""
-        return self._is_near(pose, other) or (self._has_twins and self._is_near(pose.half_turn(), other))
-
-    def _is_near(self, pose: Pose2, other: Pose2) -> bool:
-        # most are far apart: saves comparing their headings
-        if math.hypot(pose.x_m - other.x_m, pose.y_m - other.y_m) >= self.settings.apart_m:
-            return False
-        return abs(wrap_angle(pose.theta_rad - other.theta_rad)) < self.settings.apart_rad
+        rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]).reshape(-1, 3)
+        return [poses[index] for index in self._apart.first(rows, count)]
 
     def find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
         """Locate the camera by one BGR frame; `near` is the last pose of a lost camera, which may be near it."""
@@ -365,14 +350,14 @@ class EdgeFinder:
         if follower.field.shows_half:
             # lines alone look alike from both halves, whichever of them was proposed
             for pose in [one.half_turn() for one in places[: s.turned]]:
-                if not any(self._is_same(pose, other) for other in places):
+                if not any(self._apart.is_one(pose, other) for other in places):
                     places.append(pose)
         answers: list[FollowedCamera] = []
         likeliest = ""
         for pose in places:
             answer = self._settle(frame, pose)
             likeliest = likeliest or (answer.reason if isinstance(answer, NotLocated) else answer.evidence.in_words)
-            if answer and not any(self._is_same(answer.estimate.pose, other.estimate.pose) for other in answers):
+            if answer and not any(self._apart.is_one(answer.estimate.pose, other.estimate.pose) for other in answers):
                 answers.append(answer)
         follower.forget()
         if not answers:
@@ -408,9 +393,8 @@ class EdgeFinder:
                 end = self._end(answer)
                 ends.append((log_weight(evidence, self._candidates) + self._log_prior(end, near), end))
         ends.sort(key=lambda one: -one[0])
-        return self._first_apart(
-            (pose for weight, pose in ends if weight > ends[0][0] - s.max_log_likelihood_drop), s.weighed
-        )
+        likely = [pose for weight, pose in ends if weight > ends[0][0] - s.max_log_likelihood_drop]
+        return self._first_apart(likely, s.weighed)
 
     def _likes(self, pose: Pose2) -> list[Pose2]:
         """Return the poses on the floor that see its other corners where this one sees the nearest corner ahead."""
