@@ -42,10 +42,10 @@ def is_patch(normals, turn_rad):
     return np.array(found)
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(st.tuples(angles, angles, angles))
 def test_the_patches_cover_28_percent_however_the_ball_lies(turn_rad):
-    assert np.mean(is_patch(everywhere(2000), turn_rad)) == pytest.approx(0.284, abs=0.01)
+    assert np.mean(is_patch(everywhere(20000), turn_rad)) == pytest.approx(0.284, abs=0.004)
 
 
 @given(st.tuples(angles, angles, angles))
