@@ -110,6 +110,8 @@ class TiltFinder(EdgeFinder):
         return tilt_std, roll_std
 
     def _searches(self, frame: UInt8Array) -> Iterator[tuple[CluesAt, FloatArray]]:
+        # each frame stands alone
+        self.follower.forget_paint()
         top = self._carpet_top(frame)
         bands = self._line_bands(frame, top)
         clues = Clues(np.ascontiguousarray(bands[:, :3]), np.zeros((0, 3)), self._sightings[:0], self._seen)
