@@ -16,8 +16,8 @@ from robocup_vision.kernels.algebra.distinct import pick_distinct
 class Apart:
     """How far two poses are from each other at least, if they are two."""
 
-    m: float  #: one place is nearer than this,
-    rad: float = math.inf  #: and turned by less than this
+    m: float  #: poses of one place are nearer to each other than this
+    rad: float = math.inf  #: and differ in heading by less than this
     twins: bool = False  #: whether a pose and its half turn about the field's centre are one
 
     def first(self, poses: FloatArray, most: int) -> list[int]:

@@ -78,7 +78,7 @@ class _EdgeLocator:
     def of_fit(self, fit: EdgeCalibration) -> Locate:
         """Return what locates a camera that was fitted."""
         std, own = np.sqrt(np.diag(fit.covariance)), self.settings.fit
-        sway = own.sway_std_rad if fit.camera.roll_std_rad is None else fit.camera.roll_std_rad
+        _, sway = fit.camera.sway_std_rad(own.sway_std_rad)
         tilt_std = math.hypot(sway, float(std[TILT]))
         camera = replace(
             fit.camera,

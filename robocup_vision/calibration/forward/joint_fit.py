@@ -104,7 +104,7 @@ class JointFitter:
         self._finder = EdgePointFinder(field, start.size_px[0], EdgeSettings().for_unconfirmed_frames())
         scale = max(start.size_px[0] / DESIGN_WIDTH_PX, 1.0)
         self._robust = settings.robust.scaled(scale, 1.0)
-        sway = settings.sway_std_rad if start.roll_std_rad is None else start.roll_std_rad
+        _, sway = start.sway_std_rad(settings.sway_std_rad)
         self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, settings.sway_std_m**-2])
 
     def fit(self, sightings: Mapping[int, Sighting], vector: FloatArray) -> JointFit | None:

@@ -195,9 +195,10 @@ class GoalSearch:
         for color in sorted(self.families, key=lambda one: -cv2.countNonZero(straight.paint[one])):
             proposal = self._of_hue(color, paint[color], carpet, [], picture.factor)
             appearance = replace(proposal.appearance, paint=picture.washable(color))
+            proposal = proposal._replace(appearance=appearance)
             for _, start in self._silhouettes.propose(picture.gradients, straight.paint[color], straight.carpet):
                 fit = refine(picture.frame, self.camera, proposal.model, start, appearance)
-                found += [] if fit is None else self._judged(picture, [fit], proposal._replace(appearance=appearance))
+                found += [] if fit is None else self._judged(picture, [fit], proposal)
             if any(one.is_clear for one in found):
                 break
         return found
