@@ -94,6 +94,11 @@ class PolarView:
         """Pixels (..., 2) of image radii on bearings."""
         return self.camera.polar_to_pixel(bearing_rad, radius_px)
 
+    def from_pixel(self, pixel: tuple[float, float]) -> tuple[float, float]:
+        """Bearing and image radius of a pixel."""
+        u, v = pixel[0] - self.camera.center_px[0], pixel[1] - self.camera.center_px[1]
+        return math.atan2(v if self.camera.mirrored else -v, u) + self.camera.heading_rad, math.hypot(u, v)
+
     @cached_property
     def pixels(self) -> FloatArray:
         """(K, M, 2) float64: the samples' places in the frame."""

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.perception.balls.pinhole import PinholeBallFinder
-from robocup_vision.perception.balls.search import SearchMemory
+from robocup_vision.perception.balls.search import BallFinder, SearchMemory
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FREE_RATIO, FloorMarking, FreeSpaceGrid
 
@@ -42,7 +41,7 @@ class FloorTables:
     view: FloorView
     grid: FreeSpaceGrid
     marking: FloorMarking
-    finder: PinholeBallFinder
+    finder: BallFinder
     sway_std_rad: tuple[float, float] | None = None
 
     def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> FloorTables:
@@ -148,6 +147,6 @@ class FloorTableCache:
             view,
             FreeSpaceGrid(view, self._directions, self._rings, self._free_ratio),
             FloorMarking(view, self._field.line_width_m, 2 * self._field.robot_radius_m),
-            PinholeBallFinder(self._field, camera, self._mask, memory=self._memory),
+            BallFinder(self._field, camera, self._mask, memory=self._memory),
         )
         return floor.prepared()

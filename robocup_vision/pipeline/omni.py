@@ -19,7 +19,7 @@ from robocup_vision.kernels.floor import outline
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import make_mirror_localizer
 from robocup_vision.localization.swapped_channels import SwappedChannelsSettings
-from robocup_vision.perception.balls.mirror import MirrorBallFinder
+from robocup_vision.perception.balls.search import BallFinder
 from robocup_vision.perception.color_table import LLR_PER_UNIT, ColorTable
 from robocup_vision.perception.floor_color import RING_COLUMNS
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
@@ -50,7 +50,7 @@ class OmniPipeline(FramePipeline):
         self.grid = FreeSpaceGrid(self.polar, directions, self._options.rings, self._options.free_ratio)
         self._outline_rules = self._make_rules()
         self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
-        self._ball_finder = MirrorBallFinder(field, camera, mask)
+        self._ball_finder = BallFinder(field, camera, mask)
         # of the frame that is looked at
         self._samples = np.empty((*self.polar.places.shape, 3), dtype=np.uint8)
         self._llr = np.empty(self.polar.places.shape, dtype=np.int8)

@@ -98,9 +98,8 @@ class BallSettings:
     max_balls: int = 8  #: more are not reported
     max_blobs: int = 128  #: more are not looked at: a picture full of the ball's colour
     #: so far on the way from white to the ball's colour begins the ball's colour; all are tried. Half-way parts a ball
-    #: from pale things beside it; of a far ball under a lamp, blur and compression leave a third of its colour.
-    mirror_white_ratios: tuple[float, ...] = (0.5,)
-    pinhole_white_ratios: tuple[float, ...] = (0.5, 0.2)
+    #: from pale things beside it.
+    white_ratios: tuple[float, ...] = (0.5,)
     #: and so many standard deviations of the noise beyond: dark grey has any hue in noise
     white_noise_stds: float = 0.5
     #: as `white_ratio` where a channel is at its end, by the others: a ball burnt out by a lamp is nearly white
@@ -109,25 +108,13 @@ class BallSettings:
     floor_stds: float = 3.5
     min_level: float = 0.6  #: brightness of the ball's shaded side, sum of its channels, as a ratio of the lit floor's
     min_signal: float = 4.0  #: standard deviations by which a blob must differ from the floor
-    #: mirror: balls with a smaller half size, in units of 1/86 of the usable radius (the paper's pixels), are too far
-    min_half: float = 1.0
-    min_half_px: float = 2.0  #: pinhole camera: half the size of the smallest ball
-    #: mirror: its viewpoint is no higher than so many radii of the ball, the rules see to that (0.225 m in the
-    #: small-size league of 2001, 10.5 radii; 0.8 m in the middle-size league, 7.3)
-    max_height_radii: float = 11.0
-    #: its height, and the relative standard deviation of it, where neither file nor curve gives a possible one: four
-    #: mirrors of known height have 5.5 to 7, an old one 9.5
-    usual_height_radii: float = 6.3
-    usual_height_std: float = 0.15
-    #: mirror: distance between seeds, in half sizes of the ball: at 1 a ball covers at least two
-    seed_pitch: float = 1.0
-    pinhole_seed_pitch: float = 0.5  #: of a pinhole camera: of a far ball under a lamp a quarter has its colour
-    #: of a pinhole camera's tilt where the camera file gives no `roll_std_rad`: robots nod when they start and stop
-    sway_std_rad: float = math.radians(1.0)
-    #: of the logarithms of size and slenderness in a mirror: a calibration by the floor says little of what stands on
-    #: it
-    mirror_shape_std: float = 0.22
-    pinhole_shape_std: float = 0.15  #: the same for a pinhole camera: shade and glare cut a ball's outline
+    #: balls with a smaller half size are too far: pixels, or in a small picture a ratio of the way over its floor (a
+    #: pixel in the pictures of Sekimori et al.)
+    min_half_px: float = 2.0
+    min_half_ratio: float = 1.0 / 86.0
+    seed_pitch: float = 1.0  #: distance between seeds, in half sizes of the ball: at 1 a ball covers at least two
+    #: of the logarithms of size and slenderness: a mirror's calibration by the floor says little of what stands on it
+    shape_std: float = 0.22
     #: mean log-likelihood ratio from which on the floor near the robot is all carpet; how far, as a standard deviation,
     #: robots and walls let it fall; nats of a frame with such a floor. Photographs of anything have 1.3 (median), of
     #: fields 3 to 4; of rendered frames in a crowd one in ten has less than 1.5.
@@ -139,8 +126,14 @@ class BallSettings:
     green_scale: float = 0.025
     green_nats: float = 2.0
     center_std_px: float = 0.3  #: of the blob's centre
-    #: of a pinhole camera: something upright goes on above a blob, or below it, where what is as wide as it differs
+    #: something upright goes on above a blob, or below it, where what is as wide as it differs
     #: from what lies to both sides by so many levels, and by so many times what differs in it; what that costs
     min_upright_step: float = 15.0
     upright_spreads: float = 2.0
     upright_nats: float = -2.5
+
+
+MIRROR_BALLS = BallSettings()
+#: forward cameras: of a far ball under a lamp, blur and compression leave a third of its colour, and a quarter of its
+#: area; shade and glare cut a ball's outline
+FORWARD_BALLS = BallSettings(white_ratios=(0.5, 0.2), seed_pitch=0.5, shape_std=0.15)

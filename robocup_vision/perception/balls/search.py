@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -19,23 +17,28 @@ from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import blobs as kernel
 from robocup_vision.kernels.balls.cut_ball import fit_cut_ball
 from robocup_vision.kernels.balls.evidence import find_and_weigh
-from robocup_vision.perception.balls.ball import Ball, BallSettings
+from robocup_vision.kernels.balls.upright import count_upright
+from robocup_vision.kernels.floor import free_floor
+from robocup_vision.perception.balls.ball import FORWARD_BALLS, MIRROR_BALLS, Ball, BallSettings
+from robocup_vision.perception.balls.projection import PinholeBallProjection, ball_projection
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_color import PaintColor
+from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.polar_view import PolarView
 
 # a ball whose logarithms of R/G and B/G change by less cannot be distinguished from one with red and blue swapped
 _MIN_SWAP_DISTANCE = 0.5
+# a ball's shadow lies within this many half sizes of it, and what hides behind it within this many above its middle
+_SHADOW_RATIO, _BEHIND_RATIO = 1.5, 1.15
 # a polar sample is the mean of 3 x 3 pixels
 _RAW_NOISE = 3.0
 # beyond it the logarithm of 1 + exp(x) is x, and the exponential may overflow
 _MAX_EXPONENT = 50.0
 
 
-def ball_colors(
-    colors: Colors, settings: BallSettings, white_ratios: tuple[float, ...]
-) -> tuple[kernel.BallColor, ...]:
-    """Return what is of the ball's colour, from so far on the way from white on; noise may make several the same."""
-    found = [_ball_color(colors, settings, ratio) for ratio in white_ratios]
+def ball_colors(colors: Colors, settings: BallSettings) -> tuple[kernel.BallColor, ...]:
+    """Return what is of the ball's colour, from each way from white on; noise may make several the same."""
+    found = [_ball_color(colors, settings, ratio) for ratio in settings.white_ratios]
     return tuple(one for n, one in enumerate(found) if n == 0 or one.plane_ratio < found[n - 1].plane_ratio)
 
 
@@ -145,91 +148,90 @@ class SearchMemory:
         return self.stamp + 1
 
 
-class BallSearch(ABC):
-    """Search for balls, the same for every camera: rows of seeds along rays, and the size it must have at each.
+class BallFinder:
+    """Finds balls of a colour in frames of one camera; holds scratch memory, so one object a thread.
 
     Parameters
     ----------
+    field : Field
+        Gives the ball's size and colour; a white ball cannot be distinguished from lines.
+    camera : OmniCamera or PinholeCamera
+        With a known tilt.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    settings : BallSettings, optional
+        Without them those of the camera's kind.
     memory : SearchMemory, optional
-        Of the camera's frames, where other finders look at them, too.
+        Of the camera's frames, where finders for other orientations look at them, too.
     """
 
     def __init__(
         self,
         field: Field,
         camera: OmniCamera | PinholeCamera,
-        mask: UInt8Array | None,
-        settings: BallSettings,
+        mask: UInt8Array | None = None,
+        settings: BallSettings | None = None,
         memory: SearchMemory | None = None,
     ) -> None:
-        self._any_camera = camera
-        self.settings = settings
-        self.radius_m = field.ball_radius_m
+        is_mirror = isinstance(camera, OmniCamera)
+        self.settings = settings or (MIRROR_BALLS if is_mirror else FORWARD_BALLS)
+        self.projection = ball_projection(camera, field.ball_radius_m)
         self.has_color = field.ball_color not in ("white", "black")
         self._mask = mask
         self._memory = SearchMemory(camera.size_px, mask) if memory is None else memory
-        self._evidence = plain(settings.evidence)
+        self._evidence = plain(self.settings.evidence)
         self._table: ColorTable | None = None
         self._colors: tuple[kernel.BallColor, ...] = ()
         self._swapped_colors: tuple[kernel.BallColor, ...] | None = None
         self._greenness = 0.0
         self._floor_table = kernel.FloorTable(np.empty((3, 256), dtype=np.uint16), np.empty(0, dtype=np.int8))
-        self._blobs = np.empty((settings.max_blobs, kernel.COLUMNS))
-        self._ratios = np.empty(settings.max_blobs)
-
-    @property
-    @abstractmethod
-    def _axis_px(self) -> tuple[float, float]:
-        """Where, in the picture's plane, rays from the robot outwards start."""
-
-    @property
-    def _body_px(self) -> float:
-        """How near to there the picture shows the robot itself."""
-        return 0.0
-
-    @property
-    @abstractmethod
-    def _sizes_px(self) -> tuple[FloatArray, FloatArray]:
-        """Half the ball's size along and across the ray, (R,) float64 each, by its centre's distance from there."""
-
-    @property
-    @abstractmethod
-    def _shape_std(self) -> float:
-        """Standard deviation of the logarithms of a blob's size and slenderness."""
-
-    @property
-    @abstractmethod
-    def _white_ratios(self) -> tuple[float, ...]:
-        """Where on the way from white the ball's colour begins, in turn."""
-
-    @property
-    def _sway_px(self) -> float:
-        """How far along the ray a ball may be from where it seems to be by its size: the camera's sway."""
-        return 0.0
+        self._blobs = np.empty((self.settings.max_blobs, kernel.COLUMNS))
+        self._ratios = np.empty(self.settings.max_blobs)
 
     @cached_property
     def _size(self) -> kernel.BallSize:
-        u, v = self._axis_px
-        along, across = self._sizes_px
+        view, shape_std = self.projection, self.settings.shape_std
+        along, across = view.sizes_px
         known = (along > 0) & (across > 0)
         size = np.log(np.where(known, along * across, 1.0)) / 2
         # neighbours tell how fast the size changes along the ray; at the ends of what is known they tell nothing
         change = np.abs(np.gradient(size)) * (known & np.roll(known, 1) & np.roll(known, -1))
         # where the sway is as long as the way to the horizon, any size may be
-        log_std = np.hypot(self._shape_std, np.minimum(self._sway_px * change, 0.8))
-        return plain(kernel.BallSize(float(u), float(v), float(self._body_px), along, across, log_std, self._shape_std))
-
-    @property
-    @abstractmethod
-    def _seed_rows(self) -> list[FloatArray]:
-        """Pixels (N, 2) of each row of seeds."""
+        sway = np.minimum(view.sway_px * change, 0.8)
+        shape_std = math.hypot(shape_std, view.height_std)
+        axis_u, axis_v = view.axis_px
+        return plain(
+            kernel.BallSize(
+                float(axis_u),
+                float(axis_v),
+                float(view.span_px[0]),
+                along,
+                across,
+                np.hypot(shape_std, sway),
+                shape_std,
+            )
+        )
 
     @cached_property
     def _seeds(self) -> npt.NDArray[np.int32]:
         """Pixels (N, 2) int32, v and u, in rows so dense that a ball anywhere on the floor covers some of them."""
-        rings = self._seed_rows
-        width, height = self._any_camera.size_px
-        pixels = np.rint(np.vstack(rings)).astype(np.int32) if rings else np.empty((0, 2), dtype=np.int32)
+        view, pitch = self.projection, self.settings.seed_pitch
+        (along, across), (width, height) = view.sizes_px, view.size_px
+        up_rad, reach_px = math.atan2(view.ahead[1], view.ahead[0]), math.hypot(width, height)
+        span_px = view.span_px[1] - view.span_px[0]
+        min_half_px = min(self.settings.min_half_px, self.settings.min_half_ratio * span_px)
+        rows: list[FloatArray] = []
+        place = view.span_px[0] + 1.0
+        while place < view.span_px[1]:
+            half_px = across[round(place)]
+            if half_px < min_half_px:
+                place += 1.0
+                continue
+            turn, step = min(reach_px / place, math.pi), pitch * half_px / place
+            turns = up_rad + np.arange(-turn, turn, step) + (len(rows) % 2) * step / 2
+            rows.append(view.axis_px + place * np.stack([np.cos(turns), np.sin(turns)], axis=1))
+            place += max(pitch * along[round(place)], 1.0)
+        pixels = np.rint(np.vstack(rows)).astype(np.int32) if rows else np.empty((0, 2), dtype=np.int32)
         inside = (pixels >= 1).all(axis=1) & (pixels[:, 0] < width - 1) & (pixels[:, 1] < height - 1)
         pixels = pixels[inside]
         if self._mask is not None:
@@ -273,7 +275,7 @@ class BallSearch(ABC):
             self._floor_table = plain(kernel.FloorTable(table.packing, table.floor_llr))
 
     def _colors_of(self, colors: Colors) -> tuple[kernel.BallColor, ...]:
-        return tuple(plain(color) for color in ball_colors(colors, self.settings, self._white_ratios))
+        return tuple(plain(color) for color in ball_colors(colors, self.settings))
 
     def _search(
         self,
@@ -318,10 +320,12 @@ class BallSearch(ABC):
             if ratios[n] >= needed:
                 ratios[n] += self._upright_evidence(frame, blobs[n])
             if ratios[n] >= needed:
-                places.append((u, v, half_px))
-                found.append(self._ball_at(u, v, ratios[n]))
+                ball = self._ball_at(u, v, ratios[n])
+                if ball is not None:
+                    places.append((u, v, half_px))
+                    found.append(ball)
         # glare leaves a part of a ball its colour: it moves by its own size
-        last = [(u, v, max(half_px, *self._expected_px(u, v))) for u, v, half_px in places]
+        last = [(u, v, max(half_px, *self.projection.size_px_at(u, v))) for u, v, half_px in places]
         return tuple(sorted(found, key=lambda ball: -ball.log_likelihood_ratio)), last
 
     def _weigh(self, frame: UInt8Array, color: kernel.BallColor, first: int) -> int:
@@ -345,71 +349,68 @@ class BallSearch(ABC):
         """Forget where balls were in the last frame."""
         self._memory.last_px = []
 
-    def _ball_at(self, u: float, v: float, ratio: float) -> Ball:
-        if self._is_cut(u, v):
-            u, v, visible_ratio, *_ = fit_cut_ball(u, v, *self._any_camera.size_px, self._size)
-            return self._place(u, v, visible_ratio, ratio)
-        return self._place(u, v, 1.0, ratio)
+    def hold(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> None:
+        """Place the balls of the frames to come by the camera as it is held then; see `PinholeBallProjection.held`."""
+        assert isinstance(self.projection, PinholeBallProjection)
+        self.projection = self.projection.held(camera, sway_std_rad)
 
-    def _expected_px(self, u: float, v: float) -> tuple[float, float]:
-        """Half the size, along and across the ray, of a ball with its centre there."""
-        (axis_u, axis_v), (along, across) = self._axis_px, self._sizes_px
-        place = min(round(math.hypot(u - axis_u, v - axis_v)), len(along) - 1)
-        return float(along[place]), float(across[place])
+    def _ball_at(self, u: float, v: float, ratio: float) -> Ball | None:
+        visible_ratio = 1.0
+        if self._is_cut(u, v):
+            u, v, visible_ratio, *_ = fit_cut_ball(u, v, *self.projection.size_px, self._size)
+        return self.projection.place(u, v, self.settings.center_std_px / visible_ratio, ratio)
 
     def _is_cut(self, u: float, v: float) -> bool:
         """Whether a ball with its centre there may reach beyond the picture."""
-        reach = max(self._expected_px(u, v)) - 0.5
-        width, height = self._any_camera.size_px
+        reach = max(self.projection.size_px_at(u, v)) - 0.5
+        width, height = self.projection.size_px
         return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
 
     def _cut_evidence(self, blob: list[float]) -> float:
         """Weigh how well a blob at the picture's edge is the part of a ball that it would show: nats."""
         u, v, visible_ratio, count, *shown = fit_cut_ball(
-            blob[kernel.U], blob[kernel.V], *self._any_camera.size_px, self._size
+            blob[kernel.U], blob[kernel.V], *self.projection.size_px, self._size
         )
         if count < 2:
             return 0.0
-        along, across = self._expected_px(u, v)
+        along, across = self.projection.size_px_at(u, v)
         area = math.pi * along * across * visible_ratio
         measured = (blob[kernel.ALONG], blob[kernel.ACROSS], math.sqrt(blob[kernel.TOTAL]))
         evidence = self.settings.evidence
         nats = 0.0
         for one, expected in zip(measured, (*shown, math.sqrt(max(area, 1.0))), strict=True):
-            std = math.hypot(self._shape_std, 1.0 / max(expected, 1.0))
+            std = math.hypot(self.settings.shape_std, 1.0 / max(expected, 1.0))
             off = math.log(max(one, 0.5) / max(expected, 0.5)) / std
             density = math.exp(-0.5 * off * off) / (std * math.sqrt(math.tau))
             nats += math.log((1 - evidence.outlier_ratio) * density * evidence.shape_span + evidence.outlier_ratio)
         return nats
 
     def _upright_evidence(self, frame: UInt8Array, blob: list[float]) -> float:
-        """Weigh whether a blob is a part of something upright that goes on above or below it: nats, 0 or less."""
-        return 0.0
+        """Weigh whether a blob is a part of something upright that goes on above or below it: nats, 0 or less.
 
-    def _place(self, u: float, v: float, visible_ratio: float, ratio: float) -> Ball:
-        (x, y), (x_right, y_right), (x_left, y_left), (x_down, y_down), (x_up, y_up) = self._on_plane(
-            ((u, v), (u + 0.5, v), (u - 0.5, v), (u, v + 0.5), (u, v - 0.5))
-        )
-        # in plain floats: products of arrays as small as these take longer than all the rest
-        std = self.settings.center_std_px / visible_ratio
-        x_u, x_v, y_u, y_v = (
-            std * (x_right - x_left),
-            std * (x_down - x_up),
-            std * (y_right - y_left),
-            std * (y_down - y_up),
-        )
-        xy = x_u * y_u + x_v * y_v
-        covariance = np.array(((x_u * x_u + x_v * x_v, xy), (xy, y_u * y_u + y_v * y_v)))
-        of_camera = self._place_covariance(x, y)
-        if of_camera is not None:
-            covariance += of_camera
-        covariance.setflags(write=False)
-        return Ball(x, y, covariance, u, v, ratio)
+        A band of a beacon or post has the next band above, and below. Such a band is as wide as the blob, of one
+        colour, and another than what lies to both sides. A ball has floor at its foot; a line that runs towards it is
+        narrower, one across it goes on to both sides.
+        """
+        settings, middle = self.settings, (blob[kernel.U], blob[kernel.V])
+        axis_u, axis_v = self.projection.axis_px
+        up_u, up_v = middle[0] - axis_u, middle[1] - axis_v
+        length = math.hypot(up_u, up_v)
+        # glare and shade leave a part of a ball its colour: what goes on must go on beyond the whole of it
+        along, across = self.projection.size_px_at(*middle)
+        halves = max(blob[kernel.ALONG], along), max(blob[kernel.ACROSS], across)
+        step, spreads = settings.min_upright_step, settings.upright_spreads
+        count = count_upright(frame, middle, halves, (up_u / length, up_v / length), self._floor_table, step, spreads)
+        return int(count) * settings.upright_nats
 
-    @abstractmethod
-    def _place_covariance(self, x_m: float, y_m: float) -> FloatArray | None:
-        """Return what the camera's own errors add to the covariance (2, 2) of a ball's place, robot frame, if any."""
-
-    @abstractmethod
-    def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-        """Where the rays of some pixels meet the plane of the ball's centre, robot frame."""
+    def clear(self, ball: Ball, view: PolarView | FloorView, marks: UInt8Array) -> None:
+        """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""
+        bearing, radius = view.from_pixel((ball.u_px, ball.v_px))
+        along, across = self.projection.size_px_at(ball.u_px, ball.v_px)
+        row = (bearing - float(view.bearing_rad[0])) / view.row_step_rad
+        column = int(np.argmin(np.abs(view.radius_px - radius)))
+        row_px = view.row_step_rad * float(view.range_m[column] / view.across_m_per_px[column])
+        # a shadow lies before the ball and beside it; behind it may stand somebody. The samples' blur reaches a column.
+        near_px, far_px = ((ratio * along + view.step_px + 1.5) for ratio in (_SHADOW_RATIO, _BEHIND_RATIO))
+        half_rows = (_SHADOW_RATIO * across + 1.5) / row_px + 1
+        free_floor.clear_ball(row, radius, half_rows, near_px, far_px, view.is_ring, view.radius_px, marks)

@@ -10,7 +10,7 @@ import pytest
 from field_models import load_field
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.balls.ball import BallSettings
-from robocup_vision.perception.balls.mirror import MirrorBallFinder
+from robocup_vision.perception.balls.search import BallFinder
 from robocup_vision.perception.color_table import build_color_table, learn_colors
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
@@ -163,12 +163,12 @@ def test_a_doubtful_ball_is_found_only_near_where_one_was(ssl_field, paper_camer
     sure_floor, doubtful_floor = 3.5, 1.5
 
     def nats(frame, near_floor_nats):
-        return MirrorBallFinder(ssl_field, paper_camera).find(frame, table, near_floor_nats)[0].log_likelihood_ratio
+        return BallFinder(ssl_field, paper_camera).find(frame, table, near_floor_nats)[0].log_likelihood_ratio
 
     doubtful = max(nats(frame, doubtful_floor) for frame in (near, far))
     needed = (doubtful + nats(start, sure_floor)) / 2
     assert needed > doubtful
-    finder = MirrorBallFinder(ssl_field, paper_camera, settings=BallSettings(min_log_likelihood_ratio=needed))
+    finder = BallFinder(ssl_field, paper_camera, settings=BallSettings(min_log_likelihood_ratio=needed))
     assert not finder.find(near, table, doubtful_floor)
     for frame, is_found in ((near, True), (far, False)):
         finder.forget()

@@ -14,7 +14,7 @@ from robocup_vision import Vision
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.balls.pinhole import PinholeBallFinder
+from robocup_vision.perception.balls.projection import PinholeBallProjection
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Ball, Scene
 
@@ -23,13 +23,13 @@ CAMERA = PinholeCamera(
     (208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, pan_rad=0.0, tilt_rad=-0.17, roll_rad=0.0, height_std_m=0.006,
     roll_std_rad=0.024, offset_m=(0.05, 0.0),
 )  # fmt: skip
-FINDER = PinholeBallFinder(FIELD, CAMERA)
+PROJECTION = PinholeBallProjection(CAMERA, FIELD.ball_radius_m)
 STEP = 1e-5
 
 
 def placed(camera, pixel, sway_std_rad=None):
-    FINDER.hold(camera, sway_std_rad)
-    return FINDER._place(*pixel, 1.0, 0.0)
+
+    return PROJECTION.held(camera, sway_std_rad).place(*pixel, 0.3, 0.0)
 
 
 @given(
