@@ -26,6 +26,10 @@ import numpy as np
 
 from field_models import COLOR_NAMES, Field, load_field
 from robocup_vision import Memory, MotionLimits, Pose2, PoseEstimate, Steering, Vision, Wayfinder, load_camera
+from robocup_vision.calibration.forward.by_edges import calibrate_by_edges
+from robocup_vision.calibration.omni.calibrate import calibrate_omni
+from robocup_vision.calibration.online import OnlineCalibration, OnlineSettings
+from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.compiling.prepared_kernels import KERNELS, SIGNATURES, prepare_kernel, quick_compiling, spelled_type
 from robocup_vision.disc import Disc
@@ -33,6 +37,8 @@ from robocup_vision.mapping import ViewMotion
 
 ROOT = Path(__file__).parents[1]
 STEP = Pose2(0.01, 0.002, 0.01)
+# every frame that tells something is used
+OFTEN = OnlineSettings(every_s=0.01, min_step_s=0.01)
 LIMITS = MotionLimits(speed_mps=0.4, acceleration_mps2=0.3, dead_time_s=0.03)
 
 # what a workload has made before its first `yield` belongs to other groups; before its second, to its constructors
@@ -83,6 +89,8 @@ def mirror(method: str, seed: int = 1, count: int = 4) -> Workload:
     visions.append(Vision(load_field("ssl_2001"), camera, method=method, mask=mask))
     if method == "field":
         visions.append(Vision(load_field("ssl_division_b"), camera))
+        # a calibration looks by this method too
+        Vision(load_field("ssl_2001"), camera, method="floor")
     yield
     rng = np.random.default_rng(seed)
     frames = [(frame, Pose2(0.0, 0.0, 0.0)) for frame in [*images("omni_ssl_2001"), *empty_frames((256, 220), rng)]]
@@ -95,6 +103,10 @@ def mirror(method: str, seed: int = 1, count: int = 4) -> Workload:
     vision.forget()
     vision.look(frames[0][0])
     look_at(Vision(load_field("ssl_2001"), camera, vision.colors, method=method), frames[:30])
+    if method == "field":
+        calibrate_omni(load_field("ssl_2001"), images("omni_ssl_2001")[:3])
+        online = OnlineCalibration(load_field("ssl_2001"), camera, settings=OFTEN)
+        look_at(Vision(load_field("ssl_2001"), camera, online=online), frames[:10])
 
 
 def with_balls(frames: list[tuple[Any, Pose2]], camera: PinholeCamera, field: Field) -> list[tuple[Any, Pose2]]:
@@ -185,6 +197,10 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
         visions[0].forget()
         visions[0].look(frame)
     look_at(Vision(field, camera, visions[0].colors, method=method), frames)
+    if method == "edges":
+        shown, places = {0: frames[0][0], 1: frames[1][0]}, {0: frames[0][1], 1: frames[1][1]}
+        calibrate_by_edges(field, shown, [camera], places, StartTrials())
+        look_at(Vision(field, camera, online=OnlineCalibration(field, camera, settings=OFTEN)), frames[:8])
 
 
 def patterned_balls() -> Workload:

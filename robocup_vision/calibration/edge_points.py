@@ -12,6 +12,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, plain_frame
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.model_edges import tables
 from robocup_vision.kernels.model_edges.carpet import CARPET, carpet_look
 from robocup_vision.kernels.model_edges.follow import brightness
@@ -56,6 +57,7 @@ class EdgePointFinder:
     """
 
     def __init__(self, field: Field, width_px: int, settings: EdgeSettings, mask: UInt8Array | None = None) -> None:
+        prepare("pinhole_edges")
         self._numbers, self._mask = settings.for_width(width_px, field.line_width_m), mask
         self.edges = field_edges(field)
         self._workspace = tables.empty_buffers(_MAX_SAMPLES, 0)

@@ -199,7 +199,7 @@ class _Wait(Listener):
         self.has_announced = True
         # whoever started this worker tells it
         if multiprocessing.parent_process() is None:
-            done = f"{self.ready} of {self.total} loops are ready, " if self.total else ""
+            done = f"{self.ready} of {self.total} loops are ready, " if self.ready < self.total else ""
             _LOG.warning(
                 "robocup_vision compiles for this machine, once: %sthe others take up to some minutes "
                 "(`robocup-vision warm-up` or a compiled wheel does it ahead)",

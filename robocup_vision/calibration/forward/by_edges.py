@@ -17,6 +17,7 @@ from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.model_edges.evidence import log_weight
 from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
@@ -45,6 +46,7 @@ def calibrate_by_edges(
         One of them is about right: focal length within 10 %, height within 15 %, tilt, the same in all pictures,
         within 3 degrees.
     """
+    prepare("pinhole_edges")
     calibrator = Calibrator(field, frames, prior, _EdgeLocator(field, settings), settings)
     best = calibrator.best(starts, trials)
     if not best or best.parameters.coefficients or isinstance(best.camera, FisheyeCamera):

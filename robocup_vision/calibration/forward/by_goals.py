@@ -20,6 +20,7 @@ from robocup_vision.calibration.forward.starts import KnownOfCamera, starts_abou
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges import tables
@@ -60,6 +61,7 @@ def calibrate_by_goals(
     ArgumentError
         If the field has no goals of posts and a bar.
     """
+    prepare("pinhole_goal")
     height, width = next(iter(frames.values())).shape[:2]
     level = replace(start, tilt_rad=0.0)
     starts = starts_about(level) if isinstance(level, PinholeCamera) else starts_of((width, height), level)

@@ -36,7 +36,6 @@ from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
 from robocup_vision.calibration.omni.settings import JointFitSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.lines import nearest_lines
-from robocup_vision.kernels.walls.calibration import MirrorView, floor_points
 
 # sideways at the start and at the end of a line; radius and centre of an arc
 _NUMBERS = 3
@@ -107,13 +106,11 @@ class FieldShape:
 
 def homogeneous(camera: OmniCamera, pixels: FloatArray) -> FloatArray:
     """Floor points (N, 3) as X, Y, W, robot frame: the floor point is (X, Y) / W, and W <= 0 from the horizon on."""
-    u, v = camera.center_px
-    q = camera.floor_range.inverse_range_per_m(np.hypot(pixels[:, 0] - u, pixels[:, 1] - v))
-    point = np.empty((len(pixels), 3))
-    sign = 1.0 if camera.mirrored else -1.0
-    x, y, height = camera.viewpoint_m.tolist()
-    view = MirrorView((float(u), float(v)), sign, float(camera.heading_rad), camera.camera_to_robot, (x, y, height))
-    floor_points(pixels, q, view, point)
+    ray, (x_m, y_m, height_m) = camera.pixel_to_ray(pixels), camera.viewpoint_m
+    weight = -ray[:, 2] / height_m
+    point = np.column_stack([ray[:, 0] + weight * x_m, ray[:, 1] + weight * y_m, weight])
+    # the curve says nothing there
+    point[np.isnan(weight)] = -1.0
     return point
 
 

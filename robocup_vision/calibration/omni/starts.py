@@ -22,6 +22,7 @@ from robocup_vision.calibration.omni.model import HORIZON, SCALE, TILT, CameraMo
 from robocup_vision.calibration.omni.settings import REFERENCE_RADIUS_PX, FramePointSettings, OmniCalibrationSettings
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.hull import hull_radius
 from robocup_vision.localization.floor import OutlineFitter
@@ -68,6 +69,7 @@ class Observer:
         settings: FramePointSettings = FramePointSettings(),
     ) -> None:
         self.field, self._settings = field, settings
+        prepare("mirror_field")
         self._locate, self._size_px = locate, tuple(camera.size_px)
         by_outline = field.is_bounded and not locate
         self._vision = Vision(field, camera, method="floor" if by_outline else "field", mask=mask)
@@ -95,9 +97,9 @@ class Observer:
         boundary = view.boundary_px if self.field.is_bounded else np.empty((0, 2))
         seen = np.isfinite(boundary).all(axis=1)
         pose = view.pose.pose if self._locate and view.pose else None
-        return Sighting(
-            index, view.boundary_radius_px, boundary[seen], lines.pixels[chosen], lines.weight[chosen], pose
-        )
+        # a copy that may be written to, as a view hands it to its loops: for another type they would be compiled anew
+        radius_px = np.array(view.boundary_radius_px)
+        return Sighting(index, radius_px, boundary[seen], lines.pixels[chosen], lines.weight[chosen], pose)
 
     @property
     def inner_radius_px(self) -> float:
@@ -226,8 +228,7 @@ class Search:
         for sighting in sightings:
             pose = None
             if fitter is not None:
-                # a copy that may be written to, as a view hands it over: another type would be compiled anew
-                pose = fitter.likeliest(np.array(sighting.radius_px))
+                pose = fitter.likeliest(sighting.radius_px)
             if pose is None:
                 pose = self.pose_by_lines(camera, sighting)
             if pose is None:

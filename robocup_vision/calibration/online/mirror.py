@@ -14,6 +14,7 @@ from robocup_vision.calibration.omni.model import CENTER, SCALE, TILT, CameraMod
 from robocup_vision.calibration.online.evidence import Belief, Evidence, fit_frame
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.view import View
@@ -31,6 +32,7 @@ class MirrorEvidence:
     tries_others = True
 
     def __init__(self, field: Field, camera: OmniCamera, mask: UInt8Array | None, settings: OnlineSettings) -> None:
+        prepare("mirror_field")
         mirror = settings.mirror
         self._field, self._settings = field, mirror
         self._shape = FieldShape(field)
@@ -48,7 +50,6 @@ class MirrorEvidence:
         self.reach[CENTER], self.reach[TILT] = settings.max_center_px, settings.max_tilt_rad
         self._own = np.array([POSE_PRECISION] * 3 + [mirror.sway_std_rad**-2] * 2)
         self._robust = mirror.robust.scaled(self._px, self._px)
-        self._warm_up(camera)
 
     def vector(self, camera: OmniCamera) -> FloatArray:
         """Return the parameters (5,) of a camera."""
@@ -106,14 +107,6 @@ class MirrorEvidence:
         offset = points.pixels - vector[CENTER]
         turn = np.arctan2(offset[:, 1], offset[:, 0]) / math.tau + 0.5
         return np.floor(turn * sectors).astype(np.int64) + (sectors + 1) * points.is_line
-
-    def _warm_up(self, camera: OmniCamera) -> None:
-        """Compile, or load from the disk's cache, what a frame needs, so that no frame pays for it."""
-        width, height = camera.size_px
-        self._finder.find(np.zeros((height, width, 3), dtype=np.uint8))
-        pixels = camera.polar_to_pixel([0.0, 1.0], camera.usable_radius_px[0])
-        points = Points(pixels, np.zeros(2, dtype=np.int64), np.ones(2, dtype=bool), np.ones(2))
-        JointFit(self._shape, points).residuals(camera, np.zeros((1, 3)))
 
 
 def _thinned(pixels: FloatArray, max_points: int) -> FloatArray:

@@ -19,7 +19,6 @@ from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.kernels.model_edges.tables import UNKNOWNS
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
 from robocup_vision.view import View
 
@@ -63,9 +62,6 @@ class PinholeEvidence:
         self._held: tuple[float, tuple[float, float, float]] | None = None
         self._turn_radps = 0.0
         self._lens, self._lens_of = lens_table(camera), self.start.copy()
-        # compiles, or loads from the disk's cache, the loops that a frame needs: no frame waits for it
-        width, height = camera.size_px
-        self._finder.find(np.zeros((height, width, 3), dtype=np.uint8), self._lens, np.zeros(UNKNOWNS), self._reach_px)
 
     def vector(self, camera: PinholeCamera) -> FloatArray:
         """Return the parameters (6,) of a camera."""
