@@ -22,7 +22,8 @@ from field_models import COLOR_NAMES, load_field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.balls.patterned import PatternedBallFinder
+from robocup_vision.perception.balls.finder import BallFinder
+from robocup_vision.perception.balls.frame import BallFrame
 from sim2d.rendering.backdrop import Backdrop, BackdropKind
 from sim2d.rendering.goal.scenes import ROUGH_SHOT, nao_camera
 from sim2d.rendering.goal.surroundings import sun_patch
@@ -137,7 +138,7 @@ def main() -> None:
         for one in pictures:
             camera = one.camera if is_known else dataclasses.replace(one.camera, tilt_rad=None, roll_rad=None)
             is_found = False
-            for ball in PatternedBallFinder(FIELD, camera).find(one.frame, camera):
+            for ball in BallFinder(FIELD, camera).find(BallFrame(one.frame, camera)):
                 off_px = math.dist((ball.u_px, ball.v_px), one.center_px)
                 if one.place_m is None or off_px > 0.5 * one.radius_px + 1.0:
                     false += 1

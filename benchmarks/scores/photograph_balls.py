@@ -28,7 +28,8 @@ from field_models import Field, load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.perception.balls.ball import Ball
-from robocup_vision.perception.balls.patterned import PatternedBallFinder
+from robocup_vision.perception.balls.finder import BallFinder
+from robocup_vision.perception.balls.frame import BallFrame
 from sim2d.rendering.cameras import sekimori_camera
 
 # balls in the six photographs of onboard_ssl, read by eye, pixels; the near one is 110 wide
@@ -184,11 +185,11 @@ def patterned_in_other_things() -> PhotographRow | None:
         return None
     field, camera = load_field("spl_2020"), load_camera(REAL / "goal_spl" / "camera.toml")
     assert isinstance(camera, PinholeCamera)
-    finder = PatternedBallFinder(field, camera)
+    finder = BallFinder(field, camera)
     looks = false = 0
     for frame in photographs_of_other_things(camera.size_px):
         for held in (camera, camera.with_orientation(0.0, -0.2, 0.0)):
-            false += bool(finder.find(frame, held))
+            false += bool(finder.find(BallFrame(frame, held)))
             looks += 1
     return PhotographRow(
         "patterned, other things", f"{false}/{looks} show a ball", "<= 1/200", false <= MAX_FALSE * looks

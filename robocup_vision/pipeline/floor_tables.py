@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.perception.balls.search import BallFinder, SearchMemory
+from robocup_vision.perception.balls.projection import PinholeBallProjection
 from robocup_vision.perception.floor_view import BEARINGS, FloorView
 from robocup_vision.perception.free_space import FREE_RATIO, FloorMarking, FreeSpaceGrid
 
@@ -33,24 +33,28 @@ _Steps = tuple[int, ...]
 class FloorTables:
     """The parts that measure the floor, for one orientation of the camera.
 
-    `view`, `grid` and `marking` are turned as the frame's camera is, `finder` holds its camera so when it looks.
-    `sway_std_rad`: of the camera's tilt and roll, where the frame shows them.
+    They are turned as the frame's camera is.
     """
 
     camera: PinholeCamera
     view: FloorView
     grid: FreeSpaceGrid
     marking: FloorMarking
-    finder: BallFinder
-    sway_std_rad: tuple[float, float] | None = None
+    balls: PinholeBallProjection
 
     def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> FloorTables:
-        """Return the same for a frame in which neck and body hold the camera in the orientation of `camera`."""
+        """Return the same for a frame in which neck and body hold the camera in the orientation of `camera`.
+
+        Parameters
+        ----------
+        sway_std_rad : (float, float), optional
+            Standard deviations of its tilt and roll, where the frame shows them.
+        """
         held = self.camera.held_as(camera)
         # the tables are of their own height
         view = self.view.held(self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad))
         grid, marking = self.grid.held(view), self.marking.held(view)
-        return FloorTables(held, view, grid, marking, self.finder, sway_std_rad)
+        return FloorTables(held, view, grid, marking, self.balls.held(held, sway_std_rad))
 
     def prepared(self) -> FloorTables:
         """Work out what every frame needs, and drop what served only that; returns this."""
@@ -63,7 +67,7 @@ class FloorTables:
         camera = self.camera.with_orientation(pan_rad, self.camera.tilt_rad, self.camera.roll_rad)
         view = self.view.panned(camera)
         grid = FreeSpaceGrid(view, self.grid.directions, self.grid.rings, self.grid.threshold)
-        return FloorTables(camera, view, grid, self.marking, self.finder)
+        return FloorTables(camera, view, grid, self.marking, self.balls)
 
 
 class FloorTableCache:
@@ -93,7 +97,6 @@ class FloorTableCache:
         reach_m = math.hypot(*camera.offset_m)
         self._pan_step_rad = _STEP_M / reach_m if reach_m else math.inf
         self._made: dict[_Steps, FloorTables | None] = {}
-        self._memory = SearchMemory(camera.size_px, mask)
 
     def for_camera(self, camera: PinholeCamera) -> FloorTables | None:
         """Return the parts made for about this orientation of the camera, to be `held` in it; None: it sees no floor.
@@ -110,10 +113,6 @@ class FloorTableCache:
         if len(self._made) > (_MAX_TABLES if self._camera.known_orientation else _MAX_TABLES_UNKNOWN_TILT):
             del self._made[next(iter(self._made))]
         return made
-
-    def forget(self) -> None:
-        """Forget where balls were in the last frame."""
-        self._memory.last_px = []
 
     def _steps(self, camera: PinholeCamera) -> _Steps:
         pan = round((camera.pan_rad or 0.0) / self._pan_step_rad)
@@ -147,6 +146,6 @@ class FloorTableCache:
             view,
             FreeSpaceGrid(view, self._directions, self._rings, self._free_ratio),
             FloorMarking(view, self._field.line_width_m, 2 * self._field.robot_radius_m),
-            BallFinder(self._field, camera, self._mask, memory=self._memory),
+            PinholeBallProjection(camera, self._field.ball_radius_m),
         )
         return floor.prepared()

@@ -19,7 +19,9 @@ from robocup_vision.kernels.floor import outline
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import make_mirror_localizer
 from robocup_vision.localization.swapped_channels import SwappedChannelsSettings
-from robocup_vision.perception.balls.search import BallFinder
+from robocup_vision.perception.balls.finder import BallFinder
+from robocup_vision.perception.balls.frame import BallFrame
+from robocup_vision.perception.balls.projection import MirrorBallProjection
 from robocup_vision.perception.color_table import LLR_PER_UNIT, ColorTable
 from robocup_vision.perception.floor_color import RING_COLUMNS
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
@@ -51,6 +53,7 @@ class OmniPipeline(FramePipeline):
         self._outline_rules = self._make_rules()
         self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
         self._ball_finder = BallFinder(field, camera, mask)
+        self._ball_projection = MirrorBallProjection(camera, field.ball_radius_m)
         # of the frame that is looked at
         self._samples = np.empty((*self.polar.places.shape, 3), dtype=np.uint8)
         self._llr = np.empty(self.polar.places.shape, dtype=np.int8)
@@ -115,16 +118,17 @@ class OmniPipeline(FramePipeline):
         pose, walls = answer.pose, self._nothing if answer.wall_px is None else answer.wall_px
         located = perf_counter()
         robot = pose.pose if pose else None
-        balls = self._on_floor(self._ball_finder.find(frame, table, near), robot)
+        seen = BallFrame(frame, self.camera, self._ball_projection, table, near, t_s)
+        balls = self._on_floor(self._ball_finder.find(seen), robot)
         balled = perf_counter()
         for ball in balls:
-            self._ball_finder.clear(ball, self.polar, marks)
+            self._ball_projection.clear(ball, self.polar, marks)
         free_space = self.grid.measure(marks)
         free = perf_counter()
         self._last_pose = robot
         self._channel_order.judge(
             lambda: balls,
-            lambda: self._on_floor(self._ball_finder.find_swapped(frame, table, near), robot),
+            lambda: self._on_floor(self._ball_finder.find_swapped(seen), robot),
             pose,
             lambda: self._goal_nats(pose, table),
         )

@@ -31,8 +31,8 @@ from robocup_vision.localization.swapped_channels import (
 )
 from robocup_vision.localization.walls import tilt_by_walls, wall_px
 from robocup_vision.perception.balls.ball import Ball
-from robocup_vision.perception.balls.learned import LearnedBallFinder, is_learned
-from robocup_vision.perception.balls.patterned import PatternedBallFinder
+from robocup_vision.perception.balls.finder import BallFinder, has_patches
+from robocup_vision.perception.balls.frame import BallFrame
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid
@@ -71,8 +71,7 @@ class PinholePipeline(FramePipeline):
     def __init__(self, field: Field, camera: PinholeCamera, options: FrameOptions) -> None:
         # before anything calls a loop, so that whoever waits is told how many there are
         prepare(f"pinhole_{options.method.loops}")
-        by_patches = bool(field.ball_patches) and not is_learned(camera)
-        if by_patches:
+        if has_patches(field, camera):
             prepare("patterned_balls")
         # so narrow a view may show nothing white, but a ball or a goal
         super().__init__(field, camera.size_px, options, _MAX_LOG_CAST)
@@ -85,8 +84,7 @@ class PinholePipeline(FramePipeline):
         self._floors = _floors_of(field, camera, self._mask, options)
         # as the camera was held in the last frame
         self._floor = self._floors.for_camera(camera) if camera.known_orientation else None
-        self._learned = LearnedBallFinder(field, camera, self._mask) if is_learned(camera) else None
-        self._patterned = PatternedBallFinder(field, camera, self._mask) if by_patches else None
+        self._ball_finder = BallFinder(field, camera, self._mask)
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
         self.forget()
 
@@ -99,10 +97,7 @@ class PinholePipeline(FramePipeline):
         other.camera = camera
         other._floors = _floors_of(self.field, camera, self._mask, self._options)
         other._localizer = calibrated_localizer(self._localizer, self._options.method, self.field, camera)
-        if self._patterned is not None:
-            other._patterned = PatternedBallFinder(self.field, camera, self._mask)
-        if self._learned is not None:
-            other._learned = LearnedBallFinder(self.field, camera, self._mask)
+        other._ball_finder = BallFinder(self.field, camera, self._mask)
         return other
 
     @property
@@ -122,15 +117,14 @@ class PinholePipeline(FramePipeline):
         self.look(frame)
         floor = self._floor or self._floors.for_camera(camera)
         if floor is not None:
-            self._see_floor(frame, floor, self._sample(frame, floor.view), None, None, {})
+            samples = self._sample(frame, floor.view)
+            self._see_floor(self._ball_frame(frame, floor, samples, None), floor, samples, None, {})
 
     def forget(self) -> None:
         """See `FramePipeline.forget`."""
         super().forget()
         self._localizer.forget()
-        self._floors.forget()
-        if self._learned is not None:
-            self._learned.forget()
+        self._ball_finder.forget()
 
     def look(
         self,
@@ -205,7 +199,7 @@ class PinholePipeline(FramePipeline):
         if floor is None:
             self._carried = None
             # patterned balls say themselves how the camera is tilted
-            balls = () if self._patterned is None else self._patterned.find(frame, camera)
+            balls = self._ball_finder.find(BallFrame(frame, camera))
             timings["total"] = perf_counter() - begin
             pose = self._unless_swapped(pose)
             view = self._without_floor(pose, answer.camera, timings, t_s)
@@ -218,8 +212,9 @@ class PinholePipeline(FramePipeline):
             )
         robot = pose.pose if pose else None
         floor, samples = self._sample_to_walls(frame, floor, pose, timings)
-        marks, balls, free_space = self._see_floor(frame, floor, samples, robot, t_s, timings)
-        self._judge_channels(frame, floor, samples, balls, pose)
+        seen = self._ball_frame(frame, floor, samples, t_s)
+        marks, balls, free_space = self._see_floor(seen, floor, samples, robot, timings)
+        self._judge_channels(seen, floor.camera, balls, pose)
         reported_pose = self._unless_swapped(pose)
         self._keep_floor(free_space, t_s)
         walls = floor.view.no_edges_px
@@ -246,37 +241,29 @@ class PinholePipeline(FramePipeline):
             marking_source=MarkingSource.of(self._marking_finder, frame, held, held_covariance),
         )
 
-    def _find_by_color(
-        self, frame: UInt8Array, floor: FloorTables, samples: _FloorSamples, table: ColorTable
-    ) -> tuple[Ball, ...]:
-        floor.finder.hold(floor.camera, floor.sway_std_rad)
-        return floor.finder.find(frame, table, self._near_floor_nats(samples.llr, floor.view))
+    def _ball_frame(
+        self, frame: UInt8Array, floor: FloorTables, samples: _FloorSamples, t_s: float | None
+    ) -> BallFrame:
+        near = self._near_floor_nats(samples.llr, floor.view)
+        return BallFrame(frame, floor.camera, floor.balls, samples.table, near, t_s)
 
     def _judge_channels(
-        self,
-        frame: UInt8Array,
-        floor: FloorTables,
-        samples: _FloorSamples,
-        balls: tuple[Ball, ...],
-        pose: PoseEstimate | NotLocated,
+        self, seen: BallFrame, camera: PinholeCamera, balls: tuple[Ball, ...], pose: PoseEstimate | NotLocated
     ) -> None:
-        table = samples.table
+        table = seen.table
         if table is None:
             return
         robot = pose.pose if pose else None
 
         def find_own() -> tuple[Ball, ...]:
-            if self._learned is not None:
-                return self._on_floor(self._find_by_color(frame, floor, samples, table), robot)
-            # white and black look alike with red and blue swapped
-            return balls if self._patterned is None else ()
+            is_by_color = self._ball_finder.is_by_color
+            return balls if is_by_color else self._on_floor(self._ball_finder.find_colored(seen), robot)
 
         def find_swapped() -> tuple[Ball, ...]:
-            found = floor.finder.find_swapped(frame, table, self._near_floor_nats(samples.llr, floor.view))
-            return self._on_floor(found, robot)
+            return self._on_floor(self._ball_finder.find_swapped(seen), robot)
 
         self._channel_order.judge(
-            find_own, find_swapped, pose, lambda: self._goal_nats(frame, floor.camera, table.colors, robot)
+            find_own, find_swapped, pose, lambda: self._goal_nats(seen.frame, camera, table.colors, robot)
         )
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
@@ -347,16 +334,15 @@ class PinholePipeline(FramePipeline):
         if tilt is None:
             return floor, samples
         by_walls = floor.camera.with_orientation(floor.camera.pan_rad, tilt, floor.camera.roll_rad)
-        floor = self._floor = floor.held(by_walls, floor.sway_std_rad)
+        floor = self._floor = floor.held(by_walls, floor.balls.sway_std_rad)
         return floor, self._sample(frame, floor.view, timings)
 
     def _see_floor(
         self,
-        frame: UInt8Array,
+        seen: BallFrame,
         floor: FloorTables,
         samples: _FloorSamples,
         robot: Pose2 | None,
-        t_s: float | None,
         timings: dict[str, float],
     ) -> tuple[UInt8Array, tuple[Ball, ...], FreeSpace]:
         """Find what the samples (K, M) show, the balls and the free space, robot frame.
@@ -377,13 +363,7 @@ class PinholePipeline(FramePipeline):
             free_space = _none_free(floor.grid)
             ball_found = perf_counter()
         else:
-            if self._learned is not None:
-                balls = self._learned.find(frame, floor.camera, t_s)
-            elif self._patterned is not None:
-                balls = self._patterned.find(frame, floor.camera)
-            else:
-                balls = self._find_by_color(frame, floor, samples, samples.table)
-            balls = self._on_floor(balls, robot)
+            balls = self._on_floor(self._ball_finder.find(seen), robot)
             ball_found = perf_counter()
             llr = samples.llr.copy()
             dark_feet.doubt_beyond(samples.columns, int(self.edge_settings.certain_nats / LLR_PER_UNIT), llr)
@@ -391,7 +371,7 @@ class PinholePipeline(FramePipeline):
             dark_feet.block_dark_feet(samples.colors, floor.view.shown, floor.view.columns_in_use, marks)
             dark_feet.block_dark_bodies(samples.colors, floor.view.shown, floor.view.columns_in_use, marks)
             for ball in balls:
-                floor.finder.clear(ball, floor.view, marks)
+                floor.balls.clear(ball, floor.view, marks)
             free_space = floor.grid.measure(marks)
         timings |= {"ball": ball_found - begin, "free_space": perf_counter() - ball_found}
         return marks, balls, free_space

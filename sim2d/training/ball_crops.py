@@ -13,6 +13,7 @@ from field_models.catalog import load_field
 from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.evaluation.dataset import Dataset
 from robocup_vision.perception.balls.network import CROP_RADIUS_PX, BallNetwork, BallPlaces, BallStrips, crop_around
+from robocup_vision.perception.balls.projection import ball_projection
 from robocup_vision.perception.networks import Shrunk
 from sim2d.rendering.backdrop import Backdrop, BackdropKind
 from sim2d.rendering.goal.scenes import nao_camera
@@ -60,7 +61,8 @@ def joined(parts: Sequence[Crops]) -> Crops:
 
 def pictures_of(dataset: Dataset) -> list[Picture]:
     """Read a dataset's photographs, whose balls are marked in its boxes.csv, and where they show floor."""
-    strips = BallPlaces(dataset.camera, dataset.field.ball_radius_m, dataset.mask).strips  # type: ignore[arg-type]
+    sizes = ball_projection(dataset.camera, dataset.field.ball_radius_m).sizes
+    strips = BallPlaces(sizes, dataset.mask).strips
     pictures = []
     for index in range(len(dataset.image_names)):
         sure: list[tuple[float, float, float]] = []
@@ -107,7 +109,7 @@ def rendered_pictures(rng: np.random.Generator, count: int) -> list[Picture]:
             away = float(np.linalg.norm(ray))
             radius = camera.focal_px[0] * scene.ball.radius_m / away
             balls.append((*camera.ray_to_pixel(ray / away).tolist(), radius))
-        strips = BallPlaces(camera, field.ball_radius_m, None).strips
+        strips = BallPlaces(ball_projection(camera, field.ball_radius_m).sizes, None).strips
         if strips is not None:
             pictures.append(Picture(frame, strips, np.array(balls).reshape(-1, 3), np.empty((0, 3))))
     return pictures

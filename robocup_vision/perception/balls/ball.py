@@ -6,10 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.arrays import FloatArray
 from robocup_vision.kernels.balls.evidence import BallEvidence
 
 
@@ -37,40 +34,6 @@ class Ball:
     log_likelihood_ratio: float = 0.0
 
 
-def ball_on_floor(
-    camera: PinholeCamera,
-    center_px: tuple[float, float],
-    radius_m: float,
-    place_std: float,
-    tilt_std_rad: float,
-    log_likelihood_ratio: float,
-) -> Ball | None:
-    """Place a ball on the floor; None where the ray of its centre does not meet it.
-
-    Parameters
-    ----------
-    camera : PinholeCamera
-        As held.
-    place_std : float
-        Standard deviation of its centre in the picture, in radii.
-    tilt_std_rad : float
-        Of the camera's tilt, by which the ray errs along itself.
-    """
-    height = camera.height_m - radius_m
-    ray = camera.pixel_to_ray(center_px)
-    if not ray[2] < -1e-3:
-        return None
-    level = math.hypot(float(ray[0]), float(ray[1]))
-    range_m = height * level / -float(ray[2])
-    away = np.asarray(ray[:2]) / level
-    x, y = (camera.offset_m + range_m * away).tolist()
-    across = place_std * radius_m
-    along = (range_m**2 + height**2) / height * math.hypot(across / math.hypot(range_m, height), tilt_std_rad)
-    turn: FloatArray = np.array([[away[0], -away[1]], [away[1], away[0]]])
-    covariance = read_only(turn @ np.diag([along**2, across**2]) @ turn.T)
-    return Ball(x, y, covariance, *center_px, log_likelihood_ratio)
-
-
 def lie_apart(places: Sequence[tuple[float, float, float]], radii: float) -> list[int]:
     """Return the indices of the finds (u, v, radius), the likeliest first, that lie over no likelier one.
 
@@ -95,26 +58,17 @@ class BallSettings:
     #: hundred things few are so near
     again_nats: float = 3.0
     again_half_sizes: float = 8.0
-    max_balls: int = 8  #: more are not reported
     max_blobs: int = 128  #: more are not looked at: a picture full of the ball's colour
-    #: so far on the way from white to the ball's colour begins the ball's colour; all are tried. Half-way parts a ball
-    #: from pale things beside it.
-    white_ratios: tuple[float, ...] = (0.5,)
-    #: and so many standard deviations of the noise beyond: dark grey has any hue in noise
+    #: so many standard deviations of the noise beyond where it begins on the way from white is the ball's colour: dark
+    #: grey has any hue in noise
     white_noise_stds: float = 0.5
-    #: as `white_ratio` where a channel is at its end, by the others: a ball burnt out by a lamp is nearly white
+    #: where on the way from white it begins where a channel is at its end, by the others: a ball burnt out by a lamp is
+    #: nearly white
     clipped_ratio: float = 0.15
     #: standard deviations by which floor seldom differs from itself: the ball's colour begins beyond
     floor_stds: float = 3.5
     min_level: float = 0.6  #: brightness of the ball's shaded side, sum of its channels, as a ratio of the lit floor's
     min_signal: float = 4.0  #: standard deviations by which a blob must differ from the floor
-    #: balls with a smaller half size are too far: pixels, or in a small picture a ratio of the way over its floor (a
-    #: pixel in the pictures of Sekimori et al.)
-    min_half_px: float = 2.0
-    min_half_ratio: float = 1.0 / 86.0
-    seed_pitch: float = 1.0  #: distance between seeds, in half sizes of the ball: at 1 a ball covers at least two
-    #: of the logarithms of size and slenderness: a mirror's calibration by the floor says little of what stands on it
-    shape_std: float = 0.22
     #: mean log-likelihood ratio from which on the floor near the robot is all carpet; how far, as a standard deviation,
     #: robots and walls let it fall; nats of a frame with such a floor. Photographs of anything have 1.3 (median), of
     #: fields 3 to 4; of rendered frames in a crowd one in ten has less than 1.5.
@@ -131,9 +85,3 @@ class BallSettings:
     min_upright_step: float = 15.0
     upright_spreads: float = 2.0
     upright_nats: float = -2.5
-
-
-MIRROR_BALLS = BallSettings()
-#: forward cameras: of a far ball under a lamp, blur and compression leave a third of its colour, and a quarter of its
-#: area; shade and glare cut a ball's outline
-FORWARD_BALLS = BallSettings(white_ratios=(0.5, 0.2), seed_pitch=0.5, shape_std=0.15)

@@ -17,11 +17,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array, UInt8Array
-from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.perception.balls.ball import lie_apart
+from robocup_vision.perception.balls.sizes import BallSizes, ball_sizes_px
 from robocup_vision.perception.networks import Shrunk, read_network
 
 # of the first network: what a ball's radius is about, how far apart its answers are, and where the first is
@@ -44,7 +43,7 @@ _MOVES_RADII = 5.0
 FIRST_NATS, MAX_PLACES, _APART_RADII = 1.0, 10, 0.8
 
 
-class Sighting(NamedTuple):
+class BallSpot(NamedTuple):
     """Where a network sees a ball."""
 
     #: its centre in the frame
@@ -78,7 +77,7 @@ class BallStrips:
         work = np.cumsum([width * height for width, height in (part.size for part in self.parts)], dtype=np.float64)
         return np.asarray(work / work[-1], dtype=np.float64)
 
-    def some(self, begin: float, end: float, balls: Sequence[Sighting]) -> BallStrips | None:
+    def some(self, begin: float, end: float, balls: Sequence[BallSpot]) -> BallStrips | None:
         """Return a part of the work, and what shows where balls may have moved to in a frame; None where it is nothing.
 
         Parameters
@@ -103,19 +102,19 @@ class BallPlaces:
 
     Parameters
     ----------
-    camera : PinholeCamera
-        As held; its tilt must be known.
     mask : (H, W) uint8 or None
         Non-zero pixels are never looked at.
     """
 
-    def __init__(self, camera: PinholeCamera, radius_m: float, mask: UInt8Array | None) -> None:
-        self._camera, self._mask = camera, mask
+    def __init__(self, sizes: BallSizes, mask: UInt8Array | None) -> None:
+        self._size_px, self._mask = sizes.camera.size_px, mask
         self._u, self._v = (
             np.arange(0, side + step, step, dtype=np.float64)
-            for side, step in zip(camera.size_px, _GRID_PX, strict=True)
+            for side, step in zip(self._size_px, _GRID_PX, strict=True)
         )
-        self._radii = _radii_px(camera, radius_m, self._u, self._v)
+        pixels = np.stack(np.meshgrid(self._u, self._v), axis=-1)
+        along, across = ball_sizes_px(sizes.camera, sizes.height_m, sizes.radius_m, pixels)
+        self._radii = np.sqrt(along * across).astype(np.float32)
 
     @cached_property
     def strips(self) -> BallStrips | None:
@@ -133,7 +132,7 @@ class BallPlaces:
     def _part(self, box: tuple[float, float, float, float], radius: float) -> _Part:
         """Return the part whose answers cover a box of the frame; it may reach beyond."""
         scale = radius / STRIP_RADIUS_PX
-        sides = ((box[0], box[2], self._camera.size_px[0]), (box[1], box[3], self._camera.size_px[1]))
+        sides = ((box[0], box[2], self._size_px[0]), (box[1], box[3], self._size_px[1]))
         ends = [(max(low, 0.0), min(high, side - 1.0)) for low, high, side in sides]
         counts = [math.ceil((high - low) / (scale * STRIDE_PX)) for low, high in ends]
         width, height = (STRIDE_PX * count + 2 * FIRST_PX + 1 for count in counts)
@@ -161,7 +160,7 @@ class BallPlaces:
 
     def _answers(self, part: _Part) -> FloatArray:
         """Row and column, u, v and a ball's radius in the frame, and the scale, of each answer."""
-        width, height = self._camera.size_px
+        width, height = self._size_px
         scale = part.radius_px / STRIP_RADIUS_PX
         down = np.arange(FIRST_PX, part.size[1] - FIRST_PX, STRIDE_PX)
         aside = np.arange(FIRST_PX, part.size[0] - FIRST_PX, STRIDE_PX)
@@ -177,18 +176,6 @@ class BallPlaces:
         columns = (row, column, at_u, at_v, there, np.full(row.shape, scale))
         answers: FloatArray = np.stack(columns, axis=-1)[keep].astype(np.float64)
         return answers
-
-
-def _radii_px(camera: PinholeCamera, radius_m: float, u: FloatArray, v: FloatArray) -> npt.NDArray[np.float32]:
-    """Radius (V, U) of a ball on the floor with its centre at some columns and rows; 0 where there is no floor."""
-    at = np.stack(np.meshgrid(u, v), axis=-1)
-    ray, right, low = (camera.pixel_to_ray(at + off) for off in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5)))
-    # solid angle of a pixel
-    solid = np.linalg.norm(np.cross(right - ray, low - ray), axis=-1) * 4
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = radius_m * -ray[..., 2] / (camera.height_m - radius_m)
-        radii = np.arcsin(ratio) / np.sqrt(solid)
-    return np.where(np.isfinite(radii) & (ratio > 0), radii, 0.0).astype(np.float32)
 
 
 def crop_around(shrunk: Shrunk, u_px: float, v_px: float, radius_px: float, side: int = CROP_PX) -> UInt8Array:
@@ -212,7 +199,7 @@ class BallNetwork:
         stored = (first or (folder / "places.onnx").read_bytes(), second or (folder / "ball.onnx").read_bytes())
         self._first, self._second = (read_network(content) for content in stored)
 
-    def look(self, frame: UInt8Array, strips: BallStrips, min_nats: float) -> list[Sighting]:
+    def look(self, frame: UInt8Array, strips: BallStrips, min_nats: float) -> list[BallSpot]:
         """Return where balls are seen, the surest first; of those that lie over each other the surest."""
         shrunk = Shrunk(frame)
         likely = []
@@ -221,10 +208,10 @@ class BallNetwork:
             nats, off_u, off_v = (float(x) for x in self._second.forward().reshape(-1)[:3])
             if nats >= min_nats:
                 scale = place.radius_px / CROP_RADIUS_PX
-                likely.append(Sighting(place.u_px + scale * off_u, place.v_px + scale * off_v, place.radius_px, nats))
+                likely.append(BallSpot(place.u_px + scale * off_u, place.v_px + scale * off_v, place.radius_px, nats))
         return _apart(sorted(likely, key=lambda one: -one.nats), 1.3)
 
-    def places(self, shrunk: Shrunk, strips: BallStrips, min_nats: float = FIRST_NATS) -> list[Sighting]:
+    def places(self, shrunk: Shrunk, strips: BallStrips, min_nats: float = FIRST_NATS) -> list[BallSpot]:
         """Return where the first network says that a ball may be, the likeliest first."""
         found = []
         for part in strips.parts:
@@ -244,18 +231,18 @@ class BallNetwork:
         off = answer[likely, 1:] * strips.scales[likely, None]
         places = strips.places_px[likely]
         sightings = [
-            Sighting(float(u + du), float(v + dv), float(radius), float(nat))
+            BallSpot(float(u + du), float(v + dv), float(radius), float(nat))
             for (u, v, radius), (du, dv), nat in zip(places, off, nats[likely], strict=True)
         ]
         return _apart(sightings, _APART_RADII)
 
 
-def _apart(sightings: list[Sighting], radii: float) -> list[Sighting]:
+def _apart(sightings: list[BallSpot], radii: float) -> list[BallSpot]:
     """Of sightings, the likeliest first, keep those that do not lie so near a likelier one."""
     return [sightings[n] for n in lie_apart([one[:3] for one in sightings], radii)]
 
 
-def is_near(places: FloatArray, ball: Sighting) -> BoolArray:
+def is_near(places: FloatArray, ball: BallSpot) -> BoolArray:
     """Whether places (..., 3 or more): u, v and a ball's radius, are where a ball may have moved to in a frame."""
     off = places[..., :2] - (ball.u_px, ball.v_px)
     near = np.hypot(off[..., 0], off[..., 1]) <= _MOVES_RADII * ball.radius_px

@@ -14,13 +14,15 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import patterned as kernel
 from robocup_vision.kernels.balls import patterned_carpet
-from robocup_vision.perception.balls.ball import Ball, ball_on_floor, lie_apart
+from robocup_vision.perception.balls.ball import lie_apart
+from robocup_vision.perception.balls.frame import BallFrame, Sighting
+from robocup_vision.perception.balls.projection import SWAY_STD_RAD, BallProjection, PinholeBallProjection
+from robocup_vision.perception.balls.sizes import BallSizes, ball_sizes_px
 
 _TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
@@ -49,10 +51,9 @@ class PatternedBallSettings:
     #: carpet in the deepest shadow has so much of the usual one's brightness; less is black
     min_carpet_level: float = 0.3
     min_carpet_ratio: float = 0.5
-    #: discs that are found, weighed, and reported at most
+    #: discs that are found and weighed at most
     max_discs: int = 20000
     max_kept: int = 80
-    max_balls: int = 8
     #: of the directions at a rim, those that part ball from carpet, at a ball and elsewhere; independent ones of a
     #: whole rim
     rim_ratio: float = 0.85
@@ -73,10 +74,8 @@ class PatternedBallSettings:
     #: the white is so many times as bright as the carpet at the ball's rim: more is a lamp, or before the dark
     min_white: float = 1.0
     max_white: float = 2.6
-    #: of a measured radius, relative; of the camera's tilt, which sways; angle over which the tilts lie that other
-    #: discs would need
+    #: of a measured radius, relative; angle over which the tilts lie that other discs would need
     radius_std: float = 0.12
-    tilt_std_rad: float = 0.013
     tilt_span_rad: float = 0.5
     outlier_ratio: float = 0.05  #: of balls, those whose size says nothing: half hidden, or half in the dark
     min_log_likelihood_ratio: float = 4.0  #: a find with less is no ball
@@ -95,11 +94,13 @@ class _Disc:
     tilt_std_rad: float
 
 
-class PatternedBallFinder:
-    """Finds white balls with dark patches in frames of one pinhole camera; holds scratch memory: one object a thread.
+class PatternedLook:
+    """White balls with dark patches in frames of one pinhole camera; holds scratch memory: one object a thread.
 
     Parameters
     ----------
+    radius_m : float
+        Of a ball.
     camera : PinholeCamera
         Its tilt may be unknown: then two balls in view give it, or one that is clear.
     mask : (H, W) uint8, optional
@@ -108,22 +109,21 @@ class PatternedBallFinder:
 
     def __init__(
         self,
-        field: Field,
+        radius_m: float,
         camera: PinholeCamera,
         mask: UInt8Array | None = None,
         settings: PatternedBallSettings = PatternedBallSettings(),
     ) -> None:
         self.settings = settings
-        self._radius_m = field.ball_radius_m
+        self._radius_m = radius_m
         self._mask = mask
         width, height = camera.size_px
-        self._camera = camera
         self._search = plain(settings.search)
         self._blurred = np.empty((height, width, 3), dtype=np.uint8)
         self._levels, self._kinds = np.empty((2, height, width), dtype=np.uint8)
         looked_at = -(-height // patterned_carpet.STRIDE) * -(-width // patterned_carpet.STRIDE)
         self._scratch = np.empty((4, looked_at + 1))
-        self._row_radii = np.empty((height, 2))
+        self._bounded: tuple[BallSizes, FloatArray, int] | None = None
         self._found = np.empty((settings.max_discs, kernel.COLUMNS))
         self._kept = np.empty((settings.max_kept, kernel.COLUMNS))
 
@@ -133,34 +133,31 @@ class PatternedBallFinder:
         count = math.log(settings.max_radius_px / settings.min_radius_px) / math.log(settings.radius_step)
         return np.asarray(settings.min_radius_px * settings.radius_step ** np.arange(int(count) + 1), dtype=np.float64)
 
-    def find(self, frame: UInt8Array, camera: PinholeCamera) -> tuple[Ball, ...]:
-        """Find the balls in a frame, the likeliest first.
+    def forget(self) -> None:
+        """See `BallLook.forget`: nothing is remembered."""
 
-        Parameters
-        ----------
-        camera : PinholeCamera
-            As held in the frame; its tilt may be unknown.
-
-        Returns
-        -------
-        tuple of Ball
-            Where the tilt is unknown the balls' own sizes give it, and with it their places.
-        """
-        discs = self._discs(frame, camera)
-        needed = self.settings.min_log_likelihood_ratio
+    def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
+        """See `BallLook.sightings`; where the tilt is unknown the balls' own sizes give it, and so their places."""
+        camera, projection = seen.camera, seen.projection
+        assert isinstance(camera, PinholeCamera)
+        tilt_std, roll_std = camera.sway_std_rad(SWAY_STD_RAD)
+        if isinstance(projection, PinholeBallProjection):
+            tilt_std, roll_std = projection.sway_std_rad
+        discs = self._discs(seen.frame, camera, projection, tilt_std)
         if camera.tilt_rad is None:
             voted = self._voted_tilt(discs)
             if voted is None:
-                return ()
+                return [], None
             tilt, tilt_std, is_alone = voted
             # a disc that alone says what the tilt is cannot be borne out by it
             ratios = [min(self._ratio(disc, tilt), disc.nats if is_alone else math.inf) for disc in discs]
+            held = camera.with_orientation(camera.pan_rad or 0.0, tilt, camera.roll_rad or 0.0)
+            projection = PinholeBallProjection(held, self._radius_m, (tilt_std, roll_std))
         else:
-            tilt, tilt_std = camera.tilt_rad, self.settings.tilt_std_rad
+            tilt = camera.tilt_rad
             ratios = [self._ratio(disc, tilt) for disc in discs]
-        held = camera.with_orientation(camera.pan_rad or 0.0, tilt, camera.roll_rad or 0.0)
-        placed = (self._ball(disc, held, tilt_std, ratio) for ratio, disc in _apart(discs, ratios, needed))
-        return tuple([ball for ball in placed if ball is not None][: self.settings.max_balls])
+        apart, std = _apart(discs, ratios, self.settings.min_log_likelihood_ratio), self.settings.place_std
+        return [Sighting(disc.u_px, disc.v_px, std * disc.radius_px, ratio) for ratio, disc in apart], projection
 
     def _voted_tilt(self, discs: list[_Disc]) -> tuple[float, float, bool] | None:
         """Return the tilt that most speaks for, its standard deviation, and whether one disc alone speaks for it.
@@ -183,9 +180,11 @@ class PatternedBallFinder:
         tilt = float(np.average([disc.tilt_rad for disc in clear], weights=weights))
         return tilt, sum(weights) ** -0.5, False
 
-    def _discs(self, frame: UInt8Array, camera: PinholeCamera) -> list[_Disc]:
+    def _discs(
+        self, frame: UInt8Array, camera: PinholeCamera, projection: BallProjection | None, tilt_std_rad: float
+    ) -> list[_Disc]:
         settings = self.settings
-        row_radii, top = self._row_radii_px(camera)
+        row_radii, top = self._row_radii_px(projection)
         half = frame.shape[0] // 2
         first = min(top, half)
         blurred, levels = self._blurred, self._levels
@@ -213,39 +212,30 @@ class PatternedBallFinder:
             camera.pixel_to_camera_ray(kept[:, : kernel.RADIUS]) @ camera_rotation(0.0, 0.0, camera.roll_rad or 0.0).T
         )
         shrunk = _lens_scale(camera, kept[:, : kernel.RADIUS]).tolist()
-        return [self._weighed(*one, camera) for one in zip(kept.tolist(), rays.tolist(), shrunk, strict=True)]
+        return [
+            self._weighed(*one, camera, tilt_std_rad) for one in zip(kept.tolist(), rays.tolist(), shrunk, strict=True)
+        ]
 
-    def _row_radii_px(self, camera: PinholeCamera) -> tuple[FloatArray, int]:
+    def _row_radii_px(self, projection: BallProjection | None) -> tuple[FloatArray, int]:
         """Return the least and greatest radius (H, 2) of a ball on the floor in each row, and the first row of use.
 
         A tilt that is not known leaves every size open in every row.
         """
-        settings, row_radii = self.settings, self._row_radii
-        if camera.tilt_rad is None:
-            row_radii[:] = 0.0, math.inf
-            return row_radii, 0
-        top = patterned_carpet.bound_radii(
-            self._rays,
-            (float(camera.tilt_rad), float(camera.roll_rad or 0.0)),
-            camera.focal_px[0],
-            self._radius_m / (camera.height_m - self._radius_m),
-            _SIGMAS * settings.tilt_std_rad,
-            _SIGMAS * settings.radius_std,
-            _ROWS,
-            settings.min_radius_px,
-            row_radii,
-        )
-        return row_radii, int(top)
+        height = len(self._kinds)
+        if projection is None:
+            return np.tile((0.0, math.inf), (height, 1)), 0
+        sizes = projection.sizes
+        if self._bounded is None or self._bounded[0] is not sizes:
+            bounds = _bound_radii(sizes, _SIGMAS * self.settings.radius_std)
+            reach = np.arange(height) - patterned_carpet.BEYOND * bounds[:, 1]
+            reached = reach[bounds[:, 1] >= self.settings.min_radius_px]
+            # beyond the frame's upper rim nothing is looked at, however large the ball
+            self._bounded = sizes, bounds, int(max(reached.min(initial=height), 0.0))
+        return self._bounded[1:]
 
-    @cached_property
-    def _rays(self) -> FloatArray:
-        """(N, 3, 3) float64: directions of the ends and the middle of each of `_ROWS` rows, camera frame."""
-        width, height = self._camera.size_px
-        at = np.minimum(np.arange(0, height + _ROWS, _ROWS), height - 1)
-        pixels = np.stack(np.broadcast_arrays([0.0, (width - 1) / 2, width - 1.0], at[:, None]), axis=-1)
-        return self._camera.pixel_to_camera_ray(pixels)
-
-    def _weighed(self, row: list[float], ray: list[float], lens_scale: float, camera: PinholeCamera) -> _Disc:
+    def _weighed(
+        self, row: list[float], ray: list[float], lens_scale: float, camera: PinholeCamera, tilt_std_rad: float
+    ) -> _Disc:
         """Return a disc of the search and what speaks for it; its ray is the camera's, with the roll undone."""
         settings = self.settings
         u, v, radius, rim, _, white, dark, carpet, around, shown = row
@@ -268,7 +258,7 @@ class PatternedBallFinder:
         fall = min((camera.height_m - self._radius_m) / self._radius_m * math.sin(half), 0.99)
         reach = math.hypot(ray[0], ray[2])
         tilt = math.asin(max(-fall / reach, -1.0)) - math.atan2(ray[2], ray[0])
-        std = math.hypot(settings.tilt_std_rad, settings.radius_std * fall / math.sqrt(1 - fall * fall))
+        std = math.hypot(tilt_std_rad, settings.radius_std * fall / math.sqrt(1 - fall * fall))
         return _Disc(u, v, radius, nats, tilt, std)
 
     def _ratio(self, disc: _Disc, tilt_rad: float) -> float:
@@ -279,10 +269,30 @@ class PatternedBallFinder:
         likelihood = (1 - settings.outlier_ratio) * density * settings.tilt_span_rad + 0.1 * settings.outlier_ratio
         return disc.nats + math.log(likelihood)
 
-    def _ball(self, disc: _Disc, camera: PinholeCamera, tilt_std_rad: float, ratio: float) -> Ball | None:
-        """Place a ball on the floor; None where its ray does not meet it."""
-        center_px = (disc.u_px, disc.v_px)
-        return ball_on_floor(camera, center_px, self._radius_m, self.settings.place_std, tilt_std_rad, ratio)
+
+def _bound_radii(sizes: BallSizes, radius_slack: float) -> FloatArray:
+    """Return the least and greatest radius (H, 2) of a ball on the floor with its centre in each row.
+
+    Parameters
+    ----------
+    radius_slack : float
+        What a radius may be off, of the radius.
+    """
+    camera, slack_rad = sizes.camera, _SIGMAS * sizes.sway_rad
+    assert isinstance(camera, PinholeCamera)
+    width, height = camera.size_px
+    rows = np.minimum(np.arange(0, height + _ROWS, _ROWS), height - 1)
+    pixels = np.stack(np.meshgrid([0.0, (width - 1) / 2, width - 1.0], rows), axis=-1)
+    held = [(camera.tilt_rad or 0.0) + off_rad for off_rad in (slack_rad, 0.0, -slack_rad)]
+    tilted = (camera.with_orientation(camera.pan_rad, tilt_rad, camera.roll_rad) for tilt_rad in held)
+    small, middle, large = (
+        np.sqrt(np.multiply(*ball_sizes_px(one, sizes.height_m, sizes.radius_m, pixels))) for one in tilted
+    )
+    least = (middle - np.hypot(radius_slack * middle, middle - small)).min(axis=1)
+    most = (middle + np.hypot(radius_slack * middle, large - middle)).max(axis=1)
+    # between two of the rows the radii lie between theirs
+    bounds = np.stack([np.minimum(least[:-1], least[1:]), np.maximum(most[:-1], most[1:])], axis=1)
+    return np.repeat(bounds, _ROWS, axis=0)[:height]
 
 
 def _lens_scale(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:

@@ -10,7 +10,9 @@ import pytest
 from field_models import load_field
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.balls.ball import BallSettings
-from robocup_vision.perception.balls.search import BallFinder
+from robocup_vision.perception.balls.colored import ColoredLook
+from robocup_vision.perception.balls.finder import BallFinder
+from robocup_vision.perception.balls.frame import BallFrame
 from robocup_vision.perception.color_table import build_color_table, learn_colors
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
@@ -162,15 +164,19 @@ def test_a_doubtful_ball_is_found_only_near_where_one_was(ssl_field, paper_camer
     # less carpet in view makes every ball more doubtful
     sure_floor, doubtful_floor = 3.5, 1.5
 
+    def found(finder, frame, near_floor_nats):
+        return finder.find(BallFrame(frame, paper_camera, table=table, near_floor_nats=near_floor_nats))
+
     def nats(frame, near_floor_nats):
-        return BallFinder(ssl_field, paper_camera).find(frame, table, near_floor_nats)[0].log_likelihood_ratio
+        return found(BallFinder(ssl_field, paper_camera), frame, near_floor_nats)[0].log_likelihood_ratio
 
     doubtful = max(nats(frame, doubtful_floor) for frame in (near, far))
     needed = (doubtful + nats(start, sure_floor)) / 2
     assert needed > doubtful
-    finder = BallFinder(ssl_field, paper_camera, settings=BallSettings(min_log_likelihood_ratio=needed))
-    assert not finder.find(near, table, doubtful_floor)
+    look = ColoredLook(ssl_field, paper_camera.size_px, settings=BallSettings(min_log_likelihood_ratio=needed))
+    finder = BallFinder(ssl_field, paper_camera, look=look)
+    assert not found(finder, near, doubtful_floor)
     for frame, is_found in ((near, True), (far, False)):
         finder.forget()
-        assert finder.find(start, table, sure_floor)
-        assert bool(finder.find(frame, table, doubtful_floor)) is is_found
+        assert found(finder, start, sure_floor)
+        assert bool(found(finder, frame, doubtful_floor)) is is_found

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robocup_vision.perception.balls.ball import BallSettings
-from robocup_vision.perception.balls.search import floor_evidence, green_evidence
+from robocup_vision.perception.balls.colored import floor_evidence, green_evidence
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor
 

@@ -10,8 +10,11 @@ from ball_patches import is_patch
 
 from field_models import load_field
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
-from robocup_vision.perception.balls.learned import LearnedBallFinder
+from robocup_vision.perception.balls.finder import BallFinder
+from robocup_vision.perception.balls.frame import BallFrame
+from robocup_vision.perception.balls.learned import LearnedBallSettings, LearnedLook
 from robocup_vision.perception.balls.network import BallPlaces
+from robocup_vision.perception.balls.projection import PinholeBallProjection
 from robocup_vision.vision import Vision
 
 FIELD = load_field("msl_18x12")
@@ -43,29 +46,31 @@ def picture(places, color=YELLOW, patches=DARK, seed=0, camera=HELD):
 
 @pytest.fixture
 def finder():
-    return LearnedBallFinder(FIELD, HELD)
+    return BallFinder(FIELD, HELD)
 
 
 @pytest.mark.parametrize("place", [(0.8, 0.1), (1.5, -0.9), (3.0, 1.5), (4.5, 0.3)])
 @pytest.mark.parametrize("color", [YELLOW, (30, 110, 230), WHITE])
 @pytest.mark.parametrize("patches", [None, DARK], ids=["plain", "patches"])
 def test_a_ball_is_found_and_placed_within_what_it_owns_to(finder, place, color, patches):
-    (ball,) = finder.find(picture([place], color, patches or color), HELD)
+    (ball,) = finder.find(BallFrame(picture([place], color, patches or color), HELD))
     off = np.array([ball.x_m, ball.y_m]) - place
     assert off @ np.linalg.solve(ball.covariance, off) < 16
     assert math.hypot(*off) < 0.08 * math.hypot(*place)
-    assert ball.log_likelihood_ratio >= finder.settings.min_nats
+    assert ball.log_likelihood_ratio >= LearnedBallSettings().min_nats
 
 
 def test_a_narrow_lens_is_looked_through_as_well():
     narrow = PinholeCamera((480, 360), (462.0, 462.0), (239.5, 179.5), 0.46, pan_rad=0.0, tilt_rad=-0.2, roll_rad=0.0)
-    (ball,) = LearnedBallFinder(FIELD, narrow).find(picture([(1.6, 0.2)], camera=narrow), narrow)
+    (ball,) = BallFinder(FIELD, narrow, look=LearnedLook()).find(
+        BallFrame(picture([(1.6, 0.2)], camera=narrow), narrow)
+    )
     assert math.dist((ball.x_m, ball.y_m), (1.6, 0.2)) < 0.1
 
 
 def test_several_balls_are_told_the_surest_first(finder):
     places = [(0.9, 0.2), (1.6, -0.8), (2.6, 1.0)]
-    balls = finder.find(picture(places, YELLOW, YELLOW), HELD)
+    balls = finder.find(BallFrame(picture(places, YELLOW, YELLOW), HELD))
     assert len(balls) == 3
     for place in places:
         assert min(math.dist((ball.x_m, ball.y_m), place) for ball in balls) < 0.2
@@ -77,40 +82,43 @@ def test_several_balls_are_told_the_surest_first(finder):
     "frame", [picture([]), np.full((360, 480, 3), 90, np.uint8), np.zeros((360, 480, 3), np.uint8)]
 )
 def test_carpet_and_plain_pictures_show_none(finder, frame):
-    assert finder.find(frame, HELD) == ()
+    assert finder.find(BallFrame(frame, HELD)) == ()
 
 
 def test_a_ball_of_another_size_than_its_place_asks_for_is_none(finder):
     frame = picture([(3.0, 0.6)], YELLOW, YELLOW)
-    assert finder.find(frame, HELD)
+    assert finder.find(BallFrame(frame, HELD))
     tilted = HELD.with_orientation(0.0, -1.0, 0.02)
-    assert LearnedBallFinder(FIELD, tilted).find(frame, tilted) == ()
+    assert BallFinder(FIELD, tilted).find(BallFrame(frame, tilted)) == ()
 
 
 def test_masked_pixels_show_no_ball():
     mask = np.zeros((360, 480), np.uint8)
     frame = picture([(1.0, 0.1)])
-    (ball,) = LearnedBallFinder(FIELD, HELD, mask).find(frame, HELD)
+    (ball,) = BallFinder(FIELD, HELD, mask).find(BallFrame(frame, HELD))
     cv2.circle(mask, (round(ball.u_px), round(ball.v_px)), 40, 255, -1)
-    assert LearnedBallFinder(FIELD, HELD, mask).find(frame, HELD) == ()
+    assert BallFinder(FIELD, HELD, mask).find(BallFrame(frame, HELD)) == ()
 
 
 def test_a_ball_that_the_pictures_rim_cuts_is_found(finder):
     frame = picture([(1.5, 0.0)], YELLOW, YELLOW)
-    (whole,) = finder.find(frame, HELD)
+    (whole,) = finder.find(BallFrame(frame, HELD))
     finder.forget()
     cut = np.roll(frame, 20 - round(whole.u_px), axis=1)
-    found = finder.find(cut, HELD)
+    found = finder.find(BallFrame(cut, HELD))
     assert any(math.dist((ball.u_px, ball.v_px), (20.0, whole.v_px)) < 5 for ball in found)
 
 
 def test_a_ball_is_seen_in_every_look_of_a_video_and_soon_after_a_jump(finder):
-    period_s, sweep_s = 1 / 30, finder.settings.sweep_s
+    period_s, sweep_s = 1 / 30, LearnedBallSettings().sweep_s
     for look, place in enumerate(((1.0, 0.0), (1.0, 0.05), (1.02, 0.1))):
-        (ball,) = finder.find(picture([place], YELLOW, YELLOW), HELD, look * period_s)
+        (ball,) = finder.find(BallFrame(picture([place], YELLOW, YELLOW), HELD, t_s=look * period_s))
         assert math.dist((ball.x_m, ball.y_m), place) < 0.1
     jumped = picture([(1.6, -0.6)], YELLOW, YELLOW)
-    found = [finder.find(jumped, HELD, look * period_s) for look in range(3, 4 + math.ceil(sweep_s / period_s))]
+    found = [
+        finder.find(BallFrame(jumped, HELD, t_s=look * period_s))
+        for look in range(3, 4 + math.ceil(sweep_s / period_s))
+    ]
     ((ball,),) = found[-1:]
     assert math.dist((ball.x_m, ball.y_m), (1.6, -0.6)) < 0.1
 
@@ -121,9 +129,9 @@ def test_a_ball_that_comes_into_view_is_told_within_a_sweep(finder, place, first
     empty, shown = picture([]), picture([place], YELLOW, YELLOW)
     period_s = 0.05
     for look in range(round(first_s / period_s) + 1):
-        assert finder.find(empty, HELD, look * period_s) == ()
-    looks = math.ceil(finder.settings.sweep_s / period_s)
-    told = [finder.find(shown, HELD, first_s + (1 + look) * period_s) for look in range(looks)]
+        assert finder.find(BallFrame(empty, HELD, t_s=look * period_s)) == ()
+    looks = math.ceil(LearnedBallSettings().sweep_s / period_s)
+    told = [finder.find(BallFrame(shown, HELD, t_s=first_s + (1 + look) * period_s)) for look in range(looks)]
     assert told[-1]
     assert told == sorted(told, key=len)
 
@@ -131,16 +139,16 @@ def test_a_ball_that_comes_into_view_is_told_within_a_sweep(finder, place, first
 @pytest.mark.parametrize("times_s", [(None, None), (0.0, 1.0), (0.0, 0.0), (5.0, 1.0), (None, 0.1)])
 def test_frames_that_are_no_video_are_searched_whole(finder, times_s):
     before, now = times_s
-    assert finder.find(picture([]), HELD, before) == ()
+    assert finder.find(BallFrame(picture([]), HELD, t_s=before)) == ()
     for place in ((0.8, 0.1), (4.5, 0.3)):
         finder.forget()
-        finder.find(picture([]), HELD, before)
-        assert finder.find(picture([place], YELLOW, YELLOW), HELD, now)
+        finder.find(BallFrame(picture([]), HELD, t_s=before))
+        assert finder.find(BallFrame(picture([place], YELLOW, YELLOW), HELD, t_s=now))
 
 
 @pytest.mark.parametrize("looks", [1, 3, 30])
 def test_parts_of_a_sweep_are_the_whole_frame_once(looks):
-    strips = BallPlaces(HELD, FIELD.ball_radius_m, None).strips
+    strips = BallPlaces(PinholeBallProjection(HELD, FIELD.ball_radius_m).sizes, None).strips
     begin, shown = 0.25, []
     for _ in range(looks):
         end = begin + 1 / looks
@@ -153,7 +161,7 @@ def test_parts_of_a_sweep_are_the_whole_frame_once(looks):
 
 def test_a_camera_that_looks_up_sees_no_ball():
     up = HELD.with_orientation(0.0, 1.5, 0.0)
-    assert LearnedBallFinder(FIELD, up).find(picture([(1.5, 0.0)]), up) == ()
+    assert BallFinder(FIELD, up).find(BallFrame(picture([(1.5, 0.0)]), up)) == ()
 
 
 @pytest.mark.slow

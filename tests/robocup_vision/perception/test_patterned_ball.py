@@ -10,7 +10,9 @@ from ball_patches import is_patch
 
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.perception.balls.patterned import PatternedBallFinder
+from robocup_vision.perception.balls.finder import BallFinder
+from robocup_vision.perception.balls.frame import BallFrame
+from robocup_vision.perception.balls.patterned import PatternedBallSettings
 from robocup_vision.vision import Vision
 
 FIELD = load_field("spl_2020")
@@ -45,17 +47,17 @@ def picture(places, patches=True, seed=0):
 
 @pytest.fixture(scope="module")
 def finder():
-    return PatternedBallFinder(FIELD, HELD)
+    return BallFinder(FIELD, HELD)
 
 
 @pytest.mark.parametrize("place", [(0.8, 0.1), (1.5, -0.4), (2.6, 0.6)])
 @pytest.mark.parametrize("camera", [HELD, FREE], ids=["tilt known", "tilt unknown"])
 def test_a_ball_is_found_and_placed_within_what_it_owns_to(finder, place, camera):
-    (ball,) = finder.find(picture([place]), camera)
+    (ball,) = finder.find(BallFrame(picture([place]), camera))
     off = np.array([ball.x_m, ball.y_m]) - place
     assert off @ np.linalg.solve(ball.covariance, off) < 16
     assert math.hypot(*off) < (0.06 if camera is HELD else 0.2) * math.hypot(*place)
-    assert ball.log_likelihood_ratio >= finder.settings.min_log_likelihood_ratio
+    assert ball.log_likelihood_ratio >= PatternedBallSettings().min_log_likelihood_ratio
 
 
 @pytest.mark.parametrize("distortion", [(-0.25, 0.08, 0.0, 0.0), (0.1, 0.0, 0.0, 0.0)])
@@ -68,13 +70,13 @@ def test_a_ball_seen_through_a_lens_is_as_large_as_it_is(place, distortion):
     frame = cv2.remap(picture([place]), ideal[..., 0], ideal[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     free = dataclasses.replace(lens, pan_rad=None, tilt_rad=None, roll_rad=None)
     for camera, most in ((lens, 0.03), (free, 0.2)):
-        (ball,) = PatternedBallFinder(FIELD, lens).find(np.asarray(frame, dtype=np.uint8), camera)
+        (ball,) = BallFinder(FIELD, lens).find(BallFrame(np.asarray(frame, dtype=np.uint8), camera))
         assert math.dist((ball.x_m, ball.y_m), place) < most * math.hypot(*place)
 
 
 def test_all_balls_are_found_and_bear_each_other_out(finder):
     places = [(0.9, 0.2), (1.4, -0.3), (2.2, 0.5)]
-    balls = finder.find(picture(places), FREE)
+    balls = finder.find(BallFrame(picture(places), FREE))
     assert len(balls) == 3
     for place in places:
         offs = [(np.array([ball.x_m, ball.y_m]) - place, ball) for ball in balls]
@@ -82,7 +84,7 @@ def test_all_balls_are_found_and_bear_each_other_out(finder):
         assert min(math.hypot(*off) for off, _ in offs) < 0.2 * math.hypot(*place)
     ratios = [ball.log_likelihood_ratio for ball in balls]
     assert ratios == sorted(ratios, reverse=True)
-    alone = finder.find(picture(places[:1]), FREE)[0]
+    alone = finder.find(BallFrame(picture(places[:1]), FREE))[0]
     assert max(ratios) > alone.log_likelihood_ratio
 
 
@@ -91,29 +93,29 @@ def test_all_balls_are_found_and_bear_each_other_out(finder):
 )
 @pytest.mark.parametrize("camera", [HELD, FREE], ids=["tilt known", "tilt unknown"])
 def test_carpet_a_plain_white_ball_and_a_grey_picture_show_none(finder, frame, camera):
-    assert finder.find(frame, camera) == ()
+    assert finder.find(BallFrame(frame, camera)) == ()
 
 
 def test_leaves_of_many_plants_are_no_carpet(finder):
     frame = picture([(1.0, 0.1)])
-    assert finder.find(frame, HELD)
+    assert finder.find(BallFrame(frame, HELD))
     leaves = np.repeat(np.repeat(np.random.default_rng(2).uniform(0.25, 1.1, (24, 32)), 15, axis=0), 15, axis=1)
     is_green = (frame[..., 1] > 1.2 * frame[..., 2]) & (frame[..., 1] > 1.2 * frame[..., 0])
     frame[..., 2] = np.where(is_green, np.minimum(frame[..., 1] * 0.85 * leaves, 255), frame[..., 2])
-    assert finder.find(frame, HELD) == ()
+    assert finder.find(BallFrame(frame, HELD)) == ()
 
 
 def test_a_ball_of_another_size_than_its_place_asks_for_is_none(finder):
     tilted = HELD.with_orientation(0.0, -0.45, 0.0)
-    assert finder.find(picture([(2.6, 0.6)]), tilted) == ()
+    assert finder.find(BallFrame(picture([(2.6, 0.6)]), tilted)) == ()
 
 
 def test_masked_pixels_show_no_ball():
     mask = np.zeros((360, 480), np.uint8)
     frame = picture([(1.0, 0.1)])
-    (ball,) = PatternedBallFinder(FIELD, HELD, mask).find(frame, HELD)
+    (ball,) = BallFinder(FIELD, HELD, mask).find(BallFrame(frame, HELD))
     cv2.circle(mask, (round(ball.u_px), round(ball.v_px)), 30, 255, -1)
-    assert PatternedBallFinder(FIELD, HELD, mask).find(frame, HELD) == ()
+    assert BallFinder(FIELD, HELD, mask).find(BallFrame(frame, HELD)) == ()
 
 
 @pytest.mark.parametrize("method", ["goal", "field"])
@@ -131,7 +133,7 @@ def test_a_view_has_them_with_or_without_a_pose(method):
 @pytest.mark.parametrize("off_rad", [-0.026, 0.026])
 def test_a_ball_is_found_where_the_body_nods_by_two_standard_deviations(finder, place, off_rad):
     nodding = dataclasses.replace(HELD, tilt_rad=HELD.tilt_rad + off_rad)
-    (ball,) = finder.find(picture([place]), nodding)
+    (ball,) = finder.find(BallFrame(picture([place]), nodding))
     seen = HELD.ray_to_pixel(np.array([*place, FIELD.ball_radius_m - HELD.height_m]))
     assert math.hypot(ball.u_px - seen[0], ball.v_px - seen[1]) < 4
 
@@ -139,9 +141,9 @@ def test_a_ball_is_found_where_the_body_nods_by_two_standard_deviations(finder, 
 def test_a_ball_of_twice_the_size_that_its_row_allows_is_none_where_the_tilt_is_known():
     larger = dataclasses.replace(FIELD, ball_radius_m=2.2 * FIELD.ball_radius_m)
     frame = picture([(1.5, 0.0)])
-    assert PatternedBallFinder(FIELD, HELD).find(frame, HELD)
-    assert not PatternedBallFinder(larger, HELD).find(frame, HELD)
+    assert BallFinder(FIELD, HELD).find(BallFrame(frame, HELD))
+    assert not BallFinder(larger, HELD).find(BallFrame(frame, HELD))
 
 
 def test_a_camera_that_looks_up_sees_no_ball(finder):
-    assert finder.find(picture([(1.5, 0.0)]), dataclasses.replace(HELD, tilt_rad=1.0)) == ()
+    assert finder.find(BallFrame(picture([(1.5, 0.0)]), dataclasses.replace(HELD, tilt_rad=1.0))) == ()

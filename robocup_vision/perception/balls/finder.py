@@ -1,0 +1,110 @@
+"""The search for balls on the floor, the same for every camera; what a ball looks like is the one part that varies."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.fisheye import FisheyeCamera
+from robocup_vision.camera.omni import OmniCamera
+from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.balls.colored import ColoredLook
+from robocup_vision.perception.balls.frame import BallFrame, Sighting
+from robocup_vision.perception.balls.learned import LearnedLook
+from robocup_vision.perception.balls.patterned import PatternedLook
+from robocup_vision.perception.balls.projection import BallProjection, ball_projection
+
+# more are not reported
+_MAX_BALLS = 8
+
+
+class BallLook(Protocol):
+    """What a ball looks like, and how that is seen in frames."""
+
+    def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
+        """Return what looks like balls, the likeliest first, and what places it: the frame's own, or as balls tell."""
+        ...
+
+    def forget(self) -> None:
+        """Forget the frames before."""
+        ...
+
+
+def is_learned(camera: OmniCamera | PinholeCamera) -> bool:
+    """Whether balls are found by the network: in a fisheye.
+
+    It has learnt from photographs of fisheyes. In those of narrow lenses colour and patches show more.
+    """
+    return isinstance(camera, FisheyeCamera)
+
+
+def has_patches(field: Field, camera: OmniCamera | PinholeCamera) -> bool:
+    """Whether balls are found by their dark patches."""
+    return bool(field.ball_patches) and isinstance(camera, PinholeCamera) and not is_learned(camera)
+
+
+class BallFinder:
+    """Finds balls in frames of one camera; holds scratch memory, so one object a thread.
+
+    Parameters
+    ----------
+    field : Field
+        Gives the ball's size and look; a plain white ball cannot be distinguished from lines.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    look : BallLook, optional
+        Without it the one for this field and camera.
+    """
+
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera | PinholeCamera,
+        mask: UInt8Array | None = None,
+        look: BallLook | None = None,
+    ) -> None:
+        self._radius_m = field.ball_radius_m
+        self._colored = ColoredLook(field, camera.size_px, mask)
+        self._look: BallLook = look or self._colored
+        if look is None and isinstance(camera, PinholeCamera):
+            if is_learned(camera):
+                self._look = LearnedLook(mask)
+            elif has_patches(field, camera):
+                self._look = PatternedLook(field.ball_radius_m, camera, mask)
+
+    @property
+    def is_by_color(self) -> bool:
+        """Whether balls are found by nothing but the colour that the field's file names."""
+        return self._look is self._colored
+
+    def find(self, seen: BallFrame) -> tuple[Ball, ...]:
+        """Find the balls in a frame, the likeliest first."""
+        if seen.projection is None and (isinstance(seen.camera, OmniCamera) or seen.camera.known_orientation):
+            seen = seen._replace(projection=ball_projection(seen.camera, self._radius_m))
+        return _placed(*self._look.sightings(seen))
+
+    def find_colored(self, seen: BallFrame) -> tuple[Ball, ...]:
+        """Find the balls of the colour that the field's file names, however others are found."""
+        return _placed(*self._colored.sightings(seen))
+
+    def find_swapped(self, seen: BallFrame) -> tuple[Ball, ...]:
+        """Find things that look like balls whose red and blue are swapped; nothing is remembered.
+
+        Where swapped red and blue leave the ball's colour nearly as it is, none are found.
+        """
+        return _placed(*self._colored.swapped_sightings(seen))
+
+    def forget(self) -> None:
+        """Forget where balls were in the frames before."""
+        self._look.forget()
+        self._colored.forget()
+
+
+def _placed(sightings: list[Sighting], projection: BallProjection | None) -> tuple[Ball, ...]:
+    """Place balls on the floor; those whose ray does not meet it are none."""
+    if projection is None:
+        return ()
+    balls = (projection.place(*sighting) for sighting in sightings)
+    return tuple([ball for ball in balls if ball is not None][:_MAX_BALLS])
