@@ -64,9 +64,9 @@ class BallProjection(ABC):
             return None
         (x, y), (x_right, y_right), (x_left, y_left), (x_down, y_down), (x_up, y_up) = places
         # in plain floats: products of arrays as small as these take longer than all the rest
-        moves = [(x_right - x_left, y_right - y_left), (x_down - x_up, y_down - y_up)]
+        moves = [(std_px, x_right - x_left, y_right - y_left), (std_px, x_down - x_up, y_down - y_up)]
         xx = xy = yy = 0.0
-        for std, (dx, dy) in [*((std_px, move) for move in moves), *self._camera_moves(x, y)]:
+        for std, dx, dy in moves + self._camera_moves(x, y):
             dx, dy = std * dx, std * dy
             xx, xy, yy = xx + dx * dx, xy + dx * dy, yy + dy * dy
         covariance = np.array(((xx, xy), (xy, yy)))
@@ -78,7 +78,7 @@ class BallProjection(ABC):
         bearing, radius = view.from_pixel((ball.u_px, ball.v_px))
         along, across = self.sizes.at(ball.u_px, ball.v_px)
         row = (bearing - float(view.bearing_rad[0])) / view.row_step_rad
-        column = int(np.argmin(np.abs(view.radius_px - radius)))
+        column = min(int(view.radius_px.searchsorted(radius)), len(view.radius_px) - 1)
         row_px = view.row_step_rad * float(view.range_m[column] / view.across_m_per_px[column])
         # a shadow lies before the ball and beside it; behind it may stand somebody. The samples' blur reaches a column.
         near_px, far_px = ((ratio * along + view.step_px + 1.5) for ratio in (_SHADOW_RATIO, _BEHIND_RATIO))
@@ -90,8 +90,8 @@ class BallProjection(ABC):
         """Where the rays of some pixels meet the plane of the ball's centre, robot frame; NaN where they do not."""
 
     @abstractmethod
-    def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, tuple[float, float]]]:
-        """Return each of the camera's own errors, a standard deviation, and how far a unit of it moves a place."""
+    def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, float, float]]:
+        """Return the camera's own errors, each a standard deviation and how far a unit of it moves a place: x, y."""
 
 
 class MirrorBallProjection(BallProjection):
@@ -99,8 +99,6 @@ class MirrorBallProjection(BallProjection):
 
     # half-way parts a ball from pale things beside it
     white_ratios = (0.5,)
-    # a calibration by the floor says little of what stands on it
-    _SHAPE_STD = 0.22
     # a ball covers at least two seeds
     _SEED_PITCH = 1.0
 
@@ -122,20 +120,19 @@ class MirrorBallProjection(BallProjection):
                 (1.0, 0.0),
                 camera.usable_radius_px,
                 beyond_px=0.0,
-                # seen from lower, a ball is longer along the ray
-                shape_std=math.hypot(self._SHAPE_STD, self._height_std),
+                height_std=self._height_std,
                 sway_rad=0.0,
                 seed_pitch=self._SEED_PITCH,
             )
         )
 
-    def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, tuple[float, float]]]:
+    def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, float, float]]:
         """See `BallProjection._camera_moves`: what the height leaves open that is not known."""
         if not self._height_std:
             return []
         # the ray falls by a radius less than to the floor: the nearer, the lower the mirror
         ratio = 1.0 / (_USUAL_HEIGHT_RADII - 1.0)
-        return [(self._height_std, (ratio * x_m, ratio * y_m))]
+        return [(self._height_std, ratio * x_m, ratio * y_m)]
 
     @cached_property
     def _rays(self) -> tuple[float, float, list[float], list[list[float]], list[float]]:
@@ -180,8 +177,6 @@ class PinholeBallProjection(BallProjection):
 
     # of a far ball under a lamp, blur and compression leave a third of its colour
     white_ratios = (0.5, 0.2)
-    # shade and glare cut a ball's outline
-    _SHAPE_STD = 0.15
     # of a far ball under a lamp a quarter has its colour
     _SEED_PITCH = 0.5
 
@@ -208,7 +203,7 @@ class PinholeBallProjection(BallProjection):
                 (-down_u, -down_v),
                 (min(corners), max(corners)),
                 beyond_px=math.hypot(right, low),
-                shape_std=self._SHAPE_STD,
+                height_std=0.0,
                 sway_rad=file_std_rad[0],
                 seed_pitch=self._SEED_PITCH,
             )
@@ -230,7 +225,7 @@ class PinholeBallProjection(BallProjection):
             places.append((x0 + scale * x, y0 + scale * y))
         return places
 
-    def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, tuple[float, float]]]:
+    def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, float, float]]:
         """See `BallProjection._camera_moves`: what tilt, roll and height leave open."""
         camera = self._held
         depth, pan = camera.height_m - self._radius_m, camera.pan_rad or 0.0
@@ -245,8 +240,11 @@ class PinholeBallProjection(BallProjection):
             (level * ahead * aside / depth - down * aside, level * (depth + aside * aside / depth) + down * ahead),
             (ahead / depth, aside / depth),
         )
-        turned = ((c * along - s * across, s * along + c * across) for along, across in moves)
-        return list(zip((*self.sway_std_rad, camera.height_std_m), turned, strict=True))
+        stds = *self.sway_std_rad, camera.height_std_m
+        return [
+            (std, c * along - s * across, s * along + c * across)
+            for std, (along, across) in zip(stds, moves, strict=True)
+        ]
 
 
 def ball_projection(camera: OmniCamera | PinholeCamera, radius_m: float) -> BallProjection:

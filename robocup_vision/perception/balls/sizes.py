@@ -17,6 +17,8 @@ from robocup_vision.kernels.balls.blobs import BallSize
 # balls with a smaller half size are too far: pixels, or in a small picture a ratio of the way over its floor (a pixel
 # in the pictures of Sekimori et al.)
 _MIN_HALF_PX, _MIN_HALF_RATIO = 2.0, 1.0 / 86.0
+# of the logarithms of size and slenderness: shade and glare cut a ball's outline
+_SHAPE_STD = 0.15
 
 
 def ball_sizes_px(
@@ -66,9 +68,14 @@ class BallSizes:
     ahead: tuple[float, float]  #: unit vector of one of them
     span_px: tuple[float, float]  #: distances from the axis between which the picture shows floor
     beyond_px: float  #: how much farther to both sides the centre of a ball may lie that the picture cuts
-    shape_std: float  #: standard deviation of the logarithms of size and slenderness
+    height_std: float  #: relative standard deviation of the viewpoint's height
     sway_rad: float  #: standard deviation of the camera's tilt
     seed_pitch: float  #: distance between seeds, in half sizes of the ball
+
+    @property
+    def shape_std(self) -> float:
+        """Standard deviation of the logarithms of size and slenderness: seen from lower, a ball is longer."""
+        return math.hypot(_SHAPE_STD, self.height_std)
 
     @cached_property
     def along_across_px(self) -> tuple[FloatArray, FloatArray]:
@@ -104,9 +111,7 @@ class BallSizes:
         # where the sway is as long as the way to the horizon, any size may be
         log_std = np.hypot(self.shape_std, np.minimum(sway_px * change, 0.8))
         (axis_u, axis_v), body_px = self.axis_px, self.span_px[0]
-        return plain(
-            BallSize(float(axis_u), float(axis_v), float(body_px), along, across, log_std, float(self.shape_std))
-        )
+        return plain(BallSize(float(axis_u), float(axis_v), float(body_px), along, across, log_std, self.shape_std))
 
     @cached_property
     def seeds(self) -> Int32Array:
