@@ -49,9 +49,9 @@ from robocup_vision.ssl.values.simulation import (
 from robocup_vision.ssl.values.tracked import TeamColor, TrackerPacket
 from sim2d.network.league import STEPS_A_FRAME, Channel, LeagueSimulator
 from sim2d.network.realism import REALISMS
-from sim2d.network.robot import LeagueRobotSpec
 from sim2d.network.server import LeagueServer, Ports
-from sim2d.network.world import STEPS_PER_S
+from sim2d.network.world import STEPS_PER_S, TEAM_OF
+from sim2d.world.robot_spec import RobotSpec
 
 FIELD = load_field("ssl_division_b")
 TEAMS = (Team.YELLOW, Team.BLUE)
@@ -233,8 +233,8 @@ def measure_tracker(seconds: float, seed: int) -> None:
         "verdict",
     )
     table = Table(columns, "Tracker on rc2021", name="tracker")
-    slow = replace(LeagueRobotSpec(), speed_up_mps2=1.2, brake_mps2=1.2, max_speed_mps=1.0)
-    for name, spec in (("1.0 m/s, 1.2 m/s2", slow), ("4.0 m/s, 4 to 6 m/s2", LeagueRobotSpec())):
+    slow = replace(RobotSpec(), speed_up_mps2=1.2, brake_mps2=1.2, max_speed_mps=1.0)
+    for name, spec in (("1.0 m/s, 1.2 m/s2", slow), ("4.0 m/s, 4 to 6 m/s2", RobotSpec())):
         entries = recorded(spec, seconds, seed)
         score = score_log(entries)
         refound = score.ball_refound_s or 0.0
@@ -279,7 +279,7 @@ def velocity_change(entries: list[LogEntry]) -> float:
     return math.sqrt(float(np.mean(squares)))
 
 
-def recorded(spec: LeagueRobotSpec, seconds: float, seed: int) -> list[LogEntry]:
+def recorded(spec: RobotSpec, seconds: float, seed: int) -> list[LogEntry]:
     """Return what a run of six against six published."""
     made = LeagueSimulator(FIELD, 6, REALISMS["rc2021"], seed)
     for team in TEAMS:
@@ -292,7 +292,7 @@ def recorded(spec: LeagueRobotSpec, seconds: float, seed: int) -> list[LogEntry]
         state = made.world.state
         commands: dict[Team, list[RobotCommand]] = {team: [] for team in TEAMS}
         for robot in state.robots:
-            key, place = (robot.team, robot.number), (robot.pose.x_m, robot.pose.y_m)
+            key, place = (TEAM_OF[robot.side], robot.number), (robot.pose.x_m, robot.pose.y_m)
             if key not in targets or math.dist(targets[key], place) < 0.1 or rng.random() < 0.005:
                 targets[key] = (float(rng.uniform(-4, 4)), float(rng.uniform(-2.5, 2.5)))
             chases = robot.number == 1
@@ -302,7 +302,7 @@ def recorded(spec: LeagueRobotSpec, seconds: float, seed: int) -> list[LogEntry]
             speed = min(0.5 * spec.max_speed_mps + 0.5, math.sqrt(spec.speed_up_mps2 * far))
             off = math.remainder(math.atan2(dy, dx) - robot.pose.theta_rad, math.tau)
             move = MoveCommand(world=GlobalVelocity(speed * dx / far, speed * dy / far, 4 * off))
-            commands[robot.team].append(RobotCommand(robot.number, move, 3.0 if chases else 0.0))
+            commands[TEAM_OF[robot.side]].append(RobotCommand(robot.number, move, 3.0 if chases else 0.0))
         for team in TEAMS:
             made.answer_robots(team, encode(RobotControl(tuple(commands[team]))))
         for _ in range(STEPS_A_FRAME):

@@ -27,7 +27,7 @@ from sim2d.network.built_in import built_in_robots
 from sim2d.network.league import STEPS_A_COMMAND, Channel, LeagueSimulator
 from sim2d.network.realism import REALISMS
 from sim2d.network.team.team import OverheadTeam
-from sim2d.network.world import STEPS_PER_S
+from sim2d.network.world import SIDES, STEPS_PER_S
 
 FIELD = load_field("ssl_division_b")
 PLAYERS, HALT_EVERY_S = 6, 4.0
@@ -96,7 +96,7 @@ def play(opponents: str, seconds: float, seed: int) -> tuple[LeagueReferee, Halt
         answer, _ = made.answer_robots(Team.YELLOW, encode(RobotControl(tuple(commands))))
         if answer is not None:
             team.hear_robots(decode(RobotControlResponse, answer))
-        halts.add(t_s, commands, [math.hypot(*r.velocity_mps) for r in state.robots if r.team == Team.YELLOW])
+        halts.add(t_s, commands, [math.hypot(*r.velocity_mps) for r in state.robots if r.side == SIDES[Team.YELLOW]])
     return referee, halts, entries
 
 

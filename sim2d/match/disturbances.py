@@ -14,7 +14,7 @@ from sim2d.sensors.faults import LatencySettings
 from sim2d.sensors.match_camera import LightDriftSettings, ShutterSettings
 from sim2d.sensors.team_channel import ChannelSettings
 from sim2d.sensors.true_cameras import CameraErrorSettings, KnockSettings
-from sim2d.world.robot_body import BodySettings
+from sim2d.world.robot_spec import BodySettings
 
 
 @dataclass(frozen=True, slots=True)

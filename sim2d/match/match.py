@@ -32,9 +32,8 @@ from sim2d.sensors.faults import Fault
 from sim2d.sensors.match_camera import MATCH_SENSOR
 from sim2d.sensors.team_channel import check_message
 from sim2d.world.referee import RefereeFactory
-from sim2d.world.robot_body import check_command
 from sim2d.world.state import Moment, RobotMoment
-from sim2d.world.world import WorldSettings
+from sim2d.world.world import WorldSettings, check_command
 
 _REASON_LETTERS = 200
 

@@ -18,7 +18,7 @@ from sim2d.rendering.cameras import camera_by_name, sekimori_camera
 from sim2d.rendering.goal.scenes import ers7_camera, nao_camera
 from sim2d.robot_link import RobotLimits
 from sim2d.world.ball_physics import BallSettings
-from sim2d.world.robot_body import BodySettings
+from sim2d.world.robot_spec import BodySettings
 from sim2d.world.world import WorldSettings
 
 Camera: TypeAlias = OmniCamera | PinholeCamera

@@ -18,9 +18,8 @@ from robocup_vision.ssl.values.simulation import RobotControlResponse as Respons
 from robocup_vision.ssl.values.simulation import RobotFeedback as Feedback
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.match.setups import setup_for
-from sim2d.network.packets import SIDES, robot_states
 from sim2d.network.team.team import OverheadTeam, TeamSettings, robot_command
-from sim2d.network.world import MAX_NUMBER, LeagueWorld
+from sim2d.network.world import MAX_NUMBER, SIDES, LeagueWorld
 from sim2d.players.catalog import PLAYERS, player_factory
 from sim2d.robot_link import Player, PlayerSetup, Senses
 from sim2d.sensors.match_camera import MatchCamera
@@ -104,19 +103,8 @@ class CameraRobots:
 
     def begin(self, world: LeagueWorld) -> None:
         """Take the robots over, and limit them to what their players know of them."""
-        limits = self._limits
         for number in self.numbers:
-            spec = dataclasses.replace(
-                world.spec(self.team, number),
-                speed_up_mps2=limits.acceleration_mps2,
-                brake_mps2=limits.acceleration_mps2,
-                turn_speed_up_rps2=limits.turn_acceleration_rps2,
-                turn_brake_rps2=limits.turn_acceleration_rps2,
-                max_speed_mps=limits.speed_mps,
-                max_turn_rps=limits.turn_rps,
-                max_kick_mps=limits.kick_speed_mps,
-            )
-            world.set_spec(self.team, number, spec)
+            world.set_spec(self.team, number, world.spec(self.team, number).limited(self._limits))
 
     def hear_vision(self, packet: VisionPacket) -> None:
         """Take in nothing: they have eyes of their own."""
@@ -133,7 +121,7 @@ class CameraRobots:
         """Command the robots, once a control period."""
         truth = world.state
         # the eyes draw robots by these states, and nothing else of them
-        state = WorldState(truth.t_s, tuple(robot_states(truth)), truth.ball, (0, 0), "play", 1, ())
+        state = WorldState(truth.t_s, truth.robots, truth.ball, (0, 0), "play", 1, ())
         game = self._game.state(truth.t_s, (truth.ball.x_m, truth.ball.y_m))
         for robot in state.robots:
             if robot.side != self._side or robot.number not in self._players:

@@ -32,9 +32,9 @@ from robocup_vision.ssl.values.simulation import (
     TeleportRobot,
 )
 from sim2d.network.realism import UNSUPPORTED, Realism, changed_realism
-from sim2d.network.robot import LeagueRobotSpec
 from sim2d.network.world import MAX_NUMBER, LeagueWorld
 from sim2d.world.ball_physics import Flight
+from sim2d.world.robot_spec import RobotSpec
 from sim2d.world.state import BallState
 
 # where things can be put, how fast they can be, how large a field can be: far beyond the league's, and finite
@@ -256,7 +256,7 @@ def _set_spec(simulator: Controlled, specs: RobotSpecs) -> None:
         if not all(map(math.isfinite, angles)):
             raise _Refused("SPEC_RANGE", f"a robot's wheel angles must be finite, got {angles}")
         changes["wheel_angles_rad"] = angles
-    spec: LeagueRobotSpec = dataclasses.replace(simulator.world.spec(team, number), **changes)  # type: ignore[arg-type]
+    spec: RobotSpec = dataclasses.replace(simulator.world.spec(team, number), **changes)  # type: ignore[arg-type]
     if spec.center_to_dribbler_m > spec.radius_m:
         raise _Refused("SPEC_RANGE", f"a robot's center_to_dribbler must not exceed its radius, got {spec}")
     simulator.world.set_spec(team, number, spec)

@@ -19,7 +19,7 @@ from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.values.referee import CiInput, Referee
 from sim2d.match.pitch_rules import is_division_a
 from sim2d.network.autoref import Autoref
-from sim2d.network.packets import NS_PER_S, robot_states, tracker_packet
+from sim2d.network.packets import NS_PER_S, tracker_packet
 from sim2d.network.world import STEPS_PER_S, LeagueState
 
 IDENTIFIER = "sim2d"
@@ -92,7 +92,7 @@ class ControllerLink(Closing):
     def judge(self, state: LeagueState, epoch_s: float) -> None:
         """Report events to the game controller, and let the operator act."""
         now_s = epoch_s + state.t_s
-        events = self._autoref.judge(state.t_s, robot_states(state), state.ball, now_s)
+        events = self._autoref.judge(state.t_s, state.robots, state.ball, now_s)
         try:
             if self._client is not None:
                 for event in events:

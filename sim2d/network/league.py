@@ -39,11 +39,12 @@ from sim2d.match.league_referee import LeagueReferee
 from sim2d.network.ball_boy import BallBoy
 from sim2d.network.built_in import BuiltInRobots
 from sim2d.network.control import MAX_SPEED_MPS, MAX_TURN_RPS, apply_command
-from sim2d.network.packets import match_packet, referee_packet, robot_states, tracker_packet
+from sim2d.network.packets import match_packet, referee_packet, tracker_packet
 from sim2d.network.realism import Realism
 from sim2d.network.vision import CameraImages, OverheadVision, detection_packets
-from sim2d.network.world import MAX_NUMBER, STEP_S, STEPS_PER_S, LeagueWorld
+from sim2d.network.world import MAX_NUMBER, STEPS_PER_S, LeagueWorld
 from sim2d.world.ball_physics import Flight
+from sim2d.world.physics import STEP_S
 from sim2d.world.state import BallState
 
 STEPS_A_FRAME = 5
@@ -211,7 +212,7 @@ class LeagueSimulator:
 
     def _judge(self, referee: LeagueReferee) -> None:
         state = self.world.state
-        for ruling in referee.judge(state.t_s, robot_states(state), state.ball):
+        for ruling in referee.judge(state.t_s, state.robots, state.ball):
             if ruling.ball_at is not None:
                 self.world.place_ball(BallState(*ruling.ball_at))
 

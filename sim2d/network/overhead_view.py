@@ -17,7 +17,8 @@ from field_models import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.ssl.values.geometry import CameraCalibration
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.network.world import LeagueRobotState, LeagueState
+from sim2d.network.world import SIDES, LeagueState
+from sim2d.world.state import RobotState
 
 HEIGHT_M = 5.0
 SIZE_PX = (1280, 1024)
@@ -26,7 +27,7 @@ _SHIFT = 6
 _SUB = 1 << _SHIFT
 _CARPET, _LINE, _BEYOND = (60, 120, 40), (235, 235, 235), (50, 60, 50)
 _SIDE, _TOP, _BALL = (35, 35, 35), (20, 20, 20), (20, 110, 245)
-_TEAMS = {Team.YELLOW: (40, 225, 245), Team.BLUE: (220, 110, 40)}
+_SIDES = {SIDES[Team.YELLOW]: (40, 225, 245), SIDES[Team.BLUE]: (220, 110, 40)}
 _BIT_SET, _BIT_CLEAR = (90, 220, 90), (190, 90, 235)
 # of the pattern on a robot: the team's dot, the number's dots, and where these are (ahead, left)
 _TEAM_DOT_M, _NUMBER_DOT_M = 0.025, 0.020
@@ -275,10 +276,10 @@ class OverheadView:
         center, radius_px = self._ball_circle(state)
         _disc(image, center, radius_px, _BALL)
 
-    def _draw_robot(self, image: UInt8Array, robot: LeagueRobotState) -> None:
+    def _draw_robot(self, image: UInt8Array, robot: RobotState) -> None:
         _polygon(image, self._silhouette(robot), _SIDE)
         _polygon(image, self.project(_outline(robot, robot.height_m)), _TOP)
-        dots = [((0.0, 0.0), _TEAM_DOT_M, _TEAMS[robot.team])]
+        dots = [((0.0, 0.0), _TEAM_DOT_M, _SIDES[robot.side])]
         dots += [
             (place, _NUMBER_DOT_M, _BIT_SET if robot.number >> bit & 1 else _BIT_CLEAR)
             for bit, place in enumerate(_DOTS_M)
@@ -294,7 +295,7 @@ class OverheadView:
         center = np.array(self.pixel(ball.x_m, ball.y_m, height))
         return center, radius_m * self.camera.focal_length_px / float(self._position[2] - height)
 
-    def _silhouette(self, robot: LeagueRobotState) -> FloatArray:
+    def _silhouette(self, robot: RobotState) -> FloatArray:
         """Return the outline (N, 2) of a robot in the image: the hull of its foot and its top, pixels."""
         both = self.project(np.concatenate([_outline(robot, 0.0), _outline(robot, robot.height_m)]))
         hull = cv2.convexHull(both.astype(np.float32))
@@ -307,7 +308,7 @@ def camera_mounting(rng: np.random.Generator, position_std_m: float, rotation_st
     return Mounting((x, y, z), (roll, pitch, yaw))
 
 
-def _outline(robot: LeagueRobotState, z_m: float) -> FloatArray:
+def _outline(robot: RobotState, z_m: float) -> FloatArray:
     """Return a robot's outline (N, 3) at a height: a disc cut off at its flat front."""
     along = np.minimum(np.cos(_OUTLINE), math.cos(_FRONT_RAD)) * robot.radius_m
     aside = np.sin(_OUTLINE) * robot.radius_m

@@ -29,7 +29,7 @@ from robocup_vision.ssl.values.tracked import (
 )
 from sim2d.match.league_referee import Command, LeagueReferee
 from sim2d.match.pitch_rules import Restart
-from sim2d.network.world import Kick, LeagueState
+from sim2d.network.world import SIDES, Kick, LeagueState
 from sim2d.world.ball_physics import GRAVITY_MPS2, ROLLS_RATIO, BallSettings
 from sim2d.world.state import BallState, RobotState
 
@@ -39,8 +39,6 @@ REFEREE_SOURCE = "sim2d"
 TEAM_COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
 US_PER_S, NS_PER_S = 1e6, 1e9
 _HALF_US = 300_000_000
-# yellow plays towards +x, as sim2d's side +1 does
-SIDES = {Team.YELLOW: 1, Team.BLUE: -1}
 _STAGES = {
     "first_half": Stage.NORMAL_FIRST_HALF,
     "half_time": Stage.NORMAL_HALF_TIME,
@@ -89,7 +87,7 @@ def tracked_frame(
 def tracker_packet(state: LeagueState, frame_number: int, epoch_s: float) -> TrackerPacket:
     """Return the truth as a tracker would send it: without noise and delay, however real the vision is."""
     frame = replace(
-        tracked_frame(frame_number, epoch_s + state.t_s, robot_states(state), state.ball, SIDES[Team.YELLOW]),
+        tracked_frame(frame_number, epoch_s + state.t_s, state.robots, state.ball, SIDES[Team.YELLOW]),
         kicked_ball=None if state.kick is None else _kicked_ball(state.kick, epoch_s),
         capabilities=(Capability.DETECT_FLYING_BALLS, Capability.DETECT_KICKED_BALLS),
     )
@@ -173,14 +171,6 @@ def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: in
         source_identifier=REFEREE_SOURCE,
         match_type=MatchType.FRIENDLY,
     )
-
-
-def robot_states(state: LeagueState) -> list[RobotState]:
-    """Return the robots as sim2d's own matches know them: yellow is side +1."""
-    return [
-        RobotState(index, SIDES[robot.team], robot.number, robot.pose, robot.velocity_mps, robot.turn_rps)
-        for index, robot in enumerate(state.robots)
-    ]
 
 
 def _team(name: str) -> TeamInfo:

@@ -41,7 +41,7 @@ from sim2d.network.controller_link import ControllerLink
 from sim2d.network.league import MAX_REQUEST_BYTES, STEPS_A_FRAME, STEPS_A_JUDGEMENT, Channel, LeagueSimulator
 from sim2d.network.packets import REFEREE_SOURCE
 from sim2d.network.sync_server import SyncServer
-from sim2d.network.world import STEP_S
+from sim2d.world.physics import STEP_S
 
 # stamps are off this machine's clock by no more
 _CLOCK_OFF_S = 0.0005

@@ -24,8 +24,9 @@ from robocup_vision.ssl.values.geometry import BallModels, BouncingBall, CameraC
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.network.overhead_view import Mounting, OverheadCamera, OverheadView, camera_mounting, camera_rig
 from sim2d.network.realism import Realism
-from sim2d.network.world import LeagueRobotState, LeagueState
+from sim2d.network.world import SIDES, LeagueState
 from sim2d.world.ball_physics import GRAVITY_MPS2, ROLLS_RATIO, BallSettings, Flight
+from sim2d.world.state import RobotState
 
 MAX_PACKET_BYTES = 1024
 TABLE = "images.csv"
@@ -84,9 +85,9 @@ class OverheadVision:
         noise = (
             self._rng.standard_normal((len(seen), 3)).tolist() if realism.robot_std_m + realism.robot_std_rad else ()
         )
-        teams: dict[Team, list[DetectionRobot]] = {Team.YELLOW: [], Team.BLUE: []}
+        sides: dict[int, list[DetectionRobot]] = {side: [] for side in SIDES.values()}
         for place, robot in enumerate(seen):
-            teams[robot.team].append(self._robot(index, robot, noise[place] if noise else (0.0, 0.0, 0.0)))
+            sides[robot.side].append(self._robot(index, robot, noise[place] if noise else (0.0, 0.0, 0.0)))
         ball = self._ball_in_view(index, state) if realism.finds_ball_in_images else self._ball(index, state)
         self._frame_numbers[index] += 1
         return DetectionFrame(
@@ -95,11 +96,11 @@ class OverheadVision:
             t_s + realism.processing_s,
             camera.camera_id,
             () if ball is None else (ball,),
-            tuple(teams[Team.YELLOW]),
-            tuple(teams[Team.BLUE]),
+            tuple(sides[SIDES[Team.YELLOW]]),
+            tuple(sides[SIDES[Team.BLUE]]),
         )
 
-    def _robot(self, index: int, robot: LeagueRobotState, noise: Sequence[float]) -> DetectionRobot:
+    def _robot(self, index: int, robot: RobotState, noise: Sequence[float]) -> DetectionRobot:
         camera, realism, pose = self.cameras[index], self.realism, robot.pose
         x, y = pose.x_m + realism.robot_std_m * noise[0], pose.y_m + realism.robot_std_m * noise[1]
         u, v = camera.pixel(x, y, robot.height_m)
@@ -174,7 +175,7 @@ def visible_ratio(camera: OverheadCamera, state: LeagueState, ball_radius_m: flo
     return 1.0 - hidden / len(_PROBES)
 
 
-def _is_behind(camera: OverheadCamera, robot: LeagueRobotState, x: float, y: float, z: float) -> bool:
+def _is_behind(camera: OverheadCamera, robot: RobotState, x: float, y: float, z: float) -> bool:
     """Return whether the ray from a point to the camera meets a robot before it has risen above it."""
     along = min((robot.height_m - z) / (camera.z_m - z), 1.0)
     dx, dy = (camera.x_m - x) * along, (camera.y_m - y) * along

@@ -1,46 +1,31 @@
-"""The truth of the league's simulator: robots of two teams by their numbers, and one ball that may fly.
-
-Fixed steps and a fixed order of everything: the same commands at the same steps give the same run bit for bit.
-"""
+"""The truth of the league's simulator: robots of two teams by their numbers, and one ball that may fly."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-import pymunk
+import numpy as np
 
 from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.values.simulation import RobotCommand, Team
-from sim2d.network.robot import LeagueRobot, LeagueRobotSpec
-from sim2d.world.ball_physics import BallBody, Flight
-from sim2d.world.state import BallState
-from sim2d.world.world import add_ground
+from sim2d.network.held_orders import HeldOrders
+from sim2d.world.ball_physics import Flight
+from sim2d.world.physics import STEP_S, Physics
+from sim2d.world.robot_body import RobotBody
+from sim2d.world.robot_spec import PERFECT, RobotSpec
+from sim2d.world.state import BallState, RobotState
 
-STEPS_PER_S = 300
-STEP_S = 1 / STEPS_PER_S
+STEPS_PER_S = round(1 / STEP_S)
 MAX_NUMBER = 15
-_FIXED, _BALL = 1, 2
+# yellow plays towards +x, as sim2d's side +1 does
+SIDES = {Team.YELLOW: 1, Team.BLUE: -1}
+TEAM_OF = {side: team for team, side in SIDES.items()}
 _APART_M = 0.002
 # a kicked ball is one until it is slower, or somebody else is as near
 _STILL_MPS, _TOUCH_M, _ROBOT_HEIGHT_M = 0.05, 0.005, 0.15
-
-RobotKey = tuple[Team, int]
-
-
-@dataclass(frozen=True, slots=True)
-class LeagueRobotState:
-    """One robot: whose it is, its number, where it is and how it moves (field frame), and whether it has the ball."""
-
-    team: Team
-    number: int
-    pose: Pose2
-    velocity_mps: tuple[float, float]
-    turn_rps: float
-    height_m: float
-    radius_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,38 +43,39 @@ class LeagueState:
     """Everything at one moment: yellow robots first, each team in order of its numbers; a kick while the ball moves."""
 
     t_s: float
-    robots: tuple[LeagueRobotState, ...]
+    robots: tuple[RobotState, ...]
     ball: BallState
     kick: Kick | None = None
 
 
 class LeagueWorld:
-    """A field, a ball and whoever is put there."""
+    """A field, a ball and whoever is put there.
+
+    Attributes
+    ----------
+    steps : int
+        Of the physics, since the start.
+    flight : Flight
+        How a chipped ball flies.
+    """
 
     def __init__(self, field: Field, flight: Flight) -> None:
-        self._robots: dict[RobotKey, LeagueRobot] = {}
-        self._specs: dict[RobotKey, LeagueRobotSpec] = {}
-        self._steps = 0
+        self._specs: dict[int, RobotSpec] = {}
+        self._orders: dict[int, HeldOrders] = {}
+        self.steps = 0
         self._build(field, flight)
 
     def _build(self, field: Field, flight: Flight) -> None:
-        self.field = field
-        self._space = pymunk.Space()
-        self._space.iterations = 10
-        self._space.collision_slop = 1e-4  # pymunk thinks in pixels, this is metres
-        add_ground(self._space, field, (), _FIXED)
-        self._ball = BallBody(self._space, field.ball_radius_m, _BALL, flight=flight)
+        self.field, self.flight = field, flight
+        self._physics = Physics(field)
+        self._robots = self._physics.robots
+        self._ball = self._physics.add_ball(flight=flight)
         self._kick: Kick | None = None
 
     @property
     def t_s(self) -> float:
         """Time since the start."""
-        return self._steps / STEPS_PER_S
-
-    @property
-    def steps(self) -> int:
-        """Physics steps since the start."""
-        return self._steps
+        return self.steps / STEPS_PER_S
 
     @property
     def ball(self) -> BallState:
@@ -99,25 +85,18 @@ class LeagueWorld:
     @property
     def state(self) -> LeagueState:
         """The truth."""
-        robots = []
-        for key in sorted(self._robots):
-            robot = self._robots[key]
-            body = robot.body
-            (x, y), (vx, vy) = body.position, body.velocity
-            pose, spec = Pose2(x, y, body.angle), robot.spec
-            robots.append(LeagueRobotState(*key, pose, (vx, vy), body.angular_velocity, spec.height_m, spec.radius_m))
-        return LeagueState(self.t_s, tuple(robots), self._ball.state, self._kick_of(self._ball.state))
+        robots = tuple(self._robots[key].state(index) for index, key in enumerate(sorted(self._robots)))
+        return LeagueState(self.t_s, robots, self._ball.state, self._kick_of(self._ball.state))
 
     def step(self) -> None:
         """Go on by one physics step."""
         t_s = self.t_s
-        for robot in self._robots.values():
-            robot.drive(t_s, STEP_S)
-            if robot.handle(self._ball, t_s, STEP_S):
-                self._kick = Kick(robot.team, robot.number, t_s, self._ball.state)
-        self._ball.apply_friction(STEP_S)
-        self._space.step(STEP_S)
-        self._steps += 1
+        orders = [self._orders[key].at(t_s, robot) for key, robot in self._robots.items()]
+        for event in self._physics.step(orders, t_s):
+            if event.kind == "kick" and self._physics.kicked is not None:
+                kicker = self._robots[event.robots[0]]
+                self._kick = Kick(TEAM_OF[kicker.side], kicker.number, t_s, self._physics.kicked)
+        self.steps += 1
 
     def _kick_of(self, ball: BallState) -> Kick | None:
         """Return the last kick while its ball rolls or flies, and nobody else has touched it."""
@@ -128,7 +107,7 @@ class LeagueWorld:
             math.hypot(robot.pose.x_m - ball.x_m, robot.pose.y_m - ball.y_m)
             < robot.spec.radius_m + self.field.ball_radius_m + _TOUCH_M
             for key, robot in self._robots.items()
-            if key != (kick.team, kick.number)
+            if key != _key(kick.team, kick.number)
         )
         if math.hypot(ball.vx_mps, ball.vy_mps) < _STILL_MPS or (touched and ball.z_m < _ROBOT_HEIGHT_M):
             self._kick = None
@@ -136,9 +115,9 @@ class LeagueWorld:
 
     def has(self, team: Team, number: int) -> bool:
         """Whether a robot is on the field."""
-        return (team, number) in self._robots
+        return _key(team, number) in self._robots
 
-    def robot(self, team: Team, number: int) -> LeagueRobot:
+    def robot(self, team: Team, number: int) -> RobotBody:
         """Return a robot.
 
         Raises
@@ -146,11 +125,11 @@ class LeagueWorld:
         ArgumentError
             If it is not on the field.
         """
-        if (team, number) not in self._robots:
+        if not self.has(team, number):
             raise ArgumentError(f"there is no robot {number} of {team.name.lower()} on the field")
-        return self._robots[team, number]
+        return self._robots[_key(team, number)]
 
-    def add(self, team: Team, number: int, pose: Pose2) -> LeagueRobot:
+    def add(self, team: Team, number: int, pose: Pose2) -> RobotBody:
         """Put a robot on the field.
 
         Raises
@@ -158,13 +137,14 @@ class LeagueWorld:
         ArgumentError
             If its team or number is not one of the league's, or it is there already.
         """
-        if team not in (Team.YELLOW, Team.BLUE) or not 0 <= number <= MAX_NUMBER:
+        if team not in SIDES or not 0 <= number <= MAX_NUMBER:
             raise ArgumentError(f"there is no robot {number} of {team!r}: numbers are 0 to {MAX_NUMBER}")
-        if (team, number) in self._robots:
+        if self.has(team, number):
             raise ArgumentError(f"robot {number} of {team.name.lower()} is on the field already")
-        spec, pose = self.spec(team, number), self._apart(team, number, pose)
-        robot = self._robots[team, number] = LeagueRobot(self._space, team, number, spec, pose)
-        return robot
+        key, spec, pose = _key(team, number), self.spec(team, number), self._apart(team, number, pose)
+        self._orders[key] = HeldOrders(spec)
+        # nothing is left to chance: every deviation of a perfect body is none
+        return self._physics.add((key, SIDES[team], number), pose, spec, PERFECT, np.random.default_rng(0))
 
     def place(
         self,
@@ -185,51 +165,46 @@ class LeagueWorld:
 
     def _apart(self, team: Team, number: int, pose: Pose2) -> Pose2:
         """Return a pose beside another robot's centre: two in one point have no direction in which to come apart."""
-        others = [robot.pose for key, robot in self._robots.items() if key != (team, number)]
+        others = [robot.pose for key, robot in self._robots.items() if key != _key(team, number)]
         if all(math.hypot(other.x_m - pose.x_m, other.y_m - pose.y_m) >= _APART_M for other in others):
             return pose
         # each in a direction of its own, so that any number of them come apart
-        angle = math.tau * (number + (MAX_NUMBER + 1) * (team == Team.BLUE)) / (2 * (MAX_NUMBER + 1))
+        angle = math.tau * _key(team, number) / (2 * (MAX_NUMBER + 1))
         return Pose2(pose.x_m + _APART_M * math.cos(angle), pose.y_m + _APART_M * math.sin(angle), pose.theta_rad)
 
     def remove(self, team: Team, number: int) -> None:
         """Take a robot off the field."""
         self.robot(team, number).remove()
-        del self._robots[team, number]
+        del self._robots[_key(team, number)]
 
-    def spec(self, team: Team, number: int) -> LeagueRobotSpec:
+    def spec(self, team: Team, number: int) -> RobotSpec:
         """Return what a robot is like, on the field or not."""
-        return self._specs.get((team, number)) or LeagueRobotSpec(radius_m=self.field.robot_radius_m)
+        return self._specs.get(_key(team, number)) or RobotSpec(radius_m=self.field.robot_radius_m)
 
-    def set_spec(self, team: Team, number: int, spec: LeagueRobotSpec) -> None:
+    def set_spec(self, team: Team, number: int, spec: RobotSpec) -> None:
         """Change what a robot is like; one on the field keeps its place and velocity."""
-        self._specs[team, number] = spec
-        if (team, number) in self._robots:
-            old = self._robots[team, number]
+        self._specs[_key(team, number)] = spec
+        if self.has(team, number):
+            old = self.robot(team, number)
             pose, velocity, turn = old.pose, tuple(old.body.velocity), old.body.angular_velocity
             self.remove(team, number)
             self.add(team, number, pose).place(pose, (velocity[0], velocity[1]), turn)
 
     def set_field(self, field: Field, flight: Flight) -> None:
         """Lay out another field; robots keep their places, and the ball lies at the centre."""
-        robots = [(key, robot.pose) for key, robot in self._robots.items()]
-        self._robots = {}
+        robots = tuple(self._robots.values())
         self._build(field, flight)
-        for (team, number), pose in robots:
-            self.add(team, number, pose)
-
-    @property
-    def flight(self) -> Flight:
-        """How a chipped ball flies."""
-        return self._ball.flight
+        for robot in robots:
+            self.add(TEAM_OF[robot.side], robot.number, robot.pose)
 
     def command(self, team: Team, command: RobotCommand) -> None:
         """Let a robot obey a command from now on."""
-        self.robot(team, command.number).obey(command, self.t_s)
+        self.robot(team, command.number)
+        self._orders[_key(team, command.number)].obey(command, self.t_s)
 
     def touches_ball(self, team: Team, number: int) -> bool:
         """Whether a robot has the ball in its mouth."""
-        return self.robot(team, number).touches(self._ball)
+        return self.robot(team, number).holds(self._ball)
 
     def place_ball(self, state: BallState, *, rolls: bool = True) -> None:
         """Put the ball somewhere with a velocity: rolling, or sliding as if kicked."""
@@ -251,3 +226,8 @@ class LeagueWorld:
                 pose = Pose2(x_m + ux * need, y_m + uy * need, pose.theta_rad)
             if away < 0.5:
                 robot.place(pose)
+
+
+def _key(team: Team, number: int) -> int:
+    """Return the index of a robot among all that there can be, yellow first."""
+    return number + (MAX_NUMBER + 1) * (team == Team.BLUE)

@@ -29,6 +29,9 @@ class RobotState:
     turn_rps: float
     #: Pan of the head that carries a pinhole camera.
     pan_rad: float = 0.0
+    #: Of its hull.
+    radius_m: float = 0.09
+    height_m: float = 0.15
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,59 +1,27 @@
-"""The world of a match, seen from above: robots, ball, walls and rules in one pymunk space.
-
-Fixed steps and a fixed order of everything: the same seed and the same commands give the same run bit for bit, in any
-process on the same machine.
-"""
+"""The world of a match: its robots by their indices, in control periods, under its rules."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import pymunk
 
 from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2
 from sim2d.kick_off import kick_off_pose
-from sim2d.rendering.scene import Box, Scene
+from sim2d.rendering.scene import Box
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, RobotLimits
-from sim2d.world.ball_physics import BallBody, BallSettings
+from sim2d.world.ball_physics import BallSettings
+from sim2d.world.physics import STEPS, Physics
 from sim2d.world.referee import MatchReferee, Referee, RefereeSettings
-from sim2d.world.robot_body import BodySettings, RobotBody, check_command
+from sim2d.world.robot_body import Order, RobotBody
+from sim2d.world.robot_spec import BodySettings, RobotSpec
 from sim2d.world.state import Event, WorldState
 
-STEPS = 10  # physics steps a period
-STEP_S = CONTROL_PERIOD_S / STEPS
-_FIXED, _BALL, _ROBOT = 1, 2, 3
 _STOP = Command()
-WALL_THICKNESS_M = 0.05  # outwards: the inner face stands at the place in the field file
-PANEL_HALF_THICKNESS_M = 0.005
-
-
-def add_ground(space: pymunk.Space, field: Field, boxes: Sequence[Box], collision_type: int) -> None:
-    """Add everything fixed to a space, always in the same order."""
-    shapes: list[pymunk.Shape] = []
-    fixed = space.static_body
-    if field.is_bounded:
-        corners = field.floor_polygon
-        for (x0, y0), (x1, y1) in zip(corners.tolist(), np.roll(corners, -1, axis=0).tolist(), strict=True):
-            half, length = WALL_THICKNESS_M / 2, math.hypot(x1 - x0, y1 - y0)
-            # counter-clockwise, so outwards is to the right of the edge
-            ox, oy = half * (y1 - y0) / length, -half * (x1 - x0) / length
-            shapes.append(pymunk.Segment(fixed, (x0 + ox, y0 + oy), (x1 + ox, y1 + oy), half))
-    for goal in field.goals:
-        if goal.kind == "panels":
-            for x0, y0, x1, y1 in goal.panels.tolist():
-                shapes.append(pymunk.Segment(fixed, (x0, y0), (x1, y1), PANEL_HALF_THICKNESS_M))
-    shapes += [pymunk.Circle(fixed, post.radius_m, (post.x_m, post.y_m)) for post in Scene(field).posts()]
-    shapes += [pymunk.Poly(fixed, [(x, y) for x, y in box.corners.tolist()]) for box in boxes]
-    for shape in shapes:
-        shape.elasticity, shape.friction = 0.7, 0.1
-        shape.collision_type = collision_type
-        space.add(shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +43,8 @@ class World:
     ----------
     referee : MatchReferee, optional
         Who judges; default: one of sim2d's own simple rules, of `settings.referee`.
+    boxes, starts
+        Of a course (`World.course`).
 
     Raises
     ------
@@ -90,16 +60,25 @@ class World:
         rng: np.random.Generator,
         settings: WorldSettings = WorldSettings(),
         referee: MatchReferee | None = None,
+        boxes: Sequence[Box] = (),
+        starts: Sequence[Pose2] | None = None,
     ) -> None:
-        if players_per_side < 1:
-            raise ArgumentError(f"players_per_side must be at least 1, got {players_per_side}")
         n = players_per_side
+        if n < 1:
+            raise ArgumentError(f"players_per_side must be at least 1, got {n}")
+        self.field, self.limits, self.boxes = field, limits, tuple(boxes)
+        self._rng, self._periods = rng, 0
+        self._events: list[Event] = []
+        self._referee: MatchReferee | None = None
+        self._physics = Physics(field, boxes)
+        spec = RobotSpec.of(limits, settings.body, field.ball_radius_m)
         places = [(side, number) for side in (1, -1) for number in range(n)]
-        starts = [kick_off_pose(field, side, number, n, limits.radius_m) for side, number in places]
-        robots = [(*place, start) for place, start in zip(places, starts, strict=True)]
-        self._build(field, (), limits, rng, robots, settings.body)
-        self._ball: BallBody | None = BallBody(self._space, field.ball_radius_m, _BALL, settings.ball)
-        self._referee: MatchReferee | None = referee or Referee(field, limits, settings.referee)
+        for index, (side, number) in enumerate(places if starts is None else places[:n]):
+            start = kick_off_pose(field, side, number, n, limits.radius_m) if starts is None else starts[index]
+            self._physics.add((index, side, number), start, spec, settings.body, rng)
+        if starts is None:
+            self._physics.add_ball(settings.ball)
+            self._referee = referee or Referee(field, limits, settings.referee)
 
     @classmethod
     def course(
@@ -111,36 +90,7 @@ class World:
         rng: np.random.Generator,
     ) -> World:
         """Make a world without ball and rules: boxes on a field, and a robot at each start, all of side +1."""
-        world = cls.__new__(cls)
-        world._build(field, boxes, limits, rng, [(1, k, start) for k, start in enumerate(starts)], BodySettings())
-        world._ball = world._referee = None
-        return world
-
-    def _build(
-        self,
-        field: Field,
-        boxes: Sequence[Box],
-        limits: RobotLimits,
-        rng: np.random.Generator,
-        robots: Sequence[tuple[int, int, Pose2]],
-        body: BodySettings,
-    ) -> None:
-        self.field, self.limits, self.boxes = field, limits, tuple(boxes)
-        self._rng = rng
-        self._space = pymunk.Space()
-        self._space.iterations = 20
-        self._space.collision_slop = 1e-4  # pymunk thinks in pixels, this is metres
-        add_ground(self._space, field, boxes, _FIXED)
-        self._robots: list[RobotBody] = []
-        for index, (side, number, start) in enumerate(robots):
-            robot = RobotBody(self._space, index, side, number, limits, STEP_S, _ROBOT, rng, body)
-            robot.place(start)
-            self._robots.append(robot)
-        self._of_shape = {robot.shape: robot.index for robot in self._robots}
-        for other in (_FIXED, _ROBOT):
-            self._space.on_collision(_ROBOT, other, begin=self._note_collision)
-        self._periods = 0
-        self._events: list[Event] = []
+        return cls(field, len(starts), limits, rng, boxes=boxes, starts=starts)
 
     @property
     def t_s(self) -> float:
@@ -150,13 +100,13 @@ class World:
     @property
     def state(self) -> WorldState:
         """The truth."""
-        referee = self._referee
+        referee, ball = self._referee, self._physics.ball
         score = (referee.score[1], referee.score[-1]) if referee else (0, 0)
         phase: Phase = referee.phase if referee else "play"
         return WorldState(
             self.t_s,
-            tuple(robot.state for robot in self._robots),
-            self._ball.state if self._ball else None,
+            tuple(robot.state(robot.index) for robot in self._physics.robots.values()),
+            ball.state if ball else None,
             score,
             phase,
             referee.kick_off_side if referee else 1,
@@ -180,50 +130,29 @@ class World:
         for index, command in commands.items():
             self._robot(index)
             check_command(command)
-        self._events = []
-        drawn = self._rng.standard_normal((len(self._robots), 3)).tolist()
-        for robot, (a, b, c) in zip(self._robots, drawn, strict=True):
+        robots = self._physics.robots
+        drawn = self._rng.standard_normal((len(robots), 3)).tolist()
+        for robot, (a, b, c) in zip(robots.values(), drawn, strict=True):
             robot.begin_period(CONTROL_PERIOD_S, (a, b, c))
-        given = [commands.get(robot.index, _STOP) for robot in self._robots]
-        for _ in range(STEPS):
-            self._physics_step(given)
+        given = [commands.get(index, _STOP) for index in robots]
+        orders = [Order(c.forward_mps, c.left_mps, c.turn_rps, c.kick_mps, 0.0, c.dribble, c.pan_rad) for c in given]
+        self._events = [event for _ in range(STEPS) for event in self._physics.step(orders, self.t_s)]
         self._periods += 1
         self._apply_rules()
 
-    def _physics_step(self, commands: Sequence[Command]) -> None:
-        for robot, command in zip(self._robots, commands, strict=True):
-            robot.drive(command)
-        ball = self._ball
-        if ball is not None:
-            for robot in self._robots:
-                speed = robot.handle(ball, self._rng)
-                if speed:
-                    self._events.append(Event(self.t_s, "kick", (robot.index,), speed_mps=speed))
-            ball.apply_friction(STEP_S)
-        self._space.step(STEP_S)
-        for robot in self._robots:
-            robot.finish_step()
-
     def _apply_rules(self) -> None:
-        if self._referee is None or self._ball is None:
+        ball = self._physics.ball
+        if self._referee is None or ball is None:
             return
-        robots = [robot.state for robot in self._robots]
-        for ruling in self._referee.judge(self.t_s, robots, self._ball.state):
+        robots = self.state.robots
+        for ruling in self._referee.judge(self.t_s, robots, ball.state):
             if ruling.event is not None:
                 self._events.append(ruling.event)
             if ruling.ball_at is not None:
-                self._ball.place(*ruling.ball_at)
+                ball.place(*ruling.ball_at)
             if ruling.robot_at is not None:
                 index, x, y = ruling.robot_at
                 self.place(index, Pose2(x, y, robots[index].pose.theta_rad))
-
-    def _note_collision(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
-        velocities = [shape.body.velocity if shape.body else (0.0, 0.0) for shape in arbiter.shapes]
-        (ax, ay), (bx, by) = velocities
-        normal = arbiter.normal
-        speed = abs((ax - bx) * normal.x + (ay - by) * normal.y)
-        robots = sorted(self._of_shape[shape] for shape in arbiter.shapes if shape in self._of_shape)
-        self._events.append(Event(self.t_s, "collision", tuple(robots), speed_mps=speed))
 
     def odometry(self, index: int) -> Pose2:
         """Motion during the last control period, in the robot frame at its beginning, measured by the wheels."""
@@ -231,7 +160,8 @@ class World:
 
     def ball_in_mouth(self, index: int) -> bool:
         """Whether the ball interrupts the light barrier across a robot's mouth."""
-        return self._ball is not None and self._robot(index).holds(self._ball)
+        ball = self._physics.ball
+        return ball is not None and self._robot(index).holds(ball)
 
     def place(self, index: int, pose: Pose2) -> None:
         """Put a robot somewhere, at rest; its odometry does not measure that (kidnapping)."""
@@ -251,11 +181,26 @@ class World:
         ArgumentError
             If there is none.
         """
-        if self._ball is None:
+        if self._physics.ball is None:
             raise ArgumentError("this world has no ball")
-        self._ball.place(x_m, y_m, vx_mps, vy_mps)
+        self._physics.ball.place(x_m, y_m, vx_mps, vy_mps)
 
     def _robot(self, index: int) -> RobotBody:
-        if not 0 <= index < len(self._robots):
-            raise ArgumentError(f"there is no robot {index}: they are 0 to {len(self._robots) - 1}")
-        return self._robots[index]
+        robots = self._physics.robots
+        if index not in robots:
+            raise ArgumentError(f"there is no robot {index}: they are 0 to {len(robots) - 1}")
+        return robots[index]
+
+
+def check_command(command: Command) -> None:
+    """Refuse a command that no robot can obey.
+
+    Raises
+    ------
+    ArgumentError
+        If one of its numbers is not finite.
+    """
+    for name in ("forward_mps", "left_mps", "turn_rps", "kick_mps", "pan_rad"):
+        value = getattr(command, name)
+        if value is not None and not math.isfinite(value):
+            raise ArgumentError(f"a command's {name} must be finite, got {value}")

@@ -14,7 +14,7 @@ from sim2d.match.disturbances import LEGS, MIRRORS_ON_LEGS, MIRRORS_ON_WHEELS, N
 from sim2d.match.setups import ROBOTS, camera_for
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import Command
-from sim2d.world.robot_body import BodySettings
+from sim2d.world.robot_spec import BodySettings
 
 FIELD = load_field("four_legged_2007")
 SMALL = PinholeCamera((52, 40), (48.0, 48.0), (25.5, 19.5), 0.2, tilt_rad=-0.2)

@@ -178,7 +178,9 @@ TRUTH = ("World", "WorldState", "RobotState", "RobotBody", "BallBody", "Arena", 
 
 
 def is_truth(thing):
-    return type(thing).__name__ in TRUTH or type(thing).__module__.startswith(("pymunk", "sim2d.world.world"))
+    return type(thing).__name__ in TRUTH or type(thing).__module__.startswith(
+        ("pymunk", "sim2d.world.physics", "sim2d.world.world")
+    )
 
 
 @pytest.mark.parametrize("player", [Reckoner, BuiltInPlayer])

@@ -20,6 +20,7 @@ from robocup_vision.ssl.values import simulation as sim
 from sim2d.network.league import STEPS_A_FRAME, LeagueSimulator
 from sim2d.network.realism import Realism
 from sim2d.network.server import LeagueServer
+from sim2d.network.world import TEAM_OF
 
 LIMIT_S = 60.0
 
@@ -68,7 +69,7 @@ def main(python, program):
             pose = robot.pose
             want = [1000 * pose.x_m, 1000 * pose.y_m, pose.theta_rad]
             things += 1
-            wrong += np.float32(seen[robot.team, robot.number]).tolist() != np.float32(want).tolist()
+            wrong += np.float32(seen[TEAM_OF[robot.side], robot.number]).tolist() != np.float32(want).tolist()
         things += 1
         wrong += (
             np.float32(frame["ball"]).tolist() != np.float32([1000 * truth.ball.x_m, 1000 * truth.ball.y_m]).tolist()

@@ -18,6 +18,7 @@ from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket
 from sim2d.network.league import MAX_REQUEST_BYTES, Channel, LeagueSimulator
 from sim2d.network.realism import REALISMS, Realism
+from sim2d.network.world import TEAM_OF
 
 FIELD = load_field("ssl_division_b")
 YELLOW, BLUE = sim.Team.YELLOW, sim.Team.BLUE
@@ -48,7 +49,7 @@ def configure(**settings):
 
 
 def robot_of(made, team, number):
-    return next(robot for robot in made.world.state.robots if (robot.team, robot.number) == (team, number))
+    return next(robot for robot in made.world.state.robots if (TEAM_OF[robot.side], robot.number) == (team, number))
 
 
 def published(made, steps):
@@ -83,7 +84,7 @@ def test_detections_are_the_truth_to_float32():
             truth = made.world.state
             assert len(seen) == len(truth.robots) == 12
             for robot in truth.robots:
-                there = seen[robot.team, robot.number]
+                there = seen[TEAM_OF[robot.side], robot.number]
                 assert np.float32(1000 * there.x_m) == np.float32(1000 * robot.pose.x_m)
                 assert np.float32(1000 * there.y_m) == np.float32(1000 * robot.pose.y_m)
                 assert np.float32(there.orientation_rad) == np.float32(robot.pose.theta_rad)

@@ -14,12 +14,11 @@ from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2
-from robocup_vision.ssl.values.simulation import Team
 from sim2d.network.overhead_view import Mounting, OverheadView, camera_mounting, camera_rig
 from sim2d.network.realism import REALISMS, realism_named
 from sim2d.network.vision import CameraImages, OverheadVision, visible_ratio
-from sim2d.network.world import LeagueRobotState, LeagueState
-from sim2d.world.state import BallState
+from sim2d.network.world import LeagueState
+from sim2d.world.state import BallState, RobotState
 
 FIELD = load_field("ssl_division_b")
 CAMERA = camera_rig(FIELD, 2, 2, 1.0)[0]
@@ -28,10 +27,7 @@ CAMERA = camera_rig(FIELD, 2, 2, 1.0)[0]
 def state(ball, *robots):
     return LeagueState(
         1.0,
-        tuple(
-            LeagueRobotState(Team.YELLOW, number, pose, (0.0, 0.0), 0.0, 0.15, 0.09)
-            for number, pose in enumerate(robots)
-        ),
+        tuple(RobotState(number, 1, number, pose, (0.0, 0.0), 0.0) for number, pose in enumerate(robots)),
         BallState(*ball),
     )
 

@@ -17,9 +17,10 @@ from robocup_vision.ssl.values.simulation import (
     Team,
     WheelVelocities,
 )
-from sim2d.network.robot import LeagueRobotSpec
+from sim2d.network.held_orders import body_velocity
 from sim2d.network.world import STEPS_PER_S, LeagueWorld
 from sim2d.world.ball_physics import Flight
+from sim2d.world.robot_spec import RobotSpec
 from sim2d.world.state import BallState
 
 Y = Team.YELLOW
@@ -50,7 +51,7 @@ def test_local_and_global_velocities(world):
 
 
 def test_it_speeds_up_and_brakes_by_its_limits(world):
-    spec = LeagueRobotSpec()
+    spec = RobotSpec()
     robot = go(world, 0.1, MoveCommand(world=GlobalVelocity(3.0, 0.0, 0.0)))
     assert robot.velocity_mps[0] == pytest.approx(spec.speed_up_mps2 * 0.1, rel=0.01)
     robot = go(world, 1.0, MoveCommand(world=GlobalVelocity(30.0, 0.0, 30.0)))
@@ -85,15 +86,15 @@ def test_fields_left_out_keep_their_value(world):
 
 @given(forward=st.floats(-3, 3), left=st.floats(-3, 3), turn=st.floats(-10, 10))
 def test_wheels_move_the_body_as_their_angles_say(forward, left, turn):
-    spec = LeagueRobotSpec()
+    spec = RobotSpec()
     rims = tuple(
         -math.sin(angle) * forward + math.cos(angle) * left + spec.radius_m * turn for angle in spec.wheel_angles_rad
     )
-    assert spec.body_velocity(rims) == pytest.approx((forward, left, turn), abs=1e-9)
+    assert body_velocity(spec, WheelVelocities(*rims)) == pytest.approx((forward, left, turn), abs=1e-9)
 
 
 def test_wheel_commands_drive(world):
-    rims = [-math.sin(angle) * 1.0 for angle in LeagueRobotSpec().wheel_angles_rad]
+    rims = [-math.sin(angle) * 1.0 for angle in RobotSpec().wheel_angles_rad]
     assert rims[0] > 0 > rims[3]  # forward turns the right wheels counter-clockwise about the robot, the left clockwise
     robot = go(world, 1.0, MoveCommand(wheels=WheelVelocities(*rims)))
     assert robot.velocity_mps == (pytest.approx(0.0, abs=1e-6), pytest.approx(1.0))
@@ -121,7 +122,7 @@ def test_a_kick_has_the_ordered_speed_and_a_chip_its_angle(world):
 def test_kicks_are_limited_by_the_kicker(world):
     world.place_ball(BallState(0.0, 0.0965))
     go(world, 1 / STEPS_PER_S, kick_mps=50.0)
-    assert world.ball.vy_mps == pytest.approx(LeagueRobotSpec().max_kick_mps, rel=0.02)
+    assert world.ball.vy_mps == pytest.approx(RobotSpec().max_kick_mps, rel=0.02)
 
 
 def test_a_dribbler_takes_the_ball_along(world):
@@ -147,7 +148,7 @@ def test_robots_are_added_and_removed_by_their_numbers(world):
 def test_a_changed_robot_keeps_its_place(world):
     go(world, 0.5, MoveCommand(world=GlobalVelocity(1.0, 0.0, 0.0)))
     before = world.state.robots[0]
-    world.set_spec(Y, 3, LeagueRobotSpec(radius_m=0.08, max_speed_mps=0.5))
+    world.set_spec(Y, 3, RobotSpec(radius_m=0.08, max_speed_mps=0.5))
     after = world.state.robots[0]
     assert (after.pose, after.velocity_mps, after.radius_m) == (before.pose, before.velocity_mps, 0.08)
 

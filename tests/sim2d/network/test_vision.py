@@ -14,16 +14,16 @@ from robocup_vision.ssl.values.simulation import ErForceRealism, Team
 from sim2d.network.overhead_view import camera_rig
 from sim2d.network.realism import REALISMS, Realism, changed_realism, realism_named
 from sim2d.network.vision import MAX_PACKET_BYTES, OverheadVision, detection_packets, visible_ratio
-from sim2d.network.world import LeagueRobotState, LeagueState
+from sim2d.network.world import SIDES, LeagueState
 from sim2d.world.ball_physics import Flight
-from sim2d.world.state import BallState
+from sim2d.world.state import BallState, RobotState
 
 FIELD = load_field("ssl_division_b")
 CENTER = BallState(0.0, 0.0)
 
 
 def robot(team=Team.YELLOW, number=1, x=1.0, y=0.5, angle=0.3):
-    return LeagueRobotState(team, number, Pose2(x, y, angle), (0.0, 0.0), 0.0, 0.15, 0.09)
+    return RobotState(0, SIDES[team], number, Pose2(x, y, angle), (0.0, 0.0), 0.0)
 
 
 def state(*robots, ball=CENTER, t_s=2.0):

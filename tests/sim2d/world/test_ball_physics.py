@@ -2,13 +2,17 @@
 
 import math
 
+import numpy as np
 import pymunk
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from field_models import load_field
+from robocup_vision.geometry import Pose2
 from sim2d.world.ball_physics import GRAVITY_MPS2, BallBody, Flight
-from sim2d.world.robot_body import Mouth
+from sim2d.world.physics import Physics
+from sim2d.world.robot_spec import PERFECT, RobotSpec
 
 DT_S = 1 / 300
 
@@ -84,14 +88,14 @@ def test_a_ball_that_is_put_down_flies_no_more():
 
 
 def test_a_ball_in_the_air_is_not_in_a_mouth():
-    _, ball = ball_in_space()
-    robot = pymunk.Body(2.5, 1.0)
-    mouth = Mouth(0.1, 0.03)
+    physics = Physics(load_field("ssl_division_b"))
+    robot = physics.add((0, 1, 0), Pose2(0.0, 0.0, 0.0), RobotSpec(), PERFECT, np.random.default_rng(0))
+    ball = physics.add_ball()
     ball.place(0.1, 0.0)
-    assert mouth.holds(robot, ball)
+    assert robot.holds(ball)
     ball.throw(0.3, 0.0)
-    assert not mouth.holds(robot, ball)
+    assert not robot.holds(ball)
     ball.place(0.1, 0.05)
-    assert not mouth.holds(robot, ball)
+    assert not robot.holds(ball)
     ball.place(-0.1, 0.0)
-    assert not mouth.holds(robot, ball)
+    assert not robot.holds(ball)

@@ -16,9 +16,10 @@ from sim2d.kick_off import center_circle_radius_m, kick_off_pose, kick_off_row
 from sim2d.rendering.scene import Box
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.world.ball_physics import BallSettings
+from sim2d.world.physics import STEP_S
 from sim2d.world.referee import RefereeSettings
-from sim2d.world.robot_body import BodySettings
-from sim2d.world.world import STEP_S, World, WorldSettings
+from sim2d.world.robot_spec import BodySettings
+from sim2d.world.world import World, WorldSettings
 
 FIELD = load_field("ssl_2001")
 CARPET = load_field("msl_6x4")

@@ -20,6 +20,7 @@ from robocup_vision.ssl.values.simulation import RobotControl, RobotControlRespo
 from sim2d.network.league import STEPS_A_COMMAND, Channel, LeagueSimulator
 from sim2d.network.realism import REALISMS
 from sim2d.network.team.team import OverheadTeam
+from sim2d.network.world import TEAM_OF
 from sim2d.world.state import BallState
 
 FIELD = load_field("ssl_division_b")
@@ -75,7 +76,7 @@ class Loop:
         return state
 
     def own(self, state):
-        return [robot for robot in state.robots if robot.team == self.side]
+        return [robot for robot in state.robots if TEAM_OF[robot.side] == self.side]
 
 
 def speed(robot):
