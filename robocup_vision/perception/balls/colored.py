@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import blobs as kernel
 from robocup_vision.kernels.balls.cut_ball import fit_cut_ball
-from robocup_vision.kernels.balls.evidence import find_and_weigh
+from robocup_vision.kernels.balls.evidence import BallEvidence, find_and_weigh
 from robocup_vision.kernels.balls.upright import count_upright
-from robocup_vision.perception.balls.ball import BallSettings
-from robocup_vision.perception.balls.frame import BallFrame, Sighting
+from robocup_vision.perception.balls.ball import Sighting
+from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.projection import BallProjection
 from robocup_vision.perception.balls.sizes import BallSizes
 from robocup_vision.perception.color_table import Colors, ColorTable
@@ -29,15 +29,55 @@ _RAW_NOISE = 3.0
 _MAX_EXPONENT = 50.0
 
 
+@dataclass(frozen=True, slots=True)
+class ColoredBallSettings:
+    """What the search for coloured balls can be tuned by."""
+
+    evidence: BallEvidence = field(default_factory=BallEvidence)  #: what a ball looks like, and everything else
+    #: a find with less is no ball: of some hundred things of its colour in a frame none may pass by chance
+    min_log_likelihood_ratio: float = 6.5
+    #: it may be so much less where the last frame showed a ball within so many half sizes: balls stay, and of the
+    #: hundred things few are so near
+    again_nats: float = 3.0
+    again_half_sizes: float = 8.0
+    max_blobs: int = 128  #: more are not looked at: a picture full of the ball's colour
+    #: so many standard deviations of the noise beyond where it begins on the way from white is the ball's colour: dark
+    #: grey has any hue in noise
+    white_noise_stds: float = 0.5
+    #: where on the way from white it begins where a channel is at its end, by the others: a ball burnt out by a lamp is
+    #: nearly white
+    clipped_ratio: float = 0.15
+    #: standard deviations by which floor seldom differs from itself: the ball's colour begins beyond
+    floor_stds: float = 3.5
+    min_level: float = 0.6  #: brightness of the ball's shaded side, sum of its channels, as a ratio of the lit floor's
+    min_signal: float = 4.0  #: standard deviations by which a blob must differ from the floor
+    #: mean log-likelihood ratio from which on the floor near the robot is all carpet; how far, as a standard deviation,
+    #: robots and walls let it fall; nats of a frame with such a floor. Photographs of anything have 1.3 (median), of
+    #: fields 3 to 4; of rendered frames in a crowd one in ten has less than 1.5.
+    floor_nats: float = 3.0
+    floor_std: float = 0.7
+    max_floor: float = 1.0
+    #: carpet is greener than grey and than the frame's white by some times the first, a logarithm; each time that it is
+    #: less green costs the second. The greyest carpet of the photographs has 1.5 times the first.
+    green_scale: float = 0.025
+    green_nats: float = 2.0
+    center_std_px: float = 0.3  #: of the blob's centre
+    #: something upright goes on above a blob, or below it, where what is as wide as it differs from what lies to both
+    #: sides by so many levels, and by so many times what differs in it; what that costs
+    min_upright_step: float = 15.0
+    upright_spreads: float = 2.0
+    upright_nats: float = -2.5
+
+
 def ball_colors(
-    colors: Colors, settings: BallSettings, white_ratios: tuple[float, ...]
+    colors: Colors, settings: ColoredBallSettings, white_ratios: tuple[float, ...]
 ) -> tuple[kernel.BallColor, ...]:
     """Return what is of the ball's colour, from so far on the way from white on; noise may make several the same."""
     found = [_ball_color(colors, settings, ratio) for ratio in white_ratios]
     return tuple(one for n, one in enumerate(found) if n == 0 or one.plane_ratio < found[n - 1].plane_ratio)
 
 
-def _ball_color(colors: Colors, settings: BallSettings, min_ratio: float) -> kernel.BallColor:
+def _ball_color(colors: Colors, settings: ColoredBallSettings, min_ratio: float) -> kernel.BallColor:
     """Return planes that part the ball's colour from white and from the floor, and how bright and clear it must be."""
     ball, floor, white = (_direction(color) for color in (colors.ball, colors.floor.lit, colors.line))
     raw_noise = _RAW_NOISE * colors.floor.noise
@@ -82,7 +122,7 @@ def with_swapped_ball(colors: Colors) -> Colors | None:
     return replace(colors, ball=PaintColor(red, blue))
 
 
-def floor_evidence(near_floor_nats: float, green_nats: float, settings: BallSettings) -> float:
+def floor_evidence(near_floor_nats: float, green_nats: float, settings: ColoredBallSettings) -> float:
     """Return how much more likely the frame shows a ball's floor than anything: carpet all around, and it is green.
 
     The second is what `green_evidence` tells of the frame's colours.
@@ -91,7 +131,7 @@ def floor_evidence(near_floor_nats: float, green_nats: float, settings: BallSett
     return settings.max_floor - 0.5 * missing * missing + green_nats
 
 
-def green_evidence(colors: Colors, settings: BallSettings) -> float:
+def green_evidence(colors: Colors, settings: ColoredBallSettings) -> float:
     """Return how much more likely a floor of these colours is carpet than anything, as it is green: nats, 0 or less."""
     floor, white = colors.floor.lit, colors.line
     # under a cast of light carpet is greener than white; what passes for white may be some paint: than grey, too
@@ -133,7 +173,7 @@ class ColoredLook:
         field: Field,
         size_px: tuple[int, int],
         mask: UInt8Array | None = None,
-        settings: BallSettings = BallSettings(),
+        settings: ColoredBallSettings = ColoredBallSettings(),
     ) -> None:
         self.settings = settings
         self._has_color = field.ball_color not in ("white", "black")

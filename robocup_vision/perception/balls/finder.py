@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.balls.ball import Ball, Sighting
 from robocup_vision.perception.balls.colored import ColoredLook
-from robocup_vision.perception.balls.frame import BallFrame, Sighting
 from robocup_vision.perception.balls.learned import LearnedLook
+from robocup_vision.perception.balls.look import BallFrame, BallLook
 from robocup_vision.perception.balls.patterned import PatternedLook
 from robocup_vision.perception.balls.projection import BallProjection, ball_projection
 
 # more are not reported
 _MAX_BALLS = 8
-
-
-class BallLook(Protocol):
-    """What a ball looks like, and how that is seen in frames."""
-
-    def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
-        """Return what looks like balls, the likeliest first, and what places it: the frame's own, or as balls tell."""
-        ...
-
-    def forget(self) -> None:
-        """Forget the frames before."""
-        ...
 
 
 def is_learned(camera: OmniCamera | PinholeCamera) -> bool:

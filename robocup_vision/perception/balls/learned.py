@@ -10,7 +10,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.perception.balls.frame import BallFrame, Sighting
+from robocup_vision.perception.balls.ball import Sighting
+from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.network import BallNetwork, BallPlaces, BallSpot, is_near
 from robocup_vision.perception.balls.projection import BallProjection
 from robocup_vision.perception.balls.sizes import BallSizes

@@ -19,8 +19,8 @@ from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import patterned as kernel
 from robocup_vision.kernels.balls import patterned_carpet
-from robocup_vision.perception.balls.ball import lie_apart
-from robocup_vision.perception.balls.frame import BallFrame, Sighting
+from robocup_vision.perception.balls.ball import Sighting, lie_apart
+from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.projection import SWAY_STD_RAD, BallProjection, PinholeBallProjection
 from robocup_vision.perception.balls.sizes import BallSizes, ball_sizes_px
 

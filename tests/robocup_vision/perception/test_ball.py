@@ -9,10 +9,9 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.balls.ball import BallSettings
-from robocup_vision.perception.balls.colored import ColoredLook
+from robocup_vision.perception.balls.colored import ColoredBallSettings, ColoredLook
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.frame import BallFrame
+from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.color_table import build_color_table, learn_colors
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
@@ -173,7 +172,7 @@ def test_a_doubtful_ball_is_found_only_near_where_one_was(ssl_field, paper_camer
     doubtful = max(nats(frame, doubtful_floor) for frame in (near, far))
     needed = (doubtful + nats(start, sure_floor)) / 2
     assert needed > doubtful
-    look = ColoredLook(ssl_field, paper_camera.size_px, settings=BallSettings(min_log_likelihood_ratio=needed))
+    look = ColoredLook(ssl_field, paper_camera.size_px, settings=ColoredBallSettings(min_log_likelihood_ratio=needed))
     finder = BallFinder(ssl_field, paper_camera, look=look)
     assert not found(finder, near, doubtful_floor)
     for frame, is_found in ((near, True), (far, False)):

@@ -5,12 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robocup_vision.perception.balls.ball import BallSettings
-from robocup_vision.perception.balls.colored import floor_evidence, green_evidence
+from robocup_vision.perception.balls.colored import ColoredBallSettings, floor_evidence, green_evidence
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor
 
-SETTINGS = BallSettings()
+SETTINGS = ColoredBallSettings()
 ORANGE = PaintColor(2.0, 0.3)
 ratios = st.floats(0.05, 5.0)
 nats = st.floats(-4.0, 4.0)

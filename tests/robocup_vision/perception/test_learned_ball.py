@@ -11,8 +11,8 @@ from ball_patches import is_patch
 from field_models import load_field
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.frame import BallFrame
 from robocup_vision.perception.balls.learned import LearnedBallSettings, LearnedLook
+from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.network import BallPlaces
 from robocup_vision.perception.balls.projection import PinholeBallProjection
 from robocup_vision.vision import Vision

@@ -11,7 +11,7 @@ from ball_patches import is_patch
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.frame import BallFrame
+from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.patterned import PatternedBallSettings
 from robocup_vision.vision import Vision
 

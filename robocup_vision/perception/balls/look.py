@@ -1,12 +1,13 @@
-"""A frame in which balls are looked for, and what is seen in it."""
+"""What a look for balls takes, a frame, and what it returns; each look knows balls by something else."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.perception.balls.ball import Sighting
 from robocup_vision.perception.balls.projection import BallProjection
 from robocup_vision.perception.color_table import ColorTable
 
@@ -23,11 +24,13 @@ class BallFrame(NamedTuple):
     t_s: float | None = None  #: when it was taken
 
 
-class Sighting(NamedTuple):
-    """What looks like a ball."""
+class BallLook(Protocol):
+    """What a ball looks like, and how that is seen in frames."""
 
-    #: its centre in the frame, and the standard deviation of that
-    u_px: float
-    v_px: float
-    std_px: float
-    nats: float  #: log-likelihood ratio: what speaks for it
+    def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
+        """Return what looks like balls, the likeliest first, and what places it: the frame's own, or as balls tell."""
+        ...
+
+    def forget(self) -> None:
+        """Forget the frames before."""
+        ...
