@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from field_models import Field
 from robocup_vision.ssl.values.controller import (
@@ -89,7 +90,7 @@ class Autoref:
             return []
         turned = self._side(Team.YELLOW)
         if turned < 0:
-            robots = [_other_side(robot) for robot in robots]
+            robots = [replace(robot, side=-robot.side) for robot in robots]
         referee, before = self._referee, len(self._referee.fouls)
         command, side, since_s, _, _ = self._followed
         if math.hypot(ball.vx_mps, ball.vy_mps) < 0.1:
@@ -186,7 +187,3 @@ class Autoref:
             if self._begins is not None:
                 away_m = math.dist(coming.place_m, (self._begins.x_m, self._begins.y_m))
         return PlacementSucceeded(self._team(side), took_s, off_m, away_m)
-
-
-def _other_side(robot: RobotState) -> RobotState:
-    return RobotState(robot.index, -robot.side, robot.number, robot.pose, robot.velocity_mps, robot.turn_rps)

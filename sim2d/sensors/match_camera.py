@@ -18,9 +18,8 @@ from sim2d.kernels.match_pixels import add_noise
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.forward import EyeInField, ForwardFrames
 from sim2d.rendering.fast.mirror import MirrorFrames
-from sim2d.rendering.motion_blur import motion_blur
 from sim2d.rendering.scene import Ball, Box, Light, Robot, Room, Scene
-from sim2d.rendering.sensor import Sensor
+from sim2d.rendering.sensor import Sensor, motion_blur
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.body_sway import UPRIGHT, Sway
 from sim2d.world.state import BallState, RobotState, WorldState

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sim2d.rendering.motion_blur import motion_blur, motion_kernel
-from sim2d.rendering.sensor import Sensor
+from sim2d.rendering.sensor import Sensor, motion_blur, motion_kernel
 
 
 def flat(level: float) -> np.ndarray:

@@ -18,9 +18,9 @@ from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.vision import Vision
-from sim2d.rendering.motion_blur import motion_blur
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Scene
+from sim2d.rendering.sensor import motion_blur
 
 STD = np.array([0.05, 0.05, math.radians(2.0)])
 BLUR_PX = 23
