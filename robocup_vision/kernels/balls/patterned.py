@@ -14,8 +14,8 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, UInt64Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, eight_equal, lowest
+from robocup_vision.kernels.balls.patterned_carpet import CARPET, NEUTRAL
 
-CARPET, NEUTRAL, COLORED = 0, 1, 2
 DIRECTIONS = 24
 # directions of a first look: three of them must part ball from carpet, which is half of the rim, and one may err
 _ROUGH = 8
@@ -28,14 +28,6 @@ _AROUND = (2.0, 3.0)
 _UNDERSIDE = 0.5
 # from this ratio of their radii on two discs at one place are two answers
 _OTHER_SIZE = 1.3
-# weight of the blue: it says less than the red, for a white ball on carpet in warm light is yellow
-BLUE_WEIGHT = 3 / 20
-# a pixel's noise, added to its level before the logarithm is taken
-NOISE_COUNTS = 8.0
-# added to the sum of the channels: the darker a pixel, the less its hue says
-DARK_COUNTS = 30.0
-# logarithms beyond which a pixel is coloured: red beside green, blue beside green
-_MAX_RED, _MAX_BLUE = 0.6, 0.4
 
 
 class DiscSearch(NamedTuple):
@@ -64,63 +56,6 @@ class DiscSearch(NamedTuple):
     apart: float
     max_dark: float
     min_dark: float
-
-
-@compiled(error_model="numpy")
-def classify(
-    blurred: UInt8Array, first: int, hue: float, green: float, level: float, levels: UInt8Array, kinds: UInt8Array
-) -> None:
-    """Say of each pixel whether it may be carpet or ball, from a row on.
-
-    Nothing in the loop branches or is looked up, so that several pixels are told at once.
-
-    Parameters
-    ----------
-    blurred : (H, W, 3) uint8
-        Blue, green and red.
-    first : int
-        The row. Those before it are `COLORED`.
-    hue : float
-        The carpet's pixels have less: logarithm of red by green, and `BLUE_WEIGHT` times that of blue by green, with
-        `NOISE_COUNTS` added to each.
-    green : float
-        And more of this: twice the green less red and blue, by their sum and `DARK_COUNTS`.
-    level : float
-        And their green is at least this: black in the carpet's reflected light is as green as carpet, but darker.
-    levels : (H, W) uint8
-        Filled with the green, from that row on.
-    kinds : (H, W) uint8
-        Filled with `CARPET`, `NEUTRAL` or `COLORED`.
-    """
-    height, width, _ = blurred.shape
-    # powers in the place of logarithms: the 20th of red by green times the third of blue by green
-    most, least, dark = np.float32(math.exp(20.0 * hue)), np.float32(green), np.float32(level)
-    max_red, max_blue = np.float32(math.exp(_MAX_RED)), np.float32(math.exp(_MAX_BLUE))
-    noise, counts, three = np.float32(NOISE_COUNTS), np.float32(DARK_COUNTS), np.float32(3.0)
-    blues, reds = np.empty((2, width), np.uint8)
-    for v in range(first):
-        for u in range(width):
-            kinds[v, u] = COLORED
-    for v in range(first, height):
-        # channels apart, a row at a time
-        row, greens = blurred[v].reshape(-1), levels[v]
-        for u in range(width):
-            blues[u], greens[u], reds[u] = row[3 * u], row[3 * u + 1], row[3 * u + 2]
-        for u in range(width):
-            b, g, r = np.float32(blues[u]), np.float32(greens[u]), np.float32(reds[u])
-            total, by_green = b + g + r, np.float32(1.0) / (g + noise)
-            red, blue = (r + noise) * by_green, (b + noise) * by_green
-            squared = red * red
-            fifth = squared * squared * red
-            tenth = fifth * fifth
-            # black patches are as green as grey is, or nearly; white in warm light is as red as it is green
-            is_carpet = (
-                (g >= dark)
-                & (three * g - total > least * (total + counts))
-                & (tenth * tenth * (blue * blue * blue) < most)
-            )
-            other = np.uint8(COLORED) if (red > max_red) | (blue > max_blue) else np.uint8(NEUTRAL)
-            kinds[v, u] = np.uint8(CARPET) if is_carpet else other
 
 
 @compiled
@@ -243,7 +178,7 @@ def find_discs(
     Parameters
     ----------
     kinds : (H, W) uint8
-        From `classify`.
+        From `patterned_carpet.classify`.
     directions : (DIRECTIONS, 2) float64
         Unit vectors.
     radii : (R,) float64
@@ -332,7 +267,7 @@ def best_discs(
     Parameters
     ----------
     kinds : (H, W) uint8
-        From `classify`.
+        From `patterned_carpet.classify`.
     level : (H, W) uint8
         Green: what is carpet in part is no darker.
     directions : (DIRECTIONS, 2) float64

@@ -26,7 +26,7 @@ from robocup_vision.perception.balls.sizes import BallSizes, ball_sizes_px
 
 _TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
-_LOGS = np.log(np.arange(256) + kernel.NOISE_COUNTS)
+_LOGS = np.log(np.arange(256) + patterned_carpet.NOISE_COUNTS)
 # where the tilt is known, a ball's size is, too: by this many standard deviations; told for every so many rows
 _SIGMAS, _ROWS = 3.0, 8
 
@@ -197,9 +197,11 @@ class PatternedLook:
             return []
         kinds = self._kinds
         # half-way from white to the carpet
-        kernel.classify(blurred, top, 0.5 * hue, 0.5 * green, settings.min_carpet_level * level, levels, kinds)
+        patterned_carpet.classify(
+            blurred, top, 0.5 * hue, 0.5 * green, settings.min_carpet_level * level, levels, kinds
+        )
         if self._mask is not None:
-            kinds[self._mask > 0] = kernel.COLORED
+            kinds[self._mask > 0] = patterned_carpet.COLORED
         search = self._search
         found = self._found[: kernel.find_discs(kinds, _DIRECTIONS, self._radii_px, row_radii, search, self._found)]
         count = kernel.best_discs(kinds, levels, _DIRECTIONS, search, found, self._kept)

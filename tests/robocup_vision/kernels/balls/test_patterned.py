@@ -7,6 +7,7 @@ import pytest
 
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import patterned as kernel
+from robocup_vision.kernels.balls.patterned_carpet import CARPET, NEUTRAL
 
 HEIGHT, WIDTH = 48, 64
 TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
@@ -20,14 +21,14 @@ def ball(kinds, level, u0, v0, radius):
     """Lay a ball with one dark patch over a picture."""
     v, u = np.mgrid[:HEIGHT, :WIDTH]
     inside = np.hypot(u - u0, v - v0) < radius
-    kinds[inside], level[inside] = kernel.NEUTRAL, 200
+    kinds[inside], level[inside] = NEUTRAL, 200
     level[inside & (np.hypot(u - u0 + 2, v - v0 + 2) < 0.45 * radius)] = 20
 
 
 def test_a_rim_that_is_blurred_by_a_pixel_parts_ball_from_carpet():
     kinds = np.zeros((HEIGHT, WIDTH), np.uint8)
     v, u = np.mgrid[:HEIGHT, :WIDTH]
-    kinds[np.hypot(u - 30, v - 22) < 10.4] = kernel.NEUTRAL
+    kinds[np.hypot(u - 30, v - 22) < 10.4] = NEUTRAL
     agree, shown, inside = kernel.measure_disc(kinds, DIRECTIONS, 30.0, 22.0, 9.0, SEARCH)
     assert agree == shown == kernel.DIRECTIONS
     assert inside == 1.0
@@ -36,7 +37,7 @@ def test_a_rim_that_is_blurred_by_a_pixel_parts_ball_from_carpet():
 def test_a_ball_whose_underside_is_as_green_as_the_carpet_keeps_its_place_and_size():
     kinds, level = np.zeros((HEIGHT, WIDTH), np.uint8), np.full((HEIGHT, WIDTH), 110, np.uint8)
     ball(kinds, level, 30, 22, 9)
-    kinds[22 + 6 :] = kernel.CARPET
+    kinds[22 + 6 :] = CARPET
     found, out = np.empty((5000, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
     count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, PLAIN, found)
     assert kernel.best_discs(kinds, level, DIRECTIONS, PLAIN, found[:count], out) >= 1
@@ -50,7 +51,7 @@ def test_a_ball_whose_underside_is_as_green_as_the_carpet_keeps_its_place_and_si
 def test_a_disc_of_another_size_is_kept_beside_a_better_one_at_its_place():
     """A ball and the line it touches look like a larger ball."""
     kinds, level = np.zeros((HEIGHT, WIDTH), np.uint8), np.full((HEIGHT, WIDTH), 110, np.uint8)
-    kinds[11:15], level[11:15] = kernel.NEUTRAL, 220
+    kinds[11:15], level[11:15] = NEUTRAL, 220
     ball(kinds, level, 30, 22, 7)
     found, out = np.zeros((3, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
     found[:, kernel.U], found[:, kernel.V], found[:, kernel.RADIUS] = 30, (19, 22, 22), (10.5, 7.0, 7.8)
@@ -65,7 +66,7 @@ def test_of_discs_on_one_ball_one_is_kept_that_lies_on_it():
     kinds, level = np.zeros((HEIGHT, WIDTH), np.uint8), np.full((HEIGHT, WIDTH), 110, np.uint8)
     v, u = np.mgrid[:HEIGHT, :WIDTH]
     inside = np.hypot(u - 30, v - 22) < 9
-    kinds[inside], level[inside] = kernel.NEUTRAL, 200
+    kinds[inside], level[inside] = NEUTRAL, 200
     level[inside & (np.hypot(u - 28, v - 20) < 4)] = 20
     found, out = np.empty((5000, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
     count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, PLAIN, found)
