@@ -1,8 +1,7 @@
 """Frames, odometry and targets as varied as a robot meets them, to find every loop that the calls of an object reach.
 
-``python tests/kernel_workloads.py all [GROUP...]`` writes `robocup_vision/kernels/signatures.json` by them: for each
-loop the types of its arguments. Run it where they have changed; a slow test finds what is missing. ``order`` instead of
-``all`` measures only which take long.
+``python tests/kernel_workloads.py [GROUP...]`` writes `signatures.json` beside the kernels of each package by them: for
+each loop the types of its arguments. Run it where they have changed; a slow test finds what is missing.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ import runpy
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -31,7 +29,7 @@ from robocup_vision.calibration.omni.calibrate import calibrate_omni
 from robocup_vision.calibration.online import OnlineCalibration, OnlineSettings
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.compiling.prepared_kernels import KERNELS, SIGNATURES, prepare_kernel, quick_compiling, spelled_type
+from robocup_vision.compiling.prepared_kernels import spelled_type
 from robocup_vision.disc import Disc
 from robocup_vision.mapping import ViewMotion
 
@@ -283,95 +281,132 @@ def example(*names: str) -> Workload:
         os.chdir(folder)
 
 
-WORKLOADS: dict[str, Callable[[], Workload]] = {
-    **{f"mirror_{name}": (lambda name=name: mirror(name)) for name in ("field", "floor", "hull")},
-    **{f"pinhole_{name}": (lambda name=name: pinhole(name)) for name in ("edges", "goal")},
-    "patterned_balls": patterned_balls,
-    "steering": steering,
-    "memory": memory,
-    "planning": lambda: example("planning"),
-    "landmarks": lambda: example("landmarks"),
+def match_frames(cameras: dict[str, str]) -> Workload:
+    from sim2d.match.arena import Arena
+    from sim2d.match.setups import setup_for
+    from sim2d.robot_link import Command
+
+    yield
+    yield
+    for field, camera in cameras.items():
+        one = load_field(field)
+        arena = Arena(one, players=1, seed=1, camera=setup_for(one, camera=camera).camera)
+        for _ in range(3):
+            arena.senses()
+            arena.step({0: Command(0.3, 0.0, 0.2), 1: Command(0.3, 0.0, -0.9)})
+
+
+def pictures(seed: int = 1) -> Workload:
+    from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
+
+    yield
+    yield
+    mirror_frames(seed, 1)
+    for name in ("four_legged_2007", "spl_2020", "ssl_2001"):
+        walk_frames(seed, 1, load_field(name))
+    for _ in sample_goal(load_field("four_legged_2007"), GOAL_CONDITIONS["heavy_glare_416x320"], seed, 1):
+        pass
+
+
+def hall(seed: int = 1) -> Workload:
+    from sim2d.rendering.hall.lecture_hall import make_lecture_hall, visit, way
+    from sim2d.rendering.hall.runs import HALL_CAMERA, take
+
+    yield
+    yield
+    people, bustle = visit(make_lecture_hall(seed), seed)
+    for _ in take(people, (HALL_CAMERA,), way(143)[:2], seed, bustle=bustle):
+        pass
+
+
+# of each package with kernels
+WORKLOADS: dict[str, dict[str, Callable[[], Workload]]] = {
+    "robocup_vision": {
+        **{f"mirror_{name}": (lambda name=name: mirror(name)) for name in ("field", "floor", "hull")},
+        **{f"pinhole_{name}": (lambda name=name: pinhole(name)) for name in ("edges", "goal")},
+        "patterned_balls": patterned_balls,
+        "steering": steering,
+        "memory": memory,
+        "planning": lambda: example("planning"),
+        "landmarks": lambda: example("landmarks"),
+    },
+    "sim2d": {
+        "mirror_frames": lambda: match_frames({"ssl_2001": "sekimori", "msl_18x12": "msl_mirror"}),
+        "forward_frames": lambda: match_frames(
+            {"four_legged_2007": "ers7", "spl_2020": "nao", "humanoid_kid_2025": "kid_fisheye"}
+        ),
+        "pictures": pictures,
+        "hall": hall,
+    },
 }
 
 
-def overloads() -> dict[str, set[Any]]:
-    """Return the types of arguments that each loop of the library has been compiled or loaded for so far."""
+def overloads(package: str) -> dict[str, set[Any]]:
+    """Return the types of arguments that each loop of a package has been compiled or loaded for so far."""
     found: dict[str, set[Any]] = {}
-    kernels = ROOT / "robocup_vision" / "kernels"
-    for path in sorted(kernels.glob("*/**/*.py")):
+    kernels = ROOT / package / "kernels"
+    for path in sorted(kernels.rglob("*.py")):
         module = ".".join(path.relative_to(kernels).with_suffix("").parts)
-        for name, value in vars(import_module(f"{KERNELS}.{module}")).items():
+        if path.name == "__init__.py":
+            continue
+        in_full = f"{package}.kernels.{module}"
+        for name, value in vars(import_module(in_full)).items():
             # a loop that another module imports is listed where it stands
-            if hasattr(value, "overloads") and value.py_func.__module__ == f"{KERNELS}.{module}":
+            if hasattr(value, "overloads") and value.py_func.__module__ == in_full:
                 found[f"{module}.{name}"] = set(value.overloads)
     return found
 
 
-def record(group: str) -> list[Any]:
+def record(package: str, group: str) -> list[Any]:
     """Return the loops that a group's calls reach, with the types of their arguments."""
-    workload = WORKLOADS[group]()
+    workload = WORKLOADS[package][group]()
     next(workload)
-    before = overloads()
+    before = overloads(package)
     for _ in workload:
         pass
     entries = []
-    for kernel, found in overloads().items():
+    for kernel, found in overloads(package).items():
         entries += [[kernel, [spelled_type(one) for one in types]] for types in found - before[kernel]]
     return sorted(entries, key=json.dumps)
 
 
-def longest_first(entries: list[Any]) -> list[Any]:
-    """Compile the loops of a group one after the other; return them, those that take long first."""
-    seconds = {}
-    with quick_compiling():
-        for entry in entries:
-            begin_s = time.process_time()
-            prepare_kernel(*entry)
-            seconds[json.dumps(entry)] = time.process_time() - begin_s
-    return sorted(entries, key=lambda entry: -seconds[json.dumps(entry)])
+def signatures(package: str) -> Path:
+    return ROOT / package / "kernels" / "signatures.json"
 
 
-def write(groups: dict[str, list[Any]]) -> None:
+def listed(package: str) -> dict[str, list[Any]]:
+    path = signatures(package)
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def write(package: str, groups: dict[str, list[Any]]) -> None:
     lines = [
         f' "{group}": [\n  ' + ",\n  ".join(json.dumps(entry) for entry in entries) + "\n ]"
         for group, entries in sorted(groups.items())
     ]
-    SIGNATURES.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    signatures(package).write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
-def write_order() -> None:
-    """Put the loops of each group in order: those that take long first, each group by an empty cache."""
-    listed = json.loads(SIGNATURES.read_text(encoding="utf-8"))
-    for name in listed:
-        with tempfile.TemporaryDirectory() as cache:
-            environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
-            listed[name] = in_own_process("longest-first", name, environment=environment)
-    write(listed)
-
-
-def in_own_process(*arguments: str, environment: dict[str, str] | None = None, check: bool = True) -> Any:
-    command = [sys.executable, __file__, *arguments]
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=check, env=environment)
-    return json.loads(done.stdout.splitlines()[-1]) if done.returncode == 0 else None
+def list_anew(package: str, group: str) -> None:
+    groups = listed(package)
+    # constructors compile what is listed: what is no longer called would stay in the list
+    groups.pop(group, None)
+    write(package, groups)
+    command = [sys.executable, __file__, "record", package, group]
+    # callees of a loop that is compiled anew would be taken for loops that are called: the second run loads all
+    subprocess.run(command, capture_output=True, check=False)
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    groups[group] = json.loads(done.stdout.splitlines()[-1])
+    write(package, groups)
+    print(group, len(groups[group]))
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["longest-first"]:
-        print(json.dumps(longest_first(json.loads(SIGNATURES.read_text(encoding="utf-8"))[sys.argv[2]])))
-    elif sys.argv[1:] == ["order"]:
-        write_order()
-    elif len(sys.argv) == 2 and sys.argv[1] != "all":
+    if sys.argv[1:2] == ["record"]:
         cv2.setNumThreads(0)
-        print(json.dumps(record(sys.argv[1])))
+        print(json.dumps(record(*sys.argv[2:])))
     else:
-        listed = json.loads(SIGNATURES.read_text(encoding="utf-8"))
-        names = sys.argv[2:] or list(WORKLOADS)
-        # constructors compile what is listed: what is no longer called would stay in the list
-        write({name: entries for name, entries in listed.items() if name not in names})
-        for name in names:
-            # callees of a loop that is compiled anew would be taken for loops that are called: the second run loads all
-            in_own_process(name, check=False)
-            listed[name] = in_own_process(name)
-            print(name, len(listed[name]), file=sys.stderr)
-        write(listed)
-        write_order()
+        for package, workloads in WORKLOADS.items():
+            for group in workloads:
+                if group in sys.argv[1:] or len(sys.argv) == 1:
+                    list_anew(package, group)

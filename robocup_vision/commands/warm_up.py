@@ -13,8 +13,9 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "warm-up",
         help="compile all loops now, so that no robot waits for them",
-        description="Compile all loops of the library and keep them on the disk (in the folder that NUMBA_CACHE_DIR "
-        "names, if it is set), so that no later start waits for them: for boot scripts and container images.",
+        description="Compile all loops of the library and the simulator and keep them on the disk (in the folder that "
+        "NUMBA_CACHE_DIR names, if it is set), so that no later start waits for them: for boot scripts and container "
+        "images.",
     )
     parser.add_argument("--jobs", metavar="N", type=count, default=2, help="number of processes (default: 2)")
     parser.add_argument(
@@ -37,9 +38,11 @@ def run_warm_up(options: argparse.Namespace) -> int:
     import time
     from concurrent.futures import as_completed
     from concurrent.futures.process import BrokenProcessPool
+    from importlib.metadata import entry_points
 
     from field_models.errors import RobocupVisionError
-    from robocup_vision.compiling.prepared_kernels import groups, modules, prepare, prepare_module
+    from robocup_vision.commands import GROUP
+    from robocup_vision.compiling.prepared_kernels import modules, prepare_loops
     from robocup_vision.progress import progress
     from robocup_vision.workers import worker_processes
 
@@ -49,17 +52,18 @@ def run_warm_up(options: argparse.Namespace) -> int:
         print(compile_wheel(options.wheel, options.jobs))
         return 0
     start_s = time.monotonic()
-    listed = modules()
+    # packages that add commands bring loops of their own
+    listed = modules({"robocup_vision", *(point.module.partition(".")[0] for point in entry_points(group=GROUP))})
     try:
         with worker_processes(options.jobs) as executor:
-            waiting = [executor.submit(prepare_module, module) for module in listed]
+            waiting = [executor.submit(prepare_loops, entries) for entries in listed]
             for done in progress(as_completed(waiting), len(waiting), "warm-up"):
                 done.result()
     except BrokenProcessPool:
         raise RobocupVisionError("a process ended abruptly; is there enough memory? Try --jobs 1") from None
     # when two processes write one loop's cache entry at the same time, one may be lost: this compiles it again
-    for group in groups():
-        prepare(group)
-    count = sum(len(entries) for entries in listed.values())
+    for entries in listed:
+        prepare_loops(entries)
+    count = sum(map(len, listed))
     print(f"{count} loops are ready, after {time.monotonic() - start_s:.0f} s")
     return 0

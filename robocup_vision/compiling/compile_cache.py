@@ -27,7 +27,6 @@ import numba
 from numba.core.event import Listener, register
 
 from field_models.errors import RobocupVisionError
-from robocup_vision.progress import draw
 
 VARIABLE = "NUMBA_CACHE_DIR"
 _IMPORT, _WORD = re.compile(rb"^from (\S+) import (\([^)]*\)|.*)", re.MULTILINE), re.compile(rb"\w+")
@@ -190,7 +189,6 @@ class _Wait(Listener):
     def __init__(self) -> None:
         self.folders: set[Path] = set()
         self.has_announced = False
-        self.ready, self.total = 0, 0
 
     def on_start(self, event: Any) -> None:
         source = Path(event.data["dispatcher"].py_func.__code__.co_filename)
@@ -199,11 +197,9 @@ class _Wait(Listener):
         self.has_announced = True
         # whoever started this worker tells it
         if multiprocessing.parent_process() is None:
-            done = f"{self.ready} of {self.total} loops are ready, " if self.ready < self.total else ""
             _LOG.warning(
-                "robocup_vision compiles for this machine, once: %sthe others take up to some minutes "
-                "(`robocup-vision warm-up` or a compiled wheel does it ahead)",
-                done,
+                "robocup_vision compiles loops for this machine, once: that takes up to some minutes "
+                "(`robocup-vision warm-up` or a compiled wheel does it ahead)"
             )
 
     def on_end(self, event: Any) -> None:
@@ -218,12 +214,3 @@ def tell_of_compiling(kernels: Path) -> None:
     if not _wait.folders:
         register("numba:compile", _wait)  # type: ignore[no-untyped-call]
     _wait.folders.add(kernels)
-
-
-def note_ready(ready: int, total: int) -> None:
-    """Note how many of the loops that are being made ready are so; draw it at a terminal, once some are compiled."""
-    _wait.ready, _wait.total = ready, total
-    if _wait.has_announced and ready <= total and sys.stderr.isatty() and multiprocessing.parent_process() is None:
-        draw("compiling", ready, total)
-        if ready == total:
-            sys.stderr.write("\n")

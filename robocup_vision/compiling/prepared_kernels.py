@@ -1,8 +1,7 @@
 """Compiles, or loads from the disk's cache, all loops that an object's calls can reach, so that no call waits for it.
 
-numba compiles a loop when it is first called with arguments of some types. `signatures.json` beside the kernels lists
-those types for each kind of object, loops that take long to compile first; ``python tests/kernel_workloads.py`` writes
-it.
+numba compiles a loop when it is first called with arguments of some types. `signatures.json` beside a package's kernels
+lists those types for each kind of object; ``python tests/kernel_workloads.py`` writes it.
 """
 
 from __future__ import annotations
@@ -13,31 +12,23 @@ import multiprocessing
 import os
 import subprocess
 import sys
-from collections import deque
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
-from pathlib import Path
-from threading import Thread
-from typing import IO, Any
+from importlib.resources import files
+from typing import Any
 
-from robocup_vision.compiling.compile_cache import note_ready
-
-KERNELS = "robocup_vision.kernels"
+# a loop, by its module and name, and the types of its arguments
+Entry = tuple[str, list[Any]]
 
 
 def prepare_kernel(kernel: str, arguments: list[Any]) -> bool:
     """Compile or load one loop, as `groups` lists it; return whether it had to be compiled."""
-    return _prepared(kernel, json.dumps(arguments))
-
-
-@cache
-def _prepared(kernel: str, arguments: str) -> bool:
     module, _, name = kernel.rpartition(".")
-    dispatcher = getattr(import_module(f"{KERNELS}.{module}"), name)
+    dispatcher = getattr(import_module(module), name)
     missed = sum(dispatcher.stats.cache_misses.values())
-    dispatcher.compile(tuple(_type_of(argument) for argument in json.loads(arguments)))
+    dispatcher.compile(tuple(_type_of(argument) for argument in arguments))
     return bool(sum(dispatcher.stats.cache_misses.values()) > missed)
 
 
@@ -101,130 +92,70 @@ def quick_compiling() -> Iterator[None]:
         gc.set_threshold(*thresholds)
 
 
-SIGNATURES = Path(__file__).parents[1] / "kernels" / "signatures.json"
+@cache
+def groups(package: str = "robocup_vision") -> dict[str, list[Entry]]:
+    """Return for each kind of object of a package the loops that its calls reach; nothing where it lists none."""
+    listed = files(package) / "kernels" / "signatures.json"
+    found = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else {}
+    return {
+        group: [(f"{package}.kernels.{kernel}", arguments) for kernel, arguments in entries]
+        for group, entries in found.items()
+    }
+
+
+def modules(packages: Iterable[str]) -> list[list[Entry]]:
+    """Return what `groups` lists for some packages, each entry once, in one list for each module; the longest first."""
+    unique = {
+        (kernel, json.dumps(arguments))
+        for package in packages
+        for entries in groups(package).values()
+        for kernel, arguments in entries
+    }
+    found: dict[str, list[Entry]] = {}
+    for kernel, arguments in sorted(unique):
+        found.setdefault(kernel.rpartition(".")[0], []).append((kernel, json.loads(arguments)))
+    return sorted(found.values(), key=len, reverse=True)
+
+
+def prepare_loops(entries: Iterable[Entry]) -> None:
+    """Compile or load some loops."""
+    with quick_compiling():
+        for entry in entries:
+            prepare_kernel(*entry)
 
 
 @cache
-def prepare(group: str) -> None:
+def prepare(group: str, package: str = "robocup_vision") -> None:
     """Compile or load the loops of one kind of object; a group that is not listed has none.
+
+    Once a loop has been compiled here, a second process compiles the same list from its other end. Each finds in the
+    cache what the other has done.
 
     Parameters
     ----------
     group : str
         Name in `groups`, such as ``mirror_field`` or ``steering``.
     """
-    entries = _listed().get(group, [])
-    # the shortest first, as one that is not in the cache says that a second process is of use; that takes the longest
-    waiting = deque(entries)
-    with quick_compiling(), ExitStack() as beside:
-        is_alone = True
-        for entry in _from_the_end(waiting):
-            note_ready(len(entries) - len(waiting) - 1, len(entries))
-            if prepare_kernel(*entry) and is_alone:
-                beside.enter_context(second_process(waiting))
-                is_alone = False
-    with quick_compiling():
-        for kernel, arguments in entries:
-            prepare_kernel(kernel, arguments)
-    note_ready(len(entries), len(entries))
-
-
-def _from_the_end(waiting: deque[Entry]) -> Iterator[Entry]:
-    while True:
-        try:
-            yield waiting.pop()
-        except IndexError:  # the second process may take the last one
-            return
-
-
-def groups() -> dict[str, list[tuple[str, list[Any]]]]:
-    """Return for each kind of object the loops that its calls reach: module and name, and types of the arguments."""
-    return dict(_listed())
-
-
-def modules() -> dict[str, list[tuple[str, list[Any]]]]:
-    """Return what `groups` lists, each entry once, by the module that it stands in; the longest modules first."""
-    unique = {(kernel, json.dumps(arguments)) for entries in _listed().values() for kernel, arguments in entries}
-    found: dict[str, list[tuple[str, list[Any]]]] = {}
-    for kernel, arguments in sorted(unique):
-        found.setdefault(kernel.rpartition(".")[0], []).append((kernel, json.loads(arguments)))
-    return dict(sorted(found.items(), key=lambda item: -_length(item[0])))
-
-
-def _length(module: str) -> int:
-    return SIGNATURES.parent.joinpath(*module.split(".")).with_suffix(".py").stat().st_size
-
-
-def prepare_module(module: str) -> None:
-    """Compile or load the loops of one module, as `modules` lists them."""
-    with quick_compiling():
-        for kernel, arguments in modules()[module]:
-            prepare_kernel(kernel, arguments)
-
-
-@cache
-def _listed() -> dict[str, list[tuple[str, list[Any]]]]:
-    listed = json.loads(SIGNATURES.read_text(encoding="utf-8"))
-    return {group: [(kernel, arguments) for kernel, arguments in entries] for group, entries in listed.items()}
-
-
-Entry = tuple[str, list[Any]]
-
-
-@contextmanager
-def second_process(waiting: deque[Entry]) -> Iterator[None]:
-    """Take entries from the front of a list while there are any, one at a time; leaving waits for the last of them.
-
-    Does nothing on one core, in a worker process, and where no process can be started.
-
-    Parameters
-    ----------
-    waiting : deque of (str, list)
-        Loops and the types of their arguments, as `prepared_kernels.groups` gives them.
-    """
-    if _cores() < 2 or multiprocessing.parent_process() is not None:
-        yield
-        return
-    command = [sys.executable, "-m", __name__]
+    other = None
     try:
-        process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-        )
-    except OSError:
-        yield
-        return
-    with process:
-        thread = Thread(target=_hand_over, args=(waiting, process.stdin, process.stdout), daemon=True)
-        thread.start()
-        try:
-            yield
-        except BaseException:
-            process.kill()
-            raise
-        finally:
-            thread.join()
+        with quick_compiling():
+            for entry in reversed(groups(package).get(group, [])):
+                if prepare_kernel(*entry) and other is None:
+                    other = _second_process(group, package)
+    finally:
+        if other is not None:
+            other.kill()
+            other.wait()
 
 
-def _hand_over(waiting: deque[Entry], stdin: IO[str], stdout: IO[str]) -> None:
-    try:
-        while stdout.readline():  # one line when it is ready, and one for each entry
-            stdin.write(json.dumps(waiting.popleft()) + "\n")
-            stdin.flush()
-    except (IndexError, OSError):
-        pass  # none is left, or the process has ended: what it has not compiled is compiled here
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _main() -> None:
-    print("ready", flush=True)
-    with quick_compiling():
-        for line in sys.stdin:
-            prepare_kernel(*json.loads(line))
-            print("done", flush=True)
+def _second_process(group: str, package: str) -> subprocess.Popen[bytes] | None:
+    """Start to compile a group from its beginning; not in a worker process, and not where no process can be started."""
+    if multiprocessing.parent_process() is None:
+        command, silent = [sys.executable, "-m", __name__, group, package], subprocess.DEVNULL
+        with suppress(OSError):
+            return subprocess.Popen(command, stdin=silent, stdout=silent, stderr=silent)
+    return None
 
 
 if __name__ == "__main__":
-    _main()
+    prepare_loops(groups(sys.argv[2])[sys.argv[1]])

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from field_models import COLOR_NAMES
 from robocup_vision.arrays import Float32Array, Int32Array
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.ray_casting import first_things, paint_floor
 from sim2d.kernels.things import rows_from_eye
@@ -79,6 +80,7 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
     eye : Pose2
         The viewpoint's place and the robot's heading, field frame.
     """
+    prepare("pictures", "sim2d")
     c, s = np.float32(math.cos(eye.theta_rad)), np.float32(math.sin(eye.theta_rad))
     directions = np.stack([rays.cos * c - rays.sin * s, rays.cos * s + rays.sin * c, rays.slope])
     things = ThingTable((*scene.fixed(), *scene.robots, *(() if scene.ball is None else (scene.ball,))), GROUND + 1)

@@ -17,6 +17,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.pinhole import camera_rotation
+from robocup_vision.compiling.prepared_kernels import prepare
 from sim2d.kernels.forward.outlines import ARC_PIECES
 from sim2d.kernels.forward.room import pack_cells
 from sim2d.kernels.forward.tiles import draw_forward
@@ -62,6 +63,7 @@ class ForwardFrames(MatchFrames):
         self, scene: Scene, camera: PinholeCamera, sensor: Sensor, *, backdrop: Backdrop | None = None
     ) -> None:
         super().__init__(scene, camera, sensor)
+        prepare("forward_frames", "sim2d")
         width, height = camera.size_px
         self._lens = lens_table(camera, self._gain)
         radius_m = scene.room_radius_m

@@ -20,6 +20,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.camera import OmniCamera
 from robocup_vision.camera.pinhole import camera_rotation
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.floor_lines import GAIN, X, Y
 from sim2d.kernels.frame_values import (
@@ -59,6 +60,7 @@ class MirrorFrames(MatchFrames):
 
     def __init__(self, scene: Scene, camera: OmniCamera, sensor: Sensor) -> None:
         super().__init__(scene, camera, sensor)
+        prepare("mirror_frames", "sim2d")
         if scene.room.bystanders:
             raise ArgumentError("a mirror camera's match is drawn without bystanders")
         self.camera = camera

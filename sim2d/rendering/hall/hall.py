@@ -17,6 +17,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array, UInt8Array
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.panels import PanelHits, Panels, Pyramids, RayFan, first_panel, shade_panels
 from sim2d.rendering.hall import textures as hall_textures
@@ -214,6 +215,7 @@ class HallCamera:
     def __init__(self, camera: PinholeCamera, supersample: int = 3) -> None:
         if supersample < 1:
             raise ArgumentError(f"supersample must be at least 1, got {supersample}")
+        prepare("hall", "sim2d")
         self.camera = camera
         width, height = camera.size_px
         rows, columns = np.mgrid[:height, :width]

@@ -1,4 +1,4 @@
-"""Loops made ready: by the list, in a second process, with less optimization, told to who waits."""
+"""Loops made ready: by the lists, with a second process, with less optimization, told to who waits."""
 
 from __future__ import annotations
 
@@ -7,19 +7,16 @@ import json
 import os
 import subprocess
 import sys
-from collections import deque
 from pathlib import Path
 
 import pytest
 
-from robocup_vision.compiling import prepared_kernels as module
 from robocup_vision.compiling.prepared_kernels import (
     groups,
     modules,
     prepare,
-    prepare_module,
+    prepare_loops,
     quick_compiling,
-    second_process,
     spelled_type,
 )
 from robocup_vision.kernels.floor.colors import tabulate
@@ -40,7 +37,7 @@ def counted(dispatcher, types):
     before = len(dispatcher.overloads)
     done = compile_one(dispatcher, types)
     of = dispatcher.py_func
-    if is_made and len(dispatcher.overloads) > before and of.__module__.startswith("robocup_vision"):
+    if is_made and len(dispatcher.overloads) > before and of.__module__.startswith(("robocup_vision", "sim2d")):
         seen.append(f"{of.__module__}.{of.__name__}")
     return done
 
@@ -57,53 +54,58 @@ print(seen)
 WARM_UP = """
 import sys
 from robocup_vision.compiling import prepared_kernels
-few = {name: loops for name, loops in prepared_kernels.modules().items() if name.startswith("landmarks.")}
-prepared_kernels.modules, prepared_kernels.groups = lambda: few, lambda: {"landmarks": []}
+few = [loops for loops in prepared_kernels.modules(["robocup_vision"]) if ".landmarks." in loops[0][0]]
+prepared_kernels.modules = lambda packages: few
 from robocup_vision import cli
 sys.exit(cli.main(["warm-up", "--jobs", "2"]))
 """
 MISSED = """
+import sys
 import numba.core.event
 from robocup_vision.compiling.prepared_kernels import prepare
+sys.executable = [sys.executable, *sys.argv[1:]][-1]
 with numba.core.event.install_recorder("numba:compile") as recorder:
     prepare("landmarks")
 print(len(recorder.buffer))
 """
 
 
-def test_the_list_names_loops_that_are_there() -> None:
+def test_the_lists_name_loops_that_are_there() -> None:
     assert {"mirror_field", "pinhole_edges", "pinhole_goal", "steering", "memory", "planning"} <= set(groups())
-    unique = {json.dumps(entry) for entries in groups().values() for entry in entries}
-    assert sum(len(entries) for entries in modules().values()) == len(unique)
+    assert {"mirror_frames", "forward_frames", "pictures", "hall"} == set(groups("sim2d"))
+    listed = [*groups().values(), *groups("sim2d").values()]
+    unique = {json.dumps(entry) for entries in listed for entry in entries}
+    assert sum(map(len, modules(["robocup_vision", "sim2d"]))) == len(unique)
+
+
+def test_a_package_without_a_list_has_no_loops() -> None:
+    assert groups("field_models") == {}
 
 
 def test_a_listed_loop_is_ready() -> None:
-    prepare_module("floor.colors")
-    listed = [arguments for kernel, arguments in modules()["floor.colors"] if kernel.endswith("tabulate")]
+    (entries,) = (
+        one for one in modules(["robocup_vision"]) if one[0][0].startswith("robocup_vision.kernels.floor.colors.")
+    )
+    prepare_loops(entries)
+    listed = [arguments for kernel, arguments in entries if kernel.endswith("tabulate")]
     ready = [[spelled_type(one) for one in types] for types in tabulate.overloads]
     assert all(arguments in ready for arguments in listed)
     prepare("no such object has loops")
 
 
-# two groups of few loops, of which the first has some that take no time
 PREPARE = """
 import logging, sys
 if "silent" in sys.argv:
     logging.getLogger("robocup_vision").setLevel(logging.ERROR)
-sys.stderr.isatty = lambda: "terminal" in sys.argv
-from robocup_vision.compiling.prepared_kernels import prepare_kernel, groups
-from robocup_vision.compiling.compile_cache import note_ready
-for ready, entry in enumerate(groups()["landmarks"][-2:]):
-    note_ready(ready, 2)
-    prepare_kernel(*entry)
-note_ready(2, 2)
+from robocup_vision.compiling.prepared_kernels import groups, prepare_loops
+prepare_loops(groups()["landmarks"][-2:])
 """
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["plain", "terminal", "silent"])
+@pytest.mark.parametrize("how", ["plain", "silent"])
 def test_people_are_told_at_once_and_once_what_they_wait_for(how: str, tmp_path: Path) -> None:
-    """Only this finds a wait that nobody is told of, or a line or bar where nobody asked for it."""
+    """Only this finds a wait that nobody is told of, or a line where nobody asked for it."""
     for cache in ("empty", "full"):
         done = subprocess.run(
             [sys.executable, "-c", PREPARE, how],
@@ -112,14 +114,9 @@ def test_people_are_told_at_once_and_once_what_they_wait_for(how: str, tmp_path:
             text=True,
             check=True,
         )
-        assert done.stdout == ""
-        line, _, drawn = done.stderr.partition("\n")
-        if cache == "full" or how == "silent":
-            assert "once" not in done.stderr
-            continue
-        assert "0 of 2 loops are ready" in line
-        assert "`robocup-vision warm-up` or a compiled wheel" in line
-        assert drawn.endswith("] 2/2\n") if how == "terminal" else drawn == ""
+        is_told = cache == "empty" and how == "plain"
+        assert done.stderr.count("`robocup-vision warm-up` or a compiled wheel") == is_told
+        assert (done.stdout, done.stderr.count("\n")) == ("", is_told)
 
 
 def printed(program: str, *words: str, **environment: str) -> str:
@@ -137,7 +134,8 @@ def printed(program: str, *words: str, **environment: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "workload", ["work.mirror('field', seed=77, count=3)", "work.pinhole('edges', seed=77)", "work.memory(77)"]
+    "workload",
+    ["work.mirror('field', seed=77, count=3)", "work.pinhole('edges', seed=77)", "work.memory(77)", "work.hall(77)"],
 )
 def test_no_loop_is_compiled_or_loaded_after_the_making(workload: str) -> None:
     """Only this finds a loop that the list lacks, so that a robot's first frames wait."""
@@ -187,37 +185,24 @@ def test_the_level_comes_back_after_an_error() -> None:
     assert before == config.OPT
 
 
-def entries() -> deque[module.Entry]:
-    return deque(groups()["planning"])
+@pytest.mark.slow
+@pytest.mark.parametrize("program", ["helper", "no_such_program"])
+def test_a_second_process_is_asked_once_for_the_same_loops(program: str, tmp_path: Path) -> None:
+    """Only this finds a first start that compiles alone, or that needs the other process."""
+    helper = tmp_path / "helper"
+    helper.write_text('#!/bin/sh\necho "$@" >> "$0.asked"\n', encoding="ascii")
+    helper.chmod(0o755)
+    assert printed(MISSED, str(tmp_path / program), NUMBA_CACHE_DIR=str(tmp_path)) != "0\n"
+    if program == "helper":
+        asked = helper.with_suffix(".asked").read_text(encoding="ascii")
+        assert asked == "-m robocup_vision.compiling.prepared_kernels landmarks robocup_vision\n"
+    assert printed(MISSED, NUMBA_CACHE_DIR=str(tmp_path)) == "0\n"
 
 
-def test_it_takes_all_that_waits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_cores", lambda: 2)
-    waiting = entries()
-    with second_process(waiting):
-        pass
-    assert not waiting
-
-
-@pytest.mark.parametrize("program", ["/no/such/program", "/bin/false"])
-def test_without_a_process_that_runs_nothing_is_taken(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_cores", lambda: 2)
-    monkeypatch.setattr(sys, "executable", program)
-    waiting = entries()
-    with second_process(waiting):
-        pass
-    assert waiting == entries()
-
-
-def test_one_core_compiles_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_cores", lambda: 1)
-    waiting = entries()
-    with second_process(waiting):
-        pass
-    assert waiting == entries()
-
-
-def test_an_exception_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_cores", lambda: 2)
-    with pytest.raises(KeyboardInterrupt), second_process(entries()):
-        raise KeyboardInterrupt
+@pytest.mark.slow
+def test_what_the_second_process_compiles_is_found(tmp_path: Path) -> None:
+    """Only this finds a second process that compiles for nothing."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-m", "robocup_vision.compiling.prepared_kernels", "landmarks", "robocup_vision"]
+    subprocess.run(command, env=environment, check=True)
+    assert printed(MISSED, NUMBA_CACHE_DIR=str(tmp_path)) == "0\n"
