@@ -309,10 +309,12 @@ def pictures(seed: int = 1) -> Workload:
 
 
 def hall(seed: int = 1) -> Workload:
+    from sim2d.rendering.hall.hall import HallCamera
     from sim2d.rendering.hall.lecture_hall import make_lecture_hall, visit, way
     from sim2d.rendering.hall.runs import HALL_CAMERA, take
 
     yield
+    HallCamera(HALL_CAMERA)
     yield
     people, bustle = visit(make_lecture_hall(seed), seed)
     for _ in take(people, (HALL_CAMERA,), way(143)[:2], seed, bustle=bustle):
