@@ -26,7 +26,7 @@ from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.free_floor import FLOOR, LINE
-from robocup_vision.kernels.walls.evidence import AGREES, HIDDEN, weigh_outline
+from robocup_vision.kernels.walls.evidence import AGREES, CLOSE, HIDDEN, weigh_outline
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.outline_model import OutlineFit
 from robocup_vision.perception.polar_view import PolarView
@@ -34,7 +34,7 @@ from robocup_vision.perception.polar_view import PolarView
 # a pose's log odds by the lines, computed only where the outline does not decide
 LineOdds = Callable[[Pose2], float]
 
-OUTLINE_STATES = ("agrees", "off", "hidden", "beyond", "no floor")
+OUTLINE_STATES = ("close", "agrees", "off", "hidden", "beyond", "no floor")
 LINE_STATES = ("on a line", "floor instead of a line", "line elsewhere")
 CONDITIONS = 2
 # distances from a line's middle, in line widths, within which a sample is on the line, and wholly on it
@@ -54,7 +54,6 @@ class _EvidenceFile(StrictStruct):
     sets: list[str]
     min_log_odds: float
     sure_log_odds: float
-    sure_log_odds_at_prior: float
     outline: _Cue
     lines: _Cue
 
@@ -66,11 +65,12 @@ class Likelihoods:
     #: (2 CONDITIONS, S) float64: logarithms, for the conditions of a right pose, then for those of a wrong one, divided
     #: by the number of samples whose errors are correlated
     log_p: FloatArray
+    correlation: float = 1.0  #: that number
 
     @classmethod
     def of(cls, right: FloatArray, wrong: FloatArray, correlation: float) -> Likelihoods:
         """Take probabilities (CONDITIONS, S) each, and how many samples err alike."""
-        return cls(read_only(np.log(np.vstack([right, wrong])) / correlation))
+        return cls(read_only(np.log(np.vstack([right, wrong])) / correlation), correlation)
 
     def log_odds(self, counts: FloatArray | Int64Array) -> float:
         """Return the log-likelihood ratio of counts (S,) of states."""
@@ -85,11 +85,10 @@ class PoseEvidence:
     #: of the states `OUTLINE_STATES` and `LINE_STATES`
     outline: Likelihoods
     lines: Likelihoods
-    min_log_odds: float  #: smallest accepted: against clutter, and against every other candidate
-    #: by the outline alone, log odds from which no other candidate is examined: for a fit from the first guess, and for
-    #: one from a prior. They exceed the likeliest wrong fit's by `min_log_odds`.
+    min_log_odds: float  #: smallest accepted: against clutter, and against every other place
+    #: by the outline alone, log odds from which no other candidate is examined: `min_log_odds` above the likeliest
+    #: wrong fit's
     sure_log_odds: float
-    sure_log_odds_at_prior: float
 
 
 def load_evidence(path: str | Path | None = None) -> PoseEvidence:
@@ -109,7 +108,7 @@ def load_evidence(path: str | Path | None = None) -> PoseEvidence:
     described = load_toml(where, _EvidenceFile)
     if described.format != 1:
         raise FileError(where, "is not a format this version reads: must be 1", key="format", value=described.format)
-    for key in ("min_log_odds", "sure_log_odds", "sure_log_odds_at_prior"):
+    for key in ("min_log_odds", "sure_log_odds"):
         value = getattr(described, key)
         if not 0.0 < value < math.inf:
             raise FileError(where, "must be positive", key=key, value=value)
@@ -118,7 +117,6 @@ def load_evidence(path: str | Path | None = None) -> PoseEvidence:
         _likelihoods(where, "lines", described.lines, LINE_STATES),
         described.min_log_odds,
         described.sure_log_odds,
-        described.sure_log_odds_at_prior,
     )
 
 
@@ -147,12 +145,13 @@ class OutlineTally(NamedTuple):
     """Evidence of an outline on a pose."""
 
     log_odds: float  #: by the outline alone
-    counts: Int64Array  #: (5,) int64: bearings in each state
+    counts: Int64Array  #: (6,) int64: bearings in each state
 
     def reason(self, log_odds: float) -> str:
         """Name the missing evidence, given the log odds by all evidence."""
         visible = int(self.counts.sum() - self.counts[HIDDEN])
-        return f"{self.counts[AGREES]} of {visible} visible bearings agree with walls, odds {odds_text(log_odds)}"
+        agree = self.counts[CLOSE] + self.counts[AGREES]
+        return f"{agree} of {visible} visible bearings agree with walls, odds {odds_text(log_odds)}"
 
 
 def odds_text(log_odds: float) -> str:

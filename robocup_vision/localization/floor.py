@@ -189,21 +189,21 @@ class OutlineFitter:
         (K,) float64
             Image radius at which the pose predicts the walls; NaN where it predicts none.
         """
-        settings, evidence = self.settings, self.evidence
+        settings = self.settings
         max_leaning_std_m = settings.camera.max_leaning_std_m
         if prior is not None:
             fit = self.from_prior(prior, radius_px)
             if fit is None:
                 return self._too_little(radius_px)
-            if self._is_sure(fit, floor_column, evidence.sure_log_odds_at_prior):
+            if self._is_sure(fit, floor_column):
                 return self._judge(fit, settings.max_std_m)
             leaning = self.model.fit_leaning((fit.pose, (prior.x_m, prior.y_m, prior.theta_rad)), radius_px)
-            if leaning is not None and self.weigh(leaning, floor_column).log_odds >= evidence.sure_log_odds_at_prior:
+            if leaning is not None and self.weigh(leaning, floor_column).log_odds >= self.evidence.sure_log_odds:
                 return self._judge(leaning, max_leaning_std_m)
         fit = self.from_guess(radius_px)
         if fit is None:
             return self._too_little(radius_px)
-        if self._is_sure(fit, floor_column, evidence.sure_log_odds):
+        if self._is_sure(fit, floor_column):
             return self._judge(fit, settings.max_std_m)
         max_std_m = settings.max_std_m if prior is None else max_leaning_std_m
         fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one, max_std_m)]
@@ -222,26 +222,30 @@ class OutlineFitter:
         """Whether a fit is a place on the field, and fixed in every direction."""
         return fit.along_m <= max_std_m and self.field.is_on_floor(*fit.pose[:2])
 
-    def _is_sure(self, fit: OutlineFit, floor_column: Int64Array, log_odds: float) -> bool:
-        return self.fixes_pose(fit) and self.weigh(fit, floor_column).log_odds >= log_odds
+    def _is_sure(self, fit: OutlineFit, floor_column: Int64Array) -> bool:
+        return self.fixes_pose(fit) and self.weigh(fit, floor_column).log_odds >= self.evidence.sure_log_odds
 
     def _choose(
         self, fits: list[OutlineFit], floor_column: Int64Array, line_odds: LineOdds | None
     ) -> OutlineFit | NotLocated:
-        """Return the fit that the evidence favours over clutter and over every other one."""
+        """Return the fit that the evidence favours over clutter and over every other place."""
         if not fits:
             return NotLocated(_OPEN)
         tallies = [self.weigh(fit, floor_column) for fit in fits]
-        odds = [tally.log_odds for tally in tallies]
-        if line_odds is not None:
-            odds = [by_outline + line_odds(Pose2(*fit.pose)) for by_outline, fit in zip(odds, fits, strict=True)]
-        best = int(np.argmax(odds))
-        if odds[best] < self.evidence.min_log_odds:
-            return NotLocated(tallies[best].reason(odds[best]))
-        rival = max((odds[n] for n in self.search.apart_from(best, fits)), default=-math.inf)
-        if odds[best] < rival + self.evidence.min_log_odds:
-            lead = odds_text(odds[best] - rival)
-            return NotLocated(f"two places explain the floor's edge about equally well, odds {lead}")
+        by_outline = np.array([tally.log_odds for tally in tallies])
+        by_lines = np.array([0.0 if line_odds is None else line_odds(Pose2(*fit.pose)) for fit in fits])
+        evidence = self.evidence
+        # what hides or wears the lines of a picture is common to all places in it: compared with each other, line
+        # samples err no more alike than bearings do
+        compared = by_outline + evidence.lines.correlation / evidence.outline.correlation * by_lines
+        best = int(np.argmax(compared))
+        odds = float(by_outline[best] + by_lines[best])
+        if odds < evidence.min_log_odds:
+            return NotLocated(tallies[best].reason(odds))
+        rival = max((float(compared[n]) for n in self.search.apart_from(best, fits)), default=-math.inf)
+        lead = float(compared[best]) - rival
+        if lead < evidence.min_log_odds:
+            return NotLocated(f"two places explain the floor's edge about equally well, odds {odds_text(lead)}")
         return fits[best]
 
     def _judge(self, fit: OutlineFit, max_std_m: float) -> tuple[PoseEstimate | NotLocated, FloatArray]:

@@ -13,6 +13,7 @@ from robocup_vision.compiling.loops import plain
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls import fit as kernels
 from robocup_vision.kernels.walls import search as wall_search
+from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 
 
@@ -24,13 +25,11 @@ class OutlineSearchSettings:
     bank_bearings: int = 80
     bank_starts: int = 30
     bank_width: float = 12.0
-    #: fits nearer to each other, metres plus radians, are not both refined; and those so near are no two places
-    apart: float = 0.03
-    rival_apart: float = 0.05
+    apart: Apart = Apart(0.1, 0.1, twins=True)  #: of two fits that are both refined, and of two places
     #: widths of the redescending weights, units: from all starts, and from the best fits of these
     rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
     fine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
-    refined: int = 8  #: number of the best fits that are fitted with `fine_scales`
+    refined: int = 16  #: number of the best fits that are fitted with `fine_scales`
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +50,8 @@ class OutlineSearch:
 
     def apart_from(self, best: int, fits: list[OutlineFit]) -> list[int]:
         """Return the indices of the fits that are another place than the best one's, or its half turn."""
-        pose, apart = Pose2(*fits[best].pose), self.settings.rival_apart
-        return [n for n, fit in enumerate(fits) if sum(Pose2(*fit.pose).error_to(pose, symmetric=True)) > apart]
+        pose, apart = Pose2(*fits[best].pose), self.settings.apart
+        return [n for n, fit in enumerate(fits) if not apart.is_one(Pose2(*fit.pose), pose)]
 
     @cached_property
     def _rules(self) -> wall_search.SearchRules:
@@ -69,7 +68,8 @@ class OutlineSearch:
                 *self._ways,
                 np.array(settings.rough_scales) * model.unit_px,
                 settings.bank_starts,
-                settings.apart,
+                settings.apart.m,
+                settings.apart.rad,
             )
         )
 
@@ -98,8 +98,9 @@ class OutlineSearch:
         floor = model.field.floor_polygon
         spacing = float(np.ptp(floor, axis=0).min()) / 15
         low, high = floor.min(axis=0), floor.max(axis=0)
+        x, y = (_between_walls(*ends, spacing) for ends in zip(low, high, strict=True))
         # half the places do: the outline of the other half is the same, turned
-        x, y = np.meshgrid(np.arange(spacing / 2, high[0], spacing), np.arange(low[1] + spacing / 2, high[1], spacing))
+        x, y = np.meshgrid(x[x >= 0.0], y)
         places = np.stack([x.ravel(), y.ravel()], axis=1)
         places = places[model.field.contains(places)]
         bearings = np.arange(self.settings.bank_bearings) * (math.tau / self.settings.bank_bearings)
@@ -114,3 +115,15 @@ class OutlineSearch:
         # clockwise, as `sum_differences` takes them
         profiles = np.roll(profiles[:, ::-1], 1, axis=1)
         return places, np.hstack([profiles, profiles])
+
+
+def _between_walls(low_m: float, high_m: float, spacing_m: float) -> FloatArray:
+    """Return coordinates (N,) between two walls, as far apart as the nearer wall is, but no farther than a spacing.
+
+    A step towards a wall moves its foot in the picture by the ratio of the distances.
+    """
+    away_m, steps = spacing_m / 4, []
+    while away_m < (high_m - low_m) / 2:
+        steps.append(away_m)
+        away_m += min(away_m, spacing_m)
+    return np.array([*(low_m + one for one in steps), *(high_m - one for one in reversed(steps))])

@@ -61,9 +61,8 @@ def run_fit_evidence(args: argparse.Namespace) -> int:
         "format = 1",
         f'command = "{spelled("fit-evidence", args, "OUT.toml")}"',
         f"sets = {json.dumps(sets)}",
-        f"min_log_odds = {min_log_odds:.4f}             # against clutter, and against every other candidate",
-        f"sure_log_odds = {fitted.sure_log_odds:.4f}            # by the outline alone, from the first guess",
-        f"sure_log_odds_at_prior = {fitted.sure_log_odds_at_prior:.4f}   # from near a prior",
+        f"min_log_odds = {min_log_odds:.4f}             # against clutter, and against every other place",
+        f"sure_log_odds = {fitted.sure_log_odds:.4f}            # by the outline alone",
     ]
     for name, states, cue in (
         ("outline", OUTLINE_STATES, fitted.outline),

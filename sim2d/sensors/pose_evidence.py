@@ -55,7 +55,7 @@ _ROUNDS = 3
 
 
 class Sample(NamedTuple):
-    """Counts of the states of a pose's outline (5,) and of its lines (3,)."""
+    """Counts of the states of a pose's outline (6,) and of its lines (3,)."""
 
     outline: FloatArray
     lines: FloatArray
@@ -71,9 +71,8 @@ class Samples:
     wrong_place: list[Sample] = field(default_factory=list)
     #: All that is found in each picture without a field.
     clutter: list[list[Sample]] = field(default_factory=list)
-    #: list of (5,) float64: outlines of wrong fits that fix a pose, from the first guess and from near the truth.
-    wrong_guesses: list[FloatArray] = field(default_factory=list)
-    wrong_at_prior: list[FloatArray] = field(default_factory=list)
+    #: list of (6,) float64: outlines of wrong fits that fix a pose, from the first guess and from near the truth.
+    wrong_fixed: list[FloatArray] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +96,6 @@ class FittedEvidence:
     outline: FittedCue
     lines: FittedCue
     sure_log_odds: float
-    sure_log_odds_at_prior: float
 
 
 class _Looker:
@@ -129,7 +127,7 @@ class _Looker:
         return fit.along_m <= self.fitter.settings.max_std_m and self.fitter.field.is_on_floor(*fit.pose[:2])
 
     def outline(self, fit: OutlineFit, seen: FrameEvidence) -> FloatArray:
-        """Return the counts of the outline's states (5,)."""
+        """Return the counts of the outline's states (6,)."""
         return self.fitter.weigh(fit, seen.floor_column).counts.astype(np.float64)
 
     def sample(self, fit: OutlineFit, seen: FrameEvidence) -> Sample:
@@ -189,10 +187,9 @@ def _add_field(
             samples.wrong_place.append(looker.sample(fit, seen))
     first = fitter.from_guess(seen.edge_px)
     near = [fitter.from_prior(Pose2(*at), seen.edge_px) for at in truth.array + rng.normal(0.0, PRIOR_STD, (PRIORS, 3))]
-    for found, wrong in (([first], samples.wrong_guesses), (near, samples.wrong_at_prior)):
-        for one in found:
-            if one is not None and fitter.fixes_pose(one) and not _is_within(one, truth, 2 * RIGHT_M, 2 * RIGHT_RAD):
-                wrong.append(looker.outline(one, seen))
+    for one in (first, *near):
+        if one is not None and fitter.fixes_pose(one) and not _is_within(one, truth, 2 * RIGHT_M, 2 * RIGHT_RAD):
+            samples.wrong_fixed.append(looker.outline(one, seen))
 
 
 def _is_within(fit: OutlineFit, truth: Pose2, most_m: float, most_rad: float) -> bool:
@@ -220,11 +217,8 @@ def fit_samples(samples: Samples, min_log_odds: float) -> FittedEvidence:
         by_outline = outline.likelihoods
         best = [max(found, key=lambda one: by_outline.log_odds(one.outline)) for found in samples.clutter]
     lines = _fit_cue([[one.lines for one in row] for row in rows], LINE_STATES)
-    sure, at_prior = (
-        max([0.0, *(by_outline.log_odds(counts) for counts in wrong)]) + min_log_odds
-        for wrong in (samples.wrong_guesses, samples.wrong_at_prior)
-    )
-    return FittedEvidence(outline, lines, sure, at_prior)
+    sure = max([0.0, *(by_outline.log_odds(counts) for counts in samples.wrong_fixed)]) + min_log_odds
+    return FittedEvidence(outline, lines, sure)
 
 
 def _fit_cue(rows: list[list[FloatArray]], states: tuple[str, ...]) -> FittedCue:

@@ -8,9 +8,9 @@ from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 
 # states of a bearing; the order of the columns of `log_p`
-AGREES, OFF, HIDDEN, BEYOND, NO_FLOOR = range(5)
+CLOSE, AGREES, OFF, HIDDEN, BEYOND, NO_FLOOR = range(6)
 # bounds between them, in units from the predicted foot, outwards positive
-_AGREES, _INWARDS, _OUTWARDS, _RIM = 1.0, -6.0, 3.0, 2.5
+_CLOSE, _AGREES, _INWARDS, _OUTWARDS, _RIM = 0.3, 1.0, -6.0, 3.0, 2.5
 
 
 @compiled(error_model="numpy")
@@ -39,9 +39,9 @@ def weigh_outline(
         Image radius of the samples.
     unit_px : float
         A pixel of the paper's image.
-    log_p : (2 N, 5) float64
+    log_p : (2 N, 6) float64
         Logarithm of each state's probability by N conditions of a right pose, then by N of a wrong one.
-    counts : (5,) int64
+    counts : (6,) int64
         Filled with the number of bearings in each state.
 
     Returns
@@ -68,8 +68,10 @@ def weigh_outline(
                 state = BEYOND
             elif off < _INWARDS or (not has_edge and abs(off) <= _RIM):
                 state = HIDDEN
+            elif not has_edge or abs(off) > _AGREES:
+                state = OFF
             else:
-                state = AGREES if has_edge and abs(off) <= _AGREES else OFF
+                state = CLOSE if abs(off) <= _CLOSE else AGREES
         counts[state] += 1
     conditions = log_p.shape[0] // 2
     right, wrong = -np.inf, -np.inf

@@ -10,6 +10,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int16Array, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.copies import copy_vector
+from robocup_vision.kernels.algebra.distinct import pick_distinct
 from robocup_vision.kernels.walls.fit import (
     Comparison,
     FloorOutline,
@@ -23,6 +24,8 @@ from robocup_vision.kernels.walls.fit import (
 
 # a difference counts as this many levels at most, so that the sum over all bearings fits into two bytes
 MAX_DIFFERENCE = np.int16(128)
+# an edge nearer than the wall counts half of that: others may stand before a wall, but no floor lies behind it
+MAX_HIDDEN = np.int16(64)
 # level of a bearing without an edge
 UNKNOWN = np.int16(-(2**15))
 
@@ -50,8 +53,8 @@ class SearchRules(NamedTuple):
         Widths of the weights, pixels.
     starts : int
         Number of poses of the bank that are fitted.
-    apart : float
-        As in `spread_poses`, of fits.
+    apart_m, apart_rad : float
+        As in `pick_distinct`, of fits; a pose and its half turn are one.
     """
 
     scene: WallScene
@@ -66,7 +69,8 @@ class SearchRules(NamedTuple):
     across: FloatArray
     scales: FloatArray
     starts: int
-    apart: float
+    apart_m: float
+    apart_rad: float
 
 
 @compiled
@@ -109,7 +113,7 @@ def search_outline(pose: Vector, radius: FloatArray, rules: SearchRules, found: 
     ordered, picked = np.empty((count, 3)), np.empty(found.shape[0], np.int64)
     for n in range(count):
         copy_vector(starts[order[n]], ordered[n])
-    kept = spread_poses(ordered, known.apart, picked)
+    kept = pick_distinct(ordered, known.apart_m, known.apart_rad, True, picked)
     for n in range(kept):
         copy_vector(ordered[picked[n]], found[n])
     return kept
@@ -137,8 +141,9 @@ def _starts(pose: Vector, radius: FloatArray, rules: SearchRules) -> FloatArray:
         found[n, 0], found[n, 1] = rules.places[place, 0], rules.places[place, 1]
         found[n, 2] = -shift * 2.0 * math.pi / count
     picked = np.empty(rules.starts, np.int64)
-    # nearer than two of the bank's headings
-    apart = spread_poses(found, 4.0 * math.pi / count, picked)
+    # two of the bank's headings, and as far in metres
+    two_steps = 4.0 * math.pi / count
+    apart = pick_distinct(found, two_steps, two_steps, True, picked)
     along, across = rules.along.shape[0], rules.across.shape[0]
     starts = np.empty((apart + along + across, 3))
     for n in range(starts.shape[0]):
@@ -163,8 +168,8 @@ def sum_differences(bank: Int16Array, levels: Int16Array, out: Int16Array) -> No
     levels : (B,) int16
         Measured image radius, bearings from 0 on counter-clockwise, in levels; `UNKNOWN` where there is none.
     out : (P, B) int16
-        Filled with the sums over the measured bearings of the differences, each `MAX_DIFFERENCE` at most, of place p
-        with the heading of minus shift times the bearings' step.
+        Filled with the sums over the measured bearings of the differences, each `MAX_DIFFERENCE` at most, or
+        `MAX_HIDDEN` where the edge is nearer, of place p with the heading of minus shift times the bearings' step.
     """
     count = levels.shape[0]
     for p in range(bank.shape[0]):
@@ -181,7 +186,7 @@ def _add_differences(level: np.int16, expected: Int16Array, row: Int16Array) -> 
     """Add a bearing's differences at all headings, side by side: the processor takes sixteen at once."""
     for shift in range(np.uint64(row.shape[0])):
         off = np.int16(level - expected[shift])
-        row[shift] += min(max(off, np.int16(-off)), MAX_DIFFERENCE)
+        row[shift] += min(max(off, min(np.int16(-off), MAX_HIDDEN)), MAX_DIFFERENCE)
 
 
 @compiled
@@ -201,42 +206,3 @@ def least(scores: Int16Array, out: Int64Array) -> None:
         if place < out.shape[0]:
             out[place] = i
             begin[scores[i]] = place + 1
-
-
-@compiled
-def spread_poses(poses: FloatArray, apart: float, out: Int64Array) -> int:
-    """Pick the best poses that are apart from those picked before, and from their half turns.
-
-    Parameters
-    ----------
-    poses : (N, 3) float64
-        x, y, theta, the best first; metres, radians.
-    apart : float
-        Poses differ by more than this: by the distance, metres, and the angle, radians, added.
-    out : (M,) int64
-        Filled with the indices of up to M poses.
-
-    Returns
-    -------
-    int
-        How many.
-    """
-    count, turn = 0, 2.0 * math.pi
-    for n in range(poses.shape[0]):
-        if count == out.shape[0]:
-            break
-        x, y, theta = poses[n, 0], poses[n, 1], poses[n, 2]
-        nearest = np.inf
-        for k in range(count):
-            other = out[k]
-            turned = theta - poses[other, 2]
-            turned = abs(turned - turn * np.rint(turned / turn))
-            here = math.hypot(x - poses[other, 0], y - poses[other, 1]) + turned
-            there = math.hypot(x + poses[other, 0], y + poses[other, 1]) + (math.pi - turned)
-            nearest = min(here, there)
-            if nearest <= apart:
-                break
-        if nearest > apart:
-            out[count] = n
-            count += 1
-    return count

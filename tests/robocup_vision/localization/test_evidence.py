@@ -47,7 +47,7 @@ def weigh(paper_camera):
 
 def test_an_outline_raises_or_lowers_the_odds_by_what_it_shows(weigh):
     all_agree = weigh(160)
-    assert all_agree.counts.tolist() == [160, 0, 0, 0, 0]
+    assert all_agree.counts.tolist() == [160, 0, 0, 0, 0, 0]
     assert all_agree.log_odds > default_evidence().sure_log_odds
     # a hidden half says little, floor beyond the walls and missing floor much
     assert weigh(80, hidden=80).log_odds > default_evidence().min_log_odds

@@ -15,15 +15,15 @@ def drawn(rng, p_outline, p_lines, count):
 def samples(rng):
     out = Samples()
     for row in out.right:
-        row += drawn(rng, [0.7, 0.05, 0.2, 0.02, 0.03], [0.8, 0.1, 0.1], 200)
-    out.wrong_place += drawn(rng, [0.2, 0.2, 0.4, 0.15, 0.05], [0.1, 0.3, 0.6], 200)
-    out.clutter += [drawn(rng, [0.1, 0.1, 0.2, 0.1, 0.5], [0.05, 0.05, 0.9], 3) for _ in range(200)]
+        row += drawn(rng, [0.5, 0.2, 0.05, 0.2, 0.02, 0.03], [0.8, 0.1, 0.1], 200)
+    out.wrong_place += drawn(rng, [0.1, 0.1, 0.2, 0.4, 0.15, 0.05], [0.1, 0.3, 0.6], 200)
+    out.clutter += [drawn(rng, [0.05, 0.05, 0.1, 0.2, 0.1, 0.5], [0.05, 0.05, 0.9], 3) for _ in range(200)]
     return out
 
 
 def test_probabilities_and_correlation_are_those_that_samples_were_drawn_with():
     fitted = fit_samples(samples(np.random.default_rng(2)), 0.7)
-    np.testing.assert_allclose(fitted.outline.right[0], [0.7, 0.05, 0.2, 0.02, 0.03], atol=0.01)
+    np.testing.assert_allclose(fitted.outline.right[0], [0.5, 0.2, 0.05, 0.2, 0.02, 0.03], atol=0.01)
     np.testing.assert_allclose(fitted.lines.wrong[1], [0.1, 0.3, 0.6], atol=0.02)
     # samples that are independent err alone
     assert 1.0 <= fitted.outline.correlation < 1.5
@@ -35,7 +35,9 @@ def test_samples_that_come_in_fives_err_alike_in_fives():
     out = samples(rng)
     for row in out.right:
         row[:] = [
-            Sample(5.0 * rng.multinomial(32, [0.7, 0.05, 0.2, 0.02, 0.03]), one.lines) for one in row for _ in range(3)
+            Sample(5.0 * rng.multinomial(32, [0.5, 0.2, 0.05, 0.2, 0.02, 0.03]), one.lines)
+            for one in row
+            for _ in range(3)
         ]
     assert fit_samples(out, 0.7).outline.correlation == pytest.approx(5.0, rel=0.25)
 
