@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.loops import compiled
 
@@ -86,28 +84,3 @@ def ideal_pixel(
 ) -> tuple[float, float]:
     """Pixel u and v of a point of the camera frame; `ahead` must be positive."""
     return cu - fu * left / ahead, cv - fv * up / ahead
-
-
-@compiled
-def slopes_to_floor(
-    slopes: FloatArray, turn: FloatArray, height_m: float, offset_m: tuple[float, float], floor_m: FloatArray
-) -> None:
-    """Floor points that rays meet; NaN from the horizon on.
-
-    Parameters
-    ----------
-    slopes : (N, 2) float64
-        Of rays: to the right and down for each unit ahead.
-    turn : (3, 3) float64
-        Rotation of directions from the camera frame into the robot's.
-    height_m, offset_m : float, (float, float)
-        Of the camera over the floor, and its place ahead and left of the robot's middle.
-    floor_m : (N, 2) float64
-        Results, robot frame.
-    """
-    for n in range(slopes.shape[0]):
-        right, down = slopes[n, 0], slopes[n, 1]
-        rise = turn[2, 0] - turn[2, 1] * right - turn[2, 2] * down
-        depth_m = -height_m / rise if rise < -1e-9 else np.nan
-        floor_m[n, 0] = offset_m[0] + (turn[0, 0] - turn[0, 1] * right - turn[0, 2] * down) * depth_m
-        floor_m[n, 1] = offset_m[1] + (turn[1, 0] - turn[1, 1] * right - turn[1, 2] * down) * depth_m

@@ -21,7 +21,6 @@ from robocup_vision.kernels.goal.fit import (
     FitSamples,
     fit_goal,
     goal_residuals,
-    normal_equations,
 )
 from robocup_vision.kernels.goal.picture import GoalScene
 from robocup_vision.localization.goal.edges import (
@@ -188,14 +187,6 @@ def fit_samples(
     p, information = start.copy(), np.zeros((UNKNOWNS, UNKNOWNS))
     cost = fit_goal(model.scene, samples, model.priors, scales, p, information)
     return p, float(cost), information
-
-
-def system_at(model: GoalModel, samples: EdgeSamples, p: FloatArray, scale_px: float) -> tuple[FloatArray, FloatArray]:
-    """Information (8, 8) and negative gradient (8,) of samples and priors at unknowns (8,), by a scale of the loss."""
-    information, right = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
-    residual = residuals(model, samples, p)
-    normal_equations(model.scene, samples.for_fit, model.priors, scale_px, p, residual, information, right)
-    return information, right
 
 
 def covariance_of(model: GoalModel, information: FloatArray) -> FloatArray:
