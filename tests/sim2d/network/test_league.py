@@ -397,7 +397,7 @@ def test_hours_neither_drift_nor_grow():
     assert made.world.t_s == 60.0
     assert sizes[2] - sizes[1] < 20_000
     # a day is 25,920,000 steps, and time is their number over 300: no sum that could drift
-    made.world._steps = 24 * 3600 * 300
+    made.world.steps = 24 * 3600 * 300
     assert made.world.t_s == 24 * 3600.0
     frames = [decode(VisionPacket, d).detection for c, d in published(made, 60) if c is Channel.VISION]
     day_s = EPOCH_S + 24 * 3600
