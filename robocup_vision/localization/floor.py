@@ -195,7 +195,7 @@ class OutlineFitter:
             fit = self.from_prior(prior, radius_px)
             if fit is None:
                 return self._too_little(radius_px)
-            if self._is_sure(fit, floor_column):
+            if self._is_sure(fit, floor_column, line_odds):
                 return self._judge(fit, settings.max_std_m)
             leaning = self.model.fit_leaning((fit.pose, (prior.x_m, prior.y_m, prior.theta_rad)), radius_px)
             if leaning is not None and self.weigh(leaning, floor_column).log_odds >= self.evidence.sure_log_odds:
@@ -203,7 +203,7 @@ class OutlineFitter:
         fit = self.from_guess(radius_px)
         if fit is None:
             return self._too_little(radius_px)
-        if self._is_sure(fit, floor_column):
+        if self._is_sure(fit, floor_column, line_odds):
             return self._judge(fit, settings.max_std_m)
         max_std_m = settings.max_std_m if prior is None else max_leaning_std_m
         fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one, max_std_m)]
@@ -222,8 +222,13 @@ class OutlineFitter:
         """Whether a fit is a place on the field, and fixed in every direction."""
         return fit.along_m <= max_std_m and self.field.is_on_floor(*fit.pose[:2])
 
-    def _is_sure(self, fit: OutlineFit, floor_column: Int64Array) -> bool:
-        return self.fixes_pose(fit) and self.weigh(fit, floor_column).log_odds >= self.evidence.sure_log_odds
+    def _is_sure(self, fit: OutlineFit, floor_column: Int64Array, line_odds: LineOdds | None) -> bool:
+        by_outline = self.weigh(fit, floor_column).log_odds
+        if not self.fixes_pose(fit) or by_outline < self.evidence.sure_log_odds:
+            return False
+        # a goal's sides may pass for walls, but the lines then lie elsewhere
+        by_lines = 0.0 if line_odds is None else line_odds(Pose2(*fit.pose))
+        return by_outline + by_lines >= self.evidence.sure_log_odds
 
     def _choose(
         self, fits: list[OutlineFit], floor_column: Int64Array, line_odds: LineOdds | None
