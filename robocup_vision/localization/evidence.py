@@ -41,6 +41,11 @@ CONDITIONS = 2
 _NEAR_WIDTHS, _WITHIN_WIDTHS = 1.2, 0.25
 
 
+def no_lines(pose: Pose2) -> float:
+    """Return the log odds of a pose where no lines are weighed: they speak neither for nor against it."""
+    return 0.0
+
+
 class _Cue(StrictStruct):
     states: list[str]
     correlation: float

@@ -27,6 +27,7 @@ from robocup_vision.localization.evidence import (
     OutlineTally,
     PoseEvidence,
     default_evidence,
+    no_lines,
     odds_text,
 )
 from robocup_vision.localization.outline_model import (
@@ -165,7 +166,7 @@ class OutlineFitter:
         radius_px: FloatArray,
         floor_column: Int64Array,
         prior: Pose2 | None = None,
-        line_odds: LineOdds | None = None,
+        line_odds: LineOdds = no_lines,
     ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
         """Fit the outline from each proposal in turn, and judge the fits.
 
@@ -222,23 +223,20 @@ class OutlineFitter:
         """Whether a fit is a place on the field, and fixed in every direction."""
         return fit.along_m <= max_std_m and self.field.is_on_floor(*fit.pose[:2])
 
-    def _is_sure(self, fit: OutlineFit, floor_column: Int64Array, line_odds: LineOdds | None) -> bool:
-        by_outline = self.weigh(fit, floor_column).log_odds
-        if not self.fixes_pose(fit) or by_outline < self.evidence.sure_log_odds:
+    def _is_sure(self, fit: OutlineFit, floor_column: Int64Array, line_odds: LineOdds) -> bool:
+        if not self.fixes_pose(fit):
             return False
+        by_outline, sure = self.weigh(fit, floor_column).log_odds, self.evidence.sure_log_odds
         # a goal's sides may pass for walls, but the lines then lie elsewhere
-        by_lines = 0.0 if line_odds is None else line_odds(Pose2(*fit.pose))
-        return by_outline + by_lines >= self.evidence.sure_log_odds
+        return by_outline >= sure and by_outline + line_odds(Pose2(*fit.pose)) >= sure
 
-    def _choose(
-        self, fits: list[OutlineFit], floor_column: Int64Array, line_odds: LineOdds | None
-    ) -> OutlineFit | NotLocated:
+    def _choose(self, fits: list[OutlineFit], floor_column: Int64Array, line_odds: LineOdds) -> OutlineFit | NotLocated:
         """Return the fit that the evidence favours over clutter and over every other place."""
         if not fits:
             return NotLocated(_OPEN)
         tallies = [self.weigh(fit, floor_column) for fit in fits]
         by_outline = np.array([tally.log_odds for tally in tallies])
-        by_lines = np.array([0.0 if line_odds is None else line_odds(Pose2(*fit.pose)) for fit in fits])
+        by_lines = np.array([line_odds(Pose2(*fit.pose)) for fit in fits])
         evidence = self.evidence
         # what hides or wears the lines of a picture is common to all places in it: compared with each other, line
         # samples err no more alike than bearings do

@@ -9,7 +9,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.evidence import LineEvidence, LineOdds
+from robocup_vision.localization.evidence import LineEvidence, LineOdds, no_lines
 from robocup_vision.localization.field_half import GoalSide
 from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
@@ -130,10 +130,10 @@ class MirrorLocalizer:
             self._points = lines.finder.find(frame)
         return self._points
 
-    def _line_odds(self, evidence: FrameEvidence) -> LineOdds | None:
+    def _line_odds(self, evidence: FrameEvidence) -> LineOdds:
         """Return a function of a pose's log odds by the lines in the frame's samples."""
         if self._line_evidence is None or evidence.marks is None:
-            return None
+            return no_lines
         return partial(self._line_evidence.log_odds, marks=evidence.marks)
 
     def _conflict(self, pose: Pose2, evidence: FrameEvidence) -> str | None:
@@ -141,8 +141,7 @@ class MirrorLocalizer:
         if self._outline is None:
             return None
         tally = self._outline.weigh_pose(pose, evidence.edge_px, evidence.floor_column)
-        line_odds = self._line_odds(evidence)
-        log_odds = tally.log_odds + (0.0 if line_odds is None else line_odds(pose))
+        log_odds = tally.log_odds + self._line_odds(evidence)(pose)
         return tally.reason(log_odds) if log_odds < self._outline.evidence.min_log_odds else None
 
 
