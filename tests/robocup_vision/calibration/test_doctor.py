@@ -198,20 +198,26 @@ def test_truth_that_nothing_explains_is_wrong(told, spl_frames):
 
 
 @pytest.mark.slow
-def test_a_mirror_whose_ranges_are_off_is_named(tmp_path, nominal_samples, paper_camera, capsys):
+@pytest.mark.parametrize(
+    ("ratio", "named"),
+    [
+        (0.85, r"curve: floor ranges differ from those of the images by up to 1[67]\.\d %"),
+        (
+            0.75,
+            r"range: with floor ranges 1\.\d+ times those of the camera file [34] of 4 pictures are located \(0 of 4 ",
+        ),
+    ],
+    ids=["some pictures are located", "none is located"],
+)
+def test_a_mirror_whose_ranges_are_off_is_named(tmp_path, nominal_samples, paper_camera, capsys, ratio, named):
     """Only this finds a mirror's wrong ranges that pass where walls alone show them."""
-    curve, ratio = paper_camera.floor_range, 0.85
+    curve = paper_camera.floor_range
     other = replace(curve, A_px_per_m=curve.A_px_per_m / ratio, B_per_m=curve.B_per_m / ratio)
     for number, one in enumerate(nominal_samples[:4]):
         cv2.imwrite(str(tmp_path / f"{number}.png"), one.frame)
     save_camera(replace(paper_camera, floor_range=other), tmp_path / "camera.toml")
     assert main(["check", str(tmp_path), "--field", "ssl_2001", "--camera", str(tmp_path / "camera.toml")]) == 1
-    named = re.search(
-        r"range: with floor ranges (\S+) times those of the camera file (\d) of 4 ", capsys.readouterr().out
-    )
-    assert named is not None
-    assert float(named[1]) == pytest.approx(1 / ratio, abs=0.06)
-    assert int(named[2]) >= 3
+    assert re.search(named + ".*: robocup-vision calibrate omni --start CAMERA", capsys.readouterr().out)
 
 
 @pytest.mark.slow
