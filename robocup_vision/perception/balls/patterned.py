@@ -22,13 +22,10 @@ from robocup_vision.kernels.balls import patterned_carpet
 from robocup_vision.perception.balls.ball import Sighting, lie_apart
 from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.projection import SWAY_STD_RAD, BallProjection, PinholeBallProjection
-from robocup_vision.perception.balls.sizes import BallSizes, ball_sizes_px
 
 _TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
 _LOGS = np.log(np.arange(256) + patterned_carpet.NOISE_COUNTS)
-# where the tilt is known, a ball's size is, too: by this many standard deviations; told for every so many rows
-_SIGMAS, _ROWS = 3.0, 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +120,6 @@ class PatternedLook:
         self._levels, self._kinds = np.empty((2, height, width), dtype=np.uint8)
         looked_at = -(-height // patterned_carpet.STRIDE) * -(-width // patterned_carpet.STRIDE)
         self._scratch = np.empty((4, looked_at + 1))
-        self._bounded: tuple[BallSizes, FloatArray, int] | None = None
         self._found = np.empty((settings.max_discs, kernel.COLUMNS))
         self._kept = np.empty((settings.max_kept, kernel.COLUMNS))
 
@@ -226,14 +222,11 @@ class PatternedLook:
         height = len(self._kinds)
         if projection is None:
             return np.tile((0.0, math.inf), (height, 1)), 0
-        sizes = projection.sizes
-        if self._bounded is None or self._bounded[0] is not sizes:
-            bounds = _bound_radii(sizes, _SIGMAS * self.settings.radius_std)
-            reach = np.arange(height) - patterned_carpet.BEYOND * bounds[:, 1]
-            reached = reach[bounds[:, 1] >= self.settings.min_radius_px]
-            # beyond the frame's upper rim nothing is looked at, however large the ball
-            self._bounded = sizes, bounds, int(max(reached.min(initial=height), 0.0))
-        return self._bounded[1:]
+        bounds = projection.sizes.row_radii_px(self.settings.radius_std)
+        reach = np.arange(height) - patterned_carpet.BEYOND * bounds[:, 1]
+        reached = reach[bounds[:, 1] >= self.settings.min_radius_px]
+        # beyond the frame's upper rim nothing is looked at, however large the ball
+        return bounds, int(max(reached.min(initial=height), 0.0))
 
     def _weighed(
         self, row: list[float], ray: list[float], lens_scale: float, camera: PinholeCamera, tilt_std_rad: float
@@ -270,31 +263,6 @@ class PatternedLook:
         density = math.exp(-0.5 * off * off) / (disc.tilt_std_rad * math.sqrt(math.tau))
         likelihood = (1 - settings.outlier_ratio) * density * settings.tilt_span_rad + 0.1 * settings.outlier_ratio
         return disc.nats + math.log(likelihood)
-
-
-def _bound_radii(sizes: BallSizes, radius_slack: float) -> FloatArray:
-    """Return the least and greatest radius (H, 2) of a ball on the floor with its centre in each row.
-
-    Parameters
-    ----------
-    radius_slack : float
-        What a radius may be off, of the radius.
-    """
-    camera, slack_rad = sizes.camera, _SIGMAS * sizes.sway_rad
-    assert isinstance(camera, PinholeCamera)
-    width, height = camera.size_px
-    rows = np.minimum(np.arange(0, height + _ROWS, _ROWS), height - 1)
-    pixels = np.stack(np.meshgrid([0.0, (width - 1) / 2, width - 1.0], rows), axis=-1)
-    held = [(camera.tilt_rad or 0.0) + off_rad for off_rad in (slack_rad, 0.0, -slack_rad)]
-    tilted = (camera.with_orientation(camera.pan_rad, tilt_rad, camera.roll_rad) for tilt_rad in held)
-    small, middle, large = (
-        np.sqrt(np.multiply(*ball_sizes_px(one, sizes.height_m, sizes.radius_m, pixels))) for one in tilted
-    )
-    least = (middle - np.hypot(radius_slack * middle, middle - small)).min(axis=1)
-    most = (middle + np.hypot(radius_slack * middle, large - middle)).max(axis=1)
-    # between two of the rows the radii lie between theirs
-    bounds = np.stack([np.minimum(least[:-1], least[1:]), np.maximum(most[:-1], most[1:])], axis=1)
-    return np.repeat(bounds, _ROWS, axis=0)[:height]
 
 
 def _lens_scale(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:

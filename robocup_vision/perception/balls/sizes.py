@@ -19,6 +19,8 @@ from robocup_vision.kernels.balls.blobs import BallSize
 _MIN_HALF_PX, _MIN_HALF_RATIO = 2.0, 1.0 / 86.0
 # of the logarithms of size and slenderness: shade and glare cut a ball's outline
 _SHAPE_STD = 0.15
+# in a row a ball has a radius within so many standard deviations; told for every so many rows
+_SIGMAS, _ROWS = 3.0, 8
 
 
 def ball_sizes_px(
@@ -98,6 +100,35 @@ class BallSizes:
         reach = max(self.at(u, v)) - 0.5
         width, height = self.camera.size_px
         return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
+
+    def row_radii_px(self, radius_std: float) -> FloatArray:
+        """Return the least and greatest radius (H, 2) of a ball with its centre in each row of a pinhole camera.
+
+        Parameters
+        ----------
+        radius_std : float
+            Standard deviation of a measured radius, relative.
+        """
+        small, middle, large = self._swayed_radii_px
+        slack = _SIGMAS * radius_std * middle
+        least = (middle - np.hypot(slack, middle - small)).min(axis=1)
+        most = (middle + np.hypot(slack, large - middle)).max(axis=1)
+        # between two of the rows the radii lie between theirs
+        bounds = np.stack([np.minimum(least[:-1], least[1:]), np.maximum(most[:-1], most[1:])], axis=1)
+        return np.repeat(bounds, _ROWS, axis=0)[: self.camera.size_px[1]]
+
+    @cached_property
+    def _swayed_radii_px(self) -> FloatArray:
+        """Radii (3, R, 3) at both ends and in the middle of some rows: of a camera swayed up, held, swayed down."""
+        camera, slack_rad = self.camera, _SIGMAS * self.sway_rad
+        assert isinstance(camera, PinholeCamera)
+        width, height = camera.size_px
+        rows = np.minimum(np.arange(0, height + _ROWS, _ROWS), height - 1)
+        pixels = np.stack(np.meshgrid([0.0, (width - 1) / 2, width - 1.0], rows), axis=-1)
+        held = [(camera.tilt_rad or 0.0) + off_rad for off_rad in (slack_rad, 0.0, -slack_rad)]
+        tilted = (camera.with_orientation(camera.pan_rad, tilt_rad, camera.roll_rad) for tilt_rad in held)
+        sizes = (ball_sizes_px(one, self.height_m, self.radius_m, pixels) for one in tilted)
+        return np.array([np.sqrt(along * across) for along, across in sizes])
 
     @cached_property
     def table(self) -> BallSize:
