@@ -27,6 +27,8 @@ Pixels = Annotated[int, msgspec.Meta(gt=0, le=16384)]
 
 # inverse ranges below this (floor a thousand km away) count as horizon
 NEAREST_HORIZON_PER_M = 1e-6
+# values beyond what can be computed with give infinite or undefined numbers, which the checks refuse
+_refusing_extremes = np.errstate(over="ignore", divide="ignore", invalid="ignore")
 
 
 class _HyperboloidFile(StrictStruct, tag_field="kind", tag="hyperboloid"):
@@ -88,6 +90,7 @@ class _FisheyeFile(_ForwardFile, kw_only=True):
     usable_radius_px: tuple[NotNegative, Positive] | None = None
 
 
+@_refusing_extremes
 def load_camera(path: str | Path) -> Camera:
     """Load and check a camera file.
 
@@ -186,7 +189,9 @@ def _check_omni(path: str | Path, camera: OmniCamera) -> None:
     _check_center(path, camera)
     radii = np.linspace(inner, outer, 256)
     q = camera.floor_range.inverse_range_per_m(radii)
-    if not NEAREST_HORIZON_PER_M < q[0] < np.inf:
+    if q[0] == np.inf:
+        raise FileError(path, f"is no length at the usable radius of {inner:g} px", key="floor_range", value=0.0)
+    if not q[0] > NEAREST_HORIZON_PER_M:
         raise FileError(path, "shows no floor at its inner end", key="usable_radius_px", value=[inner, outer])
     defined = np.isfinite(q)
     if not np.all(np.diff(q[defined]) < 0):
@@ -224,9 +229,10 @@ def _build_pinhole(path: str | Path, f: _PinholeFile) -> PinholeCamera:
 def _build_fisheye(path: str | Path, f: _FisheyeFile) -> FisheyeCamera:
     try:
         camera = FisheyeCamera(**_keys_of(f))
+        widest_rad = camera.widest_rad
     except ArgumentError as error:
         raise FileError(path, str(error)) from None
-    if f.usable_radius_px is not None and not camera.widest_rad < np.pi:
+    if f.usable_radius_px is not None and not widest_rad < np.pi:
         raise FileError(
             path, "reaches beyond what the projection shows", key="usable_radius_px", value=f.usable_radius_px
         )
@@ -237,6 +243,7 @@ def _keys_of(f: _ForwardFile) -> dict[str, Any]:
     return {key: getattr(f, key) for key in f.__struct_fields__ if key not in ("format", "model")}
 
 
+@_refusing_extremes
 def check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
     """Check that a pinhole camera's pixels come back from their rays.
 
@@ -261,14 +268,12 @@ def check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
     if not error[worst] < 1e-3:
         u_worst, v_worst = pixels[worst]
         where = f"pixel ({u_worst:.1f}, {v_worst:.1f})"
-        raise FileError(
-            path,
-            f"{where} maps to a ray and back {error[worst]:.3g} px away"
-            if np.isfinite(error[worst])
-            else f"folds back within the picture: this lens shows nothing at {where}",
-            key="distortion",
-            value=list(camera.distortion),
-        )
+        what = f"{where} maps to a ray and back {error[worst]:.3g} px away"
+        if not np.isfinite(error[worst]):
+            folds = "folds back within the picture: this lens " if camera.distortion else ""
+            what = f"{folds}shows nothing at {where}"
+        key = "distortion" if camera.distortion else "focal_px"
+        raise FileError(path, what, key=key, value=list(getattr(camera, key)))
 
 
 def save_camera(camera: Camera, path: str | Path) -> None:

@@ -15,6 +15,7 @@ from robocup_vision.files.csv_table import read_poses
 from robocup_vision.mapping.sensor_model import load_sensors
 from robocup_vision.planning.gaze.goal_evidence import load_goal_evidence
 
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 CORPUS = Path(__file__).parent / "corpus"
 PACKAGE = Path(__file__).resolve().parents[2] / "robocup_vision"
 # by the seed's file: what reads it, and how many mutants of it

@@ -165,9 +165,12 @@ BAD_OMNI = [
     (HYPERBOLOID, TABLE.replace("26.0, 60.0, ", ""), "key 'floor_range.radius_px': expected `array` of length >= 2"),
     (HYPERBOLOID, TABLE.replace("0.1", "0"), "key 'floor_range.range_m[0]': must be above 0.0, got 0"),
     (HYPERBOLOID, TABLE.replace("26.0", "30.0"), "key 'usable_radius_px': shows no floor at its inner end"),
+    (HYPERBOLOID, TABLE.replace("0.1", "1e-320"), "key 'floor_range': is no length at the usable radius of 26 px"),
+    (HYPERBOLOID, TANGENT.replace("0.0125", "1e-320"), "key 'floor_range': is no length at the usable radius of 26 px"),
 ]
 
 
+LENS_SHOWS_NOTHING = "this lens shows nothing at pixel (0.0, 0.0)"
 BAD_PINHOLE = [
     ('"pinhole"', '"zoom"', "key 'model': must be 'omni', 'pinhole' or 'fisheye', got 'zoom'"),
     ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
@@ -194,10 +197,20 @@ BAD_PINHOLE = [
     (
         "0.46",
         "0.46\ndistortion = [-2.0, 0.0, 0.0, 0.0]",
-        "key 'distortion': folds back within the picture: this lens shows nothing at pixel (0.0, 0.0)",
+        f"key 'distortion': folds back within the picture: {LENS_SHOWS_NOTHING}",
     ),
+    *(
+        ("0.46", f"0.46\ndistortion = {lens}", f"key 'distortion': folds back within the picture: {LENS_SHOWS_NOTHING}")
+        for lens in ([1e308, 0.0, 0.0, 0.0], [0.0, 0.0, 1e308, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 1e160, 0.0, 0.0])
+    ),
+    ("[616.0, 616.0]", "[616.0, 1e-320]", "key 'focal_px': shows nothing at pixel (0.0, 0.0), got [616.0, 1e-320]"),
 ]
 BAD_FISHEYE = [
+    (
+        '"equidistant"',
+        '"kannala_brandt"\ndistortion = [-1e300, 0, 0, 0]',
+        "distortion (-1e+300, 0.0, 0.0, 0.0) makes the",
+    ),
     ('"equidistant"', '"fish"', "key 'projection'"),
     ("height_m = 0.5", "height_m = 0.5\ndistortion = [0.1]", "distortion must have 0 coefficients"),
     ("[0.0, 290.0]", "[290.0, 200.0]", "usable_radius_px must be 0 <= inner < outer"),
@@ -208,6 +221,7 @@ GOOD = {GOOD_OMNI: BAD_OMNI, GOOD_PINHOLE: BAD_PINHOLE, GOOD_FISHEYE: BAD_FISHEY
 BAD = [(good, *row) for good, rows in GOOD.items() for row in rows]
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize(("good", "old", "new", "message"), BAD, ids=[f"{n}" for n in range(len(BAD))])
 def test_bad_file_is_refused_in_one_line_naming_file_key_and_value(
     write: Write, good: str, old: str, new: str, message: str
