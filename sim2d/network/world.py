@@ -25,7 +25,7 @@ SIDES = {Team.YELLOW: 1, Team.BLUE: -1}
 TEAM_OF = {side: team for team, side in SIDES.items()}
 _APART_M = 0.002
 # a kicked ball is one until it is slower, or somebody else is as near
-_STILL_MPS, _TOUCH_M, _ROBOT_HEIGHT_M = 0.05, 0.005, 0.15
+_STILL_MPS, _TOUCH_M = 0.05, 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,12 +104,13 @@ class LeagueWorld:
         if kick is None:
             return None
         touched = any(
-            math.hypot(robot.pose.x_m - ball.x_m, robot.pose.y_m - ball.y_m)
+            ball.z_m < robot.spec.height_m
+            and math.hypot(robot.pose.x_m - ball.x_m, robot.pose.y_m - ball.y_m)
             < robot.spec.radius_m + self.field.ball_radius_m + _TOUCH_M
             for key, robot in self._robots.items()
             if key != _key(kick.team, kick.number)
         )
-        if math.hypot(ball.vx_mps, ball.vy_mps) < _STILL_MPS or (touched and ball.z_m < _ROBOT_HEIGHT_M):
+        if math.hypot(ball.vx_mps, ball.vy_mps) < _STILL_MPS or touched:
             self._kick = None
         return self._kick
 

@@ -119,6 +119,19 @@ def test_a_kick_has_the_ordered_speed_and_a_chip_its_angle(world):
     assert world.ball.x_m > 1.1
 
 
+@pytest.mark.parametrize(("height_m", "is_over"), [(0.15, False), (0.6, True)])
+def test_a_kick_is_over_where_its_ball_is_no_higher_than_a_robot_there(world, height_m, is_over):
+    world.add(Team.BLUE, 0, Pose2(0.0, 0.5, 0.0))
+    world.set_spec(Team.BLUE, 0, RobotSpec(height_m=height_m))
+    world.place_ball(BallState(0.0, 0.0965))
+    go(world, 1 / STEPS_PER_S, kick_mps=4.0, kick_angle_rad=math.pi / 4)
+    assert world.state.kick is not None
+    while world.ball.y_m < 0.5:
+        world.step()
+    assert 0.15 < world.ball.z_m < 0.6
+    assert (world.state.kick is None) == is_over
+
+
 def test_kicks_are_limited_by_the_kicker(world):
     world.place_ball(BallState(0.0, 0.0965))
     go(world, 1 / STEPS_PER_S, kick_mps=50.0)
