@@ -176,7 +176,7 @@ class LeagueWorld:
     def remove(self, team: Team, number: int) -> None:
         """Take a robot off the field."""
         self.robot(team, number).remove()
-        del self._robots[_key(team, number)]
+        del self._robots[_key(team, number)], self._orders[_key(team, number)]
 
     def spec(self, team: Team, number: int) -> RobotSpec:
         """Return what a robot is like, on the field or not."""
