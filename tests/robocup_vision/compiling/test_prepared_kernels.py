@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -50,24 +51,72 @@ for _ in workload:
     pass
 print(seen)
 """
+# a package of two small loops, as the library's own take long to compile
+FEW_LOOPS = {
+    "__init__": "",
+    "kernels/__init__": """
+from pathlib import Path
+from robocup_vision.compiling.compile_cache import ensure_compile_cache
+ensure_compile_cache(Path(__file__).parent)
+""",
+    **{
+        f"kernels/{name}": f"""
+from robocup_vision.compiling.loops import compiled
+@compiled
+def {name}(value):
+    return value + 1
+"""
+        for name in ("first", "second")
+    },
+}
 # a warm-up of few loops, and then which of them a program that needs them still compiles
 WARM_UP = """
 import sys
 from robocup_vision.compiling import prepared_kernels
-few = [loops for loops in prepared_kernels.modules(["robocup_vision"]) if ".landmarks." in loops[0][0]]
+few = prepared_kernels.modules(["few_loops"])
 prepared_kernels.modules = lambda packages: few
 from robocup_vision import cli
 sys.exit(cli.main(["warm-up", "--jobs", "2"]))
 """
 MISSED = """
-import sys
+import logging, sys
 import numba.core.event
+if "silent" in sys.argv:
+    logging.getLogger("robocup_vision").setLevel(logging.ERROR)
 from robocup_vision.compiling.prepared_kernels import prepare
 sys.executable = [sys.executable, *sys.argv[1:]][-1]
 with numba.core.event.install_recorder("numba:compile") as recorder:
-    prepare("landmarks")
-print(len(recorder.buffer))
+    prepare("few", "few_loops")
+print(sum(event.is_start for _, event in recorder.buffer))
 """
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[..., tuple[str, str]]:
+    """Return a function that runs a program in a process of its own, with a cache that is empty at first.
+
+    The program is a text or a module's name. The function returns what it prints, and its errors.
+    """
+    package = tmp_path / "few_loops"
+    (package / "kernels").mkdir(parents=True)
+    for name, text in FEW_LOOPS.items():
+        (package / f"{name}.py").write_text(text, encoding="ascii")
+    listed = {"few": [[f"{name}.{name}", ["int64"]] for name in ("first", "second")]}
+    (package / "kernels" / "signatures.json").write_text(json.dumps(listed), encoding="ascii")
+
+    def run(program: str, *words: str) -> tuple[str, str]:
+        folders = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        done = subprocess.run(
+            [sys.executable, *(["-c", program] if "\n" in program else ["-m", program]), *words],
+            env={**os.environ, **folders},
+            capture_output=True,
+            text=True,
+            timeout=600,
+            check=False,
+        )
+        return done.stdout, done.stderr
+
+    return run
 
 
 def test_the_lists_name_loops_that_are_there() -> None:
@@ -93,65 +142,34 @@ def test_a_listed_loop_is_ready() -> None:
     prepare("no such object has loops")
 
 
-PREPARE = """
-import logging, sys
-if "silent" in sys.argv:
-    logging.getLogger("robocup_vision").setLevel(logging.ERROR)
-from robocup_vision.compiling.prepared_kernels import groups, prepare_loops
-prepare_loops(groups()["landmarks"][-2:])
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("how", ["plain", "silent"])
-def test_people_are_told_at_once_and_once_what_they_wait_for(how: str, tmp_path: Path) -> None:
-    """Only this finds a wait that nobody is told of, or a line where nobody asked for it."""
-    for cache in ("empty", "full"):
-        done = subprocess.run(
-            [sys.executable, "-c", PREPARE, how],
-            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        is_told = cache == "empty" and how == "plain"
-        assert done.stderr.count("`robocup-vision warm-up` or a compiled wheel") == is_told
-        assert (done.stdout, done.stderr.count("\n")) == ("", is_told)
-
-
-def printed(program: str, *words: str, **environment: str) -> str:
-    """Run a program in a process of its own; what it prints, and what went wrong."""
-    done = subprocess.run(
-        [sys.executable, "-c", program, *words],
-        env={**os.environ, "PYTHONPATH": str(TESTS), **environment},
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    return done.stdout if done.returncode == 0 else done.stdout + done.stderr
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("workload", "package"),
     [
         ("work.mirror('field', seed=77, count=3)", "robocup_vision"),
-        ("work.pinhole('edges', seed=77)", "robocup_vision"),
+        ("work.pinhole('edges', seed=77, count=3)", "robocup_vision"),
         ("work.memory(77)", "robocup_vision"),
         ("work.hall(77)", "sim2d"),
     ],
 )
 def test_no_loop_is_compiled_or_loaded_after_the_making(workload: str, package: str) -> None:
     """Only this finds a loop that the list lacks, so that a robot's first frames wait."""
-    assert printed(COUNT, workload, package) == "[]\n"
+    done = subprocess.run(
+        [sys.executable, "-c", COUNT, workload, package],
+        env={**os.environ, "PYTHONPATH": str(TESTS)},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert done.stdout == "[]\n", done.stderr
 
 
 @pytest.mark.slow
-def test_warm_up_leaves_nothing_to_compile(tmp_path: Path) -> None:
+def test_warm_up_leaves_nothing_to_compile(run: Callable[..., tuple[str, str]]) -> None:
     """Only this finds a warm-up whose processes keep what they compile where no start looks for it."""
-    assert "loops are ready" in printed(WARM_UP, NUMBA_CACHE_DIR=str(tmp_path))
-    assert printed(MISSED, NUMBA_CACHE_DIR=str(tmp_path)) == "0\n"
+    assert run(WARM_UP)[0].startswith("2 loops are ready")
+    assert run(MISSED)[0] == "0\n"
 
 
 def test_a_type_that_is_not_known_is_told() -> None:
@@ -191,23 +209,28 @@ def test_the_level_comes_back_after_an_error() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", ["helper", "no_such_program"])
-def test_a_second_process_is_asked_once_for_the_same_loops(program: str, tmp_path: Path) -> None:
-    """Only this finds a first start that compiles alone, or that needs the other process."""
+def test_a_second_process_is_asked_once_for_the_same_loops_and_people_are_told_once(
+    run: Callable[..., tuple[str, str]], tmp_path: Path
+) -> None:
+    """Only this finds a first start that compiles alone, and a wait that nobody is told of."""
     helper = tmp_path / "helper"
     helper.write_text('#!/bin/sh\necho "$@" >> "$0.asked"\n', encoding="ascii")
     helper.chmod(0o755)
-    assert printed(MISSED, str(tmp_path / program), NUMBA_CACHE_DIR=str(tmp_path)) != "0\n"
-    if program == "helper":
-        asked = helper.with_suffix(".asked").read_text(encoding="ascii")
-        assert asked == "-m robocup_vision.compiling.prepared_kernels landmarks robocup_vision\n"
-    assert printed(MISSED, NUMBA_CACHE_DIR=str(tmp_path)) == "0\n"
+    count, told = run(MISSED, str(helper))
+    assert (count, told.count("`robocup-vision warm-up` or a compiled wheel"), told.count("\n")) == ("2\n", 1, 1)
+    asked = helper.with_suffix(".asked").read_text(encoding="ascii")
+    assert asked == "-m robocup_vision.compiling.prepared_kernels few few_loops\n"
+    assert run(MISSED) == ("0\n", "")
 
 
 @pytest.mark.slow
-def test_what_the_second_process_compiles_is_found(tmp_path: Path) -> None:
+def test_loops_are_compiled_in_silence_and_without_a_second_process(run: Callable[..., tuple[str, str]]) -> None:
+    """Only this finds a first start that needs the other process, or a line where nobody asked for it."""
+    assert run(MISSED, "silent", "no_such_program") == ("2\n", "")
+
+
+@pytest.mark.slow
+def test_what_the_second_process_compiles_is_found(run: Callable[..., tuple[str, str]]) -> None:
     """Only this finds a second process that compiles for nothing."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-m", "robocup_vision.compiling.prepared_kernels", "landmarks", "robocup_vision"]
-    subprocess.run(command, env=environment, check=True)
-    assert printed(MISSED, NUMBA_CACHE_DIR=str(tmp_path)) == "0\n"
+    run("robocup_vision.compiling.prepared_kernels", "few", "few_loops")
+    assert run(MISSED)[0] == "0\n"
