@@ -11,7 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -107,7 +107,6 @@ class CheckSettings:
     max_stray_ratio: float = 0.1
     min_other_ratio: float = 0.5
     min_agreement: float = 0.6  #: mean inlier ratio of a right set-up
-    max_truth_error_m: float = 0.1  #: largest error of a correct pose
     #: errors that matter: of the centre, of the image's smaller side; of the floor range, relative
     max_center_ratio: float = 0.0015
     max_range_error: float = 0.01
@@ -116,13 +115,10 @@ class CheckSettings:
     max_heading_error_rad: float = math.radians(3.0)
     #: of the floor by fixed colours or by colours learnt from the image, the part on which both agree
     min_color_agreement: float = 0.8
-    min_turns: int = 3  #: turns, or headings, that are needed for a decision
+    min_turns: int = 3  #: headings, or pictures of a calibration, that are needed for a decision
     #: evidence of an image, and of all images, that counts for the order of the channels
     min_channel_nats: float = 1.0
     report_channel_nats: float = math.log(100.0)
-    #: odometry turns that can be compared: larger than its noise, smaller than the ambiguity of a half turn
-    min_turn_rad: float = math.radians(2.0)
-    max_turn_rad: float = math.radians(60.0)
 
 
 def check_dataset(dataset: Dataset, settings: CheckSettings = CheckSettings()) -> list[Finding]:
@@ -267,29 +263,36 @@ class _Check:
         other = self._other_pictures()
         if other is not None:
             return [*findings, other]
-        field = self._check_field()
+        field, agreement = self._check_field(), self._check_agreement(doctor)
         findings.append(field)
         if isinstance(self.dataset.camera, OmniCamera):
             if field.state != "wrong":
-                findings += self._check_turning(self.dataset.camera)
+                findings += [self._check_mirroring(agreement), *self._check_heading(self.dataset.camera)]
             findings += self._check_camera(self.dataset.camera, field.state == "ok")
         elif field.state != "wrong":
             findings += self._check_by_edges(self.dataset.camera)
         if self.dataset.colors is not None:
             findings.append(self._check_colors())
-        if all(finding.state != "wrong" for finding in findings):
-            findings += self._check_agreement(doctor)
+        if agreement is not None and all(finding.state != "wrong" for finding in findings):
+            findings.append(agreement)
         return findings
 
-    def _check_agreement(self, doctor: Doctor) -> list[Finding]:
-        """Whether poses agree with truth or odometry, where there is any."""
+    def _check_agreement(self, doctor: Doctor) -> Finding | None:
+        """Whether poses agree with truth or odometry; None where there is none, or no pose."""
         placed, fitting = sum(bool(view.pose) for view in self.views), doctor.fitting()
         if not doctor.compares or not placed:
-            return []
+            return None
         evidence = f"{fitting} of {placed} located pictures {doctor.measure}"
         if fitting >= self.settings.min_some_agreeing * placed:
-            return [Finding(doctor.compares, "ok", evidence)]
-        return [Finding(doctor.compares, "wrong", f"{evidence}, and none of the slips tried explains that")]
+            return Finding(doctor.compares, "ok", evidence)
+        return Finding(doctor.compares, "wrong", f"{evidence}, and none of the slips tried explains that")
+
+    def _check_mirroring(self, agreement: Finding | None) -> Finding:
+        """Whether the mirror is looked into the right way round, by how poses agree with truth or odometry."""
+        if agreement is None:
+            missing = "a field looks the same in a mirror: truth.csv, or frames.csv with odometry, is needed"
+            return Finding("mirrored", "unknown", missing)
+        return replace(agreement, subject="mirrored", state="ok" if agreement.state == "ok" else "unknown")
 
     def _picture(self, name: str, frame: UInt8Array) -> Picture:
         """Return a picture with a later one to which odometry tells of a turn or a way, unless its pose is known."""
@@ -372,33 +375,9 @@ class _Check:
             return Finding("field", "unknown", evidence)
         return Finding("field", "wrong", f"{evidence}; nor with any slip in field, camera or pictures that was tried")
 
-    def _check_turning(self, camera: OmniCamera) -> list[Finding]:
-        """Mirroring and heading, by truth or else by odometry."""
-        if self.dataset.truth:
-            return self._check_by_truth(camera)
-        turned = self._turns_by_odometry()
-        if turned is None:
-            missing = "a field looks the same in a mirror: truth.csv, or frames.csv with odometry, is needed"
-            return [Finding("mirrored", "unknown", missing)]
-        agreeing, count = turned
-        state: State = "ok" if agreeing > 0.5 * count else "wrong"
-        evidence = f"in {agreeing} of {count} turns between images the robot turned in the direction of its odometry"
-        if state == "wrong":
-            evidence += f": mirrored = {str(not camera.mirrored).lower()} in the camera file?"
-        return [Finding("mirrored", state, evidence)]
-
-    def _check_by_truth(self, camera: OmniCamera) -> list[Finding]:
-        pairs = self._pairs(self.views)
-        if not pairs:
-            return [Finding("mirrored", "unknown", "no image with truth could be located")]
-        near_m = self.settings.max_truth_error_m
-        right = sum(pose.error_to(truth, symmetric=True)[0] < near_m for pose, truth in pairs)
-        evidence = f"{right} of {len(pairs)} poses lie within {100 * near_m:.0f} cm of the truth"
-        return [Finding("mirrored", "ok" if right else "unknown", evidence), *self._check_heading(camera)]
-
     def _check_heading(self, camera: OmniCamera) -> list[Finding]:
         # twice the angle: it is the same for both halves of a symmetric field
-        off = np.array([2 * (pose.theta_rad - truth.theta_rad) for pose, truth in self._pairs(self.views, True)])
+        off = np.array([2 * (pose.theta_rad - truth_rad) for pose, truth_rad in self._headings()])
         if len(off) < self.settings.min_turns:
             return []
         middle = math.atan2(float(np.median(np.sin(off))), float(np.median(np.cos(off))))
@@ -410,42 +389,13 @@ class _Check:
             return [Finding("heading", "wrong", f"all headings differ from the truth by {degrees:+.1f} deg: {advice}")]
         return [Finding("heading", "ok", f"headings differ from the truth by {degrees:+.1f} deg (median)")]
 
-    def _pairs(self, views: list[View], with_heading: bool = False) -> list[tuple[Pose2, Pose2]]:
-        pairs = []
-        for name, view in zip(self.names, views, strict=True):
+    def _headings(self) -> Iterator[tuple[Pose2, float]]:
+        """Poses of pictures whose true heading is known, with that."""
+        for name, view in zip(self.names, self.views, strict=True):
             truth = self.dataset.truth.get(name)
             found = view.pose if self.dataset.pose_of == "robot" else view.camera_pose
-            if found and truth is not None and not (with_heading and truth.theta_rad is None):
-                theta = found.pose.theta_rad if truth.theta_rad is None else truth.theta_rad
-                pairs.append((found.pose, Pose2(truth.x_m, truth.y_m, theta)))
-        return pairs
-
-    def _turns_by_odometry(self) -> tuple[int, int] | None:
-        """Count turns that agree with the odometry in sign, and all that are large enough; None if there are few."""
-        times = self.dataset.times
-        if times is None or self.dataset.is_video:
-            return None
-        order = {name: index for index, name in enumerate(self.dataset.image_names)}
-        vision = make_vision(self.dataset, self.dataset.field, self.dataset.camera)
-        agreeing, count = 0, 0
-        for name, view in zip(self.names, self.views, strict=True):
-            following = order[name] + 1
-            if not view.pose or following >= len(self.dataset.image_names):
-                continue
-            moved = times[self.dataset.image_names[following]].odometry
-            if moved is None or not self.settings.min_turn_rad < abs(moved.theta_rad) < self.settings.max_turn_rad:
-                continue
-            try:
-                vision.forget()
-                after = vision.look(self.dataset.read_frame(following)).pose
-            except FrameError:
-                continue
-            if not after:
-                continue
-            turn = math.remainder(after.pose.theta_rad - view.pose.pose.theta_rad, math.pi)
-            agreeing += (turn > 0) == (moved.theta_rad > 0)
-            count += 1
-        return (agreeing, count) if count >= self.settings.min_turns else None
+            if found and truth is not None and truth.theta_rad is not None:
+                yield found.pose, truth.theta_rad
 
     def _check_camera(self, camera: OmniCamera, can_place: bool) -> list[Finding]:
         result = calibrate_omni(self.dataset.field, self.frames, camera, self.dataset.mask, names=self.names)
