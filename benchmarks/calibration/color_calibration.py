@@ -41,8 +41,7 @@ from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.calibration.colors import calibrate_colors
-from robocup_vision.calibration.forward.calibrate import calibrate_forward
-from robocup_vision.calibration.forward.result import ForwardCalibration
+from robocup_vision.calibration.forward.calibrate import ForwardCalibration, calibrate_forward
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import CLASS_NAMES, build_color_table

@@ -17,8 +17,7 @@ from benchmarks.scores.photograph_rows import REAL, PhotographRow, photographs, 
 from field_models import load_field
 from robocup_vision import Vision
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.calibration.forward.calibrate import calibrate_forward
-from robocup_vision.calibration.forward.result import ForwardCalibration
+from robocup_vision.calibration.forward.calibrate import ForwardCalibration, calibrate_forward
 from robocup_vision.calibration.forward.starts import KnownOfCamera
 from robocup_vision.camera import FisheyeCamera
 from robocup_vision.geometry import Pose2

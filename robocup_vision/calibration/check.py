@@ -436,12 +436,12 @@ class _Check:
             return []
         some = dict(list(enumerate(self.frames))[:: -(-len(self.frames) // settings.max_calibrated)])
         fit = calibrate_by_edges(self.dataset.field, some, [start], dict.fromkeys(some), StartTrials())
-        if isinstance(fit, NotCalibrated) or len(fit.fit.unknowns) < settings.min_turns:
+        if isinstance(fit, NotCalibrated) or len(fit.unknowns) < settings.min_turns:
             return []
         tilt_std, _, height_std, focal_std, *_ = np.sqrt(np.diag(fit.covariance)).tolist()
         focal_px, height_m, tilt_rad = fit.camera.focal_px[0], fit.camera.height_m, fit.camera.tilt_rad or 0.0
         evidence = (
-            f"by {len(fit.fit.unknowns)} images the focal length is {focal_px:.1f} +- {focal_std * focal_px:.1f} px, "
+            f"by {len(fit.unknowns)} images the focal length is {focal_px:.1f} +- {focal_std * focal_px:.1f} px, "
             f"the height {height_m:.3f} +- {height_std:.3f} m, the tilt {math.degrees(tilt_rad):+.1f} +- "
             f"{math.degrees(tilt_std):.1f} degrees"
         )

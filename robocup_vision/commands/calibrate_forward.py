@@ -10,7 +10,7 @@ from robocup_vision.commands.calibrate_options import add_calibration_options, s
 from robocup_vision.commands.options import NEGATIVE_ANGLE, angle
 
 if TYPE_CHECKING:
-    from robocup_vision.calibration.forward.result import ForwardCalibration
+    from robocup_vision.calibration.forward.calibrate import ForwardCalibration
     from robocup_vision.calibration.forward.starts import KnownOfCamera
     from robocup_vision.camera import PinholeCamera
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.calibration.forward.calibrator import Calibrator, EdgeCalibration, EdgeCalibrationSettings, Locate
-from robocup_vision.calibration.forward.joint_fit import Sighting
+from robocup_vision.calibration.forward.calibrator import Calibrator, EdgeCalibrationSettings, Locate
+from robocup_vision.calibration.forward.joint_fit import JointFit, Sighting
 from robocup_vision.calibration.forward_parameters import HEIGHT, LENS, LOG_FOCAL, TILT, ForwardParameters
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import StartTrials
@@ -35,7 +35,7 @@ def calibrate_by_edges(
     prior: Mapping[int, Pose2 | None],
     trials: StartTrials,
     settings: EdgeCalibrationSettings = EdgeCalibrationSettings(),
-) -> EdgeCalibration | NotCalibrated:
+) -> JointFit | NotCalibrated:
     """Calibrate a camera by all edges in view.
 
     Parameters
@@ -77,7 +77,7 @@ class _EdgeLocator:
         )
         return self._of(loose, settings.start_range_m)
 
-    def of_fit(self, fit: EdgeCalibration) -> Locate:
+    def of_fit(self, fit: JointFit) -> Locate:
         """Return what locates a camera that was fitted."""
         std, own = np.sqrt(np.diag(fit.covariance)), self.settings.fit
         _, sway = fit.camera.sway_std_rad(own.sway_std_rad)
@@ -112,15 +112,15 @@ class _EdgeLocator:
         return locate
 
 
-def _bent(calibrator: Calibrator, straight: EdgeCalibration) -> EdgeCalibration:
+def _bent(calibrator: Calibrator, straight: JointFit) -> JointFit:
     """Return the fit by a lens that bends lines, where it clearly does."""
     parameters = ForwardParameters(straight.parameters.start)
     vector = parameters.vector(straight.camera)
-    vector[:LENS] = straight.fit.vector[:LENS]
+    vector[:LENS] = straight.vector[:LENS]
     bent = calibrator.fitted(parameters, calibrator.located(calibrator.locator.of_fit(straight)), vector)
     if bent is None:
         return straight
-    lens, covariance = bent.fit.vector[LENS:], bent.covariance[LENS:, LENS:]
+    lens, covariance = bent.vector[LENS:], bent.covariance[LENS:, LENS:]
     if lens @ np.linalg.solve(covariance, lens) < _BENDS_CHI2:
         return straight
     return calibrator.again(bent) or bent

@@ -14,9 +14,9 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.calibration.forward.calibrator import Calibrator, EdgeCalibration, EdgeCalibrationSettings, Locate
-from robocup_vision.calibration.forward.joint_fit import Sighting
-from robocup_vision.calibration.forward.starts import KnownOfCamera, starts_about, starts_of
+from robocup_vision.calibration.forward.calibrator import Calibrator, EdgeCalibrationSettings, Locate
+from robocup_vision.calibration.forward.joint_fit import JointFit, Sighting
+from robocup_vision.calibration.forward.starts import KnownOfCamera, starts_of
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.pinhole import PinholeCamera
@@ -44,7 +44,7 @@ def calibrate_by_goals(
     prior: Mapping[int, Pose2 | None],
     trials: StartTrials,
     settings: EdgeCalibrationSettings = EdgeCalibrationSettings(),
-) -> EdgeCalibration | NotCalibrated:
+) -> JointFit | NotCalibrated:
     """Calibrate a camera, which a neck may turn, by goals and the edges around them.
 
     Parameters
@@ -64,12 +64,12 @@ def calibrate_by_goals(
     prepare("pinhole_goal")
     height, width = next(iter(frames.values())).shape[:2]
     level = replace(start, tilt_rad=0.0)
-    starts = starts_about(level) if isinstance(level, PinholeCamera) else starts_of((width, height), level)
+    starts = starts_of((width, height), level)
     by_neck = replace(settings, fit=replace(settings.fit, sway_std_rad=_NECK_STD_RAD))
     found = Calibrator(field, frames, prior, _GoalLocator(field), by_neck).best(starts, trials)
     if not found:
         return found
-    tilts = np.array([held[tables.TILT] for held in found.fit.unknowns.values()])
+    tilts = np.array([held[tables.TILT] for held in found.unknowns.values()])
     if len(tilts) > 1 and float(np.abs(tilts - np.median(tilts)).max()) < _MAX_TILT_SPREAD_RAD:
         fixed = Calibrator(field, frames, prior, _GoalLocator(field), settings)
         return fixed.again(found) or found
@@ -107,6 +107,6 @@ class _GoalLocator:
 
         return locate
 
-    def of_fit(self, fit: EdgeCalibration) -> Locate:
+    def of_fit(self, fit: JointFit) -> Locate:
         """Return what locates a camera that was fitted."""
         return self.of_start(fit.camera)

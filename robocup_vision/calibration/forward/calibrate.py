@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,9 +18,8 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.forward.by_edges import calibrate_by_edges
 from robocup_vision.calibration.forward.by_goals import calibrate_by_goals
-from robocup_vision.calibration.forward.calibrator import EdgeCalibration
-from robocup_vision.calibration.forward.result import ForwardCalibration, ForwardFrame
-from robocup_vision.calibration.forward.starts import KnownOfCamera, circle_of, dark_rim, starts_about, starts_of
+from robocup_vision.calibration.forward.joint_fit import JointFit
+from robocup_vision.calibration.forward.starts import KnownOfCamera, circle_of, dark_rim, starts_of
 from robocup_vision.calibration.forward_parameters import CENTER, HEIGHT, LENS, LINE_WIDTH, LOG_FOCAL, ROLL, TILT
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import StartTrials
@@ -32,6 +31,49 @@ from robocup_vision.geometry import Pose2
 _SAME_WIDTH = 0.03
 # a less certain result is refused: relative focal length, height
 _MAX_FOCAL_STD, _MAX_HEIGHT_STD_M = 0.03, 0.03
+
+
+@dataclass(frozen=True)
+class ForwardFrame:
+    """One picture that was used: its index in the sequence, and its own tilt and roll (radians)."""
+
+    index: int
+    name: str
+    tilt_rad: float
+    roll_rad: float
+
+
+@dataclass(frozen=True)
+class ForwardCalibration:
+    """A calibrated forward camera with its uncertainty.
+
+    Parameters
+    ----------
+    camera : PinholeCamera
+        With its standard deviations; tilt and roll where they were the same in all pictures, else None.
+    std : mapping of str to float
+        Standard deviations of ``focal_px``, ``height_m``, ``center_u_px``, ``center_v_px``; where they were the same in
+        all pictures, of ``tilt_rad`` and ``roll_rad``; where they were fitted, of the coefficients of the distortion,
+        ``k1`` and ``k2``.
+    correlation : float
+        Between focal length and height.
+    frames : tuple of ForwardFrame
+        Pictures used.
+    notes : tuple of str
+        Messages for the user.
+    residual_px : float
+        Root mean square of what edges in the pictures are off.
+    line_width_m : float or None
+        Of the painted lines by the pictures; None where too few are so near that both edges are seen.
+    """
+
+    camera: PinholeCamera
+    std: Mapping[str, float]
+    correlation: float
+    frames: tuple[ForwardFrame, ...]
+    notes: tuple[str, ...]
+    residual_px: float
+    line_width_m: float | None = None
 
 
 def calibrate_forward(
@@ -87,8 +129,7 @@ def calibrate_forward(
     if is_tilt_known or is_fisheye or not field.shows_half:
         rim = dark_rim(list(frames.values())) if is_fisheye else None
         height, width = next(iter(frames.values())).shape[:2]
-        starts = starts_of((width, height), start) if isinstance(start, KnownOfCamera) else starts_about(start)
-        edges = calibrate_by_edges(field, frames, starts, prior, trials)
+        edges = calibrate_by_edges(field, frames, starts_of((width, height), start), prior, trials)
         by_edges = _result(edges, field, len(frames), called, rim, notes)
         # a tilt that differs between the pictures leaves few of them
         if is_fisheye or (by_edges and 2 * len(by_edges.frames) >= len(frames)):
@@ -108,7 +149,7 @@ def calibrate_forward(
 
 
 def _result(
-    found: EdgeCalibration | NotCalibrated,
+    found: JointFit | NotCalibrated,
     field: Field,
     count: int,
     called: Sequence[str],
@@ -118,7 +159,7 @@ def _result(
     """Return a calibration by edges with what it says to the user, or why it is refused."""
     if isinstance(found, NotCalibrated):
         return NotCalibrated(found.reason, notes)
-    std, camera, used = np.sqrt(np.diag(found.covariance)), found.camera, found.fit.unknowns
+    std, camera, used = np.sqrt(np.diag(found.covariance)), found.camera, found.unknowns
     for what, one, most, size in (
         ("focal length", std[LOG_FOCAL], _MAX_FOCAL_STD, f"{100 * std[LOG_FOCAL]:.0f} %"),
         ("height", std[HEIGHT], _MAX_HEIGHT_STD_M, f"{std[HEIGHT]:.3f} m"),
@@ -130,7 +171,7 @@ def _result(
         notes = (*notes, f"{count - len(used)} of {count} images {why}: left out")
     if len(used) == 1:
         notes = (*notes, "one image cannot be checked against others: use several")
-    log_width = float(found.fit.vector[LINE_WIDTH])
+    log_width = float(found.vector[LINE_WIDTH])
     is_width_known = float(std[LINE_WIDTH]) < _SAME_WIDTH
     width_m = field.line_width_m * math.exp(log_width)
     if is_width_known and abs(log_width) > max(_SAME_WIDTH, 3 * float(std[LINE_WIDTH])):

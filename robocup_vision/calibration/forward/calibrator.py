@@ -7,12 +7,9 @@ are followed so far is told by how many pictures they locate.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
-
-import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
@@ -52,25 +49,6 @@ class EdgeCalibrationSettings:
     fit: JointFitSettings = JointFitSettings()  #: of the joint fit
 
 
-@dataclass(frozen=True, eq=False)
-class EdgeCalibration:
-    """A camera by edges."""
-
-    camera: PinholeCamera  #: the result
-    parameters: ForwardParameters  #: what the vector of the fit means
-    fit: JointFit  #: the last fit
-
-    @property
-    def covariance(self) -> FloatArray:
-        """(G, G) float64: of tilt, roll (rad), height (m), logarithm of the focal length, centre u, v (px), ..."""
-        return self.fit.covariance
-
-    @property
-    def rms_px(self) -> float:
-        """Root mean square of the residuals of all samples that count."""
-        return math.sqrt(float(np.mean(np.concatenate(list(self.fit.residual_px.values())) ** 2)))
-
-
 # locates a camera by a picture alone, perhaps near a pose: how probably it is right, and where it was
 Locate = Callable[[UInt8Array, Pose2 | None], tuple[float, Sighting] | None]
 
@@ -87,7 +65,7 @@ class Locator(Protocol):
         """Return what locates a camera that is about right."""
         ...
 
-    def of_fit(self, fit: EdgeCalibration) -> Locate:
+    def of_fit(self, fit: JointFit) -> Locate:
         """Return what locates a camera that was fitted."""
         ...
 
@@ -102,7 +80,7 @@ class Calibrator:
     locator: Locator
     settings: EdgeCalibrationSettings
 
-    def best(self, starts: Sequence[PinholeCamera], trials: StartTrials) -> EdgeCalibration | NotCalibrated:
+    def best(self, starts: Sequence[PinholeCamera], trials: StartTrials) -> JointFit | NotCalibrated:
         """Return the fit from the likeliest starts that most pictures agree with."""
         settings = self.settings
         some = dict(list(self.frames.items())[:: -(-len(self.frames) // settings.start_frames)])
@@ -115,12 +93,12 @@ class Calibrator:
         fits = [fit for fit in followed if fit is not None]
         if not fits:
             return NotCalibrated("too little of lines, goals and walls is in view in the images")
-        best = max(fits, key=lambda fit: (len(fit.fit.unknowns), -fit.rms_px))
+        best = max(fits, key=lambda fit: (len(fit.unknowns), -fit.rms_px))
         for _ in progress(range(2, settings.rounds), settings.rounds - 2, "all images"):
             best = self.again(best) or best
         return best
 
-    def _followed(self, start: PinholeCamera) -> EdgeCalibration | None:
+    def _followed(self, start: PinholeCamera) -> JointFit | None:
         """Locate pictures with a start, and fit; then again with what was fitted."""
         upright = start.with_orientation(0.0, start.tilt_rad, start.roll_rad or 0.0)
         parameters = ForwardParameters(upright, bends=isinstance(start, FisheyeCamera) or start.is_bent)
@@ -128,9 +106,9 @@ class Calibrator:
         fit = self.fitted(parameters, first, parameters.vector(parameters.start))
         return None if fit is None else self.again(fit)
 
-    def again(self, fit: EdgeCalibration) -> EdgeCalibration | None:
+    def again(self, fit: JointFit) -> JointFit | None:
         """Locate pictures with a camera that was fitted, each alone, and fit it again."""
-        return self.fitted(fit.parameters, self.located(self.locator.of_fit(fit)), fit.fit.vector)
+        return self.fitted(fit.parameters, self.located(self.locator.of_fit(fit)), fit.vector)
 
     def located(self, locate: Locate) -> dict[int, Sighting]:
         """Return the pictures that are located."""
@@ -139,10 +117,9 @@ class Calibrator:
 
     def fitted(
         self, parameters: ForwardParameters, sightings: Mapping[int, Sighting], vector: FloatArray
-    ) -> EdgeCalibration | None:
+    ) -> JointFit | None:
         """Fit camera and poses from where pictures were located; None where no picture agrees."""
-        fit = JointFitter(self.field, parameters, self.settings.fit).fit(sightings, vector)
-        return None if fit is None else EdgeCalibration(parameters.camera(fit.vector), parameters, fit)
+        return JointFitter(self.field, parameters, self.settings.fit).fit(sightings, vector)
 
 
 @dataclass(frozen=True, eq=False)

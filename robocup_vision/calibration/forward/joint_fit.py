@@ -28,7 +28,6 @@ from robocup_vision.calibration.least_squares import (
 )
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges import tables
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
 
@@ -65,15 +64,18 @@ class Sighting:
 class JointFit:
     """A camera by many pictures."""
 
-    #: (G,), (G, G) float64: of what is common
+    camera: PinholeCamera  #: the result
+    parameters: ForwardParameters  #: what the vector means
+    #: (G,), (G, G) float64: of what is common: tilt, roll (rad), height (m), logarithm of the focal length, ...
     vector: FloatArray
     covariance: FloatArray
     unknowns: Mapping[int, FloatArray]  #: of each picture that agrees: the unknowns of `kernels.model_edges`
     residual_px: Mapping[int, FloatArray]  #: of the samples that count in each of them
 
-    def pose(self, index: int) -> Pose2:
-        """Pose of the camera in a picture."""
-        return Pose2(*self.unknowns[index][:3].tolist())
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of the residuals of all samples that count."""
+        return math.sqrt(float(np.mean(np.concatenate(list(self.residual_px.values())) ** 2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +150,8 @@ class JointFitter:
         # pictures differ by more than their samples' noise
         scores = (scores - scores.mean(axis=0)) * math.sqrt(len(scores) / max(len(scores) - 1, 1))
         residual_px = {index: one.residual_px for index, one in pictures.items()}
-        return JointFit(vector, sandwich(total, scores), unknowns, residual_px)
+        parameters, covariance = self._parameters, sandwich(total, scores)
+        return JointFit(parameters.camera(vector), parameters, vector, covariance, unknowns, residual_px)
 
     def _linearised(
         self,

@@ -145,8 +145,16 @@ class KnownOfCamera:
             raise ArgumentError(f"tilt must be in radians, between -pi/2 and pi/2, got {self.tilt_rad!r}")
 
 
-def starts_of(size_px: tuple[int, int], known: KnownOfCamera) -> list[PinholeCamera]:
-    """Return cameras of which one is about right, the centre of each in the picture's middle."""
+def starts_of(size_px: tuple[int, int], known: KnownOfCamera | PinholeCamera) -> list[PinholeCamera]:
+    """Return cameras of which one is about right, where nothing tells the centre with it in the picture's middle.
+
+    Of a camera they have its height, focal lengths about its own, and its tilt if it has one.
+    """
+    tilts = _tilts() if known.tilt_rad is None else [known.tilt_rad]
+    if isinstance(known, PinholeCamera):
+        scales = [math.exp(log) for log in _LOG_FOCALS]
+        scaled = [replace(known, focal_px=(known.focal_px[0] * one, known.focal_px[1] * one)) for one in scales]
+        return [replace(one, tilt_rad=tilt) for one in scaled for tilt in tilts]
     width, height = size_px
     middle = (width - 1) / 2, (height - 1) / 2
     if known.view_rad is None:
@@ -155,7 +163,6 @@ def starts_of(size_px: tuple[int, int], known: KnownOfCamera) -> list[PinholeCam
     else:
         focals = [_focal_px(width, known.view_rad, known.model)]
     heights = _HEIGHTS_M if known.height_m is None else (known.height_m,)
-    tilts = _tilts() if known.tilt_rad is None else [known.tilt_rad]
     kind = PinholeCamera if known.model == "pinhole" else FisheyeCamera
     return [
         kind((width, height), (focal, focal), middle, up, pan_rad=0.0, tilt_rad=tilt, roll_rad=0.0)
@@ -163,13 +170,6 @@ def starts_of(size_px: tuple[int, int], known: KnownOfCamera) -> list[PinholeCam
         for up in heights
         for tilt in tilts
     ]
-
-
-def starts_about(camera: PinholeCamera) -> list[PinholeCamera]:
-    """Return a camera with the focal lengths that are tried about its own, and tilts where its own is unknown."""
-    (fu, fv), scales = camera.focal_px, [math.exp(log) for log in _LOG_FOCALS]
-    tilts = _tilts() if camera.tilt_rad is None else [camera.tilt_rad]
-    return [replace(camera, focal_px=(fu * scale, fv * scale), tilt_rad=tilt) for scale in scales for tilt in tilts]
 
 
 def _tilts() -> list[float]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.calibration.forward.calibrate import calibrate_forward
-from robocup_vision.calibration.forward.starts import KnownOfCamera, circle_of, dark_rim, starts_about, starts_of
+from robocup_vision.calibration.forward.starts import KnownOfCamera, circle_of, dark_rim, starts_of
 from robocup_vision.calibration.forward_parameters import CENTER, ForwardParameters
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
@@ -175,8 +175,8 @@ def test_what_is_known_is_not_tried():
     (only,) = starts_of((640, 480), KnownOfCamera("fisheye", math.radians(120.0), 0.5, -0.1))
     assert (only.height_m, only.tilt_rad) == (0.5, -0.1)
     assert only.focal_px[0] == pytest.approx(320.0 / math.radians(60.0))
-    assert {one.tilt_rad for one in starts_about(BENT)} == {BENT.tilt_rad}
-    assert len({one.tilt_rad for one in starts_about(replace(BENT, tilt_rad=None))}) > 5
+    assert {one.tilt_rad for one in starts_of(BENT.size_px, BENT)} == {BENT.tilt_rad}
+    assert len({one.tilt_rad for one in starts_of(BENT.size_px, replace(BENT, tilt_rad=None))}) > 5
 
 
 @pytest.mark.parametrize(
