@@ -22,8 +22,6 @@ from robocup_vision.localization.lines.search import (
 )
 from robocup_vision.perception.line_points import FloorCamera, LineFinder, LinePoints
 
-_BY_CHANCE = "{} line points lie near lines of the best pose no better than by chance"
-
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
@@ -31,21 +29,15 @@ class LineSettings:
 
     search: LineSearchSettings = LineSearchSettings()
     fit: LineFitSettings = LineFitSettings()
-    #: least fraction of all line points on lines of the pose: as the search leaves it, and refined in pixels
-    min_rough_ratio: float = 0.4
-    min_inlier_ratio: float = 0.5
-    #: the same of the points on the field's carpet or lines by that pose, found without and with a prior: people and
-    #: shelves around the field are neither for nor against it
+    min_inlier_ratio: float = 0.5  #: least fraction of all line points on lines of the pose
+    #: the same of the points on the field's carpet or lines by that pose: people and shelves around the field are
+    #: neither for nor against it
     min_carpet_ratio: float = 0.7
-    min_carpet_ratio_at_prior: float = 0.75
     #: with fewer line points, the least log-likelihood ratio a point against points evenly over the gate: a few lie
     #: near some lines by chance. Rendered frames have 1.0 and more; photographs by a rough calibration have less, but a
     #: thousand points.
     few_points: int = 300
     min_nats_of_few: float = 0.5
-    #: points evenly over the gate have a mean square of a third of the gate's: that of the residuals must be lower by
-    #: this many standard deviations of the mean
-    chance_stds: float = 2.0
     #: the runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing
     rival_ratio: float = 1.35
     rival_excess: float = 0.15
@@ -87,13 +79,10 @@ class LinePoseEstimator:
         found = search_by_lines(points, self.line_map, settings=self.settings.search)
         if not found:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
-        best = found[0]
-        if best.inlier_ratio < self.settings.min_rough_ratio:
-            return NotLocated(f"only {best.inlier_ratio:.0%} of the line points lie on lines of the best pose")
         start = self._choose(found, points)
         if isinstance(start, NotLocated):
             return start
-        refined = self._refined(start, points, self.settings.min_carpet_ratio)
+        refined = self._refined(start, points)
         return self._with_candidates(refined, None) if refined else refined
 
     def follow(self, frame: npt.NDArray[np.uint8] | LinePoints, start: Pose2) -> PoseEstimate | NotLocated:
@@ -105,7 +94,7 @@ class LinePoseEstimator:
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         if len(points) < self.settings.search.min_points:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
-        refined = self._refined(start, points, self.settings.min_carpet_ratio_at_prior)
+        refined = self._refined(start, points)
         if not refined:
             return refined
         if not self.is_near(refined, start):
@@ -121,40 +110,31 @@ class LinePoseEstimator:
                 return True
         return False
 
-    def _refined(self, start: Pose2, points: LinePoints, min_carpet_ratio: float) -> PoseEstimate | NotLocated:
+    def _refined(self, start: Pose2, points: LinePoints) -> PoseEstimate | NotLocated:
         """Refine a pose in pixels; NotLocated if the lines do not confirm it, or do not fix it."""
         refined = refine_by_lines(start, points, self.line_map, settings=self.settings.fit)
         if not refined:
             return refined
-        refined = self._judged(refined, points, min_carpet_ratio)
+        refined = self._judged(refined, points)
         if not refined:
             return refined
-        if len(points) < self.settings.few_points and self._nats(refined) < self.settings.min_nats_of_few:
-            return NotLocated(_BY_CHANCE.format(len(points)))
         if max(refined.std[:2]) > self.settings.max_std_m or refined.std[2] > self.settings.max_std_rad:
             return NotLocated("the lines in view do not fix the pose")
         return refined
 
-    def _judged(self, estimate: PoseEstimate, points: LinePoints, min_carpet_ratio: float) -> PoseEstimate | NotLocated:
+    def _judged(self, estimate: PoseEstimate, points: LinePoints) -> PoseEstimate | NotLocated:
         """Return the estimate if the line points confirm it, and its lines on visible floor were seen."""
         if estimate.inlier_ratio < self.settings.min_inlier_ratio:
             return NotLocated(f"only {estimate.inlier_ratio:.0%} of the line points lie on lines of the best pose")
-        if self._is_by_chance(estimate, len(points)):
-            return NotLocated(_BY_CHANCE.format(len(points)))
+        if len(points) < self.settings.few_points and self._nats(estimate) < self.settings.min_nats_of_few:
+            return NotLocated(f"{len(points)} line points lie near lines of the best pose no better than by chance")
         on_carpet = self._carpet_ratio(estimate.pose, points)
-        if on_carpet < min_carpet_ratio:
+        if on_carpet < self.settings.min_carpet_ratio:
             return NotLocated(f"only {on_carpet:.0%} of the line points on the carpet lie on lines of the best pose")
         support = self._support(estimate.pose, points)
         if support < self.settings.min_support:
             return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
         return estimate
-
-    def _is_by_chance(self, estimate: PoseEstimate, points: int) -> bool:
-        """Whether the points of a pose lie no nearer to its lines than points evenly over the gate."""
-        # whose squares have a mean of a third and a variance of 4/45, in units of the gate
-        near = max(estimate.inlier_ratio * points, 1.0)
-        most = 1 / 3 - self.settings.chance_stds * math.sqrt(4 / 45 / near)
-        return (estimate.residual_px / self.settings.fit.inlier_px) ** 2 > most
 
     def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
         """Refine in pixels the candidates that the search does not separate, and take the best if it is alone."""

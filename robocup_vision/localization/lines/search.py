@@ -40,7 +40,6 @@ class LineSearchSettings:
     #: scale of the loss, step by step
     scales_m: tuple[float, ...] = (0.25, 0.25, 0.2, 0.16, 0.13, 0.1, 0.08, 0.06, 0.06, 0.06)
     apart: Apart = Apart(0.15, math.radians(4.0))  #: of two refined poses that are two modes
-    inlier_px: float = 3.0  #: a point within this many pixels of a line agrees with a pose
     noise_px: float = 2.0  #: noise of the search, which a camera's calibration error may reach; the refinement is finer
 
 
@@ -50,7 +49,6 @@ class LineCandidate:
 
     pose: Pose2  #: robot in the field frame
     cost: float  #: mean robust loss of the points, lower is better; comparable within one frame
-    inlier_ratio: float  #: of the points, one per patch of floor, those that lie on a line
 
 
 def search_by_lines(
@@ -82,14 +80,8 @@ def search_by_lines(
     order = np.argsort(cost, kind="stable")
     order = order[(np.isfinite(cost) & is_near_field)[order]]
     apart = replace(settings.apart, twins=line_map.is_point_symmetric)
-    kept: list[LineCandidate] = []
-    for k in order[apart.first(starts[order], max_candidates)]:
-        pose = Pose2(*starts[k].tolist())
-        distance = line_map.nearest(pose.transform(floor_m)).distance_m
-        good = distance <= np.maximum(settings.inlier_px / settings.noise_px * noise_m, 0.06)
-        ratio = float(thin.weight[good].sum() / thin.weight.sum())
-        kept.append(LineCandidate(pose, float(cost[k]), ratio))
-    return kept
+    kept = order[apart.first(starts[order], max_candidates)]
+    return [LineCandidate(Pose2(*starts[k].tolist()), float(cost[k])) for k in kept]
 
 
 def _metres_per_px(points: LinePoints) -> FloatArray:
