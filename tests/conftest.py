@@ -31,6 +31,13 @@ settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeat"))
 
 
+@pytest.fixture
+def without_plots(monkeypatch):
+    """Leave the plots out of reports, which take longest; one test of each report draws them."""
+    monkeypatch.setattr("robocup_vision.evaluation.report.draw_plots", lambda field, rows: [])
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, stream, **how: stream.write(b"a plot"))
+
+
 def pytest_collection_modifyitems(items):
     silent = {item.nodeid.split("[")[0] for item in items if item.get_closest_marker("slow") and not item.obj.__doc__}
     if silent:

@@ -20,7 +20,7 @@ from sim2d.robot_link import CONTROL_PERIOD_S, Command
 
 FIELD = load_field("ssl_2001")
 LIMITS = MotionLimits(speed_mps=0.4, acceleration_mps2=0.3, dead_time_s=0.03)
-FRAMES = 24
+FRAMES = 16
 
 
 class RunFrame(NamedTuple):

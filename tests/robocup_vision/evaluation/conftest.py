@@ -99,12 +99,6 @@ def draw_badly(view, frame, vision):
 
 
 @pytest.fixture
-def without_plots(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the plots out of reports, which take longest; test_report.py draws them."""
-    monkeypatch.setattr("robocup_vision.evaluation.report.draw_plots", lambda field, rows: [])
-
-
-@pytest.fixture
 def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     """Return the module with `FakeVision`; worker processes find it by the same path."""
     folder = tmp_path / "plug_in"

@@ -12,8 +12,6 @@ from robocup_vision import cli
 from robocup_vision.evaluation.comparison import compare, load_evaluation, render_comparison
 from robocup_vision.evaluation.result_files import RESULT_COLUMNS, SUMMARY_KEYS
 
-pytestmark = pytest.mark.usefixtures("without_plots")
-
 
 def evaluation(folder, rows, **figures):
     """Write the files of an evaluation; a row is image, status, and what else is not empty."""

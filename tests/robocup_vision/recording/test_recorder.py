@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded_runs import make_steering, make_vision, record_run, run_frames
+from recorded_runs import make_steering, make_vision, run_frames
 
 from field_models.errors import ArgumentError, FileError, RobocupVisionError
 from robocup_vision.geometry import Pose2
@@ -21,14 +21,8 @@ from robocup_vision.recording.log_reader import LogReader
 from robocup_vision.recording.loops import Changes, loop_kind
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
-    path = tmp_path_factory.mktemp("recorded") / "run.mcap"
-    return path, record_run(path)
-
-
-def test_frames_come_back_as_they_were(recorded: tuple[Path, list[str]]) -> None:
-    recording = Recording(recorded[0])
+def test_frames_come_back_as_they_were(recorded: Path) -> None:
+    recording = Recording(recorded)
     frames = list(recording.frames())
     assert len(frames) == len(run_frames())
     for now, then in zip(frames, run_frames(), strict=True):
@@ -44,15 +38,16 @@ def test_frames_come_back_as_they_were(recorded: tuple[Path, list[str]]) -> None
     assert recording.field.name == "ssl_2001"
 
 
-def test_truth_is_a_topic_of_its_own(recorded: tuple[Path, list[str]]) -> None:
-    truth = Recording(recorded[0]).truth()
+def test_truth_is_a_topic_of_its_own(recorded: Path) -> None:
+    truth = Recording(recorded).truth()
     assert [t_s for t_s, _ in truth] == pytest.approx([now.t_s for now in run_frames()], abs=1e-9)
     for (_, pose), now in zip(truth, run_frames(), strict=True):
         assert pose.array == pytest.approx(now.truth.array, abs=1e-12)
 
 
-def test_a_replay_is_the_run_in_every_bit(recorded: tuple[Path, list[str]]) -> None:
-    recording = Recording(recorded[0])
+def test_a_replay_is_the_run_in_every_bit(recorded_digests: tuple[Path, list[str]]) -> None:
+    path, recorded = recorded_digests
+    recording = Recording(path)
     loop = loop_kind(recording.run.loop).make(recording.run, Changes())
     digests = []
     for call in recording.calls():
@@ -61,11 +56,11 @@ def test_a_replay_is_the_run_in_every_bit(recorded: tuple[Path, list[str]]) -> N
         if "digest" in outputs:
             assert outputs["digest"] == call.outputs["digest"]
             digests.append(outputs["digest"])
-    assert digests == recorded[1]
+    assert digests == recorded
 
 
-def test_a_time_span_can_be_read_alone(recorded: tuple[Path, list[str]]) -> None:
-    recording = Recording(recorded[0])
+def test_a_time_span_can_be_read_alone(recorded: Path) -> None:
+    recording = Recording(recorded)
     times = [now.t_s for now in run_frames()]
     frames = [now.t_s for now in recording.frames(times[3], times[7])]
     assert frames == times[3:8]
@@ -103,10 +98,10 @@ def _cuts(size: int) -> Iterator[int]:
     yield from sorted(rng.integers(0, size, 60).tolist())
 
 
-def test_a_file_cut_anywhere_reads_up_to_its_last_whole_chunk(recorded: tuple[Path, list[str]], tmp_path: Path) -> None:
-    data = recorded[0].read_bytes()
+def test_a_file_cut_anywhere_reads_up_to_its_last_whole_chunk(recorded: Path, tmp_path: Path) -> None:
+    data = recorded.read_bytes()
     attachments_end = data.index(b"versions.json") + 1000
-    whole = [call.number for call in Recording(recorded[0]).calls()]
+    whole = [call.number for call in Recording(recorded).calls()]
     seen = set()
     for cut in _cuts(len(data)):
         path = tmp_path / "cut.mcap"
@@ -122,9 +117,9 @@ def test_a_file_cut_anywhere_reads_up_to_its_last_whole_chunk(recorded: tuple[Pa
 
 
 @pytest.mark.parametrize("cut", [0, 4, 8, 20, 200])
-def test_a_file_cut_in_its_head_says_so(recorded: tuple[Path, list[str]], tmp_path: Path, cut: int) -> None:
+def test_a_file_cut_in_its_head_says_so(recorded: Path, tmp_path: Path, cut: int) -> None:
     path = tmp_path / "cut.mcap"
-    path.write_bytes(recorded[0].read_bytes()[:cut])
+    path.write_bytes(recorded.read_bytes()[:cut])
     with pytest.raises(FileError, match=r"is not an MCAP file|no recording of robocup-vision"):
         Recording(path)
 
@@ -136,14 +131,14 @@ def test_a_truth_that_is_not_finite_is_none(tmp_path: Path) -> None:
     assert [(t_s, pose.x_m) for t_s, pose in Recording(tmp_path / "run.mcap").truth()] == [(0.0, 0.5), (0.2, 0.7)]
 
 
-def test_a_damaged_chunk_is_named_by_its_time(recorded: tuple[Path, list[str]], tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_named_by_its_time(recorded: Path, tmp_path: Path) -> None:
     from mcap.reader import make_reader
 
-    with recorded[0].open("rb") as stream:
+    with recorded.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
     place = summary.chunk_indexes[0]
-    data = bytearray(recorded[0].read_bytes())
+    data = bytearray(recorded.read_bytes())
     middle = place.chunk_start_offset + place.chunk_length // 2
     data[middle : middle + 64] = bytes(64)
     path = tmp_path / "damaged.mcap"
@@ -152,12 +147,12 @@ def test_a_damaged_chunk_is_named_by_its_time(recorded: tuple[Path, list[str]], 
         list(Recording(path).calls())
 
 
-def test_a_foreign_reader_reads_every_message_back_equal(recorded: tuple[Path, list[str]]) -> None:
+def test_a_foreign_reader_reads_every_message_back_equal(recorded: Path) -> None:
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
     topics = set()
-    with recorded[0].open("rb") as stream:
+    with recorded.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         count = 0
         for schema, channel, message, foreign in reader.iter_decoded_messages(log_time_order=False):
@@ -167,7 +162,7 @@ def test_a_foreign_reader_reads_every_message_back_equal(recorded: tuple[Path, l
             assert encode(ours) == message.data
             topics.add(channel.topic)
             count += 1
-    assert count == sum(1 for _ in LogReader(recorded[0]).messages())
+    assert count == sum(1 for _ in LogReader(recorded).messages())
     assert topics >= {
         "/camera/image",
         "/camera/camera_info",
@@ -290,7 +285,7 @@ for path in sys.argv[1:]:
     begin = time.monotonic()
     for number in range(600):
         t_s = time.monotonic() - begin
-        recorder.add_look(views[number % 24], frames[number % 24].frame, t_s)
+        recorder.add_look(views[number % len(frames)], frames[number % len(frames)].frame, t_s)
         sys.stdout.write(f"{os.getpid()} {t_s}\\n"); sys.stdout.flush()
         time.sleep(1 / 30)
     os._exit(0)
@@ -301,7 +296,7 @@ for path in sys.argv[1:]:
 def test_killed_recordings_read_to_their_last_second(tmp_path: Path) -> None:
     """Only this finds a recording that keeps more than a second in memory."""
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
-    seconds = np.random.default_rng(7).uniform(1.2, 3.0, 4).tolist()
+    seconds = np.random.default_rng(7).uniform(1.2, 3.0, 2).tolist()
     paths = [tmp_path / f"{number}.mcap" for number in range(len(seconds))]
     command = [sys.executable, "-c", _PROGRAM, *map(str, paths)]
     said: list[list[float]] = [[] for _ in paths]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded_runs import make_vision, record_run, run_frames
+from recorded_runs import make_vision, run_frames
 
 from field_models import load_field
 from field_models.errors import ArgumentError
@@ -20,13 +20,6 @@ from robocup_vision.recording import Recorder, Recording
 from robocup_vision.recording.loops import Changes, loop_kind
 from robocup_vision.recording.replay import Differences, ReplayedCall, replay
 from robocup_vision.vision import Vision
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("replay") / "run.mcap"
-    record_run(path)
-    return path
 
 
 def _differences(path: Path, changes: Changes = Changes(), **span: float) -> Differences:
@@ -115,6 +108,7 @@ def test_the_command_writes_its_files(recorded: Path, tmp_path: Path, capsys: py
     assert json.loads((tmp_path / "other" / "replay.json").read_text())["same"] < figures["calls"]
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_a_replay_that_differs_unasked_is_an_error(
     recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

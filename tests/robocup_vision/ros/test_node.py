@@ -71,7 +71,7 @@ def test_the_pose_is_the_robots_and_map_to_odom_leads_to_it(node: VisionNode) ->
     assert "/camera/image" not in sent
     status = _status(node, run_frames()[-1].t_s)
     assert status.level == 0
-    assert status.message == "24 of 24 frames located"
+    assert status.message == f"{FRAMES} of {FRAMES} frames located"
 
 
 def test_without_memory_the_odometry_makes_the_prior(camera: str) -> None:

@@ -45,9 +45,10 @@ def is_patch(normals, turn_rad):
 @settings(max_examples=5)
 @given(st.tuples(angles, angles, angles))
 def test_the_patches_cover_28_percent_however_the_ball_lies(turn_rad):
-    assert np.mean(is_patch(everywhere(20000), turn_rad)) == pytest.approx(0.284, abs=0.004)
+    assert np.mean(is_patch(everywhere(4000), turn_rad)) == pytest.approx(0.284, abs=0.004)
 
 
+@settings(max_examples=5)
 @given(st.tuples(angles, angles, angles))
 def test_a_patch_lies_opposite_each_patch(turn_rad):
     normals = everywhere(500)

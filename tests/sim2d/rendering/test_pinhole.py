@@ -32,8 +32,10 @@ ROW_PX = 0.07  # one row or column: 64 rays a pixel count an edge along their la
 
 
 def looking_at_goal(x_m: float, y_m: float, tilt_rad: float, roll_rad: float) -> tuple[PinholeCamera, Pose2]:
+    """Return a camera that looks at the goal's middle; from far it is a larger one, as few rows tell no slope."""
+    size_px = (208, 160) if x_m > 0.0 else (416, 320)
     left, right = (math.atan2(side * GOAL.width_m / 2 - y_m, GOAL.line_x_m - x_m) for side in (1, -1))
-    return ers7_camera().with_orientation(0.0, tilt_rad, roll_rad), Pose2(x_m, y_m, (left + right) / 2)
+    return ers7_camera(*size_px).with_orientation(0.0, tilt_rad, roll_rad), Pose2(x_m, y_m, (left + right) / 2)
 
 
 def coverage(camera: PinholeCamera, pose: Pose2, member: Member) -> FloatArray:
@@ -155,7 +157,7 @@ def test_posts_stand_on_the_floor_and_end_at_the_bars_upper_edge():
 
 
 @given(st.integers(0, 10**6), numbers(-2.0, 1.5), numbers(-1.5, 1.5), numbers(-0.2, 0.2))
-@settings(max_examples=8)
+@settings(max_examples=4)
 def test_few_rays_and_many_see_the_same(seed: int, x: float, y: float, roll: float):
     camera, pose = looking_at_goal(x, y, 0.02, roll)
     camera = dataclasses.replace(
@@ -235,8 +237,8 @@ def test_backdrop_hangs_behind_everything_and_repeats():
     )
     np.testing.assert_array_equal(hall, again)
     changed = np.abs(plain - hall).max(axis=2) > 1
-    assert changed[:60].mean() > 0.5
-    assert not changed[-60:].any()
+    assert changed[:30].mean() > 0.5
+    assert not changed[-30:].any()
 
 
 @given(numbers(0.0, 9.0))

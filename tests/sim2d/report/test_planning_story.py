@@ -71,6 +71,7 @@ def test_the_report_has_a_table_and_a_plot_of_it(tmp_path):
     assert page.count("data:image/png;base64") == 3
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_a_match_without_planners_has_none(tmp_path):
     run_match(dataclasses.replace(PLAN, ours=Reckoner, seconds=0.1), tmp_path)
     page = (tmp_path / "report.html").read_text()

@@ -68,6 +68,7 @@ def _frames(count: int, odometry: Pose2 | None = None) -> list[object]:
     return [SourceFrame("0", now.frame, now.t_s, odometry, truth=now.truth) for now in run_frames()[:count]]
 
 
+@pytest.mark.usefixtures("without_plots")
 def test_a_folder_is_recorded_by_the_command(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, out, camera = str(folder / "images"), str(folder / "run.mcap"), str(folder / "camera.toml")
     assert cli.main(["record", source, out, "--field", "ssl_2001", "--camera", camera, "--memory"]) == 0

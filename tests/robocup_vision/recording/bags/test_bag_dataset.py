@@ -28,12 +28,7 @@ from robocup_vision.recording.log_reader import LogReader
 from robocup_vision.recording.recorder import RecorderSettings
 from robocup_vision.recording.recording import Recording
 
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("bag") / "run.mcap"
-    record_run(path)
-    return path
+pytestmark = pytest.mark.usefixtures("without_plots")
 
 
 @pytest.fixture(scope="module")
