@@ -64,9 +64,7 @@ class StartSettings:
     unknown_horizons: tuple[float, ...] = (0.75, 0.88, 1.02, 1.2, 1.45, 1.8)
     #: the same where the start's own table is stretched: its kinks say how large the image is
     own_horizons: tuple[float, ...] = (0.93, 1.0, 1.07)
-    #: scales that are tried where walls bound the floor, as factors of the one that gives the floor its area
-    scales_by_area: tuple[float, ...] = (0.93, 1.0, 1.07)
-    #: those without walls: factors of the start's; without a start, of a guess, of which there are several
+    #: scales that are tried: factors of the start's; without a start, of a guess
     scales: tuple[float, ...] = (0.62, 0.79, 1.0, 1.27, 1.61)
     guessed_scales: tuple[float, ...] = (0.8, 1.0, 1.25)
     #: frames that starts are compared by, and how many of them are used first
@@ -80,10 +78,6 @@ class StartSettings:
     #: curves that go on from the first frames to all of them, and from there to the long fit
     curves_kept: int = 8
     kept: int = 4
-    #: range at which floor ends where the curve shows none nearer, in diagonals of the field
-    farthest_diagonals: float = 1.2
-    #: percentile of the frames' ratios of areas that counts: obstacles make the hull of the floor too small
-    area_percentile: float = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +127,7 @@ class OmniCalibrationSettings:
     #: floor range half-way out, in radii of the robot, one guess each: it says how wide lines look. Mirrors suit the
     #: robot, whatever the field's size.
     guessed_ranges: tuple[float, ...] = (2.16, 3.6, 6.0, 9.6)
-    #: the same where walls bound the floor, of the field's length: the search does the rest
+    #: the same where walls bound the floor, of the field's length
     guessed_walled_range: float = 0.09
     farthest_diagonals: float = 1.1  #: farthest floor worth looking at, in diagonals of the field, without a start
     agreement: float = 2.0  #: largest residual of a point that agrees, units

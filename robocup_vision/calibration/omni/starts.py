@@ -24,7 +24,6 @@ from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.walls.hull import hull_radius
 from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import search_by_lines
@@ -149,7 +148,7 @@ class Search:
         """
         settings = self.settings.starts
         most = sorted(sightings, key=lambda s: -(len(s.boundary_px) + len(s.line_px)))[: settings.frames]
-        vectors = self._curves(most, polar)
+        vectors = self._curves()
         if len(most) > settings.first_frames:
             first = self._short_fits(vectors, most[: settings.first_frames], polar, trials, "starts")
             vectors = [fit.vector for fit in first[: settings.curves_kept]]
@@ -169,7 +168,7 @@ class Search:
         tried = trials.results(_ShortFit(self, sightings, polar), vectors, label)
         return sorted((fit for fit in tried if fit is not None), key=lambda fit: fit.cost)
 
-    def _curves(self, sightings: Sequence[Sighting], polar: PolarView) -> list[FloatArray]:
+    def _curves(self) -> list[FloatArray]:
         low, high = self.bounds
         settings = self.settings.starts
         curves = []
@@ -179,38 +178,12 @@ class Search:
             tried = settings.own_horizons if self.model.curve == "own" else settings.horizons
             horizons = [float(self.start[HORIZON]) + math.log(f) for f in tried]
         for horizon in horizons:
-            vector = self.start.copy()
-            vector[HORIZON] = horizon
-            factors = settings.guessed_scales if self.is_guess else settings.scales
-            if self.field.is_bounded:
-                grown = self._scale_by_area(vector, sightings, polar)
-                if grown is not None:
-                    vector[SCALE], factors = grown, settings.scales_by_area
-            for factor in factors:
-                scaled = vector.copy()
-                scaled[SCALE] += math.log(factor)
-                curves.append(np.clip(scaled, low, high))
+            for factor in settings.guessed_scales if self.is_guess else settings.scales:
+                vector = self.start.copy()
+                vector[HORIZON] = horizon
+                vector[SCALE] += math.log(factor)
+                curves.append(np.clip(vector, low, high))
         return curves
-
-    def _scale_by_area(self, vector: FloatArray, sightings: Sequence[Sighting], polar: PolarView) -> float | None:
-        """Logarithm of the K for which the convex hull of the visible floor has the field's area, given the horizon."""
-        camera = self.model.camera(vector)
-        corners = self.field.floor_polygon
-        turned = np.roll(corners, -1, axis=0)
-        area = 0.5 * abs(float(np.sum(corners[:, 0] * turned[:, 1] - corners[:, 1] * turned[:, 0])))
-        cos_b, sin_b = np.cos(polar.bearing_rad), np.sin(polar.bearing_rad)
-        farthest_m = self.settings.starts.farthest_diagonals * float(np.hypot(*np.ptp(corners, axis=0)))
-        ratios = []
-        for sighting in sightings:
-            hull = np.empty(len(cos_b))
-            if hull_radius(cos_b, sin_b, sighting.radius_px, hull) < 3:
-                continue
-            q = np.maximum(np.nan_to_num(camera.floor_range.inverse_range_per_m(hull)), 1 / farthest_m)
-            ratios.append(0.5 * math.sin(math.tau / len(q)) * float(np.sum(1 / (q * np.roll(q, 1)))) / area)
-        if not ratios:
-            return None
-        ratio = float(np.percentile(ratios, self.settings.starts.area_percentile))
-        return float(vector[SCALE]) + 0.5 * math.log(ratio)
 
     def pose_by_lines(self, camera: OmniCamera, sighting: Sighting) -> Pose2 | None:
         """Return the likeliest pose by a frame's lines alone; None where they are too few."""
