@@ -168,17 +168,12 @@ class Calibrator:
         from robocup_vision.files.image_folder import ImageFiles
 
         files = ImageFiles([images])
-        if kind == "omni":
-            omni = calibrate_omni(self._setup.field, files, names=files.names)
-            if not isinstance(omni, NotCalibrated):
-                return omni.camera
-            self._fail(omni.reason)
+        calibrate = calibrate_omni if kind == "omni" else calibrate_forward
+        found = calibrate(self._setup.field, files, names=files.names)
+        if isinstance(found, NotCalibrated):
+            self._fail(found.reason)
             return None
-        pinhole = calibrate_forward(self._setup.field, files, names=files.names)
-        if not isinstance(pinhole, NotCalibrated):
-            return pinhole.camera
-        self._fail(pinhole.reason)
-        return None
+        return found.camera
 
     def _tell(self, text: str) -> None:
         self._text = text

@@ -250,11 +250,11 @@ def undetermined(
     notes = []
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
-    for tilt, center in ((2, 1), (3, 0)):
+    for tilt, center, names in ((2, 1, ("center v", "tilt x")), (3, 0, ("center u", "tilt y"))):
         if abs(correlation[tilt, center]) > settings.max_correlation:
             px = abs(covariance[tilt, center] / covariance[tilt, tilt]) * math.radians(0.1)
             notes.append(
-                f"{fit.model.names[center]} and {fit.model.names[tilt]} are hard to separate (correlation "
+                f"{' and '.join(names)} are hard to separate (correlation "
                 f"{correlation[tilt, center]:+.2f}): {px:.2f} px of the first look like 0.1 degrees of the second"
             )
     if not tilted:

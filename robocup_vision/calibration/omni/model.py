@@ -125,15 +125,6 @@ class CameraModel:
         return {"hyperboloid": 7, "tangent": 6, "table": 7 + bends, "own": 6 + bends, "magnified": 5}[self.curve]
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """What each number of the vector is called."""
-        if self.curve == "magnified":
-            return ("center u", "center v", "tilt x", "tilt y", "magnification")
-        bends = (f"bend at {radius:.0f} px" for radius in self._nodes_px)
-        head = ("center u", "center v", "tilt x", "tilt y", "scale", "horizon")
-        return (*head, *bends) if self.curve == "own" else (*head, "shape", *bends)[: self.size]
-
-    @property
     def _nodes_px(self) -> FloatArray:
         return np.linspace(*self.frame.usable_radius_px, self.settings.bends)
 

@@ -17,6 +17,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.calibration.least_squares import FrameEquations
 from robocup_vision.calibration.online.evidence import Belief, Evidence
 from robocup_vision.calibration.online.mirror import MirrorEvidence
 from robocup_vision.calibration.online.parameter_filter import ParameterFilter
@@ -74,8 +75,10 @@ class EvidenceMaker(Protocol):
         """Take note of a view, whether its frame is used or not."""
         ...
 
-    def of(self, frame: Any, view: View, belief: Belief) -> Evidence | None:
-        """Return what a frame tells, None where it shows too little, or most of it contradicts the field.
+    def of(self, frame: Any, view: View, belief: Belief) -> FrameEquations | None:
+        """Return what a frame tells, about the belief's start.
+
+        None where it shows too little, or most of it contradicts the field.
 
         Parameters
         ----------
@@ -222,9 +225,10 @@ class OnlineCalibration:
         if view.pose.inlier_ratio < self.settings.min_inlier_ratio:
             return None
         start = self._now if self._is_trying or not self._frames.tries_others else self._filter.mean
-        evidence = self._frames.of(frame, view, Belief(self._filter.mean, self._filter.widened, start))
-        if evidence is None:
+        equations = self._frames.of(frame, view, Belief(self._filter.mean, self._filter.widened, start))
+        if equations is None:
             return None
+        evidence = Evidence(start.copy(), *equations.reduced())
         dt_s = since_s if 0.0 < since_s < math.inf else self.settings.every_s
         self._used_s, self._is_trying = self._t_s, False
         self._filter.take(evidence, view.pose.pose.compose(view.camera.camera_in_robot), dt_s)

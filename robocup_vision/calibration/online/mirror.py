@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
-from robocup_vision.calibration.least_squares import POSE_PRECISION, Residuals
+from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.calibration.least_squares import POSE_PRECISION, FrameEquations, Residuals
 from robocup_vision.calibration.omni.fit import FieldShape, JointFit, Points
 from robocup_vision.calibration.omni.model import CENTER, SCALE, TILT, CameraModel
-from robocup_vision.calibration.online.evidence import Belief, Evidence, fit_frame
+from robocup_vision.calibration.online.evidence import Belief, fit_frame
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.prepared_kernels import prepare
@@ -69,27 +69,27 @@ class MirrorEvidence:
         moved = other.floor_to_pixel(camera.pixel_to_floor(pixels.reshape(-1, 2))) - pixels.reshape(-1, 2)
         return float(np.nanmax(np.hypot(moved[:, 0], moved[:, 1])))
 
-    def of(self, frame: UInt8Array, view: View, belief: Belief) -> Evidence | None:
+    def of(self, frame: UInt8Array, view: View, belief: Belief) -> FrameEquations | None:
         """Return what a frame tells: see `EvidenceMaker`."""
         points = self._points(frame, view)
         if points is None:
             return None
         assert isinstance(view.pose, PoseEstimate)
         joint, size = JointFit(self._shape, points), self._model.size
-        group, pose = self._groups(points, belief.mean), view.pose.pose.array
-        free = np.ones(size, dtype=bool)
+        pose, free = view.pose.pose.array, np.ones(size, dtype=bool)
 
         def points_at(step: FloatArray) -> Residuals:
             # a body leans about its foot: seen from there as a tilt and a shift, and the pose takes up the shift
             of_camera, of_pose, lean = np.split(step, (size, size + 3))
             seen = joint.linearise(self._model, belief.start + of_camera, (pose + of_pose)[None], free)
             by_lean = seen.by_camera[:, TILT]
+            # an edge of the floor and a line in one sector err each by its own
+            group = 2 * seen.group + points.is_line
             return Residuals(
                 seen.residual_px + by_lean @ lean, seen.by_camera, np.hstack([seen.by_frame, by_lean]), group
             )
 
-        equations = fit_frame(points_at, belief, self._own, np.zeros(len(self._own)), self._robust)
-        return None if equations is None else Evidence(belief.start, *equations.reduced())
+        return fit_frame(points_at, belief, self._own, np.zeros(len(self._own)), self._robust)
 
     def _points(self, frame: UInt8Array, view: View) -> Points | None:
         most = self._settings.max_points
@@ -101,12 +101,6 @@ class MirrorEvidence:
             return None
         pixels = np.vstack([boundary, lines])
         return Points(pixels, np.zeros(count, dtype=np.int64), np.arange(count) >= len(boundary), np.ones(count))
-
-    def _groups(self, points: Points, vector: FloatArray) -> Int64Array:
-        sectors = self._settings.sectors
-        offset = points.pixels - vector[CENTER]
-        turn = np.arctan2(offset[:, 1], offset[:, 0]) / math.tau + 0.5
-        return np.floor(turn * sectors).astype(np.int64) + (sectors + 1) * points.is_line
 
 
 def _thinned(pixels: FloatArray, max_points: int) -> FloatArray:

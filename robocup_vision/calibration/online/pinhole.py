@@ -14,7 +14,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.edge_points import EdgePointFinder
 from robocup_vision.calibration.forward_parameters import CENTER, HEIGHT, LINE_WIDTH, LOG_FOCAL, ForwardParameters
 from robocup_vision.calibration.least_squares import POSE_PRECISION, FrameEquations, Residuals
-from robocup_vision.calibration.online.evidence import Belief, Evidence, fit_frame
+from robocup_vision.calibration.online.evidence import Belief, fit_frame
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera
@@ -99,13 +99,12 @@ class PinholeEvidence:
             self._turn_radps = math.hypot(left * heading, *others) / (view.t_s - self._held[0])
         self._held = (view.t_s, angles)
 
-    def of(self, frame: UInt8Array, view: View, belief: Belief) -> Evidence | None:
-        """Return the evidence of a frame: see `EvidenceMaker`."""
+    def of(self, frame: UInt8Array, view: View, belief: Belief) -> FrameEquations | None:
+        """Return what a frame tells: see `EvidenceMaker`."""
         held = view.camera
         assert isinstance(held, PinholeCamera)
         assert view.pose
-        equations = self.equations(frame, held, view.pose.pose.compose(held.camera_in_robot), belief)
-        return None if equations is None else Evidence(belief.start.copy(), *equations.reduced())
+        return self.equations(frame, held, view.pose.pose.compose(held.camera_in_robot), belief)
 
     def equations(self, frame: UInt8Array, held: PinholeCamera, pose: Pose2, belief: Belief) -> FrameEquations | None:
         """Return what a frame tells of the parameters and its own unknowns, about the belief's start and the pose.

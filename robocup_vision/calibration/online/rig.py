@@ -18,7 +18,7 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.least_squares import POSE_PRECISION, FrameEquations
-from robocup_vision.calibration.online.evidence import Belief, Evidence
+from robocup_vision.calibration.online.evidence import Belief
 from robocup_vision.calibration.online.pinhole import PinholeEvidence
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.pinhole import Mounting, PinholeCamera
@@ -106,7 +106,7 @@ class RigEvidence:
         for eye, one in zip(self._eyes, view.views, strict=True):
             eye.watch(one)
 
-    def of(self, frame: Sequence[UInt8Array | None], view: View, belief: Belief) -> Evidence | None:
+    def of(self, frame: Sequence[UInt8Array | None], view: View, belief: Belief) -> FrameEquations | None:
         """Return what the frames of a look tell: see `EvidenceMaker`; None for one that was not given."""
         assert isinstance(view, RigView)
         assert view.pose
@@ -124,8 +124,7 @@ class RigEvidence:
                 body[_POSE:] = np.minimum(body[_POSE:], terms.sway)
         if not np.isfinite(body).all():
             return None
-        joint = FrameEquations(information, gradient, body, np.zeros(_BODY))
-        return Evidence(belief.start.copy(), *joint.reduced())
+        return FrameEquations(information, gradient, body, np.zeros(_BODY))
 
     def _of_camera(
         self, eye: PinholeEvidence, frame: UInt8Array, view: View, body: Pose2, belief: Belief

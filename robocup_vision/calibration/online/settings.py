@@ -27,7 +27,6 @@ class MirrorCalibrationSettings:
     #: wall's foot, the paint's edge; gates from what a wrong camera file does to a pose's residuals down to the points'
     #: noise; points that a frame must show: fewer do not fix its pose
     robust: Robust = Robust(Noise(0.3, 0.2), (8.0, 6.0, 4.0, 3.0, 2.0, 2.0), 40, last_gate=4.0)
-    sectors: int = 16  #: sectors of the image whose points err together
 
 
 @dataclass(frozen=True, slots=True)
