@@ -107,7 +107,7 @@ def dropped(rng):
 
 
 def test_frames_that_are_dropped_leave_it_its_place():
-    _, rows, _, _ = play(3.0, spoil=dropped(np.random.default_rng(5)), seed=7)
+    _, rows, _, _ = play(1.5, spoil=dropped(np.random.default_rng(5)), seed=7)
     assert right(rows[rows[:, 0] > 0.5]).mean() >= 0.95
 
 
@@ -138,7 +138,7 @@ def test_odometry_that_is_no_number_never_leaves_it():
     def spoil(period, index, senses):
         return dataclasses.replace(senses, odometry=Pose2(math.nan, 0.0, math.nan)) if period % 7 == 3 else senses
 
-    _, rows, _, _ = play(2.0, spoil=spoil)
+    _, rows, _, _ = play(1.0, spoil=spoil)
     assert right(rows).mean() > 0.8
 
 

@@ -13,7 +13,6 @@ from robocup_vision.calibration.forward.calibrate import calibrate_forward
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import load_camera, save_camera
 from robocup_vision.cli import main
-from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
 
@@ -100,13 +99,17 @@ def test_a_field_without_posts_is_refused():
 
 @pytest.mark.slow
 def test_the_command(samples, tmp_path, capsys):
-    """Only this finds a command that hands start or images over wrongly."""
+    """Only this finds a command that hands start or images over wrongly, or poses matched to other images."""
+    rows = ["image,x_m,y_m,theta_rad"]
     for one in samples[:3]:
         cv2.imwrite(str(tmp_path / f"{one.index}.png"), one.frame)
-    save_camera(off(1.05, 0.19), tmp_path / "start.toml")
+        rows.append(f"{one.index}.png,{one.pose.x_m},{one.pose.y_m},{one.pose.theta_rad}")
+    (tmp_path / "poses.csv").write_text("\n".join(rows) + "\n")
+    save_camera(off(0.95, 0.18), tmp_path / "start.toml")
     out = tmp_path / "camera.toml"
     arguments = ["calibrate", "forward", str(tmp_path), "--field", "four_legged_2007", "--out", str(out)]
-    assert main([*arguments, "--start", str(tmp_path / "start.toml")]) == 0
+    given = ["--start", str(tmp_path / "start.toml"), "--poses", str(tmp_path / "poses.csv")]
+    assert main([*arguments, *given]) == 0
     said = capsys.readouterr().out
     assert "focal length" in said
     assert load_camera(out).focal_px[0] == pytest.approx(TRUE.focal_px[0], rel=0.04)
@@ -118,14 +121,16 @@ def test_the_command(samples, tmp_path, capsys):
         (["--start", "MIRROR"], "must look ahead"),
         (["--poses", "OTHER"], "names none of the images"),
         (["--out", "nowhere/c.toml"], "its folder does not exist"),
-        ([], "no goal is found"),
+        (["--start", "FORWARD"], "no goal is found"),
     ],
 )
 def test_each_mistake_is_one_line(arguments, said, tmp_path, capsys):
     save_camera(sekimori_camera(), tmp_path / "mirror.toml")
-    cv2.imwrite(str(tmp_path / "a.png"), np.full((160, 208, 3), (50, 130, 45), np.uint8))
+    save_camera(TRUE, tmp_path / "forward.toml")
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((320, 416, 3), (50, 130, 45), np.uint8))
     (tmp_path / "other.csv").write_text("image,x_m,y_m,theta_rad\nz.png,0,0,0\n")
-    places = {"MIRROR": tmp_path / "mirror.toml", "OTHER": tmp_path / "other.csv"}
+    places = {name: tmp_path / f"{name.lower()}.toml" for name in ("MIRROR", "FORWARD")}
+    places["OTHER"] = tmp_path / "other.csv"
     if "MIRROR" in arguments:
         cv2.imwrite(str(tmp_path / "a.png"), np.zeros((220, 256, 3), np.uint8))
     command = ["calibrate", "forward", str(tmp_path / "a.png"), "--field", "four_legged_2007"]
@@ -134,14 +139,3 @@ def test_each_mistake_is_one_line(arguments, said, tmp_path, capsys):
     told = capsys.readouterr().err.strip().splitlines()
     assert len(told) == 1
     assert said in told[0]
-
-
-@pytest.mark.slow
-def test_a_pose_helps_where_the_prior_is_right(field, samples):
-    """Only this finds poses that are matched to other images than theirs."""
-    few = samples[:3]
-    poses = {str(s.index): Pose2(s.pose.x_m, s.pose.y_m, s.pose.theta_rad) for s in few}
-    names = [str(s.index) for s in few]
-    result = calibrate_forward(field, [s.frame for s in few], off(0.95, 0.18), names=names, poses=poses)
-    assert result
-    assert result.camera.focal_px[0] == pytest.approx(TRUE.focal_px[0], rel=0.04)

@@ -61,7 +61,7 @@ def plain_blocked(start, velocity, target, acceleration, profile, times):
     return (r > 1e-12) & (r >= profile.ranges[plain_bin(x, y)])
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(seeds, st.sampled_from([0.3, 1.2, 4.0]), st.sampled_from([0.001, 0.004, 0.02]))
 def test_time_to_contact_agrees_with_fine_sampling(seed, acceleration, step_m):
     rng = np.random.default_rng(seed)
@@ -104,7 +104,7 @@ def plain_contact_times(start, velocities, targets, acceleration, horizons, step
     )
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0, 1, LANES, 2 * LANES + 3, 80]), st.sampled_from([0.001, 0.02]))
 def test_each_time_is_that_of_the_command_alone(seed, count, step_m):
     rng = np.random.default_rng(seed)
@@ -154,7 +154,7 @@ def plain_time(start, velocity, target, acceleration, begin, horizon, moving):
     return first, deepest
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1))
 def test_the_time_of_contact_is_that_of_fine_samples_and_never_late(seed):
     rng = np.random.default_rng(seed)
