@@ -8,8 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.geometry import Pose2
+from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.algebra.distinct import pick_distinct
+
+# chi-square with 3 degrees of freedom that one in a thousand pairs of right poses exceeds
+_MAX_SAME_DISTANCE2 = 16.27
+
+
+def pose_offset(pose: Pose2, reference: Pose2) -> FloatArray:
+    """(3,) float64: difference of two poses, the angle the short way round."""
+    return np.array(
+        [pose.x_m - reference.x_m, pose.y_m - reference.y_m, wrap_angle(pose.theta_rad - reference.theta_rad)]
+    )
+
+
+def may_be_one(pose: Pose2, other: Pose2, covariance: FloatArray) -> bool:
+    """Whether two poses may be of one place, given the covariance (3, 3) of their difference."""
+    offset = pose_offset(pose, other)
+    return float(offset @ np.linalg.solve(covariance, offset)) <= _MAX_SAME_DISTANCE2
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,10 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2
+from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.kernels.walls.fit import Vector
 from robocup_vision.kernels.walls.hull import hull_moments
+from robocup_vision.localization.distinct import may_be_one
 from robocup_vision.localization.evidence import (
     LineOdds,
     OutlineEvidence,
@@ -131,8 +132,9 @@ class OutlineFitter:
         fit = self.from_guess(radius_px)
         if fit is None:
             return None
-        fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one, self.settings.max_std_m)]
-        return Pose2(*min(fits, key=lambda one: one.cost).pose) if fits else self.first_guess(radius_px)
+        fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one)]
+        fixed = [one for one in fits if one.along_m <= self.settings.max_std_m]
+        return Pose2(*min(fixed, key=lambda one: one.cost).pose) if fixed else self.first_guess(radius_px)
 
     def from_guess(self, radius_px: FloatArray) -> OutlineFit | None:
         """Fit an outline (K,) from the first guess; None with fewer than three edges."""
@@ -165,7 +167,7 @@ class OutlineFitter:
         self,
         radius_px: FloatArray,
         floor_column: Int64Array,
-        prior: Pose2 | None = None,
+        prior: PoseEstimate | Pose2 | None = None,
         line_odds: LineOdds = no_lines,
     ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
         """Fit the outline from each proposal in turn, and judge the fits.
@@ -178,8 +180,9 @@ class OutlineFitter:
             Image radius of the floor's edge at each of the view's bearings, NaN where none.
         floor_column : (K,) int64
             Each bearing's outermost floor sample; -1 where none.
-        prior : Pose2, optional
-            Where the robot probably is: a start, and, if the outline surely agrees with it, the only one.
+        prior : PoseEstimate or Pose2, optional
+            Where the robot probably is: a start, and, if the outline surely agrees with it, the only one. With a
+            covariance it also excludes places of a leaning body: the outline tells these less surely.
         line_odds : callable, optional
             A pose's log odds by the lines, where the outline leaves something open.
 
@@ -193,22 +196,23 @@ class OutlineFitter:
         settings = self.settings
         max_leaning_std_m = settings.camera.max_leaning_std_m
         if prior is not None:
-            fit = self.from_prior(prior, radius_px)
+            start = prior.pose if isinstance(prior, PoseEstimate) else prior
+            fit = self.from_prior(start, radius_px)
             if fit is None:
                 return self._too_little(radius_px)
-            if self._is_sure(fit, floor_column, line_odds):
+            if self.fixes_pose(fit) and self._is_sure(fit, floor_column, line_odds):
                 return self._judge(fit, settings.max_std_m)
-            leaning = self.model.fit_leaning((fit.pose, (prior.x_m, prior.y_m, prior.theta_rad)), radius_px)
-            if leaning is not None and self.weigh(leaning, floor_column).log_odds >= self.evidence.sure_log_odds:
+            leaning = self.model.fit_leaning((fit.pose, (start.x_m, start.y_m, start.theta_rad)), radius_px)
+            if leaning is not None and self._is_sure(leaning, floor_column, line_odds) and _agrees(leaning, prior):
                 return self._judge(leaning, max_leaning_std_m)
         fit = self.from_guess(radius_px)
         if fit is None:
             return self._too_little(radius_px)
-        if self._is_sure(fit, floor_column, line_odds):
+        if self.fixes_pose(fit) and self._is_sure(fit, floor_column, line_odds):
             return self._judge(fit, settings.max_std_m)
         max_std_m = settings.max_std_m if prior is None else max_leaning_std_m
-        fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one, max_std_m)]
-        found = self._choose(fits, floor_column, line_odds)
+        fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one)]
+        found = self._choose(fits, max_std_m, floor_column, line_odds)
         if isinstance(found, NotLocated):
             return found, _nothing(radius_px)
         if prior is None or self.fixes_pose(found):
@@ -217,22 +221,27 @@ class OutlineFitter:
         leaning = self.model.fit_leaning((found.pose,), radius_px)
         if leaning is None:
             return NotLocated("the floor's edge does not fix the pose of a body that may lean"), _nothing(radius_px)
+        if not _agrees(leaning, prior):
+            x, y, _ = leaning.pose
+            reason = f"the floor's edge puts a body that may lean to ({x:.2f}, {y:.2f}) m, where the prior excludes it"
+            return NotLocated(reason), _nothing(radius_px)
         return self._judge(leaning, max_leaning_std_m)
 
-    def _is_place(self, fit: OutlineFit, max_std_m: float) -> bool:
-        """Whether a fit is a place on the field, and fixed in every direction."""
-        return fit.along_m <= max_std_m and self.field.is_on_floor(*fit.pose[:2])
+    def _is_place(self, fit: OutlineFit) -> bool:
+        """Whether a fit is a place on the field, however uncertain."""
+        return math.isfinite(fit.along_m) and self.field.is_on_floor(*fit.pose[:2])
 
     def _is_sure(self, fit: OutlineFit, floor_column: Int64Array, line_odds: LineOdds) -> bool:
-        if not self.fixes_pose(fit):
-            return False
         by_outline, sure = self.weigh(fit, floor_column).log_odds, self.evidence.sure_log_odds
         # a goal's sides may pass for walls, but the lines then lie elsewhere
         return by_outline >= sure and by_outline + line_odds(Pose2(*fit.pose)) >= sure
 
-    def _choose(self, fits: list[OutlineFit], floor_column: Int64Array, line_odds: LineOdds) -> OutlineFit | NotLocated:
-        """Return the fit that the evidence favours over clutter and over every other place."""
-        if not fits:
+    def _choose(
+        self, fits: list[OutlineFit], max_std_m: float, floor_column: Int64Array, line_odds: LineOdds
+    ) -> OutlineFit | NotLocated:
+        """Return the fixed fit that the evidence favours over clutter and over every other place."""
+        fixed = [n for n, fit in enumerate(fits) if fit.along_m <= max_std_m]
+        if not fixed:
             return NotLocated(_OPEN)
         tallies = [self.weigh(fit, floor_column) for fit in fits]
         by_outline = np.array([tally.log_odds for tally in tallies])
@@ -241,12 +250,13 @@ class OutlineFitter:
         # what hides or wears the lines of a picture is common to all places in it: compared with each other, line
         # samples err no more alike than bearings do
         compared = by_outline + evidence.lines.correlation / evidence.outline.correlation * by_lines
-        best = int(np.argmax(compared))
+        best = max(fixed, key=lambda n: float(compared[n]))
         odds = float(by_outline[best] + by_lines[best])
         if odds < evidence.min_log_odds:
             return NotLocated(tallies[best].reason(odds))
-        rival = max((float(compared[n]) for n in self.search.apart_from(best, fits)), default=-math.inf)
-        lead = float(compared[best]) - rival
+        # a fit that slides along a wall is no answer, but a rival unless it may slide to the same place
+        rivals = [float(compared[n]) for n, fit in enumerate(fits) if not self.search.may_be_one(fits[best], fit)]
+        lead = float(compared[best]) - max(rivals, default=-math.inf)
         if lead < evidence.min_log_odds:
             return NotLocated(f"two places explain the floor's edge about equally well, odds {odds_text(lead)}")
         return fits[best]
@@ -267,6 +277,15 @@ class OutlineFitter:
         seen = np.count_nonzero(radius_px > 0.0)
         reason = f"the floor's edge is seen in only {seen} of {len(radius_px)} directions"
         return NotLocated(reason), _nothing(radius_px)
+
+
+def _agrees(fit: OutlineFit, prior: PoseEstimate | Pose2) -> bool:
+    """Whether a fit, or its half turn, may be of a prior's place; a prior without a covariance excludes nothing."""
+    if isinstance(prior, Pose2):
+        return True
+    pose = Pose2(*fit.pose)
+    places = (pose, fit.covariance), (pose.half_turn(), half_turn_covariance(fit.covariance))
+    return any(may_be_one(place, prior.pose, spread + prior.covariance) for place, spread in places)
 
 
 def _nothing(radius_px: FloatArray) -> FloatArray:

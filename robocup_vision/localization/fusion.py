@@ -11,11 +11,9 @@ import numpy as np
 from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2, compose_covariance, half_turn_covariance
+from robocup_vision.localization.distinct import may_be_one, pose_offset
 from robocup_vision.localization.filter.errors import OdometryNoise
-from robocup_vision.localization.filter.hypothesis import pose_offset
 
-# chi-square with 3 degrees of freedom that one in a thousand pairs of right poses exceeds
-MAX_SAME_DISTANCE2 = 16.27
 # no frame is better than a micrometre, nor a microradian
 _MIN_SPREAD = 1e-12 * np.eye(3)
 # metres and radians together, up to which two poses are one
@@ -95,8 +93,7 @@ def _pairs(one: PoseEstimate, other: PoseEstimate) -> list[tuple[Pose2, FloatArr
     """Return the pairs of candidates, each with its covariance, that may be of one pose."""
     found = []
     for (mine, my_covariance), (its, its_covariance) in product(_gaussians(one), _gaussians(other)):
-        offset = pose_offset(mine, its)
-        if offset @ np.linalg.solve(my_covariance + its_covariance, offset) <= MAX_SAME_DISTANCE2:
+        if may_be_one(mine, its, my_covariance + its_covariance):
             found.append((mine, my_covariance, its, its_covariance))
     return found
 

@@ -69,7 +69,7 @@ class MirrorLocalizer:
         """
         self._points = None
         start = pose_of(prior)
-        estimate, wall_px = self._by_outline(evidence, start)
+        estimate, wall_px = self._by_outline(evidence, prior)
         if isinstance(estimate, NotLocated) and self._lines is not None:
             estimate, wall_px = self._by_lines(self._lines, evidence, start, estimate), None
         if isinstance(estimate, NotLocated):
@@ -79,13 +79,14 @@ class MirrorLocalizer:
         return Localization(half, evidence.camera, wall_px)
 
     def _by_outline(
-        self, evidence: FrameEvidence, start: Pose2 | None
+        self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None
     ) -> tuple[PoseEstimate | NotLocated, FloatArray | None]:
         """Return the pose by the floor's outline, with the walls' image radii (K,) that it predicts."""
         if self._outline is None:
             return NotLocated(""), None
         odds = self._line_odds(evidence)
-        estimate, wall_px = self._outline.locate(evidence.edge_px, evidence.floor_column, start, odds)
+        estimate, wall_px = self._outline.locate(evidence.edge_px, evidence.floor_column, prior, odds)
+        start = pose_of(prior)
         if start is None or not estimate or not _is_open(estimate, self._outline.settings.sliding_std_m):
             return estimate, wall_px
         # of a body that may lean the outline leaves a direction open: lines near the prior may fix it

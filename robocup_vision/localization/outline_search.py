@@ -13,7 +13,7 @@ from robocup_vision.compiling.loops import plain
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls import fit as kernels
 from robocup_vision.kernels.walls import search as wall_search
-from robocup_vision.localization.distinct import Apart
+from robocup_vision.localization.distinct import Apart, may_be_one
 from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 
 
@@ -48,10 +48,12 @@ class OutlineSearch:
         # with the camera's errors free, wrong places explain more
         return [model.fit(start, radius_px, scales, trusts_file=True)[0] for start in starts]
 
-    def apart_from(self, best: int, fits: list[OutlineFit]) -> list[int]:
-        """Return the indices of the fits that are another place than the best one's, or its half turn."""
-        pose, apart = Pose2(*fits[best].pose), self.settings.apart
-        return [n for n, fit in enumerate(fits) if not apart.is_one(Pose2(*fit.pose), pose)]
+    def may_be_one(self, fit: OutlineFit, other: OutlineFit) -> bool:
+        """Whether another fit may be of a fit's place, or of its half turn, by the other's covariance."""
+        pose, place = Pose2(*fit.pose), Pose2(*other.pose)
+        if self.settings.apart.is_one(pose, place):
+            return True
+        return any(may_be_one(one, place, other.covariance) for one in (pose, pose.half_turn()))
 
     @cached_property
     def _rules(self) -> wall_search.SearchRules:

@@ -16,7 +16,7 @@ from robocup_vision.evaluation.dataset import load_dataset
 from robocup_vision.evaluation.run import evaluate
 from robocup_vision.live.sources.folder import FolderSource
 from robocup_vision.live.sources.source import SourceOptions
-from robocup_vision.localization.filter.hypothesis import pose_offset
+from robocup_vision.localization.distinct import pose_offset
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Room, Scene

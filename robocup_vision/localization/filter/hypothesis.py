@@ -13,7 +13,8 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
+from robocup_vision.geometry import Pose2, half_turn_covariance
+from robocup_vision.localization.distinct import pose_offset
 from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
 
 # no frame is better than a micrometre, nor a microradian
@@ -263,13 +264,6 @@ class FacedFrame:
     def _innovation(self, white: FloatArray) -> tuple[FloatArray, FloatArray]:
         offset = pose_offset(self.measurement.pose, self.mode.pose) - self.mode.hidden[:3]
         return offset, _SEEN @ self.mode.covariance @ _SEEN.T + white
-
-
-def pose_offset(pose: Pose2, reference: Pose2) -> FloatArray:
-    """(3,) float64: difference of two poses, the angle the short way round."""
-    return np.array(
-        [pose.x_m - reference.x_m, pose.y_m - reference.y_m, wrap_angle(pose.theta_rad - reference.theta_rad)]
-    )
 
 
 def _probability(log_odds: float) -> float:

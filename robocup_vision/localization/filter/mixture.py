@@ -17,8 +17,9 @@ import numpy as np
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.distinct import pose_offset
 from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
-from robocup_vision.localization.filter.hypothesis import FacedFrame, PoseMeasurement, PoseMode, pose_offset
+from robocup_vision.localization.filter.hypothesis import FacedFrame, PoseMeasurement, PoseMode
 from robocup_vision.localization.filter.settings import Half, PoseFilterSettings
 
 

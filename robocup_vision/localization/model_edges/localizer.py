@@ -15,7 +15,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.filter.hypothesis import pose_offset
+from robocup_vision.localization.distinct import may_be_one
 from robocup_vision.localization.forward import GoalLocalizer
 from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.localization.model_edges.finder import EdgeFinder, for_walled_fields
@@ -190,7 +190,7 @@ class EdgeLocalizer:
         if slipped and (not first or follower.state.log_odds > after.log_odds):
             return slipped, follower.edge_points_when_asked()
         follower.state = after
-        if first and slipped and _squared_distance(slipped.estimate, near) > follower.settings.max_same_distance2:
+        if first and slipped and not _may_be_one(slipped.estimate, near):
             away_m, turn_rad = slipped.estimate.pose.error_to(near.pose)
             place = f"a place {away_m:.2f} m and {math.degrees(turn_rad):.0f} degrees from the prior"
             return NotLocated(f"what is in view confirms {place} as well: {slipped.evidence.in_words}"), points
@@ -275,10 +275,8 @@ class EdgeLocalizer:
         return t_s - self._last_s
 
 
-def _squared_distance(estimate: PoseEstimate, other: PoseEstimate) -> float:
-    """Squared Mahalanobis distance of two estimates of a pose, 3 degrees of freedom."""
-    offset = pose_offset(estimate.pose, other.pose)
-    return float(offset @ np.linalg.solve(estimate.covariance + other.covariance, offset))
+def _may_be_one(estimate: PoseEstimate, other: PoseEstimate) -> bool:
+    return may_be_one(estimate.pose, other.pose, estimate.covariance + other.covariance)
 
 
 def _measurement(answer: FollowedCamera, robot_in_camera: Pose2, pan_std_rad: float) -> PoseEstimate:

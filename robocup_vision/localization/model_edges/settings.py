@@ -75,9 +75,6 @@ class EdgeSettings:
     min_points: int = 6
     #: greatest squared distance from the prior, all six or seven unknowns: 0.01 % of right ones are farther
     max_prior_distance2: float = 27.9
-    #: greatest squared distance at which a prior and the pose of a slipped robot by the same frame are one place: 99.9
-    #: % of chi-square with 3 degrees of freedom
-    max_same_distance2: float = 16.27
     #: odds that a pose is right, by logistic regression on right and wrong priors: each edge found, fractions, squared
     #: distance from the prior, residuals (px)
     odds_at_all: float = 4.8

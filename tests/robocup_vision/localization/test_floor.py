@@ -9,12 +9,15 @@ from hypothesis import strategies as st
 from strategies import numbers
 
 from field_models import load_field
+from robocup_vision import Vision
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.floor import OutlineFitter, OutlineSettings
 from robocup_vision.localization.outline_model import OutlineCameraSettings
 from robocup_vision.perception.polar_view import PolarView
+from sim2d.match.setups import CAMERAS
 from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.random_scenes import CONDITIONS, sample
 from sim2d.rendering.scene import Scene
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
@@ -191,3 +194,15 @@ def test_a_camera_that_is_off_is_corrected_where_much_of_the_outline_is_hidden()
     # two fifths of the bearings end at something nearer
     radius[: int(0.4 * len(radius))] -= rng.uniform(6.0, 20.0, int(0.4 * len(radius)))
     assert locate(radius, pose)[0].pose.error_to(pose)[0] < 0.01
+
+
+@pytest.mark.parametrize(("field_name", "seed", "index"), [("ssl_division_b", 92, 28), ("ssl_division_a", 93, 39)])
+def test_a_place_that_slides_along_a_wall_rules_out_a_turned_one(field_name, seed, index):
+    """In a crowd near a wall, with no end of the field in view: the places at the shorter wall look much alike."""
+    field, camera = load_field(field_name), CAMERAS["ssl_mirror"]()
+    (crowd,) = sample(field, camera, CONDITIONS["crowd"], seed, 1, indices=[index], supersample=2)
+    found = Vision(field, camera).look(crowd.frame).pose
+    if found:
+        distance, angle = found.pose.error_to(crowd.pose, symmetric=True)
+        assert distance < 0.1
+        assert angle < math.radians(1.0)
