@@ -56,7 +56,7 @@ def near(found, expected):
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(messages())
 def test_what_is_packed_comes_back(message):
     data = message.pack()
@@ -80,14 +80,14 @@ def test_what_is_packed_comes_back(message):
     assert found.pack() == data
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(st.binary(max_size=200))
 def test_foreign_bytes_are_refused(data):
     with pytest.raises(PacketError):
         unpack_message(data)
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(messages(), st.integers(0, MESSAGE_BYTES * 8 - 1))
 def test_a_flipped_bit_is_seen(message, bit):
     data = bytearray(message.pack())

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
@@ -43,6 +43,7 @@ def every_plan_s(tables, looks, confirmed=0.95, look_s=0.2):
     return least(tables.prior, 0, looks)
 
 
+@settings(max_examples=10)
 @given(st.floats(0.12, 0.4), st.floats(0.01, 0.15), st.floats(-1.2, 1.2))
 def test_branch_and_bound_finds_the_best_of_all_plans(width, sigma, across):
     opening = gap(width, sigma, across)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from strategies import numbers, poses
 
 from field_models import load_field
@@ -116,6 +116,7 @@ def test_does_not_look_for_ever_where_looks_fail() -> None:
     assert question.choose(halves).answer == "undecidable"
 
 
+@settings(max_examples=10)
 @given(poses(2.0), numbers(0.05, 0.95), numbers(0.3, 0.9), numbers(0.0, 0.1))
 def test_laws_of_a_question(pose: Pose2, probability: float, found: float, wrong: float) -> None:
     question = GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong), GoalQuestionSettings(pans=9))

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
@@ -134,6 +134,7 @@ def test_map_may_lie_anywhere() -> None:
     assert moved.path_m == pytest.approx(here.path_m + np.array([-2.0, 1.0]))
 
 
+@settings(max_examples=10)
 @given(st.integers(0, 2**32 - 1))
 def test_looks_end_in_a_path_as_short_as_if_all_was_known(seed: int) -> None:
     rng = np.random.default_rng(seed)
