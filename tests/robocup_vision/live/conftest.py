@@ -28,9 +28,10 @@ def vision():
     return Vision(load_field("ssl_2001"), load_camera(DATASET / "camera.toml"))
 
 
-@pytest.fixture
-def setup(vision):
-    return RobotSetup("robot", vision.field, vision.camera, vision.field.robot_radius_m)
+@pytest.fixture(scope="session")
+def setup():
+    field = load_field("ssl_2001")
+    return RobotSetup("robot", field, load_camera(DATASET / "camera.toml"), field.robot_radius_m)
 
 
 @pytest.fixture
