@@ -160,9 +160,8 @@ class _Calibration:
             if self.start is None:
                 usable = observer.inner_radius_px, first.usable_radius_px[1]
                 first = dataclasses.replace(first, usable_radius_px=usable)
-            for family in self._families(first):
-                search = self._search(first, family)
-                attempts.append((search.best(seen, observer.polar, self._trials), seen, search))
+            search = self._search(first)
+            attempts.append((search.best(seen, observer.polar, self._trials), seen, search))
         if not attempts:
             return self._refuse("no frame shows enough of " + self._wanted)
         attempts = [attempt for attempt in attempts if attempt[0]]
@@ -250,14 +249,9 @@ class _Calibration:
     def _leave_out(self, index: int, reason: str) -> None:
         self.notes[index] = f"left out {self.names[index]}: {reason.removeprefix(self.names[index] + ': ')}"
 
-    def _families(self, first: OmniCamera) -> tuple[Curve, ...]:
-        """Families that a search begins with."""
-        if isinstance(first.floor_range, Tangent):
-            return ("tangent",)
-        return ("own", "hyperboloid") if isinstance(first.floor_range, Table) else ("hyperboloid",)
-
-    def _search(self, first: OmniCamera, curve: Curve) -> Search:
-        model = CameraModel(first, curve, self.settings.model)
+    def _search(self, first: OmniCamera) -> Search:
+        of_kind: dict[type, Curve] = {Tangent: "tangent", Table: "own"}
+        model = CameraModel(first, of_kind.get(type(first.floor_range), "hyperboloid"), self.settings.model)
         vector = model.vector(first)
         bounds = model.bounds(vector, self.settings.max_center_ratio * min(first.size_px), *self._max_log_curve)
         return Search(self.field, self.shape, self.line_map, model, vector, bounds, self.start is None, self.settings)

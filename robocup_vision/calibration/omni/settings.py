@@ -64,9 +64,8 @@ class StartSettings:
     unknown_horizons: tuple[float, ...] = (0.75, 0.88, 1.02, 1.2, 1.45, 1.8)
     #: the same where the start's own table is stretched: its kinks say how large the image is
     own_horizons: tuple[float, ...] = (0.93, 1.0, 1.07)
-    #: scales that are tried: factors of the start's; without a start, of a guess
-    scales: tuple[float, ...] = (0.62, 0.79, 1.0, 1.27, 1.61)
-    guessed_scales: tuple[float, ...] = (0.8, 1.0, 1.25)
+    #: scales that are tried: factors of the start's, or of a guess
+    scales: tuple[float, ...] = (0.8, 1.0, 1.25)
     #: frames that starts are compared by, and how many of them are used first
     frames: int = 6
     first_frames: int = 2

@@ -178,7 +178,7 @@ class Search:
             tried = settings.own_horizons if self.model.curve == "own" else settings.horizons
             horizons = [float(self.start[HORIZON]) + math.log(f) for f in tried]
         for horizon in horizons:
-            for factor in settings.guessed_scales if self.is_guess else settings.scales:
+            for factor in settings.scales:
                 vector = self.start.copy()
                 vector[HORIZON] = horizon
                 vector[SCALE] += math.log(factor)
