@@ -10,6 +10,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,10 +19,9 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2, half_turn_covariance
+from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.fit import Vector
 from robocup_vision.kernels.walls.hull import hull_moments
-from robocup_vision.localization.distinct import may_be_one
 from robocup_vision.localization.evidence import (
     LineOdds,
     OutlineEvidence,
@@ -31,6 +31,7 @@ from robocup_vision.localization.evidence import (
     no_lines,
     odds_text,
 )
+from robocup_vision.localization.fusion import fused
 from robocup_vision.localization.outline_model import (
     OutlineCameraSettings,
     OutlineFit,
@@ -67,6 +68,15 @@ class OutlineSettings:
     max_std_m: float = 0.05  #: a pose more uncertain than this is refused
     #: a fit more uncertain than this is checked by a search: it may slide along the field's sides
     sliding_std_m: float = 0.008
+
+
+class OutlineAnswer(NamedTuple):
+    """What an outline tells of the pose."""
+
+    estimate: PoseEstimate | NotLocated
+    wall_px: FloatArray  #: (K,) float64: image radius at which the pose predicts the walls, NaN where none
+    #: the estimate by the outline without its prior, where `estimate` includes the prior as a factor
+    measurement: PoseEstimate | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +179,7 @@ class OutlineFitter:
         floor_column: Int64Array,
         prior: PoseEstimate | Pose2 | None = None,
         line_odds: LineOdds = no_lines,
-    ) -> tuple[PoseEstimate | NotLocated, FloatArray]:
+    ) -> OutlineAnswer:
         """Fit the outline from each proposal in turn, and judge the fits.
 
         A prior comes first, then the outline's hull; where neither fit is sure, a search over the whole field.
@@ -181,20 +191,18 @@ class OutlineFitter:
         floor_column : (K,) int64
             Each bearing's outermost floor sample; -1 where none.
         prior : PoseEstimate or Pose2, optional
-            Where the robot probably is: a start, and, if the outline surely agrees with it, the only one. With a
-            covariance it also excludes places of a leaning body: the outline tells these less surely.
+            Where the robot probably is: a start, and, if the outline surely agrees with it, the only one. Its
+            covariance is a factor of the pose of a body that may lean, of which the outline often leaves a direction
+            open.
         line_odds : callable, optional
             A pose's log odds by the lines, where the outline leaves something open.
 
         Returns
         -------
-        PoseEstimate or NotLocated
-            With both half-turn candidates, since the outline alone does not separate them.
-        (K,) float64
-            Image radius at which the pose predicts the walls; NaN where it predicts none.
+        OutlineAnswer
+            A pose has both half-turn candidates, since the outline alone does not separate them.
         """
         settings = self.settings
-        max_leaning_std_m = settings.camera.max_leaning_std_m
         if prior is not None:
             start = prior.pose if isinstance(prior, PoseEstimate) else prior
             fit = self.from_prior(start, radius_px)
@@ -203,29 +211,28 @@ class OutlineFitter:
             if self.fixes_pose(fit) and self._is_sure(fit, floor_column, line_odds):
                 return self._judge(fit, settings.max_std_m)
             leaning = self.model.fit_leaning((fit.pose, (start.x_m, start.y_m, start.theta_rad)), radius_px)
-            if leaning is not None and self._is_sure(leaning, floor_column, line_odds) and _agrees(leaning, prior):
-                return self._judge(leaning, max_leaning_std_m)
+            if leaning is not None and self._is_sure(leaning, floor_column, line_odds):
+                answer = self._judge_leaning(leaning, prior)
+                if answer.estimate:
+                    return answer
         fit = self.from_guess(radius_px)
         if fit is None:
             return self._too_little(radius_px)
         if self.fixes_pose(fit) and self._is_sure(fit, floor_column, line_odds):
             return self._judge(fit, settings.max_std_m)
-        max_std_m = settings.max_std_m if prior is None else max_leaning_std_m
+        max_std_m = settings.max_std_m if prior is None else settings.camera.max_leaning_std_m
         fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one)]
         found = self._choose(fits, max_std_m, floor_column, line_odds)
         if isinstance(found, NotLocated):
-            return found, _nothing(radius_px)
+            return OutlineAnswer(found, _nothing(radius_px))
         if prior is None or self.fixes_pose(found):
             return self._judge(self.model.fit(found.pose, radius_px, self.model.scales(()))[0], settings.max_std_m)
         # the search assumes an upright body: a moving one may lean, which on a large field moves it by half a metre
         leaning = self.model.fit_leaning((found.pose,), radius_px)
         if leaning is None:
-            return NotLocated("the floor's edge does not fix the pose of a body that may lean"), _nothing(radius_px)
-        if not _agrees(leaning, prior):
-            x, y, _ = leaning.pose
-            reason = f"the floor's edge puts a body that may lean to ({x:.2f}, {y:.2f}) m, where the prior excludes it"
-            return NotLocated(reason), _nothing(radius_px)
-        return self._judge(leaning, max_leaning_std_m)
+            reason = "the floor's edge does not fix the pose of a body that may lean"
+            return OutlineAnswer(NotLocated(reason), _nothing(radius_px))
+        return self._judge_leaning(leaning, prior)
 
     def _is_place(self, fit: OutlineFit) -> bool:
         """Whether a fit is a place on the field, however uncertain."""
@@ -261,31 +268,45 @@ class OutlineFitter:
             return NotLocated(f"two places explain the floor's edge about equally well, odds {odds_text(lead)}")
         return fits[best]
 
-    def _judge(self, fit: OutlineFit, max_std_m: float) -> tuple[PoseEstimate | NotLocated, FloatArray]:
-        """Return the estimate and the predicted walls of an accepted fit that is a fixed place on the field."""
-        x, y, theta = fit.pose
+    def _judge(self, fit: OutlineFit, max_std_m: float) -> OutlineAnswer:
+        """Answer by an accepted fit, if it is a fixed place on the field."""
         if fit.along_m > max_std_m:
-            return NotLocated(_OPEN), _nothing(fit.predicted_px)
-        if not self.field.is_on_floor(x, y):
-            reason = f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m"
-            return NotLocated(reason), _nothing(fit.predicted_px)
-        pose = Pose2(x, y, theta)
-        estimate = PoseEstimate(pose, fit.covariance, fit.inlier_ratio, fit.rms_px, (pose, pose.half_turn()))
-        return estimate, fit.predicted_px
+            return OutlineAnswer(NotLocated(_OPEN), _nothing(fit.predicted_px))
+        return self._on_floor(fit, _estimate(fit))
 
-    def _too_little(self, radius_px: FloatArray) -> tuple[NotLocated, FloatArray]:
+    def _judge_leaning(self, fit: OutlineFit, prior: PoseEstimate | Pose2) -> OutlineAnswer:
+        """Answer by a body that may lean and its prior, whose covariance is a factor of the pose."""
+        max_std_m = self.settings.camera.max_leaning_std_m
+        if isinstance(prior, Pose2):
+            return self._judge(fit, max_std_m)
+        alone = _estimate(fit)
+        both = fused(alone, dataclasses.replace(prior, candidates=(prior.pose,)))
+        if both is None:
+            x, y, _ = fit.pose
+            reason = f"the floor's edge puts a body that may lean to ({x:.2f}, {y:.2f}) m, where the prior excludes it"
+            return OutlineAnswer(NotLocated(reason), _nothing(fit.predicted_px))
+        if both.std[:2].max() > max_std_m:
+            return OutlineAnswer(NotLocated(_OPEN), _nothing(fit.predicted_px))
+        candidates = (both.pose, both.pose.half_turn())
+        estimate = dataclasses.replace(alone, pose=both.pose, covariance=both.covariance, candidates=candidates)
+        return self._on_floor(fit, estimate)._replace(measurement=alone)
+
+    def _on_floor(self, fit: OutlineFit, estimate: PoseEstimate) -> OutlineAnswer:
+        x, y = estimate.x_m, estimate.y_m
+        if self.field.is_on_floor(x, y):
+            return OutlineAnswer(estimate, fit.predicted_px)
+        reason = f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m"
+        return OutlineAnswer(NotLocated(reason), _nothing(fit.predicted_px))
+
+    def _too_little(self, radius_px: FloatArray) -> OutlineAnswer:
         seen = np.count_nonzero(radius_px > 0.0)
         reason = f"the floor's edge is seen in only {seen} of {len(radius_px)} directions"
-        return NotLocated(reason), _nothing(radius_px)
+        return OutlineAnswer(NotLocated(reason), _nothing(radius_px))
 
 
-def _agrees(fit: OutlineFit, prior: PoseEstimate | Pose2) -> bool:
-    """Whether a fit, or its half turn, may be of a prior's place; a prior without a covariance excludes nothing."""
-    if isinstance(prior, Pose2):
-        return True
+def _estimate(fit: OutlineFit) -> PoseEstimate:
     pose = Pose2(*fit.pose)
-    places = (pose, fit.covariance), (pose.half_turn(), half_turn_covariance(fit.covariance))
-    return any(may_be_one(place, prior.pose, spread + prior.covariance) for place, spread in places)
+    return PoseEstimate(pose, fit.covariance, fit.inlier_ratio, fit.rms_px, (pose, pose.half_turn()))
 
 
 def _nothing(radius_px: FloatArray) -> FloatArray:

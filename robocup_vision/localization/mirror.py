@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 from field_models.field import Field
@@ -10,7 +11,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.evidence import LineEvidence, LineOdds, no_lines
-from robocup_vision.localization.field_half import GoalSide
+from robocup_vision.localization.field_half import GoalSide, nearer_half
 from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 from robocup_vision.localization.localizer import FrameEvidence, Localization, pose_of
@@ -69,26 +70,28 @@ class MirrorLocalizer:
         """
         self._points = None
         start = pose_of(prior)
-        estimate, wall_px = self._by_outline(evidence, prior)
+        estimate, wall_px, alone = self._by_outline(evidence, prior)
         if isinstance(estimate, NotLocated) and self._lines is not None:
             estimate, wall_px = self._by_lines(self._lines, evidence, start, estimate), None
         if isinstance(estimate, NotLocated):
             return Localization(estimate, evidence.camera)
         assert evidence.table is not None
         half = self._half.choose(evidence.frame, estimate, evidence.table.colors, start)
-        return Localization(half, evidence.camera, wall_px)
+        measurement = partial(_in_half_of, alone, half) if alone is not None and half else None
+        return Localization(half, evidence.camera, wall_px, measurement)
 
     def _by_outline(
         self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None
-    ) -> tuple[PoseEstimate | NotLocated, FloatArray | None]:
-        """Return the pose by the floor's outline, with the walls' image radii (K,) that it predicts."""
+    ) -> tuple[PoseEstimate | NotLocated, FloatArray | None, PoseEstimate | None]:
+        """Return the pose by the floor's outline, the walls' image radii (K,) that it predicts, and its measurement."""
         if self._outline is None:
-            return NotLocated(""), None
+            return NotLocated(""), None, None
         odds = self._line_odds(evidence)
-        estimate, wall_px = self._outline.locate(evidence.edge_px, evidence.floor_column, prior, odds)
+        answer = self._outline.locate(evidence.edge_px, evidence.floor_column, prior, odds)
+        estimate = answer.estimate
         start = pose_of(prior)
         if start is None or not estimate or not _is_open(estimate, self._outline.settings.sliding_std_m):
-            return estimate, wall_px
+            return answer
         # of a body that may lean the outline leaves a direction open: lines near the prior may fix it
         if self._lines is not None:
             followed = self._lines.follow(self._line_points(evidence.frame, self._lines), start)
@@ -97,8 +100,8 @@ class MirrorLocalizer:
                 and followed.std[:2].max() < estimate.std[:2].max()
                 and self._conflict(followed.pose, evidence) is None
             ):
-                return followed, None
-        return estimate, wall_px
+                return followed, None, None
+        return answer
 
     def _by_lines(
         self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None, refusal: NotLocated
@@ -144,6 +147,12 @@ class MirrorLocalizer:
         tally = self._outline.weigh_pose(pose, evidence.edge_px, evidence.floor_column)
         log_odds = tally.log_odds + self._line_odds(evidence)(pose)
         return tally.reason(log_odds) if log_odds < self._outline.evidence.min_log_odds else None
+
+
+def _in_half_of(measurement: PoseEstimate, chosen: PoseEstimate) -> PoseEstimate:
+    """Return a measurement in the half of the field that was chosen; in both where that is open."""
+    nearer = nearer_half(measurement, chosen.pose)
+    return nearer if len(chosen.candidates) > 1 else replace(nearer, candidates=(nearer.pose,))
 
 
 def _is_open(estimate: PoseEstimate, std_m: float) -> bool:

@@ -61,8 +61,8 @@ class OutlineCameraSettings:
     #: widths of the redescending weights, units, where pose and tilt are fitted together from a prior: a body that
     #: brakes hard moves far boards by two units
     leaning_scales: tuple[float, ...] = (4.0, 2.0, 1.0)
-    #: greatest standard deviation of the position of a body that may lean: on a large field an unknown tilt leaves some
-    #: direction open
+    #: greatest standard deviation of the position of a body that may lean, its prior included: on a large field an
+    #: unknown tilt leaves some direction open
     max_leaning_std_m: float = 0.15
 
 
@@ -177,10 +177,8 @@ class OutlineModel:
             lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
             fitted = Fitted(*fit_leaning(start, radius_px, scales, self._rules, lines, covariance))
             fit = _outline_fit(fitted, covariance, lines)
-            if not fit.along_m <= self.errors.max_leaning_std_m:
-                continue
             # where a direction is not observed at all, rounding decides its variance
-            if not (np.isfinite(covariance).all() and np.all(np.linalg.eigvalsh(covariance) > 0)):
+            if not (math.isfinite(fit.along_m) and np.all(np.linalg.eigvalsh(covariance) > 0)):
                 continue
             if best is None or fit.cost < best.cost:
                 best = fit

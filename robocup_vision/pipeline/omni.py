@@ -159,6 +159,7 @@ class OmniPipeline(FramePipeline):
             obstacle_finder=self._obstacle_finder,
             thumbnail=thumbnail_of(frame),
             warnings=self._warnings(pose),
+            measurement=self._measurement_unless_swapped(answer.measurement),
             marking_source=MarkingSource.of(self._marking_finder, frame, self.camera),
         )
 

@@ -34,7 +34,7 @@ def floor_columns(radius, view=VIEW):
 
 
 def locate(radius, prior=None, fitter=FITTER):
-    return fitter.locate(radius, floor_columns(radius, fitter.view), prior)
+    return fitter.locate(radius, floor_columns(radius, fitter.view), prior)[:2]
 
 
 def outline(pose, rng=None, noise_px=0.0, hidden=0.0):
@@ -206,3 +206,15 @@ def test_a_place_that_slides_along_a_wall_rules_out_a_turned_one(field_name, see
         distance, angle = found.pose.error_to(crowd.pose, symmetric=True)
         assert distance < 0.1
         assert angle < math.radians(1.0)
+
+
+def test_a_prior_included_in_the_pose_is_not_in_the_measurement():
+    field, camera = load_field("ssl_division_b"), CAMERAS["ssl_mirror"]()
+    (crowd,) = sample(field, camera, CONDITIONS["crowd"], 5, 1, indices=[3], supersample=2)
+    prior = PoseEstimate(crowd.pose, np.diag([0.03, 0.03, 0.03]) ** 2, 1.0, 0.0)
+    view = Vision(field, camera).look(crowd.frame, prior=prior)
+    assert view.pose.std[:2].max() < 0.031
+    assert view.measurement.std[:2].max() > 0.1
+    assert view.measurement.candidates == (view.measurement.pose, view.measurement.pose.half_turn())
+    distance, _ = view.measurement.pose.error_to(crowd.pose)
+    assert distance < 3 * view.measurement.std[:2].max()

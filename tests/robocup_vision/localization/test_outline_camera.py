@@ -3,12 +3,14 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import numbers
 
 from field_models import load_field
 from robocup_vision.camera.pinhole import camera_rotation
+from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.perception.polar_view import PolarView
@@ -19,6 +21,7 @@ FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
 VIEW = PolarView(CAMERA)
 FITTER = OutlineFitter(FIELD, CAMERA, VIEW)
 MODEL = FITTER.model
+PRIOR_STD = np.array([0.02, 0.02, 0.02])
 places = st.builds(Pose2, numbers(-1.1, 1.1), numbers(-0.55, 0.55), numbers(-3.1, 3.1))
 leans = st.tuples(numbers(-0.015, 0.015), numbers(-0.015, 0.015))
 
@@ -31,7 +34,7 @@ def floor_columns(radius, view=VIEW):
 
 def locate(radius, prior, fitter=None):
     fitter = fitter or FITTER
-    return fitter.locate(radius, floor_columns(radius, fitter.view), prior)
+    return fitter.locate(radius, floor_columns(radius, fitter.view), prior)[:2]
 
 
 def outline(pose, lean, noise, field=FIELD, camera=CAMERA, view=VIEW):
@@ -85,26 +88,60 @@ def test_one_wall_alone_tells_no_lean():
     assert fits[0].pose == fits[1].pose
 
 
-def test_on_a_far_field_a_leaning_body_is_not_where_an_upright_one_would_be():
+@pytest.fixture(scope="module")
+def far_field():
+    """Make a fitter on a large field, and outlines of leaning bodies in a crowd: each with the pose and a prior."""
     field, camera = load_field("ssl_division_b"), CAMERAS["ssl_mirror"]()
     view = PolarView(camera)
-    fitter = OutlineFitter(field, camera, view)
-    rng, errors, tries = np.random.default_rng(4), [], 40
-    for _ in range(tries):
+    rng, seen = np.random.default_rng(4), []
+    for _ in range(40):
         pose = Pose2(rng.uniform(-3.5, 3.5), rng.uniform(-2.5, 2.5), rng.uniform(-3, 3))
         noise = rng.normal(0, 0.3, view.bearings)
         radius = outline(pose, (rng.normal(0, 0.01), 0.0), noise, field, camera, view)
         # robots hide a good part of the boards
         for middle in rng.uniform(-math.pi, math.pi, 6):
             radius[np.abs(np.mod(view.bearing_rad - middle + math.pi, math.tau) - math.pi) < 0.2] = np.nan
-        off = rng.normal(0, 1, 3) * (0.02, 0.02, 0.02)
-        prior = Pose2(pose.x_m + off[0], pose.y_m + off[1], pose.theta_rad + off[2])
-        estimate, _ = locate(radius, prior, fitter)
-        if estimate:
-            errors.append(estimate.pose.error_to(pose)[0])
-    assert len(errors) > 0.7 * tries
+        off = rng.normal(0, 1, 3) * PRIOR_STD
+        seen.append((radius, pose, Pose2(pose.x_m + off[0], pose.y_m + off[1], pose.theta_rad + off[2])))
+    return OutlineFitter(field, camera, view), seen
+
+
+def test_on_a_far_field_a_leaning_body_is_not_where_an_upright_one_would_be(far_field):
+    fitter, seen = far_field
+    answers = [(locate(radius, prior, fitter)[0], pose) for radius, pose, prior in seen]
+    errors = [estimate.pose.error_to(pose)[0] for estimate, pose in answers if estimate]
+    assert len(errors) > 0.7 * len(seen)
     assert max(errors) < 0.3
     assert np.median(errors) < 0.05
+
+
+def test_a_priors_covariance_is_a_factor_of_a_leaning_bodys_pose(far_field):
+    fitter, seen = far_field
+    covariance, included = np.diag(PRIOR_STD) ** 2, 0
+    for radius, pose, at in seen:
+        prior = PoseEstimate(at, covariance, 1.0, 0.0)
+        answer = fitter.locate(radius, floor_columns(radius, fitter.view), prior)
+        if not answer.estimate:
+            continue
+        assert answer.estimate.pose.error_to(pose)[0] < 5 * max(PRIOR_STD)
+        assert answer.estimate.candidates == (answer.estimate.pose, answer.estimate.pose.half_turn())
+        if answer.measurement is not None:
+            included += 1
+            # the product of both is no wider than either
+            for wider in (covariance, answer.measurement.covariance):
+                assert np.linalg.eigvalsh(wider - answer.estimate.covariance).min() > -1e-9
+    assert included > 0.2 * len(seen)
+
+
+def test_a_leaning_body_is_not_where_its_prior_excludes_it(far_field):
+    fitter, seen = far_field
+    for radius, _, at in seen:
+        wrong = Pose2(at.x_m + 0.4, at.y_m - 0.4, at.theta_rad)
+        answer = fitter.locate(
+            radius, floor_columns(radius, fitter.view), PoseEstimate(wrong, np.eye(3) * 1e-4, 1.0, 0.0)
+        )
+        # only an upright body's pose overrides its prior
+        assert answer.measurement is None
 
 
 def test_a_direction_that_no_wall_tells_is_not_made_up():
@@ -112,4 +149,6 @@ def test_a_direction_that_no_wall_tells_is_not_made_up():
     radius = outline(pose, (0.0, 0.0), 0.0)
     radius[np.abs(np.mod(VIEW.bearing_rad + math.pi / 2, math.tau) - math.pi) > 0.5] = np.nan
     assert np.isfinite(radius).sum() > 20
-    assert MODEL.fit_leaning((tuple(pose.array),), radius) is None
+    leaning = MODEL.fit_leaning((tuple(pose.array),), radius)
+    assert leaning is None or leaning.along_m > 0.5
+    assert not locate(radius, pose)[0]
