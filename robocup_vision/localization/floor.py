@@ -142,8 +142,8 @@ class OutlineFitter:
         fit = self.from_guess(radius_px)
         if fit is None:
             return None
-        fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one)]
-        fixed = [one for one in fits if one.along_m <= self.settings.max_std_m]
+        most_m, found = self.settings.max_std_m, self.search.candidates(fit, radius_px)
+        fixed = [one for one in found if one.along_m <= most_m and self._is_place(one)]
         return Pose2(*min(fixed, key=lambda one: one.cost).pose) if fixed else self.first_guess(radius_px)
 
     def from_guess(self, radius_px: FloatArray) -> OutlineFit | None:
@@ -289,12 +289,14 @@ class OutlineFitter:
             return OutlineAnswer(NotLocated(_OPEN), _nothing(fit.predicted_px))
         candidates = (both.pose, both.pose.half_turn())
         estimate = dataclasses.replace(alone, pose=both.pose, covariance=both.covariance, candidates=candidates)
-        return self._on_floor(fit, estimate)._replace(measurement=alone)
+        return self._on_floor(fit, estimate, alone)
 
-    def _on_floor(self, fit: OutlineFit, estimate: PoseEstimate) -> OutlineAnswer:
+    def _on_floor(
+        self, fit: OutlineFit, estimate: PoseEstimate, measurement: PoseEstimate | None = None
+    ) -> OutlineAnswer:
         x, y = estimate.x_m, estimate.y_m
         if self.field.is_on_floor(x, y):
-            return OutlineAnswer(estimate, fit.predicted_px)
+            return OutlineAnswer(estimate, fit.predicted_px, measurement)
         reason = f"the best fit puts the robot outside the field, at ({x:.2f}, {y:.2f}) m"
         return OutlineAnswer(NotLocated(reason), _nothing(fit.predicted_px))
 

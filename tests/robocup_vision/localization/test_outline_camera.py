@@ -122,6 +122,7 @@ def test_a_priors_covariance_is_a_factor_of_a_leaning_bodys_pose(far_field):
         prior = PoseEstimate(at, covariance, 1.0, 0.0)
         answer = fitter.locate(radius, floor_columns(radius, fitter.view), prior)
         if not answer.estimate:
+            assert answer.measurement is None
             continue
         assert answer.estimate.pose.error_to(pose)[0] < 5 * max(PRIOR_STD)
         assert answer.estimate.candidates == (answer.estimate.pose, answer.estimate.pose.half_turn())
@@ -142,6 +143,25 @@ def test_a_leaning_body_is_not_where_its_prior_excludes_it(far_field):
         )
         # only an upright body's pose overrides its prior
         assert answer.measurement is None
+
+
+def test_a_pose_that_its_prior_draws_off_the_field_has_no_measurement(far_field):
+    fitter, _ = far_field
+    field, camera, view = fitter.field, fitter.camera, fitter.view
+    rng, outside = np.random.default_rng(2), 0
+    for _ in range(30):
+        pose = Pose2(rng.uniform(-3.5, 3.5), field.floor_polygon[:, 1].max() - 0.05, rng.uniform(-3, 3))
+        radius = outline(pose, (rng.normal(0, 0.01), 0.0), rng.normal(0, 0.3, view.bearings), field, camera, view)
+        for middle in rng.uniform(-math.pi, math.pi, 6):
+            radius[np.abs(np.mod(view.bearing_rad - middle + math.pi, math.tau) - math.pi) < 0.3] = np.nan
+        prior = PoseEstimate(
+            Pose2(pose.x_m, pose.y_m + 0.1, pose.theta_rad), np.diag([0.05, 0.05, 0.03]) ** 2, 1.0, 0.0
+        )
+        answer = fitter.locate(radius, floor_columns(radius, view), prior)
+        if not answer.estimate:
+            outside += "outside the field" in answer.estimate.reason
+            assert answer.measurement is None
+    assert outside
 
 
 def test_a_direction_that_no_wall_tells_is_not_made_up():
