@@ -22,10 +22,15 @@ def pose_offset(pose: Pose2, reference: Pose2) -> FloatArray:
     )
 
 
+def squared_distance(pose: Pose2, other: Pose2, covariance: FloatArray) -> float:
+    """Return the squared Mahalanobis distance of two poses, given the covariance (3, 3) of their difference."""
+    offset = pose_offset(pose, other)
+    return float(offset @ np.linalg.solve(covariance, offset))
+
+
 def may_be_one(pose: Pose2, other: Pose2, covariance: FloatArray) -> bool:
     """Whether two poses may be of one place, given the covariance (3, 3) of their difference."""
-    offset = pose_offset(pose, other)
-    return float(offset @ np.linalg.solve(covariance, offset)) <= _MAX_SAME_DISTANCE2
+    return squared_distance(pose, other, covariance) <= _MAX_SAME_DISTANCE2
 
 
 @dataclass(frozen=True, slots=True)

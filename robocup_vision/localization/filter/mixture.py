@@ -17,7 +17,7 @@ import numpy as np
 from robocup_vision.belief import Hypothesis
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.distinct import pose_offset
+from robocup_vision.localization.distinct import squared_distance
 from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
 from robocup_vision.localization.filter.hypothesis import FacedFrame, PoseMeasurement, PoseMode
 from robocup_vision.localization.filter.settings import Half, PoseFilterSettings
@@ -251,11 +251,8 @@ def _merged(modes: Sequence[PoseMode], merge_distance: float) -> list[PoseMode]:
 
 def _is_same(mode: PoseMode, other: PoseMode, merge_distance: float) -> bool:
     spread = (mode.covariance + other.covariance)[:3, :3]
-    for pose in (mode.pose, mode.pose.half_turn()):
-        offset = pose_offset(pose, other.pose)
-        if offset @ np.linalg.solve(spread, offset) < merge_distance:
-            return True
-    return False
+    places = (mode.pose, mode.pose.half_turn())
+    return any(squared_distance(pose, other.pose, spread) < merge_distance for pose in places)
 
 
 def _normalised(modes: Sequence[PoseMode], settings: PoseFilterSettings) -> tuple[PoseMode, ...]:
