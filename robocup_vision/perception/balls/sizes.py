@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -73,6 +73,7 @@ class BallSizes:
     height_std: float  #: relative standard deviation of the viewpoint's height
     sway_rad: float  #: standard deviation of the camera's tilt
     seed_pitch: float  #: distance between seeds, in half sizes of the ball
+    _row_radii_px: dict[float, FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def shape_std(self) -> float:
@@ -109,7 +110,12 @@ class BallSizes:
         radius_std : float
             Standard deviation of a measured radius, relative.
         """
-        small, middle, large = self._swayed_radii_px
+        if radius_std not in self._row_radii_px:
+            self._row_radii_px[radius_std] = self._bounded_radii_px(radius_std)
+        return self._row_radii_px[radius_std]
+
+    def _bounded_radii_px(self, radius_std: float) -> FloatArray:
+        small, middle, large = self._swayed_radii_px()
         slack = _SIGMAS * radius_std * middle
         least = (middle - np.hypot(slack, middle - small)).min(axis=1)
         most = (middle + np.hypot(slack, large - middle)).max(axis=1)
@@ -117,9 +123,8 @@ class BallSizes:
         bounds = np.stack([np.minimum(least[:-1], least[1:]), np.maximum(most[:-1], most[1:])], axis=1)
         return np.repeat(bounds, _ROWS, axis=0)[: self.camera.size_px[1]]
 
-    @cached_property
     def _swayed_radii_px(self) -> FloatArray:
-        """Radii (3, R, 3) at both ends and in the middle of some rows: of a camera swayed up, held, swayed down."""
+        """Return radii (3, R, 3) at ends and middle of some rows: of a camera swayed up, held, swayed down."""
         camera, slack_rad = self.camera, _SIGMAS * self.sway_rad
         assert isinstance(camera, PinholeCamera)
         width, height = camera.size_px
