@@ -189,6 +189,14 @@ def test_without_truth_and_odometry_mirroring_is_unknown(write):
     assert "looks the same in a mirror" in findings["mirrored"].evidence
 
 
+@pytest.mark.slow
+def test_another_field_s_name_is_reported_with_the_likelier_one(write):
+    """Only this finds a wrong field name that passes for a wrong camera."""
+    findings = found(write(field="ssl_division_b", with_truth=False))
+    assert findings["field"].state == "wrong"
+    assert findings["field"].evidence.startswith("with field 'ssl_2001' instead of 'ssl_division_b' 4 of 4 pictures ")
+
+
 @pytest.mark.parametrize(
     ("level", "evidence"),
     [
