@@ -1,12 +1,13 @@
-"""Hypothesis strategies that several test files share: poses, covariances, built-in fields, mirror cameras."""
+"""Hypothesis strategies that several test files share: poses, covariances, built-in fields, cameras of every model."""
 
 import math
+from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
 
 from field_models import field_names, load_field
-from robocup_vision.camera import FloorRange, Hyperboloid, OmniCamera, Table, Tangent
+from robocup_vision.camera import FisheyeCamera, FloorRange, Hyperboloid, OmniCamera, PinholeCamera, Table, Tangent
 from robocup_vision.geometry import Pose2
 
 PAPER_MIRROR = Hyperboloid(10120.0, 20.54, 229800.0)
@@ -59,3 +60,62 @@ def cameras(draw: st.DrawFn, *, level: bool = False) -> OmniCamera:
         tilt_rad=tilt,
         viewpoint_height_m=draw(numbers(0.1, 1.0)),
     )
+
+
+# barrel, pincushion, a rational wide angle, and one with much tangential distortion
+LENSES = [
+    (),
+    (-0.30, 0.10, 0.001, -0.002),
+    (0.15, -0.05, 0.0, 0.0, 0.01),
+    (0.4, 0.1, 0.001, 0.001, 0.01, 0.7, 0.2, 0.02),
+    (-0.05, 0.0, 0.02, -0.02),
+]
+
+
+@st.composite
+def pinholes(draw: st.DrawFn) -> PinholeCamera:
+    return PinholeCamera(
+        size_px=(640, 480),
+        focal_px=(draw(numbers(400, 900)), draw(numbers(400, 900))),
+        center_px=(draw(numbers(300, 340)), draw(numbers(220, 260))),
+        height_m=draw(numbers(0.05, 1.5)),
+        distortion=draw(st.sampled_from(LENSES)),
+        offset_m=(draw(numbers(-0.2, 0.2)), draw(numbers(-0.2, 0.2))),
+        pan_rad=draw(st.none() | numbers(-3.0, 3.0)),
+        tilt_rad=draw(numbers(-1.2, 0.6)),
+        roll_rad=draw(st.none() | numbers(-0.5, 0.5)),
+        roll_std_rad=draw(st.none() | numbers(0.0, 0.5)),
+    )
+
+
+KANNALA_BRANDT = (-0.0216, -0.0029, 0.001, -0.0002)
+FISHEYES = {
+    "equidistant": ("equidistant", (), None),
+    "equisolid": ("equisolid", (), None),
+    "kannala_brandt": ("kannala_brandt", KANNALA_BRANDT, None),
+    "all zero": ("kannala_brandt", (), None),
+    "beyond 180 degrees": ("equidistant", (), (0.0, 310.0)),
+}
+
+
+def fisheye(name: str = "kannala_brandt", **changes: Any) -> FisheyeCamera:
+    projection, distortion, circle = FISHEYES[name]
+    values = {"tilt_rad": -0.3, "roll_rad": 0.02, "pan_rad": 0.4, "offset_m": (0.1, -0.05)} | changes
+    return FisheyeCamera(
+        (640, 600),
+        (180.0, 181.0),
+        (321.0, 302.0),
+        0.5,
+        distortion,
+        projection=projection,
+        usable_radius_px=circle,
+        **values,
+    )
+
+
+def fisheyes() -> st.SearchStrategy[FisheyeCamera]:
+    return st.builds(fisheye, st.sampled_from(list(FISHEYES)), tilt_rad=numbers(-1.4, 0.6))
+
+
+def all_cameras() -> st.SearchStrategy[OmniCamera | PinholeCamera]:
+    return cameras() | pinholes() | fisheyes()

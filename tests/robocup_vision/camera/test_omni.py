@@ -16,41 +16,6 @@ PAPER = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
 bearings = numbers(-3.1, 3.1)
 
 
-def pixels_of(camera: OmniCamera, *, margin: float = 0.01) -> np.ndarray:
-    inner, outer = camera.usable_radius_px
-    radii = np.linspace(inner + margin, outer - margin, 12)
-    return camera.polar_to_pixel(np.linspace(0, 2 * math.pi, 16, endpoint=False)[:, None], radii[None])
-
-
-@given(cameras())
-def test_pixel_to_floor_to_pixel_is_identity(camera: OmniCamera):
-    pixels = pixels_of(camera)
-    floor = camera.pixel_to_floor(pixels)
-    seen = np.isfinite(floor).all(axis=-1)
-    assert seen.mean() > 0.5
-    np.testing.assert_allclose(camera.floor_to_pixel(floor[seen]), pixels[seen], atol=1e-5)
-
-
-@given(cameras())
-def test_pixel_to_ray_to_pixel_is_identity_and_rays_are_unit(camera: OmniCamera):
-    pixels = pixels_of(camera)
-    rays = camera.pixel_to_ray(pixels)
-    np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1.0, rtol=1e-12)
-    np.testing.assert_allclose(camera.ray_to_pixel(rays), pixels, atol=1e-6)
-    np.testing.assert_allclose(camera.ray_to_pixel(17.0 * rays), pixels, atol=1e-6)
-
-
-@given(cameras(), bearings, numbers(0.05, 10.0))
-def test_floor_lies_where_the_ray_meets_it(camera: OmniCamera, bearing: float, ratio: float):
-    inner, outer = camera.usable_radius_px
-    pixel = camera.polar_to_pixel(bearing, inner + (outer - inner) * ratio / 10.1)
-    ray, floor = camera.pixel_to_ray(pixel), camera.pixel_to_floor(pixel)
-    if ray[2] >= -1e-6:
-        return
-    met = camera.viewpoint_m + ray * (camera.height_m / -ray[2])
-    np.testing.assert_allclose(met, [*floor, 0.0], atol=1e-6 * max(1.0, np.abs(met).max()))
-
-
 @given(cameras(level=True), bearings)
 def test_level_camera_sees_each_floor_point_in_its_bearing_and_range(camera: OmniCamera, bearing: float):
     radii = np.linspace(*camera.usable_radius_px, 9)[1:-1]
@@ -102,48 +67,12 @@ def test_bearing_grows_counter_clockwise_in_the_image_as_shown():
     np.testing.assert_allclose(down, [127.5, 159.5], atol=1e-9)
 
 
-def test_mirrored_bearing_grows_clockwise_in_the_image_as_shown():
-    mirrored = dataclasses.replace(PAPER, mirrored=True)
-    np.testing.assert_allclose(mirrored.polar_to_pixel(math.pi / 2, 50.0), [127.5, 159.5])
-    x, y = mirrored.pixel_to_floor([127.5, 159.5])
-    assert y > 0.1 > abs(x)
-
-
-@pytest.mark.parametrize("mirrored", [False, True])
-def test_heading_is_the_bearing_of_plus_u(mirrored: bool):
-    camera = dataclasses.replace(PAPER, heading_rad=math.pi / 2, mirrored=mirrored)
-    x, y = camera.pixel_to_floor([177.5, 109.5])
-    assert x == pytest.approx(0.0, abs=1e-12)
-    assert y > 0.1
-
-
-def test_offset_moves_the_floor_forward_and_left():
-    moved = dataclasses.replace(PAPER, offset_m=(0.03, -0.02))
-    shift = moved.pixel_to_floor([190.0, 90.0]) - PAPER.pixel_to_floor([190.0, 90.0])
-    np.testing.assert_allclose(shift, [0.03, -0.02])
-
-
-def test_positive_tilt_about_y_lowers_the_forward_ray():
-    tilted = dataclasses.replace(PAPER, tilt_rad=(0.0, 0.05))
-    pixel = [127.5 + 90.0, 109.5]
-    level_slope = math.asin(PAPER.pixel_to_ray(pixel)[2])
-    assert math.asin(tilted.pixel_to_ray(pixel)[2]) == pytest.approx(level_slope - 0.05)
-    assert tilted.pixel_to_floor(pixel)[0] < PAPER.pixel_to_floor(pixel)[0]
-
-
-def test_positive_tilt_about_x_raises_the_left_ray():
-    tilted = dataclasses.replace(PAPER, tilt_rad=(0.05, 0.0))
-    pixel = [127.5, 109.5 - 80.0]
-    level_slope = math.asin(PAPER.pixel_to_ray(pixel)[2])
-    assert math.asin(tilted.pixel_to_ray(pixel)[2]) == pytest.approx(level_slope + 0.05)
-
-
-def test_tilt_turns_about_x_first_and_then_about_y():
+def test_tilt_turns_the_rays_about_x_first_and_then_about_y():
     tilted = dataclasses.replace(PAPER, tilt_rad=(0.2, 0.1))
-    # the camera's y axis: about x it rises to (0, cos, sin) of 0.2; about y its height then moves forward
-    np.testing.assert_allclose(
-        tilted.camera_to_robot[:, 1], [math.sin(0.2) * math.sin(0.1), math.cos(0.2), math.sin(0.2) * math.cos(0.1)]
-    )
+    about_x = np.array([[1, 0, 0], [0, math.cos(0.2), -math.sin(0.2)], [0, math.sin(0.2), math.cos(0.2)]])
+    about_y = np.array([[math.cos(0.1), 0, math.sin(0.1)], [0, 1, 0], [-math.sin(0.1), 0, math.cos(0.1)]])
+    pixels = [(217.5, 109.5), (127.5, 29.5), (100.0, 150.0)]
+    np.testing.assert_allclose(tilted.pixel_to_ray(pixels), PAPER.pixel_to_ray(pixels) @ (about_y @ about_x).T)
 
 
 def test_no_floor_from_the_horizon_on_but_rays():
@@ -177,12 +106,6 @@ def test_tilted_camera_without_a_height_is_refused():
 def test_given_height_wins_over_the_implied_one():
     assert PAPER.height_m == pytest.approx(PAPER_MIRROR.implied_height_m)
     assert dataclasses.replace(PAPER, viewpoint_height_m=0.3).height_m == 0.3
-
-
-@pytest.mark.parametrize("name", ["camera_to_robot", "viewpoint_m"])
-def test_cached_arrays_are_read_only(name: str):
-    with pytest.raises(ValueError, match="read-only"):
-        getattr(PAPER, name)[0] = 1.0
 
 
 @pytest.mark.parametrize(
