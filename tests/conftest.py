@@ -15,6 +15,8 @@ import cv2
 import pytest
 from hypothesis import settings
 
+from robocup_vision import cli
+
 if "PYTEST_XDIST_WORKER" in os.environ:
     cv2.setNumThreads(0)
 
@@ -29,6 +31,24 @@ pytest_plugins = ["miscalibrated_frames", "needs_protobuf", "short_landmark_run"
 settings.register_profile("repeat", derandomize=True, deadline=None, max_examples=30)
 settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeat"))
+
+
+@pytest.fixture
+def refused(capfd):
+    """Return a function that runs a command which must be refused, and returns the one line that it says."""
+
+    def line_of(*words: object) -> str:
+        capfd.readouterr()
+        try:
+            status: object = cli.main([str(word) for word in words])
+        except SystemExit as stop:
+            status = stop.code
+        _, error = capfd.readouterr()
+        assert (status, error.count("\n")) == (2, 1), error
+        assert error.startswith("robocup-vision")
+        return error
+
+    return line_of
 
 
 @pytest.fixture

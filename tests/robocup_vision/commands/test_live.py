@@ -35,23 +35,6 @@ def images(tmp_path):
     return folder
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["nothing_here"], "nothing_here: does not exist"),
-        (["sim:ssl_2001", "--from", "-1"], "--from must be 0 or more"),
-        (["sim:ssl_2001", "--seconds", "nan"], "--seconds must be 0 or more"),
-        (["sim:ssl_2001", "--record", "/no/such/folder/a.mcap"], "recorded by `robocup-vision match --record`"),
-    ],
-)
-def test_what_is_wrong_is_named_in_one_line(arguments, words, capfd):
-    assert cli.main(["live", *arguments, "--port", "0"]) == 2
-    err = capfd.readouterr().err.strip().splitlines()
-    assert len(err) == 1
-    assert err[0].startswith("robocup-vision live: ")
-    assert words in err[0]
-
-
 def test_without_the_extra_it_says_what_to_install():
     code = (
         "import sys\n"

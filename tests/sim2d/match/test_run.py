@@ -200,27 +200,6 @@ def test_command_prints_a_table_and_repeats_its_file(tmp_path, capsys, monkeypat
     assert lines[5] == f"report: {os.path.join('one', 'report.html')}"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "problem"),
-    [
-        (["--field", "nowhere"], "nowhere"),
-        (["--players", "0"], "players must be at least 1, got 0"),
-        (["--seconds", "-1"], "seconds must be positive, got -1.0"),
-        (["--seconds", "nan"], "seconds must be positive, got nan"),
-        (["--seed", "-3"], "seed must not be negative, got -3"),
-        (["--out", "file"], "file: cannot be written"),
-    ],
-)
-def test_mistakes_are_one_line(tmp_path, capsys, monkeypatch, arguments, problem):
-    monkeypatch.chdir(tmp_path)
-    Path("file").write_text("in the way")
-    assert cli.main(["match", *arguments]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert err.startswith("robocup-vision match: ")
-    assert problem in err
-
-
 def test_a_report_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
     class Unwritable(type(tmp_path)):
         def write_text(self, text, **options):

@@ -133,26 +133,6 @@ def test_an_interrupted_table_goes_on_where_it_was(tmp_path, capsys, monkeypatch
     assert Path("two", "table.json").read_bytes() == Path("whole", "table.json").read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "problem"),
-    [
-        (["--matches", "0"], "matches must be at least 1, got 0"),
-        (["--players", "0"], "players must be at least 1, got 0"),
-        (["--table", "plain"], "a table needs at least two players, got 1"),
-        (["--table", "plain,nobody"], "there is no player 'nobody'"),
-        (["--table", "--ours", "memory"], "--table names all players: leave out --ours and --theirs"),
-        (["--table", "--matches", "3"], "a table needs an even number of matches of each pair"),
-    ],
-)
-def test_mistakes_are_one_line(tmp_path, capsys, monkeypatch, arguments, problem):
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(["tournament", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert problem in error
-    assert error.count("\n") == 1
-    assert not list(tmp_path.iterdir())
-
-
 def points_of(strengths, matches, rng, draw_ratio=0.0):
     """Let players of known Elo play; a part of the matches ends in a draw, whoever plays."""
     count = len(strengths)

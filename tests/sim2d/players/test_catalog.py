@@ -11,7 +11,6 @@ import pytest
 from sim2d_players import Reckoner, Sleeper
 
 from field_models.errors import ArgumentError
-from robocup_vision import cli
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import play_plan
 from sim2d.players.built_in import BuiltInPlayer
@@ -59,13 +58,6 @@ def test_a_match_names_its_players():
     values = play_plan(MatchPlan(players=1, seconds=0.1, ours=Reckoner, theirs=Sleeper))
     assert (values["ours"], values["theirs"]) == ("Reckoner", "Sleeper")
     json.dumps(values)
-
-
-def test_the_command_takes_names(tmp_path, capsys):
-    assert cli.main(["match", "--ours", "nobody", "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == f"robocup-vision match: there is no player 'nobody', only {KNOWN}\n"
-    assert cli.main(["tournament", "--theirs", "nobody", "--out", str(tmp_path)]) == 2
-    assert "there is no player 'nobody'" in capsys.readouterr().err
 
 
 def test_players_of_ones_own_are_found_by_their_import_path(tmp_path, monkeypatch):

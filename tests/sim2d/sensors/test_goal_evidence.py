@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from field_models.errors import ArgumentError
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2
 from robocup_vision.planning.gaze.goal_evidence import load_goal_evidence
@@ -54,20 +53,6 @@ def test_command_writes_a_file_that_is_read_back(tmp_path: Path, capsys: pytest.
     assert "learn-goal-evidence --field four_legged_2007 --count 3 --seed 1" in out.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--field", "spl_2020"], "the goals of field 'spl_2020' do not differ in colour"),
-        (["--field", "ssl_2001"], "carry no pinhole camera"),
-    ],
-)
-def test_command_refuses(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
-) -> None:
-    assert main(["learn-goal-evidence", *arguments, str(tmp_path / "out.toml")]) == 2
-    assert message in capsys.readouterr().err
-
-
 def test_command_refuses_a_missing_folder_before_it_counts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,13 +61,3 @@ def test_command_refuses_a_missing_folder_before_it_counts(
     assert main(["learn-goal-evidence", "--count", "1", str(out)]) == 2
     line = f"robocup-vision learn-goal-evidence: {out}: cannot be written: its folder does not exist\n"
     assert capsys.readouterr().err == line
-
-
-def test_command_names_a_file_it_cannot_write(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["learn-goal-evidence", "--count", "1", str(tmp_path)]) == 2
-    assert f"{tmp_path}: cannot be written (" in capsys.readouterr().err
-
-
-def test_goals_of_one_colour_teach_nothing() -> None:
-    with pytest.raises(ArgumentError, match="do not differ in colour"):
-        count_evidence(load_field("spl_2020"), CAMERA, 0, range(1))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from field_models.errors import ArgumentError
-from robocup_vision.cli import main
 from sim2d.sensors.pose_evidence import Sample, Samples, fit_samples
 
 
@@ -45,12 +44,3 @@ def test_samples_that_come_in_fives_err_alike_in_fives():
 def test_without_samples_nothing_is_fitted():
     with pytest.raises(ArgumentError, match="too few pictures"):
         fit_samples(Samples(), 0.7)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [(["--odds", "1"], "--odds must be above 1, got 1"), (["--field", "msl_6x4"], "must have walls or boards")],
-)
-def test_command_refuses(tmp_path, capsys, arguments, message):
-    assert main(["fit-evidence", *arguments, str(tmp_path / "out.toml")]) == 2
-    assert message in capsys.readouterr().err

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from field_models.errors import ArgumentError, FileError, RobocupVisionError
+from field_models.errors import ArgumentError
 from robocup_vision.mapping.occupancy import FreeSpaceMap
 from robocup_vision.mapping.sensor_model import load_sensors
 from sim2d.commands.sensors import add_parser, run_sensors
@@ -95,21 +95,3 @@ def test_the_command_writes_what_a_map_reads(tmp_path, capsys):
     assert models["floor"].reach_m == pytest.approx(1.11)
     assert models["range"].reach_m == pytest.approx(0.04 * 240 / (2 * np.pi), abs=1e-3)
     assert "sensors learn --field ssl_2001" in out.read_text()
-
-
-@pytest.mark.parametrize(
-    ("words", "error", "message"),
-    [
-        (("--cell", 0), ArgumentError, "--cell must be within 0 to 1 m"),
-        (("--range-height", -1), ArgumentError, "height_m must not be negative"),
-        (("--field", "cricket"), RobocupVisionError, "cricket"),
-    ],
-)
-def test_impossible_words_are_refused(tmp_path, words, error, message):
-    with pytest.raises(error, match=message):
-        learn("--out", tmp_path / "sensors.toml", *words)
-
-
-def test_a_folder_that_is_absent_is_reported_before_the_work(tmp_path):
-    with pytest.raises(FileError, match="its folder does not exist"):
-        learn("--out", tmp_path / "absent" / "sensors.toml")

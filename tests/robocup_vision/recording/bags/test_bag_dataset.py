@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+from collections.abc import Callable
 from itertools import combinations, pairwise
 from pathlib import Path
 
@@ -165,9 +166,8 @@ def test_a_folder_of_recordings_is_no_bag(recorded: Path) -> None:
         load_bag(recorded.parent)
 
 
-def test_a_folder_of_images_has_no_topics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["evaluate", str(tmp_path), "--truth-topic", "/x"]) == 2
-    assert "--truth-topic is for recordings and bags" in capsys.readouterr().err
+def test_a_folder_of_images_has_no_topics(tmp_path: Path, refused: Callable[..., str]) -> None:
+    assert "--truth-topic is for recordings and bags" in refused("evaluate", tmp_path, "--truth-topic", "/x")
 
 
 def test_an_image_of_another_size_or_encoding_is_an_unreadable_row(
@@ -263,10 +263,9 @@ def test_a_bag_is_steered_straight_ahead(recorded: Path, camera: Path, tmp_path:
     ],
 )
 def test_options_that_do_not_fit_are_one_line(
-    words: list[str], problem: str, recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], problem: str, recorded: Path, tmp_path: Path, refused: Callable[..., str]
 ) -> None:
-    assert cli.main(["evaluate", str(recorded), *words, "--out", str(tmp_path / "out")]) == 2
-    assert problem in capsys.readouterr().err
+    assert problem in refused("evaluate", recorded, *words, "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

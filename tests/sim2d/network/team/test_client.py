@@ -53,20 +53,6 @@ def test_without_vision_nothing_is_sent_and_the_command_ends(capsys):
     assert "0 packets of commands, 0 bad datagrams" in out
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--speed=9"], "--speed must be from 0.2 to 4 m/s"),
-        (["--seconds=0"], "--seconds must be positive"),
-        (["--robot-port=70000"], "--robot-port must be from 1 to 65535"),
-        (["--network=nothing0"], "there is no network interface 'nothing0'"),
-    ],
-)
-def test_wrong_options_are_reported_in_one_line(options, words, capsys):
-    assert main(["play", "--team=yellow", *options]) == 2
-    assert words in capsys.readouterr().err
-
-
 class Client:
     """A game controller's port that takes everything."""
 
