@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import threading
 
 import cv2
 import numpy as np
@@ -185,25 +184,6 @@ def test_the_mask_is_the_visions_own_copy(ssl_field, paper_camera, nominal_sampl
     assert_same_view(look_alone(vision, nominal_samples[0].frame), before)
 
 
-def test_two_threads_see_what_one_sees(ssl_field, paper_camera, nominal_samples):
-    pair = [Vision(ssl_field, paper_camera) for _ in range(2)]
-    frames = [one.frame for one in nominal_samples]
-    expected = [[vision.look(frame) for frame in frames] for vision in pair]
-    found = [[], []]
-
-    def work(which):
-        pair[which].forget()
-        found[which].extend(pair[which].look(frame) for frame in frames)
-
-    threads = [threading.Thread(target=work, args=(which,)) for which in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for one, other in zip(expected[0] + expected[1], found[0] + found[1], strict=True):
-        assert_same_view(one, other)
-
-
 def test_forgetting_makes_a_frame_stand_alone(vision, ssl_field, paper_camera, nominal_samples):
     expected = Vision(ssl_field, paper_camera).look(nominal_samples[3].frame)
     dark = (nominal_samples[5].frame * 0.4).astype(np.uint8)
@@ -212,17 +192,6 @@ def test_forgetting_makes_a_frame_stand_alone(vision, ssl_field, paper_camera, n
         vision.forget()
         assert vision.colors is None
         assert_same_view(vision.look(nominal_samples[3].frame, odometry=Pose2(0.1, 0.0, 0.0)), expected)
-
-
-def test_colours_are_learnt_again_when_the_light_changes(vision, nominal_samples):
-    look_alone(vision, nominal_samples[0].frame)
-    before = vision.colors
-    vision.look(nominal_samples[0].frame)
-    assert vision.colors is before
-    warm = np.clip(nominal_samples[0].frame * np.array([0.6, 0.9, 1.25]), 0, 255).astype(np.uint8)
-    view = vision.look(warm)
-    assert vision.colors is not before
-    assert_near(view.pose.pose, nominal_samples[0].pose, symmetric=True)
 
 
 def test_given_colours_are_never_changed(vision, ssl_field, paper_camera, nominal_samples):

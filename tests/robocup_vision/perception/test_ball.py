@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from field_models import load_field
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.balls.colored import ColoredBallSettings, ColoredLook
 from robocup_vision.perception.balls.finder import BallFinder
@@ -145,12 +144,6 @@ def test_a_camera_without_a_height_still_finds_it(ssl_field, paper_camera):
     assert off @ np.linalg.solve(ball.covariance, off) < 9.0
     known = Vision(ssl_field, paper_camera).look(frame).ball
     assert np.linalg.det(ball.covariance) > np.linalg.det(known.covariance)
-
-
-def test_fields_without_an_orange_ball_load(mirror_camera):
-    field = load_field("msl_18x12")
-    frame = np.full((240, 320, 3), (50, 130, 45), dtype=np.uint8)
-    assert Vision(field, mirror_camera).look(frame).ball is None
 
 
 def test_a_doubtful_ball_is_found_only_near_where_one_was(ssl_field, paper_camera):

@@ -66,27 +66,6 @@ def test_counting_equals_the_papers_labelling(grid, seed):
     np.testing.assert_array_equal(grid.measure(passable).range_m, measure_by_labelling(grid, passable))
 
 
-@given(grids, seeds)
-def test_no_range_exceeds_the_inner_bound_of_a_blocked_cell(grid, seed):
-    passable = blobs(seed)
-    found = grid.measure(passable)
-    bounds, cell = grid.ring_bounds_m, grid.cell
-    assert found.range_m.shape == found.bearing_rad.shape == (grid.directions,)
-    assert np.isin(found.range_m, bounds).all()
-    for index in np.unique(cell[cell >= 0]):
-        ring, direction = divmod(int(index), grid.directions)
-        inside = cell == index
-        if (passable[inside] > 0).mean() < grid.threshold - 1e-9:
-            assert found.range_m[direction] <= bounds[ring]
-
-
-@given(grids, seeds)
-def test_more_floor_never_shortens_a_range(grid, seed):
-    passable = blobs(seed)
-    more = np.where(np.random.default_rng(seed).random(passable.shape) < 0.3, 1, passable).astype(np.uint8)
-    assert (grid.measure(more).range_m >= grid.measure(passable).range_m).all()
-
-
 @given(cameras(), st.integers(3, 90), st.integers(1, 30))
 def test_cells_hold_the_samples_that_lie_in_them(camera, directions, rings):
     grid = FreeSpaceGrid(PolarView(camera), directions, rings)

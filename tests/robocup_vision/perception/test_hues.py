@@ -68,7 +68,7 @@ def test_a_range_is_as_good_as_it_says():
         assert abs(robot.range_m - true_m) < 3.5 * robot.range_std_m + 0.005
 
 
-def test_a_mirror_camera_tells_hues_too(ssl_field, paper_camera):
+def test_a_mirror_camera_tells_hues_where_its_height_is_known(ssl_field, paper_camera):
     pose = Pose2(-0.5, 0.0, 0.3)
     robot = Robot(0.1, 0.05, FIELD.robot_radius_m, color_bgr=PAINTS["magenta"], marker_bgr=PAINTS["magenta"])
     light = MirrorRenderer(paper_camera, 2).render(Scene(ssl_field, robots=(robot,)), pose)
@@ -78,6 +78,11 @@ def test_a_mirror_camera_tells_hues_too(ssl_field, paper_camera):
     found = min(obstacles, key=lambda one: math.dist((one.x_m, one.y_m), place))
     assert found.hue_rad is not None
     assert abs(math.remainder(found.hue_rad - hue_of_paint("magenta"), math.tau)) < 0.25
+    radius_px = np.linspace(*paper_camera.usable_radius_px, 40)
+    table = Table(radius_px, 1.0 / paper_camera.floor_range.inverse_range_per_m(radius_px))
+    seen = Vision(ssl_field, replace(paper_camera, floor_range=table)).look(frame).obstacles
+    assert seen
+    assert all(one.hue_rad is None for one in seen)
 
 
 def test_a_thing_whose_foot_is_not_in_view_has_no_hue():
@@ -87,15 +92,3 @@ def test_a_thing_whose_foot_is_not_in_view_has_no_hue():
     places = np.array([(1.0, 0.0), (0.1, 0.0), (-1.0, 0.0)])
     # all of the picture is of the floor's hue, or nothing of the thing is in it
     assert hues_of(thumbnail, CAMERA, places, np.full(3, 0.18), 0.09) == (None, None, None)
-
-
-def test_a_mirror_camera_of_unknown_height_tells_obstacles_without_hues(ssl_field, paper_camera):
-    pose = Pose2(-0.5, 0.0, 0.3)
-    robot = Robot(0.1, 0.05, FIELD.robot_radius_m, color_bgr=PAINTS["magenta"], marker_bgr=PAINTS["magenta"])
-    light = MirrorRenderer(paper_camera, 2).render(Scene(ssl_field, robots=(robot,)), pose)
-    frame = Sensor(noise_sigma=4.0, blur_px=0.7).expose(light, np.random.default_rng(0))
-    radius_px = np.linspace(*paper_camera.usable_radius_px, 40)
-    table = Table(radius_px, 1.0 / paper_camera.floor_range.inverse_range_per_m(radius_px))
-    seen = Vision(ssl_field, replace(paper_camera, floor_range=table)).look(frame).obstacles
-    assert seen
-    assert all(one.hue_rad is None for one in seen)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
+from situations import situation
 
 from field_models import load_field
 from robocup_vision.geometry import Pose2
-from sim2d.players.plan import Situation
 from sim2d.players.tactics.tactics import Tactics
 from sim2d.robot_link import RobotLimits
 
@@ -16,19 +16,8 @@ FIELD = load_field("ssl_division_b")
 LIMITS = RobotLimits()
 
 
-def decide(number=1, players=4, **changes):
-    now = {
-        "pose": Pose2(-1.0, 0.2, 0.0),
-        "ball": (0.0, 0.0),
-        "ball_velocity_mps": (0.0, 0.0),
-        "in_mouth": False,
-        "held_s": 0.0,
-        "obstacles": (),
-        "phase": "play",
-        "own_turn": False,
-        "t_s": 5.0,
-    } | changes
-    return Tactics(FIELD, LIMITS, number, players).decide(Situation(**now))
+def decide(number=1, players=4, pose=Pose2(-1.0, 0.2, 0.0), **changes):
+    return Tactics(FIELD, LIMITS, number, players).decide(situation(pose, **changes))
 
 
 @pytest.mark.parametrize("number", range(4))

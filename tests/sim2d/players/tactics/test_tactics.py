@@ -9,6 +9,7 @@ from itertools import pairwise
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from situations import situation
 
 from field_models import load_field
 from robocup_vision.geometry import Pose2
@@ -16,7 +17,6 @@ from robocup_vision.planning import ShotPlan
 from robocup_vision.team.roles import ChosenRole
 from sim2d.match.setups import setup_for
 from sim2d.players.driving.motion import MotionSettings
-from sim2d.players.plan import Situation
 from sim2d.players.tactics.ball_holder import dash_m
 from sim2d.players.tactics.tactics import Tactics, TacticsSettings
 from sim2d.robot_link import RobotLimits
@@ -26,19 +26,8 @@ LIMITS = RobotLimits()
 DEFAULTS = TacticsSettings()
 
 
-def decide(number=1, players=2, settings=DEFAULTS, **changes):
-    now = {
-        "pose": Pose2(-0.5, 0.0, 0.0),
-        "ball": (0.0, 0.0),
-        "ball_velocity_mps": (0.0, 0.0),
-        "in_mouth": False,
-        "held_s": 0.0,
-        "obstacles": (),
-        "phase": "play",
-        "own_turn": False,
-        "t_s": 5.0,
-    } | changes
-    return Tactics(FIELD, LIMITS, number, players, settings).decide(Situation(**now))
+def decide(number=1, players=2, settings=DEFAULTS, pose=Pose2(-0.5, 0.0, 0.0), **changes):
+    return Tactics(FIELD, LIMITS, number, players, settings).decide(situation(pose, **changes))
 
 
 def test_the_attacker_fetches_the_ball_and_goes_round_it_where_it_lies_on_the_wrong_side():
@@ -86,7 +75,7 @@ def test_a_shot_is_taken_from_where_a_keeper_does_not_get_to_the_ball_in_time():
     def shoots(way_m, keeper):
         ball = (line_m - way_m, 0.0)
         place = (ball[0] - reach_m, 0.0)
-        now = Situation(Pose2(*place, 0.0), place, (0.0, 0.0), True, 0.0, keeper, "play", False, 5.0)
+        now = situation(Pose2(*place, 0.0), ball=place, in_mouth=True, obstacles=keeper)
         wanted = tactics.decide(now).heading_rad
         return tactics.decide(replace(now, pose=Pose2(*place, wanted))).kick_mps > 0.0
 
@@ -174,8 +163,7 @@ def test_number_1_gives_way_to_whoever_is_nearer_to_a_ball_in_anothers_strip():
     tactics, ball = Tactics(FIELD, LIMITS, 1, 4), (0.0, 0.6)
 
     def intent(t_s, obstacles=(), ball=ball):
-        now = Situation(Pose2(-0.5, 0.6, 0.0), ball, (0.0, 0.0), False, 0.0, obstacles, "play", False, t_s)
-        return tactics.decide(now).intent
+        return tactics.decide(situation(Pose2(-0.5, 0.6, 0.0), ball=ball, obstacles=obstacles, t_s=t_s)).intent
 
     nearer, farther, far_off = (-0.2, 0.6), (-0.6, 0.6), (0.45, 0.6)
     assert intent(0.0) == "fetch"
