@@ -11,33 +11,8 @@ from robocup_vision.kernels.algebra.order import quantiles, sort, sorted_median
 seeds = st.integers(0, 2**32 - 1)
 
 
-@given(seeds)
-def test_cholesky_agrees_with_numpy(seed):
-    rng = np.random.default_rng(seed)
-    half = rng.normal(size=(8, 8))
-    matrix, right = half @ half.T + 0.1 * np.eye(8), rng.normal(size=8)
-    expected = np.linalg.solve(matrix, right)
-    assert solve_symmetric(matrix.copy(), right)
-    np.testing.assert_allclose(right, expected, rtol=1e-6, atol=1e-9)
-
-
-def test_cholesky_refuses_an_indefinite_matrix():
-    assert not solve_symmetric(-np.eye(3), np.ones(3))
-    assert not invert(-np.eye(3), np.empty((3, 3)))
-
-
-@given(seeds)
-def test_the_inverse_agrees_with_numpy(seed):
-    rng = np.random.default_rng(seed)
-    half = rng.normal(size=(8, 8))
-    matrix, inverse = half @ half.T + 0.1 * np.eye(8), np.empty((8, 8))
-    expected = np.linalg.inv(matrix)
-    assert invert(matrix, inverse)
-    np.testing.assert_allclose(inverse, expected, rtol=1e-6, atol=1e-9)
-
-
 @given(seeds, st.integers(1, 8))
-def test_factor_and_substitution_of_a_leading_block_agree_with_numpy(seed, n):
+def test_cholesky_factors_solutions_and_inverses_agree_with_numpy(seed, n):
     rng = np.random.default_rng(seed)
     half = rng.normal(size=(8, 8))
     matrix, right = half @ half.T + 0.1 * np.eye(8), rng.normal(size=8)
@@ -47,6 +22,17 @@ def test_factor_and_substitution_of_a_leading_block_agree_with_numpy(seed, n):
     np.testing.assert_allclose(np.tril(lower[:n, :n]), np.linalg.cholesky(matrix[:n, :n]), rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(solved[:n], np.linalg.solve(matrix[:n, :n], right[:n]), rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(solved[n:], right[n:])
+    whole, inverse = right.copy(), np.empty((8, 8))
+    assert solve_symmetric(matrix.copy(), whole)
+    np.testing.assert_allclose(whole, np.linalg.solve(matrix, right), rtol=1e-6, atol=1e-9)
+    expected = np.linalg.inv(matrix)
+    assert invert(matrix, inverse)
+    np.testing.assert_allclose(inverse, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_cholesky_refuses_an_indefinite_matrix():
+    assert not solve_symmetric(-np.eye(3), np.ones(3))
+    assert not invert(-np.eye(3), np.empty((3, 3)))
 
 
 numbers = st.floats(-1e6, 1e6)

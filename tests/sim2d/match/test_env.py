@@ -65,32 +65,20 @@ def test_matches_without_a_seed_follow_from_the_last_seed():
     assert not np.array_equal(second_match(), image_env().reset(seed=4)[0]["plus_0"]["frame"])
 
 
-def test_speeds_are_metres_a_second():
+def test_speeds_are_metres_a_second_and_odometry_is_the_way():
     env = image_env(seconds=3.0)
     env.reset(seed=0)
     before = env.state()
-    drive(env, 30, {"plus_0": ONWARD})
+    way_m = sum(drive(env, 1, {"plus_0": ONWARD})["plus_0"]["odometry"][0] for _ in range(30))
     after = env.state()
     x, _, cos, sin, vx, vy, turn = after[:7]
+    assert way_m == pytest.approx(x - before[0], abs=0.03)
     assert (vx, vy, turn) == pytest.approx((0.5, 0.0, 0.0), abs=0.08)
     assert x - before[0] == pytest.approx(0.5 - 0.5**2 / 2 / 1.2, abs=0.08)
     assert math.hypot(cos, sin) == pytest.approx(1.0)
     # the one without an action stood still
     np.testing.assert_allclose(after[7:14], before[7:14], atol=1e-3)
     assert after.shape == (18,)
-
-
-def test_odometry_gives_the_way():
-    env = image_env(seconds=3.0)
-    env.reset(seed=0)
-    way = sum(drive(env, 1, {"plus_0": ONWARD})["plus_0"]["odometry"][0] for _ in range(30))
-    assert way == pytest.approx(env.state()[0] - image_state_at_start(), abs=0.03)
-
-
-def image_state_at_start():
-    env = image_env()
-    env.reset(seed=0)
-    return env.state()[0]
 
 
 def test_percepts_are_in_the_sides_own_frame():

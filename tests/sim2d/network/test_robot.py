@@ -164,18 +164,3 @@ def test_a_changed_robot_keeps_its_place(world):
     world.set_spec(Y, 3, RobotSpec(radius_m=0.08, max_speed_mps=0.5))
     after = world.state.robots[0]
     assert (after.pose, after.velocity_mps, after.radius_m) == (before.pose, before.velocity_mps, 0.08)
-
-
-def test_the_same_commands_give_the_same_run():
-    runs = []
-    for _ in range(2):
-        world = LeagueWorld(load_field("ssl_division_b"), Flight())
-        for number in range(4):
-            world.add(Y, number, Pose2(0.3 * number, 0.0, number))
-        for step in range(600):
-            for number in range(4):
-                world.command(Y, RobotCommand(number, MoveCommand(local=LocalVelocity(1.0, 0.2, 3.0)), 2.0))
-            world.step()
-            assert world.steps == step + 1
-        runs.append(world.state)
-    assert runs[0] == runs[1]

@@ -124,15 +124,6 @@ def test_each_time_is_that_of_the_command_alone(seed, count, step_m):
     np.testing.assert_array_equal(found, expected)
 
 
-@pytest.mark.parametrize("range_m", [0.5, math.inf])
-def test_walls_all_around_are_met_at_one_time_and_open_floor_never(range_m):
-    profile, smallest = grown(np.full(64, range_m))
-    bearings = np.arange(80) * (math.tau / 80)
-    targets, found = 0.4 * np.stack([np.cos(bearings), np.sin(bearings)]), np.empty(80)
-    contact_times((0.0, 0.0), targets, targets, 0.3, np.full(80, 9.0), 0.004, profile, smallest, found)
-    assert np.isinf(found).all() if math.isinf(range_m) else np.ptp(found) < 0.01
-
-
 STEP_M = 0.004
 
 
