@@ -3,15 +3,15 @@
 import dataclasses
 import math
 
-import cv2
 import numpy as np
 import pytest
+from dataset_folders import write_dataset
 
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision import Mounting, NotLocated, Pose2, PoseEstimate, Vision
 from robocup_vision.calibration.online import OnlineCalibration
-from robocup_vision.camera import PinholeCamera, save_camera
+from robocup_vision.camera import PinholeCamera
 from robocup_vision.evaluation.dataset import load_dataset
 from robocup_vision.evaluation.run import evaluate
 from robocup_vision.live.sources.folder import FolderSource
@@ -122,15 +122,9 @@ def told_rows(walk):
 
 
 def test_a_folder_of_images_tells_it_in_frames_csv(walk, tmp_path):
-    save_camera(CAMERA, tmp_path / "camera.toml")
+    frames = [frame for frame, _, _ in walk]
+    write_dataset(tmp_path, frames, CAMERA, FIELD.name, frames="frames.csv", method="edges")
     (tmp_path / "frames.csv").write_text("\n".join(told_rows(walk)) + "\n")
-    (tmp_path / "dataset.toml").write_text(
-        f'format = 1\nfield = "{FIELD.name}"\ncamera = "camera.toml"\nimages = "images"\nframes = "frames.csv"\n'
-        'method = "edges"\n'
-    )
-    (tmp_path / "images").mkdir()
-    for index, (frame, _, _) in enumerate(walk):
-        cv2.imwrite(str(tmp_path / "images" / f"{index}.png"), frame)
     dataset = load_dataset(tmp_path)
     assert [dataset.times[f"{index}.png"].mounting for index in range(len(walk))] == [told for _, told, _ in walk]
     summary = evaluate(dataset, tmp_path / "out")

@@ -3,14 +3,16 @@
 import dataclasses
 import math
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from dataset_folders import write_dataset
 
 from robocup_vision.calibration.check import check_dataset
-from robocup_vision.camera import PinholeCamera, save_camera
+from robocup_vision.camera import PinholeCamera, load_camera, save_camera
 from robocup_vision.cli import main
 from robocup_vision.evaluation.dataset import load_dataset
 from robocup_vision.perception.color_table import save_colors
@@ -21,27 +23,15 @@ from robocup_vision.vision import Vision
 def write(tmp_path, true_camera, off_samples):
     """Write a dataset; what is not said is right."""
 
-    def dataset(*, camera=true_camera, field="ssl_2001", size=None, with_truth=True, frames_csv=None, colors=None):
-        (tmp_path / "images").mkdir()
-        rows = ["image,x_m,y_m,theta_rad"]
-        for i, one in enumerate(off_samples[:4]):
-            frame = one.frame if size is None else cv2.resize(one.frame, size)
-            cv2.imwrite(str(tmp_path / "images" / f"{i}.png"), frame)
-            rows.append(f"{i}.png,{one.pose.x_m},{one.pose.y_m},{one.pose.theta_rad}")
-        save_camera(camera, tmp_path / "camera.toml")
-        lines = ["format = 1", f'field = "{field}"', 'camera = "camera.toml"', 'images = "images"']
-        lines.append('symmetry = "point"')
-        if with_truth:
-            (tmp_path / "truth.csv").write_text("\n".join(rows) + "\n")
-            lines.append('truth = "truth.csv"')
-        if frames_csv is not None:
-            (tmp_path / "frames.csv").write_text(frames_csv)
-            lines.append('frames = "frames.csv"')
+    def dataset(*, camera=true_camera, field="ssl_2001", size=None, with_truth=True, motions=None, colors=None):
+        shown = off_samples[:4]
+        frames = [one.frame if size is None else cv2.resize(one.frame, size) for one in shown]
+        truth = [one.pose.array for one in shown] if with_truth else None
+        keys = {"symmetry": "point"}
         if colors is not None:
             save_colors(colors, tmp_path / "colors.toml")
-            lines.append('colors = "colors.toml"')
-        (tmp_path / "dataset.toml").write_text("\n".join(lines) + "\n")
-        return tmp_path
+            keys["colors"] = "colors.toml"
+        return write_dataset(tmp_path, frames, camera, field, truth=truth, motions=motions, **keys)
 
     return dataset
 
@@ -89,13 +79,9 @@ def test_a_field_by_a_camera_that_is_far_off_is_not_said_to_be_none(write, true_
 def test_swapped_channels_of_a_forward_camera_are_found_by_the_ball(tmp_path):
     """Yellow and cyan goals are each other's swapped colour: the ball tells."""
     samples = Path(__file__).resolve().parents[3] / "images" / "goal_four_legged"
-    (tmp_path / "images").mkdir()
     paths = sorted((samples / "images").iterdir())
-    for n in (3, 23, 24):
-        image = cv2.imread(str(paths[n]), cv2.IMREAD_COLOR)
-        cv2.imwrite(str(tmp_path / "images" / f"{n}.png"), np.ascontiguousarray(image[..., ::-1]))
-    lines = ["format = 1", 'field = "four_legged_2007"', f'camera = "{samples / "camera.toml"}"', 'images = "images"']
-    (tmp_path / "dataset.toml").write_text("\n".join(lines) + "\n")
+    images = [cv2.imread(str(paths[n]), cv2.IMREAD_COLOR)[..., ::-1] for n in (3, 23, 24)]
+    write_dataset(tmp_path, images, load_camera(samples / "camera.toml"), "four_legged_2007")
     findings = check_dataset(load_dataset(tmp_path))
     assert [finding.subject for finding in findings] == ["size", "channels"]
     assert findings[1].state == "wrong"
@@ -171,12 +157,10 @@ def test_a_turned_camera_is_reported_by_truth(write, true_camera):
 @pytest.mark.parametrize(("is_mirrored", "state"), [(False, "ok"), (True, "wrong")])
 def test_odometry_reports_mirroring(write, true_camera, off_samples, is_mirrored, state):
     """Only this finds odometry that does not bring a wrong `mirrored` to light."""
-    rows = ["image,t_s,dx_m,dy_m,dtheta_rad", "0.png,0.0,,,"]
-    for i in range(1, 4):
-        step = off_samples[i - 1].pose.inverse().compose(off_samples[i].pose)
-        rows.append(f"{i}.png,{i}.0,{step.x_m},{step.y_m},{step.theta_rad}")
+    poses = [one.pose for one in off_samples[:4]]
+    motions = [None, *(before.inverse().compose(after) for before, after in pairwise(poses))]
     camera = dataclasses.replace(true_camera, mirrored=is_mirrored)
-    findings = found(write(camera=camera, with_truth=False, frames_csv="\n".join(rows) + "\n"))
+    findings = found(write(camera=camera, with_truth=False, motions=motions))
     assert findings["mirrored"].state == state
     assert "agree with the odometry" in findings["mirrored"].evidence
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from dataset_folders import write_dataset
 
 from field_models import load_field
 from robocup_vision.camera import FisheyeCamera, PinholeCamera, save_camera
@@ -39,22 +40,8 @@ def spl_frames():
 def told(tmp_path, capsys):
     """Write a dataset of frames, and return what the command prints of it and its status."""
 
-    def check(frames, camera=FORWARD, field="spl_2020", *, truth=None, odometry=None, symmetry="point"):
-        (tmp_path / "images").mkdir()
-        for number, frame in enumerate(frames):
-            cv2.imwrite(str(tmp_path / "images" / f"{number}.png"), np.ascontiguousarray(frame))
-        save_camera(camera, tmp_path / "camera.toml")
-        lines = ["format = 1", f'field = "{field}"', 'camera = "camera.toml"', 'images = "images"']
-        lines += ['method = "edges"', f'symmetry = "{symmetry}"']
-        if truth is not None:
-            lines.append('truth = "truth.csv"')
-            rows = [f"{number}.png,{x},{y},{theta}" for number, (x, y, theta) in enumerate(truth)]
-            (tmp_path / "truth.csv").write_text("\n".join(["image,x_m,y_m,theta_rad", *rows]) + "\n")
-        if odometry is not None:
-            lines.append('frames = "frames.csv"')
-            rows = [f"{number}.png,{number},{step}" for number, step in enumerate(odometry)]
-            (tmp_path / "frames.csv").write_text("\n".join(["image,t_s,dx_m,dy_m,dtheta_rad", *rows]) + "\n")
-        (tmp_path / "dataset.toml").write_text("\n".join(lines) + "\n")
+    def check(frames, camera=FORWARD, field="spl_2020", **known):
+        write_dataset(tmp_path, frames, camera, field, **{"method": "edges", "symmetry": "point", **known})
         status = main(["check", str(tmp_path)])
         return status, [line.strip() for line in capsys.readouterr().out.splitlines() if "WRONG" in line]
 
@@ -177,8 +164,7 @@ def test_odometry_tells_pictures_that_are_flipped(told):
     frames = [
         Sensor(noise_sigma=2.0).expose(render_pinhole(FORWARD, scene, pose, supersample=3), rng) for pose in poses
     ]
-    odometry = [",,", *[f"{step.x_m},{step.y_m},{step.theta_rad}"] * 5]
-    assert told([frame[:, ::-1] for frame in frames], odometry=odometry) == (
+    assert told([frame[:, ::-1] for frame in frames], motions=[None, *[step] * 5]) == (
         1,
         [
             "WRONG    pictures: with the pictures flipped left to right 6 of 6 pictures agree with the odometry "

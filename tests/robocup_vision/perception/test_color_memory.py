@@ -147,3 +147,12 @@ def test_a_floor_learnt_wrongly_gives_way_to_the_greener_one(ssl_field, paper_ca
     assert memory.colors.floor.lit.red_ratio == pytest.approx(45 / 130, abs=0.05)
     memory.forget()
     assert memory.colors is None
+
+
+def test_given_colours_stay(watch, ssl_field, paper_camera):
+    watch.see()
+    fixed = watch.vision.colors
+    watch.vision = Vision(ssl_field, paper_camera, fixed)
+    for level in (1.0, 0.3, 1.0):
+        watch.see(level=level, cast=WARM)
+        assert watch.vision.colors is fixed

@@ -3,9 +3,11 @@
 import cv2
 import numpy as np
 import pytest
+from dataset_folders import write_dataset
 
 from field_models.errors import ArgumentError
 from robocup_vision import cli
+from robocup_vision.camera import PinholeCamera
 from robocup_vision.perception.balls.network import CROP_RADIUS_PX
 from robocup_vision.perception.networks import Shrunk
 from sim2d.training.ball_crops import BANK_PX, apart, rendered_pictures, scene_crops
@@ -107,19 +109,12 @@ def test_rendered_fields_show_a_ball_where_they_say():
 
 @pytest.mark.parametrize("command", [("train-balls", "--photographs", "{}", "{}/out"), ("train-kinds", "{}/out", "{}")])
 def test_photographs_without_boxes_are_refused(tmp_path, command):
-    (tmp_path / "images").mkdir()
-    cv2.imwrite(str(tmp_path / "images" / "a.png"), np.zeros((240, 320, 3), np.uint8))
-    (tmp_path / "camera.toml").write_text(
-        'format = 1\nmodel = "pinhole"\nsize_px = [320, 240]\nfocal_px = [300.0, 300.0]\n'
-        "center_px = [159.5, 119.5]\nheight_m = 0.5\n"
-    )
-    (tmp_path / "dataset.toml").write_text(
-        'format = 1\nfield = "spl_2020"\ncamera = "camera.toml"\nimages = "images"\n'
-    )
+    camera = PinholeCamera((320, 240), (300.0, 300.0), (159.5, 119.5), 0.5)
+    write_dataset(tmp_path, [np.zeros((240, 320, 3), np.uint8)], camera, "spl_2020")
     arguments = cli.command_parser().parse_args([part.format(tmp_path) for part in command])
     with pytest.raises(ArgumentError, match="need a boxes"):
         arguments.run(arguments)
-    (tmp_path / "boxes.csv").write_text("image,kind,xmin,ymin,xmax,ymax\na.png,ball,10,10,30,30\n")
+    (tmp_path / "boxes.csv").write_text("image,kind,xmin,ymin,xmax,ymax\n0.png,ball,10,10,30,30\n")
     with pytest.raises(ArgumentError, match="whose tilt is known"):
         arguments.run(arguments)
     assert not (tmp_path / "out").exists()

@@ -6,6 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from dataset_folders import write_dataset
 
 from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
@@ -100,15 +101,13 @@ def test_a_field_without_posts_is_refused():
 @pytest.mark.slow
 def test_the_command(samples, tmp_path, capsys):
     """Only this finds a command that hands start or images over wrongly, or poses matched to other images."""
-    rows = ["image,x_m,y_m,theta_rad"]
-    for one in samples[:3]:
-        cv2.imwrite(str(tmp_path / f"{one.index}.png"), one.frame)
-        rows.append(f"{one.index}.png,{one.pose.x_m},{one.pose.y_m},{one.pose.theta_rad}")
-    (tmp_path / "poses.csv").write_text("\n".join(rows) + "\n")
+    shown = samples[:3]
+    truth = [one.pose.array for one in shown]
+    write_dataset(tmp_path, [one.frame for one in shown], TRUE, "four_legged_2007", truth=truth)
     save_camera(off(0.95, 0.18), tmp_path / "start.toml")
-    out = tmp_path / "camera.toml"
-    arguments = ["calibrate", "forward", str(tmp_path), "--field", "four_legged_2007", "--out", str(out)]
-    given = ["--start", str(tmp_path / "start.toml"), "--poses", str(tmp_path / "poses.csv")]
+    out = tmp_path / "found.toml"
+    arguments = ["calibrate", "forward", str(tmp_path / "images"), "--field", "four_legged_2007", "--out", str(out)]
+    given = ["--start", str(tmp_path / "start.toml"), "--poses", str(tmp_path / "truth.csv")]
     assert main([*arguments, *given]) == 0
     said = capsys.readouterr().out
     assert "focal length" in said
