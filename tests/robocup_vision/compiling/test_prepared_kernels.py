@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import json
 import os
@@ -180,32 +181,21 @@ def test_a_type_that_is_not_known_is_told() -> None:
     assert spelled_type(types.Array(types.uint8, 2, "A", readonly=True)) == ["array", "uint8", 2, "A", False]
 
 
-def test_prepared_loops_are_optimized_less_and_the_level_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("named", [None, "1"])
+def test_prepared_loops_are_optimized_less_unless_the_user_names_a_level_and_the_level_comes_back(
+    monkeypatch: pytest.MonkeyPatch, named: str | None
+) -> None:
     from numba.core import config
 
     monkeypatch.delenv("NUMBA_OPT", raising=False)
+    if named is not None:
+        monkeypatch.setenv("NUMBA_OPT", named)
     before, thresholds = config.OPT, gc.get_threshold()
-    with quick_compiling():
-        assert (config.OPT, gc.get_threshold() > thresholds) == (2, True)
-    assert (config.OPT, gc.get_threshold()) == (before, thresholds)
-
-
-def test_a_level_that_the_user_names_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    from numba.core import config
-
-    monkeypatch.setenv("NUMBA_OPT", "1")
-    before = config.OPT
-    with quick_compiling():
-        assert before == config.OPT
-
-
-def test_the_level_comes_back_after_an_error() -> None:
-    from numba.core import config
-
-    before = config.OPT
-    with pytest.raises(KeyError), quick_compiling():
+    with contextlib.suppress(KeyError), quick_compiling():
+        assert (2 if named is None else before) == config.OPT
+        assert gc.get_threshold() > thresholds
         raise KeyError
-    assert before == config.OPT
+    assert (config.OPT, gc.get_threshold()) == (before, thresholds)
 
 
 @pytest.mark.slow

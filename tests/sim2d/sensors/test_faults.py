@@ -51,14 +51,6 @@ def test_faults_spoil_the_frames_of_all_cameras():
     assert dropped.rig_frames is None
 
 
-def test_no_fault_changes_nothing():
-    for index, one in enumerate(spoil()):
-        expected = senses(index)
-        assert one.frame_t_s == expected.t_s
-        assert one.odometry == STEP
-        np.testing.assert_array_equal(one.frame, expected.frame)
-
-
 def test_frames_are_dropped_by_their_ratio_and_only_then():
     sensed = spoil(SenseFault(0, "dropped", 1.0, 11.0, 0.3), count=360)
     dropped = np.array([one.frame is None for one in sensed])

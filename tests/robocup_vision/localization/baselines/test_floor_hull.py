@@ -261,5 +261,3 @@ def test_bad_arguments() -> None:
     square = dataclasses.replace(FIELD, floor_polygon=np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=float))
     with pytest.raises(ArgumentError, match="needs a floor that is longer than wide, 'ssl_2001' is square"):
         HullFitter(square, CAMERA)
-    with pytest.raises(ArgumentError, match="method must be 'field', 'floor' or 'hull'"):
-        Vision(FIELD, CAMERA, method="magic")
