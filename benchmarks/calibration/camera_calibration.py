@@ -23,6 +23,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 from time import process_time
@@ -30,7 +31,7 @@ from time import process_time
 import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, judge, parse_arguments, percent, verdict
+from benchmarks.harness import Table, judge, percent, program, verdict
 from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision, draw, load_camera
@@ -224,16 +225,14 @@ def measure_photographs(quick: bool) -> None:
             judge(start is None or seconds <= MAX_SECONDS)
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     # compiled, and caches filled, before anything is timed
     calibrate_omni(FIELD, [one.frame for one in frames(arguments.seed, 2)], GIVEN)
     measure_accuracy(arguments.seed, arguments.quick)
     measure_convergence(arguments.seed, 1 if arguments.quick else 100 if arguments.full else 40)
     measure_photographs(arguments.quick)
-    finish()
 
 
 if __name__ == "__main__":

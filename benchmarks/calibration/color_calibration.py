@@ -28,6 +28,7 @@ from __future__ import annotations
 import csv
 import itertools
 import math
+from argparse import Namespace
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -36,7 +37,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision, load_camera
@@ -324,10 +325,9 @@ def _pinhole_row(
     )
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     tours, files, goals = (1, 3, 4) if arguments.quick else (12, 40, 12) if arguments.full else (4, 12, 12)
     measure_light(arguments.seed, tours)
     # quick: every sixth scene
@@ -335,7 +335,6 @@ def main() -> None:
     measure_files(arguments.seed, files)
     measure_real()
     measure_pinhole(arguments.seed, goals)
-    finish()
 
 
 if __name__ == "__main__":

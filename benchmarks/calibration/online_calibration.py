@@ -20,13 +20,13 @@ that a calibration takes. The row after 0 s is what the camera file has wrong, a
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Table, percent, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed, unit_s
 from benchmarks.worlds.near_truth import BOUNDS, Bound
@@ -246,10 +246,9 @@ def _poses(row: Row) -> tuple[float | str, ...]:
     )
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(0)
     pairs, ends = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     table = Table(
         (
@@ -294,7 +293,6 @@ def main() -> None:
                 *(_poses(row) if end else ("-",) * 6),
                 verdict(ok),
             )
-    finish()
 
 
 if __name__ == "__main__":

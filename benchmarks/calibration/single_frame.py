@@ -8,12 +8,12 @@ levels. Right: the floor map found is off by at most 8 % of the range, 0.8 to 2.
 
 from __future__ import annotations
 
-import cv2
+from argparse import Namespace
+
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Pool, Table, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from benchmarks.worlds.painted_carpets import MirrorKind, carpet, map_error, measured_table
 from field_models import load_field
 from robocup_vision.calibration.omni.calibrate import calibrate_omni
@@ -26,7 +26,6 @@ MIN_RIGHT: dict[MirrorKind, float | None] = {"hyperboloid": 9 / 11, "bent": 9 / 
 
 def off_by(job: tuple[MirrorKind, int, int]) -> float | None:
     """Return how far the camera found is off; None where none was."""
-    cv2.setNumThreads(0)
     kind, seed, index = job
     picture = carpet(FIELD, kind, seed, index)
     rng = np.random.default_rng([seed, index, 1])
@@ -40,27 +39,25 @@ def least_words(least: float | None) -> str:
     return "0 wrong" if least is None else f">= {least:.0%}, 0 wrong"
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     count = 1 if arguments.quick else 24 if arguments.full else 8
     table = Table(
         ("mirror", col.rate("right"), col.loss("wrong"), "refused", col.error("worst %", 5.0), "target", "verdict"),
         name="calibrated from one picture",
         samples=count,
     )
-    with open_pool(arguments) as pool:
-        for kind, least in MIN_RIGHT.items():
-            answers = list(pool.map(off_by, [(kind, arguments.seed, index) for index in range(count)]))
-            found = [answer for answer in answers if answer is not None]
-            right = sum(answer <= RIGHT for answer in found)
-            wrong = len(found) - right
-            ok = wrong == 0 and (least is None or right >= least * count)
-            worst = 100 * max(found, default=0.0)
-            table.row(
-                kind, f"{right}/{count}", f"{wrong}/{count}", count - len(found), worst, least_words(least), verdict(ok)
-            )
-    finish()
+    for kind, least in MIN_RIGHT.items():
+        answers = list(pool.map(off_by, [(kind, arguments.seed, index) for index in range(count)]))
+        found = [answer for answer in answers if answer is not None]
+        right = sum(answer <= RIGHT for answer in found)
+        wrong = len(found) - right
+        ok = wrong == 0 and (least is None or right >= least * count)
+        worst = 100 * max(found, default=0.0)
+        table.row(
+            kind, f"{right}/{count}", f"{wrong}/{count}", count - len(found), worst, least_words(least), verdict(ok)
+        )
 
 
 if __name__ == "__main__":

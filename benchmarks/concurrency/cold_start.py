@@ -20,10 +20,11 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from argparse import Namespace
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from robocup_vision.compiling.compiled_wheel import compile_wheel
 
 ROOT = Path(__file__).parents[2]
@@ -102,9 +103,9 @@ def measure_installed(makings: tuple[Making, ...]) -> None:
             table.row(making.name, f"{wall_s:.2f}", aim, None if making.aim_s is None else verdict(is_ok))
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
     rounds = 3 if arguments.full else 1
     columns = ("made                    ", "cold s", "processor s", "target", "cold/processor", "warm s", "verdict")
     table = Table(columns, "The first making in a fresh installation", name="cold start")
@@ -128,7 +129,6 @@ def main() -> None:
         )
     if not arguments.quick:
         measure_installed((MIRROR, FORWARD, STEERING, MEMORY))
-    finish()
 
 
 if __name__ == "__main__":

@@ -14,29 +14,27 @@ not), and the memory and caches that threads share. OpenCV and NumPy are kept to
 
 from __future__ import annotations
 
+import benchmarks.one_thread  # noqa: F401 - before NumPy is loaded
+
+# isort: split
 import math
 import multiprocessing
-import os
+from argparse import Namespace
 from collections.abc import Callable, Sequence
 from threading import Barrier, Thread
 from time import perf_counter, thread_time
 from typing import Any
 
-# before NumPy is loaded
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ[_variable] = "1"
+import numpy as np
 
-import cv2  # noqa: E402
-import numpy as np  # noqa: E402
-
-from benchmarks.harness import Table, finish, parse_arguments  # noqa: E402
-from benchmarks.harness import columns as col  # noqa: E402
-from benchmarks.worlds.walks import FL, walk  # noqa: E402
-from field_models import load_field  # noqa: E402
-from robocup_vision import MotionLimits, PoseEstimate, Steering, Vision  # noqa: E402
-from robocup_vision.geometry import Pose2  # noqa: E402
-from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
-from sim2d.rendering.random_scenes import CONDITIONS, sample  # noqa: E402
+from benchmarks.harness import Table, program
+from benchmarks.harness import columns as col
+from benchmarks.worlds.walks import FL, walk
+from field_models import load_field
+from robocup_vision import MotionLimits, PoseEstimate, Steering, Vision
+from robocup_vision.geometry import Pose2
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.random_scenes import CONDITIONS, sample
 
 MIRROR_FIELD = "ssl_2001"
 MIRROR_SIZES = ((256, 220), (640, 480))
@@ -145,10 +143,9 @@ def measure(name: str, workers: list[Work], count: int, rounds: int, table: Tabl
     )
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     different, rounds = (6, 3) if arguments.quick else (20, 7)
     mirror, forward = (60, 20) if arguments.quick else (1000, 300) if arguments.full else (300, 100)
     columns = (
@@ -166,7 +163,6 @@ def main() -> None:
         measure(f"mirror {size[0]} x {size[1]}", workers, mirror, rounds, table)
     width, height = FL.camera.size_px
     measure(f"forward {width} x {height}", forward_workers(arguments.seed), forward, rounds, table)
-    finish()
 
 
 if __name__ == "__main__":

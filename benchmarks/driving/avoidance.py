@@ -12,17 +12,15 @@ steering alone, at the first speed, which --full then drives through in minutes 
 
 from __future__ import annotations
 
-import argparse
 import math
+from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance import Steering, SteeringSettings
@@ -105,7 +103,6 @@ class Job:
 
 def one(job: Job) -> list[Drive] | None:
     """All methods on one course; None where there is no way."""
-    cv2.setNumThreads(1)
     kind, speed, acceleration, seed, index = job.kind, job.speed_mps, job.acceleration_mps2, job.seed, job.index
     limits = RobotLimits(speed_mps=speed, acceleration_mps2=acceleration)
     draw = pocket_course if kind == POCKETS else cube_course
@@ -142,15 +139,12 @@ def jobs(count: int, pockets: int, seed: int, *, aware: bool) -> Iterator[Job]:
     yield from (Job(POCKETS, *MOTIONS[0], seed, index, (AWARE,)) for index in range(pockets))
 
 
-def main() -> None:
+@program({"--aware": {"action": "store_true", "help": "the velocity-aware steering alone"}}, pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--aware", action="store_true", help="the velocity-aware steering alone")
-    arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
     count, pockets = (2, 1) if arguments.quick else (500, 100) if arguments.full else (16, 16)
     todo = list(jobs(count, pockets, arguments.seed, aware=arguments.aware))
-    with open_pool(arguments) as pool:
-        driven = dict(zip(todo, pool.map(one, todo), strict=True))
+    driven = dict(zip(todo, pool.map(one, todo), strict=True))
     table = Table(
         (
             "courses",
@@ -199,7 +193,6 @@ def main() -> None:
     for job, row in driven.items():
         if row is not None and row[0].seconds is None:
             print(f"{job.kind} {job.index} at {job.speed_mps:g} m/s: {'touched' if row[0].collided else 'not reached'}")
-    finish()
 
 
 if __name__ == "__main__":

@@ -12,13 +12,13 @@ blame. Legs are ways from one end to the other, so that nothing is won by standi
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Pool, Table, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from benchmarks.worlds.crowd import LONGEST_M, Sensor
 from field_models import Field, load_field
 from robocup_vision.avoidance import SteadyFreeSpace, Steering, SteeringSettings
@@ -186,14 +186,13 @@ def one(job: tuple[Place, str, int, int]) -> Outcome:
     return drive(*job)
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     runs = 2 if arguments.quick else 60 if arguments.full else 16
     count = {WIDE.name: runs, NARROW.name: runs // 2}
     jobs = [(p, method, arguments.seed, run) for p in PLACES for method in METHODS for run in range(count[p.name])]
-    with open_pool(arguments) as pool:
-        outcomes = list(pool.map(one, jobs))
+    outcomes = list(pool.map(one, jobs))
     columns = (
         "field     ",
         col.label("steering                  "),
@@ -217,7 +216,6 @@ def main() -> None:
                 place.name, method, len(own), at_fault, sum(o.contacts for o in own),
                 float(np.mean([o.legs for o in own])), None if ok is None else verdict(ok),
             )  # fmt: skip
-    finish()
 
 
 if __name__ == "__main__":

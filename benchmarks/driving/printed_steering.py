@@ -10,19 +10,17 @@ the ways through the first course that all reach (if none, the first), the robot
 
 from __future__ import annotations
 
-import argparse
 import math
+from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Pool, Table, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from field_models import load_field
 from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.geometry import Pose2
@@ -86,7 +84,6 @@ def course_of(seed: int, index: int) -> Course:
 
 def drive(job: tuple[int, int, Method, float]) -> Way:
     """Drive a course of a seed by a method, for so many seconds at most."""
-    cv2.setNumThreads(0)
     seed, index, method, patience_s = job
     poses: list[Pose2] = []
     pilot = Steering(max(nearest_seen_m(FIELD, CAMERA), LIMITS.radius_m), LIMITS, method.settings)
@@ -128,17 +125,14 @@ def draw(course: Course, ways: dict[str, Way], path: Path) -> None:
     figure.savefig(path, dpi=80)
 
 
-def main() -> None:
+@program({"--picture": {"type": Path, "metavar": "FILE", "help": "draw the ways through a course"}}, pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw the ways through a course")
-    arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
     count = 1 if arguments.quick else 40 if arguments.full else 4
     courses = list(islice(blocked_courses(arguments.seed), count))
-    with open_pool(arguments) as pool:
-        patience_s = QUICK_PATIENCE_S if arguments.quick else PATIENCE_S
-        jobs = [(arguments.seed, index, method, patience_s) for index in courses for method in METHODS]
-        ways = dict(zip([(index, method.name) for _, index, method, _ in jobs], pool.map(drive, jobs), strict=True))
+    patience_s = QUICK_PATIENCE_S if arguments.quick else PATIENCE_S
+    jobs = [(arguments.seed, index, method, patience_s) for index in courses for method in METHODS]
+    ways = dict(zip([(index, method.name) for _, index, method, _ in jobs], pool.map(drive, jobs), strict=True))
     table = Table(("course", col.label("steering               "), "end", "clearance mm"), name="courses")
     for index in courses:
         for method in METHODS:
@@ -159,7 +153,6 @@ def main() -> None:
         reached = [i for i in courses if all(ways[i, m.name].drive.seconds is not None for m in METHODS)]
         index = (reached or courses)[0]
         draw(course_of(arguments.seed, index), {m.name: ways[index, m.name] for m in METHODS}, arguments.picture)
-    finish()
 
 
 if __name__ == "__main__":

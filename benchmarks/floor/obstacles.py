@@ -14,16 +14,15 @@ the end of the floor, or nothing but floor and lines.
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.scores.obstacle_score import CAUSES, Listed, judge
 from benchmarks.worlds.standing_robots import (
     Camera,
@@ -60,7 +59,6 @@ class Piece:
 
 def look_at(piece: Piece) -> dict[str, list[Listed]]:
     """Return what is listed in each picture, for each way to look."""
-    cv2.setNumThreads(0)
     field = load_field(piece.field)
     camera = CAMERAS[piece.camera](field)
     vision = Vision(field, camera)
@@ -76,16 +74,14 @@ def look_at(piece: Piece) -> dict[str, list[Listed]]:
     return listed
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     count = 1 if arguments.quick else 100 if arguments.full else 20
     kinds = [(camera, name) for camera in CAMERAS for name in field_names()]
     # the same seed draws as many robots on every field
     pieces = [Piece(*kind, arguments.seed + n, count) for n, kind in enumerate(kinds)]
-    with open_pool(arguments) as pool:
-        report(pieces, pool)
-    finish()
+    report(pieces, pool)
 
 
 def report(pieces: list[Piece], pool: Pool) -> None:

@@ -18,13 +18,14 @@ taken for carpet. Frames are rendered once, which takes long, and kept in the sy
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Table, percent, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed, unit_s
 from benchmarks.worlds.walks import STEP_S, WALKS, Walk, WalkFrame, walk
@@ -284,10 +285,9 @@ def follow_row(name: str, tracked: Tracked, table: Table) -> None:
     )  # fmt: skip
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     counts = {208: 120, 640: 60} if arguments.quick else {208: 300, 640: 240} if arguments.full else {208: 150, 640: 90}
     names = [name for name in WALKS if not arguments.quick or name in ("FL", "SPL")]
     columns = (
@@ -346,7 +346,6 @@ def main() -> None:
     table = Table(found_columns, "Found without a prior", name="cold")
     for name in ("FL", "SPL"):
         cold(WALKS[name], load_field(WALKS[name].field_name), walks[name][::step], table, name)
-    finish()
 
 
 if __name__ == "__main__":

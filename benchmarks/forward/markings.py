@@ -13,13 +13,13 @@ right ones, over 2 degrees of freedom, by the median that it should have (1.386)
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.worlds.marking_worlds import WORLDS, MarkedFrame, MarkingWorld, marked_frames
 from field_models import Field
@@ -199,10 +199,9 @@ def measure(world: MarkingWorld, shots: Sequence[MarkedFrame], seed: int) -> dic
     return told
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     count = 3 if arguments.quick else 60 if arguments.full else 12
     columns = (
         "camera" + " " * 20,
@@ -236,7 +235,6 @@ def main() -> None:
                     f"precision {MIN_PRECISION:.0%}, NEES 0.5 to 3",
                     verdict(is_met),
                 )
-    finish()
 
 
 if __name__ == "__main__":

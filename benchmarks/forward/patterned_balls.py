@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from argparse import Namespace
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from field_models import COLOR_NAMES, load_field
 from robocup_vision.arrays import UInt8Array
@@ -123,10 +123,9 @@ def _may_hide(robot: np.ndarray, ball: np.ndarray) -> bool:
     return away < float(np.hypot(*ball)) + 0.15 and abs(off) * away < HIDING_M
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     count = 12 if arguments.quick else 600 if arguments.full else 120
     pictures = [picture(arguments.seed, index) for index in range(count)]
     with_ball = sum(one.place_m is not None and not one.is_hidden for one in pictures)
@@ -150,7 +149,6 @@ def main() -> None:
         error = f"{np.median(errors):.3f}" if errors else "-"
         due = f">= {MIN_FOUND:.0%}, <= {MAX_FALSE:.0%}"
         table.row(label, f"{hits}/{with_ball}", str(false), error, due, verdict(is_met))
-    finish()
 
 
 if __name__ == "__main__":

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import math
 import time
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed, unit_s
 from field_models import load_field
@@ -195,10 +195,9 @@ def play(seed: int, seconds: float) -> tuple[float, float, int]:
     return float(np.mean(within)), (time.process_time() - start) / seconds, len(stopped)
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     rig, unit = make_rig(), list[float]()
     kinds = {name: Followed() for name in ("one camera", "rig of four", "a frame missing", "late")}
     walks, count, places, seconds = (1, 20, 8, 2.0) if arguments.quick else (2, 40, 24, 6.0)
@@ -255,7 +254,6 @@ def main() -> None:
     table = Table(match_columns, name="match")
     target = f">= {MIN_WITHIN:.0%}, <= 2 (two cores)"
     table.row(f"{seconds:g} s", f"{within:.1%}", cost, str(stopped), target, verdict(is_well))
-    finish()
 
 
 if __name__ == "__main__":

@@ -11,12 +11,12 @@ as ratios to cv2.cvtColor(BGR2HSV) of the same frame.
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed, unit_s
 from benchmarks.worlds.walks import FL, WalkFrame, walk
@@ -101,10 +101,9 @@ def follow(seed: int, into: Followed) -> None:
             into.found.append((float(np.hypot(*there)), float(np.hypot(*error)), nees))
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     seeds = range(arguments.seed, arguments.seed + (2 if arguments.quick else 8))
     followed = Followed()
     for seed in seeds:
@@ -140,7 +139,6 @@ def main() -> None:
     for is_found, name in ((False, "no ball found"), (True, "a ball found")):
         times = np.array(followed.time_s[is_found]) / np.median(followed.unit_s)
         table.row(name, len(times), float(np.median(times)), float(np.quantile(times, 0.99)))
-    finish()
 
 
 if __name__ == "__main__":

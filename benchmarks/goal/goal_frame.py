@@ -8,13 +8,13 @@ locate() of each condition.
 from __future__ import annotations
 
 import itertools
+from argparse import Namespace
 from collections.abc import Callable
 from functools import partial
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.timing import median_s, unit_s
 from field_models import load_field
@@ -49,10 +49,9 @@ def candidates(search: GoalSearch, frame: UInt8Array) -> tuple[list[Candidate], 
     return search.candidates(search.picture(frame))
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     repeats = 3 if arguments.quick else 9
     for name, max_ratio in MAX_RATIO.items():
         field = load_field("spl_2020") if name.startswith("white") else FIELD
@@ -84,7 +83,6 @@ def main() -> None:
             refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, appearance)
             once = warm_median_s(refining, 5 * repeats)
             table.row("one refinement", 1e3 * once, once / unit, None, None)
-    finish()
 
 
 if __name__ == "__main__":

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from argparse import Namespace
 
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Table, finish, parse_arguments
+from benchmarks.harness import Table, program
 from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.kernels.goal.edge_places import goal_points
@@ -52,9 +53,9 @@ def picture(model: GoalModel, truth: npt.NDArray[np.float64], noise_px: float, r
     )
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
     rng = np.random.default_rng(arguments.seed)
     repeats = 1 if arguments.quick else 30 if arguments.full else 8
     camera = ers7_camera()
@@ -85,7 +86,6 @@ def main() -> None:
                     errors.append(math.hypot(p[0] - x, p[1] - y))
                     angles.append(abs(math.degrees(p[2] - heading)))
         table.row(name, *(float(np.percentile(errors, q)) for q in (50, 90, 100)), float(np.median(angles)))
-    finish()
 
 
 if __name__ == "__main__":

@@ -15,15 +15,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from argparse import Namespace
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Table, finish, judge, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, judge, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -174,7 +174,6 @@ def score(pose: Pose2 | None, truth: Pose2, covariance: npt.NDArray[np.float64] 
 
 def measure(job: tuple[str, int, tuple[int, ...]]) -> list[dict[str, Score]]:
     """All methods on some of a condition's pictures."""
-    cv2.setNumThreads(1)
     name, seed, indices = job
     condition, places = CONDITIONS[name], paper_places(FIELD)
     direct, alone = (GoalPoseEstimator(field, condition.camera) for field in (FIELD, BARE_FIELD))
@@ -207,7 +206,6 @@ def measure(job: tuple[str, int, tuple[int, ...]]) -> list[dict[str, Score]]:
 
 def false_poses(job: tuple[str, int, int]) -> list[str]:
     """Name what was located in pictures without a whole goal."""
-    cv2.setNumThreads(1)
     name, seed, count = job
     field = load_field("spl_2020") if name.startswith("white") else FIELD
     estimator = GoalPoseEstimator(field, GOAL_CONDITIONS[name].camera)
@@ -224,55 +222,52 @@ def ratios(scores: list[Score]) -> tuple[float, ...]:
     return (float((error <= 0.2).mean()), *(float((relative <= most).mean()) for most in (0.2, 0.1, 0.01)))
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     seeds = 4 if arguments.full else 1
     step = 11 if arguments.quick else 1
     negatives = 2 if arguments.quick else 150 if arguments.full else 50
     places = list(range(0, 66, step))
-    with open_pool(arguments) as pool:
-        table = Table(
-            (
-                "condition           ",
-                col.label("method             "),
-                col.rate("located"),
-                *(col.rate(name) for name in ("20 cm %", "20 %", "10 %", "1 %")),
-                col.error("median m"),
-                "NEES",
-                "verdict",
-            ),
-            name="poses",
-            samples=seeds * len(places),
-        )
-        table.row("photographs", "printed", "64/66", *(percent(ratio) for ratio in PRINTED), None, None, None)
-        for name in MIN:
-            jobs = [(name, arguments.seed + k, tuple(places[i::4])) for k in range(seeds) for i in range(4)]
-            rows = [row for part in pool.map(measure, jobs) for row in part]
-            for method in (method for method in METHODS if method in rows[0]):
-                scores = [row[method] for row in rows]
-                nees = np.array([s.nees for s in scores])
-                mean_nees = float(np.nanmean(nees)) if np.isfinite(nees).any() else None
-                least = {OURS: MIN, ALONE: MIN_ALONE}.get(method, {}).get(name)
-                ok = True
-                if least is not None:
-                    turned = [s.angle_deg for s in scores if s.error_m <= 0.2]
-                    ok = all(got >= need for got, need in zip(ratios(scores), least, strict=True))
-                    ok &= mean_nees is not None and NEES_RANGE[0] <= mean_nees <= NEES_RANGE[1]
-                    ok &= max(turned, default=math.inf) <= 1.0
-                table.row(
-                    name if method == OURS else "",
-                    method,
-                    f"{sum(math.isfinite(s.error_m) for s in scores)}/{len(scores)}",
-                    *(percent(ratio) for ratio in ratios(scores)),
-                    float(np.median([s.error_m for s in scores])),
-                    mean_nees if method in (OURS, ALONE) else None,
-                    None if least is None else verdict(ok),
-                )
-        names = [name for name in GOAL_CONDITIONS if name != "clean_208x160"]
-        found = [
-            text for part in pool.map(false_poses, [(n, arguments.seed, negatives) for n in names]) for text in part
-        ]
+    table = Table(
+        (
+            "condition           ",
+            col.label("method             "),
+            col.rate("located"),
+            *(col.rate(name) for name in ("20 cm %", "20 %", "10 %", "1 %")),
+            col.error("median m"),
+            "NEES",
+            "verdict",
+        ),
+        name="poses",
+        samples=seeds * len(places),
+    )
+    table.row("photographs", "printed", "64/66", *(percent(ratio) for ratio in PRINTED), None, None, None)
+    for name in MIN:
+        jobs = [(name, arguments.seed + k, tuple(places[i::4])) for k in range(seeds) for i in range(4)]
+        rows = [row for part in pool.map(measure, jobs) for row in part]
+        for method in (method for method in METHODS if method in rows[0]):
+            scores = [row[method] for row in rows]
+            nees = np.array([s.nees for s in scores])
+            mean_nees = float(np.nanmean(nees)) if np.isfinite(nees).any() else None
+            least = {OURS: MIN, ALONE: MIN_ALONE}.get(method, {}).get(name)
+            ok = True
+            if least is not None:
+                turned = [s.angle_deg for s in scores if s.error_m <= 0.2]
+                ok = all(got >= need for got, need in zip(ratios(scores), least, strict=True))
+                ok &= mean_nees is not None and NEES_RANGE[0] <= mean_nees <= NEES_RANGE[1]
+                ok &= max(turned, default=math.inf) <= 1.0
+            table.row(
+                name if method == OURS else "",
+                method,
+                f"{sum(math.isfinite(s.error_m) for s in scores)}/{len(scores)}",
+                *(percent(ratio) for ratio in ratios(scores)),
+                float(np.median([s.error_m for s in scores])),
+                mean_nees if method in (OURS, ALONE) else None,
+                None if least is None else verdict(ok),
+            )
+    names = [name for name in GOAL_CONDITIONS if name != "clean_208x160"]
+    found = [text for part in pool.map(false_poses, [(n, arguments.seed, negatives) for n in names]) for text in part]
     judge(not found)
     table = Table(
         ("pictures without a whole goal", "pictures", col.count("false poses"), "verdict"), name="false poses"
@@ -280,7 +275,6 @@ def main() -> None:
     table.row("all conditions", negatives * len(names), len(found), verdict(not found))
     for text in found:
         table.note(f"  {text}")
-    finish()
 
 
 if __name__ == "__main__":

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from benchmarks.harness.figures import Column, Kind
 
-
-def label(name: str) -> Column:
-    """Names the row, beside the first column."""
-    return Column(name, Kind.LABEL)
-
-
-def rate(name: str) -> Column:
-    """Per cent, or "a/b", of independent samples: more is better."""
-    return Column(name, Kind.RATE)
-
-
-def loss(name: str) -> Column:
-    """Per cent, or "a/b", of independent samples: less is better."""
-    return Column(name, Kind.LOSS)
+#: names the row, beside the first column
+label = partial(Column, kind=Kind.LABEL)
+#: per cent, or "a/b", of independent samples: more is better
+rate = partial(Column, kind=Kind.RATE)
+#: the same, less is better
+loss = partial(Column, kind=Kind.LOSS)
+#: a figure of merit: more is better
+score = partial(Column, kind=Kind.SCORE)
+#: how often something bad happened
+count = partial(Column, kind=Kind.COUNT)
+#: times as multiples of another time of the same run
+time_ratio = partial(Column, kind=Kind.TIME_RATIO)
 
 
 def error(name: str, floor: float = 0.0) -> Column:
@@ -25,23 +25,8 @@ def error(name: str, floor: float = 0.0) -> Column:
     return Column(name, Kind.ERROR, floor)
 
 
-def score(name: str) -> Column:
-    """Return a column of a figure of merit: more is better."""
-    return Column(name, Kind.SCORE)
-
-
-def count(name: str) -> Column:
-    """How often something bad happened."""
-    return Column(name, Kind.COUNT)
-
-
-def time_ratio(name: str) -> Column:
-    """Return a column of times as multiples of another time of the same run."""
-    return Column(name, Kind.TIME_RATIO)
-
-
 def measured(name: str = "measured") -> Column:
-    """Each row says what its figure is."""
+    """Return a column whose rows say what their figures are."""
     return Column(name, Kind.BY_ROW)
 
 

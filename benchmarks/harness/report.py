@@ -1,8 +1,8 @@
 """What all programs have in common: arguments, first lines, tables, verdicts and the file of figures.
 
-A program calls `parse_arguments` once, makes a `Table` for each group of rows, and ends with `finish`. Tables print as
-they fill. `finish` writes them to a JSON file: to that of ``--json FILE``, or, for a run of default size and seed, to
-``benchmarks/figures/FOLDER/NAME.json``, from which `benchmarks/README.md` is made.
+A program makes a `Table` for each group of rows; its `program` decorator calls `parse_arguments` before and `finish`
+after. Tables print as they fill. `finish` writes them to a JSON file: to that of ``--json FILE``, or, for a run of
+default size and seed, to ``benchmarks/figures/FOLDER/NAME.json``, from which `benchmarks/README.md` is made.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ import argparse
 import datetime
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from benchmarks.harness.figures import (
     FOLDER,
@@ -50,7 +51,7 @@ def parse_arguments(
     description: str,
     argv: Sequence[str] | None = None,
     *,
-    parser: argparse.ArgumentParser | None = None,
+    options: Mapping[str, Any] | None = None,
     pooled: bool = False,
 ) -> argparse.Namespace:
     """Read the arguments that all programs take, print the first lines, and begin the file of figures.
@@ -61,8 +62,9 @@ def parse_arguments(
         What is measured: the program's docstring. Its first line heads the output.
     argv : sequence of str, optional
         Those of the command line unless given.
-    parser : ArgumentParser, optional
-        With the program's own options. Figures of a run with any of them set go to no file but that of ``--json``.
+    options : mapping, optional
+        The program's own options: by name, what `ArgumentParser.add_argument` takes. Figures of a run with any of them
+        set go to no file but that of ``--json``.
     pooled : bool
         Whether the program has pieces for several processes: ``--jobs`` and ``--dask`` say which, for `open_pool`.
 
@@ -72,10 +74,10 @@ def parse_arguments(
         ``quick``, ``full`` and ``check`` (bool), ``seed`` (int), ``json`` (path or None), and the program's own.
     """
     global _run
-    parser = parser or argparse.ArgumentParser()
-    parser.description = description.strip()
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    own = {action.dest: action.default for action in parser._actions if action.dest != "help"}
+    parser = argparse.ArgumentParser(
+        description=description.strip(), formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    own = [parser.add_argument(name, **settings) for name, settings in (options or {}).items()]
     size = parser.add_mutually_exclusive_group()
     size.add_argument("--quick", action="store_true", help="fewer samples: a first look")
     size.add_argument("--full", action="store_true", help="more samples: takes longer than 4 minutes")
@@ -95,7 +97,7 @@ def parse_arguments(
         versions=versions(),
     )
     is_standard = figures.size == "default" and figures.seed == DEFAULT_SEED
-    is_standard &= all(getattr(arguments, name) == default for name, default in own.items())
+    is_standard &= all(getattr(arguments, option.dest) == option.default for option in own)
     path = arguments.json or (FOLDER / f"{figures.program}.json" if is_standard else None)
     _run = _Run(figures, path, time.perf_counter(), arguments.check)
     print(figures.title)

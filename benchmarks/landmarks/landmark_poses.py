@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 import time
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,9 +25,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Kind, Table, finish, judge, parse_arguments, verdict
+from benchmarks.harness import Kind, Pool, Table, judge, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from benchmarks.peers.orb import OrbExtractor
 from benchmarks.worlds.hall_runs import building, drift, make_runs
 from robocup_vision.camera import PinholeCamera
@@ -204,15 +204,13 @@ def plot(sizes: Sequence[int], sums: Sequence[float]) -> None:
     print("plot:", path)
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
-    cv2.setNumThreads(1)
     seed = arguments.seed
     count, located, turns = (24, 12, 24 / 143) if arguments.quick else (143, 100, 1.0)
     rng = np.random.default_rng([seed, 1])
-    with open_pool(arguments) as pool:
-        runs = make_runs(seed, count, located, turns, rng, pool)
+    runs = make_runs(seed, count, located, turns, rng, pool)
     first_run, second, third, landmarks, poses = runs.first, runs.second, runs.third, runs.landmarks, runs.poses
     views = len(landmarks.view_landmark)
     size = f"{len(first_run)} moments, {runs.lost} left out; {len(landmarks)} landmarks, {views} views"
@@ -225,7 +223,6 @@ def main() -> None:
     if runs.lost:
         own_run.note("the map lost its way: nothing else can be measured SHORT")
         judge(False)
-        finish()
         return
     for name, found in (("with", poses), ("without", runs.drifted_poses)):
         if len(found) == len(first_run):
@@ -305,7 +302,6 @@ def main() -> None:
     cost(verdicts, landmarks, seen_second[::every], truth[::every], sizes, seed)
     cheaper(verdicts, landmarks, runs.orb, second)
     verdicts.print(located)
-    finish()
 
 
 def _text(errors: npt.NDArray[np.float64]) -> str:

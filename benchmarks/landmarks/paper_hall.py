@@ -18,6 +18,7 @@ too. It contains no feature extraction, selection or fit.
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,9 +27,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from benchmarks.worlds.lecture_runs import ASIDE_M, MOMENTS, lecture, make_lecture_runs
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -151,7 +151,6 @@ def depth_range(depth_m: Float32Array, pixels: FloatArray) -> tuple[Float32Array
 
 def found(picture: UInt8Array) -> Features:
     """Find a picture's features."""
-    cv2.setNumThreads(1)
     return SiftExtractor(HALL_CAMERA).extract(picture)
 
 
@@ -211,7 +210,6 @@ def series(tracks: dict[str, Track], run: Sequence[Features]) -> None:
 
 def driven(job: tuple[int, LandmarkMap, list[Pose2]]) -> list[DriveStep]:
     """Drive along a path from beside its start."""
-    cv2.setNumThreads(1)
     seed, landmarks, path = job
     hall, bustle = lecture(seed, True)
     start = path[0].compose(Pose2(0.0, START_ASIDE_M, 0.0))
@@ -241,19 +239,17 @@ def print_drive(path: Sequence[Pose2], steps: Sequence[DriveStep]) -> float:
     return away_m
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
-    cv2.setNumThreads(1)
     seed = arguments.seed
     acceptance: list[tuple[str, str, str, bool, Kind]] = []
-    with open_pool(arguments) as pool:
-        runs = make_lecture_runs(seed, 24 if arguments.quick else MOMENTS, pool)
-        landmarks, own = runs.landmarks, runs.poses
-        (steps,) = pool.map(driven, [(seed, landmarks, own)])
-        pictures = [frame.images[1] for frame in runs.first] + [frame.images[0] for frame in runs.later]
-        features = list(pool.map(found, pictures, chunksize=12))
-        stereo = list(pool.map(wrong_in_stereo, runs.first[::4]))
+    runs = make_lecture_runs(seed, 24 if arguments.quick else MOMENTS, pool)
+    landmarks, own = runs.landmarks, runs.poses
+    (steps,) = pool.map(driven, [(seed, landmarks, own)])
+    pictures = [frame.images[1] for frame in runs.first] + [frame.images[0] for frame in runs.later]
+    features = list(pool.map(found, pictures, chunksize=12))
+    stereo = list(pool.map(wrong_in_stereo, runs.first[::4]))
     left, later = features[: len(runs.first)], features[len(runs.first) :]
     left_depths = [frame.depths_m[1] for frame in runs.first]
     samples = len(left)
@@ -328,7 +324,6 @@ def main() -> None:
     )  # fmt: skip
     for name, measured, target, ok, kind in acceptance:
         table.row(name, measured, target, verdict(ok), kind=kind)
-    finish()
 
 
 if __name__ == "__main__":

@@ -13,24 +13,24 @@ they are shown, with a history of 2 s; how much the page's process, and this one
 
 from __future__ import annotations
 
+import benchmarks.one_thread  # noqa: F401 - before NumPy is loaded
+
+# isort: split
 import os
 import subprocess
 import sys
 import time
+from argparse import Namespace
 from pathlib import Path
 
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ[_variable] = "1"
+import numpy as np
 
-import cv2  # noqa: E402
-import numpy as np  # noqa: E402
-
-from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: E402
-from field_models import load_field  # noqa: E402
-from robocup_vision import Vision  # noqa: E402
-from robocup_vision.live import FeedSettings, Viewer  # noqa: E402
-from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
-from sim2d.rendering.random_scenes import CONDITIONS, sample  # noqa: E402
+from benchmarks.harness import Table, program, verdict
+from field_models import load_field
+from robocup_vision import Vision
+from robocup_vision.live import FeedSettings, Viewer
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.random_scenes import CONDITIONS, sample
 
 FIELD = load_field("ssl_2001")
 PAGES, RATE_HZ, FRAMES = 2, 30, 8
@@ -142,14 +142,12 @@ def resident_mb(process: int) -> float:
     raise AssertionError("the system tells no resident memory")
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Run both parts."""
-    arguments = parse_arguments(__doc__ or "")
-    cv2.setNumThreads(0)
     blocks, seconds = (1, 3.0) if arguments.quick else (8, 15.0) if arguments.full else (5, 8.0)
     measure_loop(blocks, seconds, arguments.seed)
     measure_memory(600 if arguments.quick else 108_000 if arguments.full else 6000, arguments.seed)
-    finish()
 
 
 if __name__ == "__main__":

@@ -10,11 +10,10 @@ matches are what `robocup-vision match --field four_legged_2007 --disturb NAME` 
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from time import process_time
 
-import cv2
-
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Table, percent, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.worlds.failed_players import COLUMN, count_failed
 from sim2d.match.disturbances import LEGS, NONE, Disturbances
@@ -43,10 +42,9 @@ def play(plan: MatchPlan) -> tuple[int, int, float, float, int]:
     return near, periods, lost_s, spent, count_failed(figures)
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(0)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     rows: dict[str, Disturbances] = {
         "none": NONE,
@@ -83,7 +81,6 @@ def main() -> None:
             failed,
             verdict(ok),
         )
-    finish()
 
 
 if __name__ == "__main__":

@@ -15,9 +15,9 @@ run that was interrupted goes on from there, as long as no source of library and
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
+from argparse import Namespace
 from collections import deque
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -26,11 +26,8 @@ from functools import cache
 from pathlib import Path
 from time import process_time
 
-import cv2
-
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.harness.programs import sources_digest
 from benchmarks.worlds.failed_players import COLUMN, count_failed
 from benchmarks.worlds.near_truth import BOUNDS
@@ -127,7 +124,6 @@ class Moves:
 @cache
 def prepare(case: Case) -> None:
     """Play a moment, which compiles and loads what the matches of a field need: it is not timed."""
-    cv2.setNumThreads(0)
     play(case, 0.1, 0)
 
 
@@ -207,13 +203,16 @@ def print_row(table: Table, case: Case, played: Played) -> None:
     )
 
 
-def main() -> None:
+NAMES = [case.name for case in CASES]
+OPTIONS = {
+    "--only": {"metavar": "NAME", "choices": NAMES, "help": f"one row: {', '.join(NAMES)}"},
+    "--keep": {"metavar": "FILE", "help": "keep matches as they end, and go on with those kept before"},
+}
+
+
+@program(OPTIONS, pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser()
-    names = [case.name for case in CASES]
-    parser.add_argument("--only", metavar="NAME", choices=names, help=f"one row: {', '.join(names)}")
-    parser.add_argument("--keep", metavar="FILE", help="keep matches as they end, and go on with those kept before")
-    arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     cases = [case for case in CASES if arguments.only in (None, case.name)]
     table = Table(
@@ -238,7 +237,7 @@ def main() -> None:
         name="every field",
         samples=round(matches * seconds * 4),
     )
-    with open_pool(arguments) as pool, ExitStack() as stack:
+    with ExitStack() as stack:
         kept = None
         if arguments.keep:
             run = {"matches": matches, "seconds": seconds, "seed": arguments.seed, "sources": sources_digest()}
@@ -247,7 +246,6 @@ def main() -> None:
         for row, case in enumerate(cases):
             pieces = [Piece(case, seconds, arguments.seed + index) for index in range(matches)]
             print_row(table, case, Played.together(play_row(pool, pieces, kept, row * matches)))
-    finish()
 
 
 if __name__ == "__main__":

@@ -15,14 +15,13 @@ from __future__ import annotations
 
 import math
 import os
+from argparse import Namespace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from robocup_vision.geometry import Pose2
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches, play_plan
@@ -161,7 +160,6 @@ def judge_faults(seed: int, matches: int, pool: Pool) -> None:
 
 def soak(seed: int, seconds: float) -> None:
     """Play one long match in this process and judge how its memory grows once all is warm."""
-    cv2.setNumThreads(0)
     match = MatchPlan(seconds=seconds, seed=seed).begin()
     warm_s = max(seconds / 20, 10.0)
     for _ in match.play(warm_s):
@@ -198,16 +196,14 @@ def _memory_mb() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     matches, seconds, faulty, soak_s = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
-    with open_pool(arguments) as pool:
-        judge_matches(arguments.seed, matches, seconds, pool)
-        judge_faults(arguments.seed, faulty, pool)
+    judge_matches(arguments.seed, matches, seconds, pool)
+    judge_faults(arguments.seed, faulty, pool)
     if Path("/proc/self/statm").exists():
         soak(arguments.seed, soak_s)
-    finish()
 
 
 if __name__ == "__main__":

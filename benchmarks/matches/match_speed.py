@@ -22,33 +22,32 @@ clock and of the processor, and the film's size is that of a minute.
 
 from __future__ import annotations
 
+import benchmarks.one_thread  # noqa: F401 - before NumPy is loaded
+
+# isort: split
 import math
-import os
 import tempfile
+from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, process_time, thread_time
 
-# before NumPy is loaded
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ[_variable] = "1"
+import cv2
+import numpy as np
 
-import cv2  # noqa: E402
-import numpy as np  # noqa: E402
-
-from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: E402
-from benchmarks.harness import columns as col  # noqa: E402
-from field_models import load_field  # noqa: E402
-from robocup_vision.geometry import Pose2  # noqa: E402
-from sim2d.match.arena import Arena  # noqa: E402
-from sim2d.match.run import MatchPlan, run_match  # noqa: E402
-from sim2d.match.setups import camera_for  # noqa: E402
-from sim2d.players.built_in import BuiltInPlayer  # noqa: E402
-from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
-from sim2d.rendering.goal.scenes import nao_camera  # noqa: E402
-from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits  # noqa: E402
-from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera  # noqa: E402
-from sim2d.world.world import World  # noqa: E402
+from benchmarks.harness import Table, program, verdict
+from benchmarks.harness import columns as col
+from field_models import load_field
+from robocup_vision.geometry import Pose2
+from sim2d.match.arena import Arena
+from sim2d.match.run import MatchPlan, run_match
+from sim2d.match.setups import camera_for
+from sim2d.players.built_in import BuiltInPlayer
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.goal.scenes import nao_camera
+from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
+from sim2d.sensors.match_camera import MATCH_SENSOR, MatchCamera
+from sim2d.world.world import World
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera(256, 220)
 MAX_BARE, MAX_NOISY = 6.0, 20.0
@@ -210,17 +209,15 @@ def measure_film(simulated_s: float, seed: int) -> None:
     )
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     frames, simulated_s = (200, 10.0) if arguments.quick else (3000, 180.0) if arguments.full else (1000, 60.0)
     measure_rendering(frames, arguments.seed)
     measure_forward(frames, arguments.seed)
     measure_match(simulated_s, arguments.seed)
     measure_forward_matches(5.0 if arguments.quick else 30.0, arguments.seed)
     measure_film(6.0 if arguments.quick else 120.0 if arguments.full else 30.0, arguments.seed)
-    finish()
 
 
 if __name__ == "__main__":

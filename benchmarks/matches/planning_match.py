@@ -13,17 +13,16 @@ goals against differ by more than two standard errors.
 
 from __future__ import annotations
 
-import argparse
 import math
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from benchmarks.harness import Kind, Table, finish, judge, parse_arguments, verdict
+from benchmarks.harness import Kind, Pool, Table, judge, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.worlds.failed_players import count_failed_in
 from robocup_vision.arrays import FloatArray
 from sim2d.match.run import MatchPlan
@@ -102,12 +101,15 @@ def measure_elsewhere(pool: Pool, fields: Sequence[str], matches: int, seconds: 
     judge(min(places) >= 0 and sum(place > 0 for place in places) >= min(3, len(places)))
 
 
-def main() -> None:
+OPTIONS = {
+    "--only": {"metavar": "FIELD", "choices": FIELDS, "help": f"one field: {', '.join(FIELDS)}"},
+    "--matches": {"metavar": "N", "type": int, "help": "so many matches of 60 s on each league's field"},
+}
+
+
+@program(OPTIONS, pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--only", metavar="FIELD", choices=FIELDS, help=f"one field: {', '.join(FIELDS)}")
-    parser.add_argument("--matches", metavar="N", type=int, help="so many matches of 60 s on each league's field")
-    arguments = parse_arguments(str(__doc__), parser=parser, pooled=True)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     elsewhere = ELSEWHERE_QUICK if arguments.quick else ELSEWHERE_FULL if arguments.full else ELSEWHERE
     if arguments.matches:
@@ -115,11 +117,9 @@ def main() -> None:
     fields = FIELDS[:1] if arguments.quick else FIELDS
     if arguments.only is not None:
         fields = (arguments.only,)
-    with open_pool(arguments) as pool:
-        if arguments.only is None:
-            measure_ssl_2001(pool, matches, seconds, arguments.seed)
-        measure_elsewhere(pool, fields, *elsewhere, arguments.seed)
-    finish()
+    if arguments.only is None:
+        measure_ssl_2001(pool, matches, seconds, arguments.seed)
+    measure_elsewhere(pool, fields, *elsewhere, arguments.seed)
 
 
 if __name__ == "__main__":

@@ -10,14 +10,13 @@ ball in its mouth, the ratio in which its last frame showed the ball.
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from itertools import pairwise
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from robocup_vision.planning import Disc
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches
@@ -54,7 +53,6 @@ def chance_of(shooter: Shooter, state: WorldState, robot: int, radius_m: float) 
 
 def kicks_of(plan: MatchPlan) -> tuple[list[tuple[float, bool]], list[bool]]:
     """Play a match; the chance of each kick and whether it went in; and, whenever a ball was held, if it was seen."""
-    cv2.setNumThreads(0)
     match = plan.begin()
     arena = match.arena
     shooters = {side: Shooter(arena.field, arena.limits, side) for side in (1, -1)}
@@ -85,13 +83,12 @@ def log_loss(chance: np.ndarray, scored: np.ndarray) -> float:
     return float(-np.mean(np.where(scored, np.log(given), np.log(1.0 - given))))
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     plans = plan_matches(MatchPlan(seconds=seconds, seed=arguments.seed), matches)
-    with open_pool(arguments) as pool:
-        played = list(pool.map(kicks_of, plans))
+    played = list(pool.map(kicks_of, plans))
     kicks = [kick for of_match, _ in played for kick in of_match]
     seen = float(np.mean([one for _, of_match in played for one in of_match]))
     chance, scored = np.array([c for c, _ in kicks]), np.array([s for _, s in kicks])
@@ -114,7 +111,6 @@ def main() -> None:
     is_seen = seen >= MIN_SEEN
     cells = percent(seen), f">= {100 * MIN_SEEN:g}", verdict(is_seen)
     verdicts.row("held balls that are seen, %", *cells, kind=Kind.RATE, samples=len(kicks))
-    finish()
 
 
 if __name__ == "__main__":

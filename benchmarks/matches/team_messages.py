@@ -13,14 +13,13 @@ On a field whose robots see the ball nearly always a ratio of 1.3 is not possibl
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from benchmarks.worlds.failed_players import COLUMN, count_failed
 from field_models import load_field
 from sim2d.match.disturbances import disturbances_for
@@ -41,7 +40,6 @@ TEAM = player_factory("planning")
 
 def play(plan: MatchPlan) -> tuple[float, float, int]:
     """Play a match; return the fractions of periods with a known ball and with two that fetch, and failed players."""
-    cv2.setNumThreads(0)
     match = plan.begin()
     known, two, periods, players = 0, 0, 0, match.arena.players
     for moment in match.play(plan.seconds):
@@ -55,54 +53,52 @@ def play(plan: MatchPlan) -> tuple[float, float, int]:
     return known / (periods * players), two / periods, count_failed(match.figures)
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
-    with open_pool(arguments) as pool:
-        for field, players in FIELDS:
-            setup = setup_for(load_field(field))
-            usual = disturbances_for(setup.robot, setup.camera)
-            lossy = {loss: replace(usual, messages=ChannelSettings(loss_ratio=loss)) for loss in (*LOSSES, 1.0)}
-            plans = [
-                MatchPlan(field, players, seconds, arguments.seed + k, TEAM, disturbances=lossy[1.0])
-                for k in range(matches)
-            ]
-            rows = {"alone": plans}
-            for loss in LOSSES:
-                rows[f"{100 * loss:.0f} % lost"] = [replace(plan, disturbances=lossy[loss]) for plan in plans]
-            table = Table(
-                (
-                    "robots",
-                    col.rate("known %"),
-                    "ratio",
-                    "SE",
-                    col.measured("two fetch %"),
-                    COLUMN,
-                    "target",
-                    "verdict",
-                ),
-                f"{field}, {matches} matches of {seconds:g} s, {players} against {players}",
-                name=f"known {field}",
-                samples=round(matches * seconds * 3),
-            )
-            results = iter(pool.map(play, [plan for part in rows.values() for plan in part]))
-            alone = np.zeros(matches)
-            for name, part in rows.items():
-                found = np.array([next(results) for _ in part])
-                known = found[:, 0]
-                if name == "alone":
-                    alone = known
-                ratio = float(known.sum() / max(alone.sum(), 1e-9))
-                error = float((known - ratio * alone).std() / max(alone.mean(), 1e-9)) / math.sqrt(matches)
-                is_asked = name.endswith("lost")
-                least = MIN_RATIO if field == "four_legged_2007" else 1.0
-                failed = int(found[:, 2].sum())
-                ok = ratio >= least and not failed
-                is_told = is_asked or failed > 0
-                cells = percent(float(known.mean())), ratio, error, percent(float(found[:, 1].mean())), failed
-                table.row(name, *cells, f">= {least:g}" if is_asked else "", verdict(ok) if is_told else "")
-    finish()
+    for field, players in FIELDS:
+        setup = setup_for(load_field(field))
+        usual = disturbances_for(setup.robot, setup.camera)
+        lossy = {loss: replace(usual, messages=ChannelSettings(loss_ratio=loss)) for loss in (*LOSSES, 1.0)}
+        plans = [
+            MatchPlan(field, players, seconds, arguments.seed + k, TEAM, disturbances=lossy[1.0])
+            for k in range(matches)
+        ]
+        rows = {"alone": plans}
+        for loss in LOSSES:
+            rows[f"{100 * loss:.0f} % lost"] = [replace(plan, disturbances=lossy[loss]) for plan in plans]
+        table = Table(
+            (
+                "robots",
+                col.rate("known %"),
+                "ratio",
+                "SE",
+                col.measured("two fetch %"),
+                COLUMN,
+                "target",
+                "verdict",
+            ),
+            f"{field}, {matches} matches of {seconds:g} s, {players} against {players}",
+            name=f"known {field}",
+            samples=round(matches * seconds * 3),
+        )
+        results = iter(pool.map(play, [plan for part in rows.values() for plan in part]))
+        alone = np.zeros(matches)
+        for name, part in rows.items():
+            found = np.array([next(results) for _ in part])
+            known = found[:, 0]
+            if name == "alone":
+                alone = known
+            ratio = float(known.sum() / max(alone.sum(), 1e-9))
+            error = float((known - ratio * alone).std() / max(alone.mean(), 1e-9)) / math.sqrt(matches)
+            is_asked = name.endswith("lost")
+            least = MIN_RATIO if field == "four_legged_2007" else 1.0
+            failed = int(found[:, 2].sum())
+            ok = ratio >= least and not failed
+            is_told = is_asked or failed > 0
+            cells = percent(float(known.mean())), ratio, error, percent(float(found[:, 1].mean())), failed
+            table.row(name, *cells, f">= {least:g}" if is_asked else "", verdict(ok) if is_told else "")
 
 
 if __name__ == "__main__":

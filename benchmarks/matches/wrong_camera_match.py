@@ -11,11 +11,10 @@ before there was one. "file": players that do not calibrate. "exact": true camer
 
 from __future__ import annotations
 
+from argparse import Namespace
 from dataclasses import dataclass, replace
 
-import cv2
-
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Table, percent, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.worlds.failed_players import COLUMN, count_failed
 from benchmarks.worlds.near_truth import BOUNDS
@@ -90,10 +89,9 @@ def play(plan: MatchPlan, count: Count) -> None:
     count.noticed += sum(noticed.get(k, 0) > 0 for k in came)
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(0)
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     table = Table(
         (
@@ -132,7 +130,6 @@ def main() -> None:
                 count.failed,
                 verdict(ok) if row == "calibrated" or count.failed else "",
             )
-    finish()
 
 
 if __name__ == "__main__":

@@ -8,13 +8,13 @@ added, lie from the nearest robot; 0.15 m and more is of no robot.
 
 from __future__ import annotations
 
+from argparse import Namespace
 from functools import partial
 
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from benchmarks.scores.tracker_runs import COLUMNS, TUNED, nearest_neighbours, score, track_splitting
 from benchmarks.scores.tracking_score import NEAR_M
 from benchmarks.worlds.crowd import Frame, camera_film
@@ -31,12 +31,11 @@ def errors_m(frame: Frame) -> FloatArray:
     return np.asarray(away.min(axis=1))
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     runs = 1 if arguments.quick else 60 if arguments.full else 12
-    with open_pool(arguments) as pool:
-        films = list(pool.map(partial(camera_film, FIELD), [[arguments.seed, k, 4] for k in range(runs)]))
+    films = list(pool.map(partial(camera_film, FIELD), [[arguments.seed, k, 4] for k in range(runs)]))
     seconds = round(sum(frames[-1].t_s - frames[0].t_s for frames in films))
     table = Table(
         ("tracker        ", *COLUMNS),
@@ -61,7 +60,6 @@ def main() -> None:
     of_robots = away[away < NEAR_M]
     median, most = (1e3 * np.quantile(of_robots, (0.5, 0.9))).tolist()
     table.row("of robots", median, most, percent(1.0 - len(of_robots) / len(away)))
-    finish()
 
 
 if __name__ == "__main__":

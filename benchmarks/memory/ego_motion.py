@@ -13,16 +13,14 @@ against the last frame, and against the same five frames together.
 from __future__ import annotations
 
 import math
-import os
+from argparse import Namespace
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from time import perf_counter
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Pool, Table, program, verdict
 from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
@@ -244,7 +242,6 @@ def follow(frames: Sequence[Frame], source: str, stride: int, method: str) -> Re
 
 def one(seed: Sequence[int]) -> dict[tuple[str, int, int, str], Result]:
     """Everything on one drive."""
-    cv2.setNumThreads(1)
     frames = drive(seed, max(count * stride for count, stride in SETTINGS))
     methods = METHODS if small_gicp is not None else METHODS[:3]
     return {
@@ -255,12 +252,11 @@ def one(seed: Sequence[int]) -> dict[tuple[str, int, int, str], Result]:
     }
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
     runs = 2 if arguments.quick else 100 if arguments.full else 20
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        driven = list(pool.map(one, [(arguments.seed, 6, index) for index in range(runs)]))
+    driven = list(pool.map(one, [(arguments.seed, 6, index) for index in range(runs)]))
     for source in SOURCES:
         for count, stride in SETTINGS:
             judged = count == SETTINGS[0][0]
@@ -283,7 +279,6 @@ def main() -> None:
                 return [run[source, count, stride, method] for run in driven if (source, count, stride, method) in run]
 
             print_rows(table, figures, judged, source == WORLD)
-    finish()
 
 
 def print_rows(table: Table, figures: Callable[[str], list[Result]], is_judged: bool, is_timed: bool) -> None:

@@ -8,13 +8,13 @@ Figures are medians over frames of the difference; the first 20 frames are left 
 
 from __future__ import annotations
 
+from argparse import Namespace
 from collections.abc import Iterator
 from time import thread_time
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.worlds.crowd import moves
 from field_models import load_field
@@ -64,10 +64,9 @@ def look_s(vision: Vision, frame: UInt8Array, t_s: float, odometry: Pose2) -> fl
     return thread_time() - begin
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     look_ms, added_ms = costs_ms(60 if arguments.quick else 2000 if arguments.full else 400, arguments.seed)
     columns = ("memory of         ", "ms added", col.time_ratio("of a look"), "aim ms", "verdict")
     table = Table(columns, f"What a memory adds to a look of {look_ms:.2f} ms", name="cost of a memory")
@@ -75,7 +74,6 @@ def main() -> None:
         aim = AIM_MS if name == EVERYTHING else None
         said = None if aim is None else verdict(added <= aim)
         table.row(name, f"{added:.2f}", f"{added / look_ms:.2f}", None if aim is None else f"{aim:g}", said)
-    finish()
 
 
 if __name__ == "__main__":

@@ -12,16 +12,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from argparse import Namespace
 from collections.abc import Iterator
 from time import perf_counter
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from field_models import load_field
 from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.kernels.mapping import occupancy as kernel
@@ -113,7 +112,6 @@ def drive(job: tuple[str, int, int]) -> tuple[str, npt.NDArray[np.int64], npt.ND
     And of the map's free ranges: how many lead farther than a cell's diagonal into something, how many there are, and
     the sums of theirs and of the true ones up to the camera's reach, millimetres.
     """
-    cv2.setNumThreads(1)
     kind, seed, number = job
     own = FreeSpaceMap()
     summed = SummedGrid(own)
@@ -167,7 +165,6 @@ def true_ranges(frame: SensorFrame, bearing_rad: FloatArray) -> FloatArray:
 
 def smear(job: tuple[int, int]) -> npt.NDArray[np.int64]:
     """One run with movers, with masks and without: cells that a mover has left, of them not free, of them no-go."""
-    cv2.setNumThreads(1)
     seed, number = job
     maps = [FreeSpaceMap(), FreeSpaceMap()]
     rng = np.random.default_rng([seed, len(LIGHTS), number])
@@ -282,19 +279,18 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
     return is_safe and is_open
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     runs = 1 if arguments.quick else 20 if arguments.full else 6
     for name, model in default_sensors().items():
         print(
             f"{name}: P(O|E) {model.hit_if_occupied:.3f}, P(O|not E) {model.hit_if_free:.3f}, "
             f"n_req {model.observations_needed(0.1)}, reach {model.reach_m} m"
         )
-    with open_pool(arguments) as pool:
-        jobs = [(kind, arguments.seed, number) for kind in LIGHTS for number in range(runs)]
-        accuracy(pool.map(drive, jobs))
-        swept = sum(pool.map(smear, [(arguments.seed, number) for number in range(runs)]))
+    jobs = [(kind, arguments.seed, number) for kind in LIGHTS for number in range(runs)]
+    accuracy(pool.map(drive, jobs))
+    swept = sum(pool.map(smear, [(arguments.seed, number) for number in range(runs)]))
     assert not isinstance(swept, int)
     columns = ("cells that moving robots have left", "cells", col.loss("not free %"), col.loss("no-go %"), "verdict")
     table = Table(columns, name="smear", samples=CELL_SAMPLES)
@@ -309,7 +305,6 @@ def main() -> None:
     table.row(FIELDS_TIMED[0], 1e3 * small, None, None)
     table.row(FIELDS_TIMED[1], 1e3 * large, large / small, verdict(is_level))
     table.row("free ranges asked of the map", 1e3 * asking, asking / small, None)
-    finish()
 
 
 if __name__ == "__main__":

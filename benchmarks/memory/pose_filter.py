@@ -28,14 +28,14 @@ to see what NEES a wrong guess of that part costs.
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from benchmarks.peers.pose_followers import HAS_FILTERPY, Ekf, Follower, Single, pose_difference
 from benchmarks.worlds.pose_runs import (
     KIDNAP_EVERY_S,
@@ -218,18 +218,16 @@ def synthesize(task: tuple[int, int, float, float]) -> dict[str, Tally]:
     return {method: judge(steps, follow(FOLLOWERS[method](), steps, coming)) for method in methods}
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     wandering, kidnapped, synthetic = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     if not HAS_FILTERPY:
         print("filterpy: not installed")
-    with open_pool(arguments) as pool:
-        print_wandering(list(pool.map(wander, [(arguments.seed, run) for run in range(wandering)])))
-        print_kidnapped(list(pool.map(kidnap, [(arguments.seed, run) for run in range(kidnapped)])))
-        tasks = [(arguments.seed, run, *lasting) for lasting in BIASES for run in range(synthetic)]
-        print_synthetic(synthetic, list(pool.map(synthesize, tasks)))
-    finish()
+    print_wandering(list(pool.map(wander, [(arguments.seed, run) for run in range(wandering)])))
+    print_kidnapped(list(pool.map(kidnap, [(arguments.seed, run) for run in range(kidnapped)])))
+    tasks = [(arguments.seed, run, *lasting) for lasting in BIASES for run in range(synthetic)]
+    print_synthetic(synthetic, list(pool.map(synthesize, tasks)))
 
 
 def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> None:

@@ -9,15 +9,14 @@ CPU time of `update` with eight others. camera_tracking.py measures the same thr
 
 from __future__ import annotations
 
-import os
 import time
+from argparse import Namespace
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Pool, Table, program, verdict
 from benchmarks.scores.tracker_runs import COLUMNS, TUNED, nearest_neighbours, score, stone_soup, track_splitting
 from benchmarks.scores.tracking_score import Score
 from benchmarks.worlds.crowd import Frame, film
@@ -42,13 +41,12 @@ def milliseconds(films: Sequence[Sequence[Frame]]) -> FloatArray:
     return np.array(taken)
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
     runs, few = (4, 2) if arguments.quick else (60, 60) if arguments.full else (60, 10)
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        films = list(pool.map(partial(film, FIELD), [[arguments.seed, k] for k in range(runs)]))
-        eight = list(pool.map(partial(film, FIELD, others=8), [[arguments.seed, k, 8] for k in range(4)]))
+    films = list(pool.map(partial(film, FIELD), [[arguments.seed, k] for k in range(runs)]))
+    eight = list(pool.map(partial(film, FIELD, others=8), [[arguments.seed, k, 8] for k in range(4)]))
     detections = [len(frame.detections) for frames in films for frame in frames]
     in_view = [frame.in_view for frames in films for frame in frames]
     table = Table(
@@ -84,7 +82,6 @@ def main() -> None:
     taken = milliseconds(eight)
     fast = float(np.quantile(taken, 0.99)) <= MAX_MS
     table.row("update", float(np.median(taken)), float(np.quantile(taken, 0.99)), MAX_MS, verdict(fast))
-    finish()
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ reported, with red and orange boxes in view.
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -37,9 +38,8 @@ from typing import Literal
 
 import numpy as np
 
-from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import open_pool
 from benchmarks.scores.free_space_score import Free, goal_pixels, judge_free_space
 from field_models import load_field
 from robocup_vision import NotLocated, PoseEstimate, Vision
@@ -269,9 +269,9 @@ def print_balls(records: dict[str, list[Record]]) -> None:
         table.row(label, *cells, samples=min(len(errors), len(without)))
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Render, measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     count, large = (24, 12) if arguments.quick else (2000, 400) if arguments.full else (400, 120)
     sets = [(name, name, SMALL, count) for name in CONDITIONS] + [("nominal 640x480", "nominal", LARGE, large)]
     vision_for(SMALL, "field")  # compiles once, for the workers to load
@@ -281,33 +281,31 @@ def main() -> None:
         for label, name, size, total in sets
         for first in range(0, total, CHUNK)
     ]
-    with open_pool(arguments) as pool:
-        measured = zip((label for label, _ in tasks), pool.map(measure, [task for _, task in tasks]), strict=True)
-        columns = (
-            "condition        ",
-            col.rate("located  "),
-            col.rate("5 cm/3 deg"),
-            col.rate("10 cm/5 deg"),
-            col.error("mm"),
-            col.error("deg"),
-            "NEES mean",
-            col.error("median"),
-            col.rate("inside 95 %"),
-            "target     ",
-            "verdict",
-        )
-        table = Table(columns, "Pose: ratios of all images in %", name="poses", samples=count)
-        for label, parts in groupby(measured, key=itemgetter(0)):
-            records[label] = [record for _, part in parts for record in part]
-            pose_line(table, label, [record.row for record in records[label]])
-            by_hull = [record.hull for record in records[label] if record.hull is not None]
-            if by_hull:
-                pose_line(table, label, by_hull, judged=False)
+    measured = zip((label for label, _ in tasks), pool.map(measure, [task for _, task in tasks]), strict=True)
+    columns = (
+        "condition        ",
+        col.rate("located  "),
+        col.rate("5 cm/3 deg"),
+        col.rate("10 cm/5 deg"),
+        col.error("mm"),
+        col.error("deg"),
+        "NEES mean",
+        col.error("median"),
+        col.rate("inside 95 %"),
+        "target     ",
+        "verdict",
+    )
+    table = Table(columns, "Pose: ratios of all images in %", name="poses", samples=count)
+    for label, parts in groupby(measured, key=itemgetter(0)):
+        records[label] = [record for _, part in parts for record in part]
+        pose_line(table, label, [record.row for record in records[label]])
+        by_hull = [record.hull for record in records[label] if record.hull is not None]
+        if by_hull:
+            pose_line(table, label, by_hull, judged=False)
     print_outliers(records)
     print_consistency(records["nominal"])
     print_free_space(records)
     print_balls(records)
-    finish()
 
 
 if __name__ == "__main__":

@@ -17,27 +17,26 @@ fresh process once compiled code is on the disk, without the imports.
 
 from __future__ import annotations
 
+import benchmarks.one_thread  # noqa: F401 - before NumPy is loaded
+
+# isort: split
 import math
-import os
 import subprocess
 import sys
+from argparse import Namespace
 from time import thread_time
 
-# before NumPy is loaded
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ[_variable] = "1"
+import cv2
+import numpy as np
 
-import cv2  # noqa: E402
-import numpy as np  # noqa: E402
-
-from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: E402
-from benchmarks.harness import columns as col  # noqa: E402
-from field_models import load_field  # noqa: E402
-from robocup_vision import MotionLimits, Steering, Vision  # noqa: E402
-from robocup_vision.geometry import Pose2  # noqa: E402
-from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator  # noqa: E402
-from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
-from sim2d.rendering.random_scenes import CONDITIONS, sample  # noqa: E402
+from benchmarks.harness import Table, program, verdict
+from benchmarks.harness import columns as col
+from field_models import load_field
+from robocup_vision import MotionLimits, Steering, Vision
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.random_scenes import CONDITIONS, sample
 
 FIELD, CARPET_FIELD = load_field("ssl_2001"), load_field("msl_6x4")
 # greatest ratio without a prior, with one
@@ -171,10 +170,9 @@ def measure_construction(size: tuple[int, int]) -> float:
     return float(np.median([float(run.stdout) for run in runs]))
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     different, count = (10, 100) if arguments.quick else (40, 2000) if arguments.full else (40, 500)
     rows: list[tuple[str | None, ...]] = []
     for size in TARGETS:
@@ -203,7 +201,6 @@ def main() -> None:
     table = Table(columns, name="once")
     for row in rows:
         table.row(*row)
-    finish()
 
 
 if __name__ == "__main__":

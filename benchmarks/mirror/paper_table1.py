@@ -17,13 +17,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from argparse import Namespace
 from collections.abc import Iterator
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Table, finish, judge, parse_arguments, verdict
+from benchmarks.harness import Table, judge, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.figures import Column
 from field_models import load_field
@@ -136,10 +136,9 @@ def measure(name: str, camera: OmniCamera, frames: list[list[tuple[UInt8Array, P
         table.row("", method, located, *figures[method].tolist(), judged, samples=total)
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     count = 4 if arguments.quick else 100 if arguments.full else 10
     frames = [list(pictures(place, count, arguments.seed)) for place in range(len(PRINTED))]
     wrong = wrong_camera()
@@ -148,7 +147,6 @@ def main() -> None:
     for name, camera in ((RIGHT, CAMERA), (WRONG, wrong), (CALIBRATED, calibrated)):
         if camera is not None:
             measure(name, camera, frames)
-    finish()
 
 
 if __name__ == "__main__":

@@ -16,13 +16,13 @@ three hours, with `--soak-robots 2` half an hour.
 
 from __future__ import annotations
 
-import argparse
 import gc
 import math
 import os
 import subprocess
 import sys
 import time
+from argparse import Namespace
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -30,7 +30,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.worlds.damaged_messages import damaged_messages
 from field_models import load_field
@@ -311,19 +311,21 @@ def recorded(spec: RobotSpec, seconds: float, seed: int) -> list[LogEntry]:
     return entries
 
 
-def main() -> None:
+OPTIONS = {
+    "--soak-hours": {"type": float, "metavar": "H", "help": "length of the long run (default: 5 minutes)"},
+    "--soak-robots": {"type": int, "default": 11, "metavar": "N", "help": "of each team in it (default: 11)"},
+}
+
+
+@program(OPTIONS)
+def main(arguments: Namespace) -> None:
     """Run all parts."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--soak-hours", type=float, metavar="H", help="length of the long run (default: 5 minutes)")
-    parser.add_argument("--soak-robots", type=int, default=11, metavar="N", help="of each team in it (default: 11)")
-    arguments = parse_arguments(__doc__ or "", parser=parser)
     size = 0.2 if arguments.quick else 5.0 if arguments.full else 1.0
     measure_speed(20 * size)
     measure_punctuality(20 * size)
     measure_decoders(round(200_000 * size), arguments.seed)
     measure_tracker(60 * size, arguments.seed)
     measure_soak(300 * size if arguments.soak_hours is None else 3600 * arguments.soak_hours, arguments.soak_robots)
-    finish()
 
 
 if __name__ == "__main__":

@@ -11,10 +11,10 @@ at 1.5 m/s needs 0.25 s to brake); and the tracker's errors on the match's own l
 
 from __future__ import annotations
 
-import argparse
 import math
+from argparse import Namespace
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from field_models import load_field
 from robocup_vision.ssl.log import LogEntry, LogKind
 from robocup_vision.ssl.log_score import score_log
@@ -100,11 +100,9 @@ def play(opponents: str, seconds: float, seed: int) -> tuple[LeagueReferee, Halt
     return referee, halts, entries
 
 
-def main() -> None:
+@program({"--opponents": {"default": "overhead", "help": "overhead (default), plain, memory or planning"}})
+def main(arguments: Namespace) -> None:
     """Play, and print both tables."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--opponents", default="overhead", help="overhead (default), plain, memory or planning")
-    arguments = parse_arguments(__doc__ or "", parser=parser)
     seconds = 15.0 if arguments.quick else 600.0 if arguments.full else 30.0
     referee, halts, entries = play(arguments.opponents, seconds, arguments.seed)
     ours = [foul for foul in referee.fouls if foul.side > 0]
@@ -120,7 +118,6 @@ def main() -> None:
     row = round(halts.stands_s, 3)
     table.row("all robots stand after a halt, s", row, f"<= {MAX_BRAKE_S:g}", verdict(row <= MAX_BRAKE_S))
     measure_tracker(entries)
-    finish()
 
 
 def measure_tracker(entries: list[LogEntry]) -> None:

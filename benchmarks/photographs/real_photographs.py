@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import csv
 import math
+from argparse import Namespace
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +34,7 @@ from time import perf_counter
 import cv2
 import numpy as np
 
-from benchmarks.harness import Kind, Table, finish, parse_arguments, verdict
+from benchmarks.harness import Kind, Table, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.scores import photograph_balls as balls
 from benchmarks.scores import photograph_checks as checks
@@ -172,10 +173,9 @@ def measured_rows(modules: Iterable[str]) -> None:
             table.row(row.name, row.measured, row.target, verdict(row.is_met))
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     repeats = 3 if arguments.quick else 50 if arguments.full else 9
     field = load_field("msl_6x4")
     line_map = LineMap(field)
@@ -232,7 +232,6 @@ def main() -> None:
             table.row(label, measured, due, None if due is None else verdict(ok), kind=kind)
     forward_camera(2 * repeats, arguments.seed)
     measured_rows(QUICK_MODULES if arguments.quick else ROW_MODULES)
-    finish()
 
 
 if __name__ == "__main__":

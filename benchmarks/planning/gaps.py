@@ -18,13 +18,13 @@ import dataclasses
 import itertools
 import math
 import time
+from argparse import Namespace
 from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.harness import Kind, Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.worlds import gap_choices
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import (
@@ -339,18 +339,16 @@ def measure_times(drives: int, seed: int) -> None:
         table.row(f"{ratio:.1f}", model, mean, standard_error, percent(len(passed) / drives))
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     count, brute, drives = (30, 2, 4) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
     measure_gates(count, brute, drives, arguments.seed)
     measure_fork()
     measure_times(count // 10, arguments.seed)
     # opponents across a field; and close together, where turning back costs next to nothing
-    with open_pool(arguments) as pool:
-        measure_passage(5 * count, 2.5, arguments.seed, pool)
-        measure_passage(5 * count, 1.0, arguments.seed, pool)
-    finish()
+    measure_passage(5 * count, 2.5, arguments.seed, pool)
+    measure_passage(5 * count, 1.0, arguments.seed, pool)
 
 
 if __name__ == "__main__":

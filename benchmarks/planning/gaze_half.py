@@ -11,12 +11,10 @@ import math
 from argparse import Namespace
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.belief import Hypothesis
@@ -104,7 +102,6 @@ class Case:
 
 def ask_all(seed: list[int]) -> dict[str, Asked]:
     """Ask one question under every rule."""
-    cv2.setNumThreads(1)
     case = Case(seed)
     return {rule: ask(case, rule) for rule in RULES}
 
@@ -135,8 +132,9 @@ def ask(case: Case, rule: str) -> Asked:
     return Asked(looks, answered, bool(answered and int(np.argmax(probability)) == int(case.turned)))
 
 
-def measure(arguments: Namespace, pool: Pool) -> None:
-    """Print the table."""
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
+    """Measure and print."""
     runs = 16 if arguments.quick else 1200 if arguments.full else 600
     all_asked = list(pool.map(ask_all, [[arguments.seed, 11, i] for i in range(runs)], chunksize=10))
     asked = {rule: [of_rule[rule] for of_rule in all_asked] for rule in RULES}
@@ -190,14 +188,6 @@ def measure(arguments: Namespace, pool: Pool) -> None:
     )
     table = Table(("white goals on both sides", "looks", "answer", col.compared_verdict()), name="white goals")
     table.row(same.reason, 0, same.answer, verdict(same.answer == "undecidable"))
-
-
-def main() -> None:
-    """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
-    with open_pool(arguments) as pool:
-        measure(arguments, pool)
-    finish()
 
 
 if __name__ == "__main__":

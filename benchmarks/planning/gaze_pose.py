@@ -13,12 +13,10 @@ from argparse import Namespace
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.worlds.walking_dog import (
     CAMERA,
     FIELD,
@@ -104,7 +102,6 @@ def landmark_run(job: tuple[list[int], str]) -> RunScore:
 
 def rendered_run(job: tuple[list[int], str, float]) -> RunScore:
     """Follow one shorter walk by rendered frames, the goal localiser and `PoseFilter`, under one rule."""
-    cv2.setNumThreads(1)
     seed, rule, seconds = job
     walk = draw_walk(seed, seconds, RENDERED_FRAME_S)
     rng = np.random.default_rng([*seed, 2])
@@ -172,7 +169,6 @@ class Sighting:
 
 def sighting(seed: list[int]) -> Sighting:
     """Look at one rendered frame with both localisers, from a prior that errs by 0.1 m and 0.05 rad."""
-    cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
     pose = Pose2(*rng.uniform((-2.4, -1.6, -math.pi), (2.4, 1.6, math.pi)))
     scene = Scene(FIELD, (), (), None, MATCH_LIGHT, MATCH_ROOM, 0.5)
@@ -248,8 +244,9 @@ def compare(table: Table, scores: dict[str, list[RunScore]], *, judged: bool) ->
         )
 
 
-def measure(arguments: Namespace, pool: Pool) -> None:
-    """Print the tables."""
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
+    """Measure and print."""
     detectors(arguments, pool)
     columns = (
         "rule          ",
@@ -287,14 +284,6 @@ def measure(arguments: Namespace, pool: Pool) -> None:
     }
     # a few runs show nothing
     compare(table, rendered, judged=not arguments.quick)
-
-
-def main() -> None:
-    """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
-    with open_pool(arguments) as pool:
-        measure(arguments, pool)
-    finish()
 
 
 if __name__ == "__main__":

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Pool, Table, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning.gaze.selective_look import SelectiveLook, is_in_sight
 
@@ -154,8 +153,9 @@ def best_length_m(seed: list[int]) -> float:
     )
 
 
-def measure(arguments: Namespace, pool: Pool) -> None:
-    """Print the table."""
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
+    """Measure and print."""
     maps = 40 if arguments.quick else 1000 if arguments.full else 200
     seeds = [[arguments.seed, 13, i] for i in range(maps)]
     best = list(pool.map(best_length_m, seeds, chunksize=10))
@@ -183,14 +183,6 @@ def measure(arguments: Namespace, pool: Pool) -> None:
             ok = ours <= MAX_OF_NEAREST * nearest and ours <= straight and longer == 0
             target, text = f"<= {MAX_OF_NEAREST}, <= straight, 0", verdict(ok)
         table.row(rule, looks[rule], looks[rule] / nearest, max(f.looks for f in runs), longer, target, text)
-
-
-def main() -> None:
-    """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
-    with open_pool(arguments) as pool:
-        measure(arguments, pool)
-    finish()
 
 
 if __name__ == "__main__":

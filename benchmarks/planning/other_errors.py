@@ -14,13 +14,13 @@ round, by expected time and by the shortest way, where these differ.
 
 from __future__ import annotations
 
+from argparse import Namespace
 from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.scores.tracking_score import NEAR_M
 from benchmarks.worlds import gap_choices, hidden_opponents
 from benchmarks.worlds.crowd import Frame, camera_film
@@ -144,18 +144,16 @@ def measure(laws: dict[str, Errors], runs: dict[str, int], seed: int, pool: Pool
     table.note(f"touched at most {percent(MAX_COLLIDED)} %, ratio at most {MAX_RATIO:g}, {MAX_HIDDEN_RATIO:g} and 1")
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     films, count = (1, 3) if arguments.quick else (12, 300) if arguments.full else (2, 24)
     runs = {"gap": count, "hidden": count, "row": count}
-    with open_pool(arguments) as pool:
-        frames = fit_laws(list(pool.map(film, [(arguments.seed, k) for k in range(films)])))
-        tails = Errors(replace(frames.pose, scale=1.0), replace(frames.obstacle, scale=1.0))
-        wider = ErrorLaw(scale=OTHER_SCALE)
-        laws = {"matched": MATCHED, "frames": frames, "x 1.5": Errors(wider, wider, OTHER_SCALE), "tails": tails}
-        measure(laws, runs, arguments.seed, pool)
-    finish()
+    frames = fit_laws(list(pool.map(film, [(arguments.seed, k) for k in range(films)])))
+    tails = Errors(replace(frames.pose, scale=1.0), replace(frames.obstacle, scale=1.0))
+    wider = ErrorLaw(scale=OTHER_SCALE)
+    laws = {"matched": MATCHED, "frames": frames, "x 1.5": Errors(wider, wider, OTHER_SCALE), "tails": tails}
+    measure(laws, runs, arguments.seed, pool)
 
 
 if __name__ == "__main__":

@@ -14,12 +14,12 @@ stop before what they know, and plan their way round it, by tracked places that 
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict
+from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.harness.pool import Pool, open_pool
 from benchmarks.worlds import hidden_opponents
 from benchmarks.worlds.slalom import SlalomDrive, draw_slalom, drive_slalom
 from benchmarks.worlds.uncertain_robot import BIAS_STD, DISC_STD_M, LOOK_STD, RADIUS_M
@@ -172,15 +172,13 @@ def measure_unknown(runs: int, others: int, seed: int, pool: Pool) -> None:
     table.note("planned: collisions at most 1 %, time at most 0.6 of constant 0.4 m/s")
 
 
-def main() -> None:
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__), pooled=True)
     runs = 30 if arguments.quick else 1500 if arguments.full else 300
     hidden, others = (20, 10) if arguments.quick else (1500, 150)
-    with open_pool(arguments) as pool:
-        measure_unknown(hidden, others, arguments.seed, pool)
+    measure_unknown(hidden, others, arguments.seed, pool)
     measure_known(runs, arguments.seed)
-    finish()
 
 
 if __name__ == "__main__":

@@ -15,13 +15,13 @@ from __future__ import annotations
 
 import os
 import time
+from argparse import Namespace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import cv2
 import numpy as np
 
-from benchmarks.harness import Table, finish, parse_arguments, verdict
+from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Memory, MotionLimits, Steering, Vision
@@ -43,15 +43,13 @@ FRAMES_A_ROUND, PERIOD_S = 60, 1 / 30
 SCHEDULE = Path("/proc/thread-self/schedstat")
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Run all parts."""
-    arguments = parse_arguments(__doc__ or "")
-    cv2.setNumThreads(0)
     rounds = 2 if arguments.quick else 24 if arguments.full else 8
     seconds = 6.0 if arguments.quick else 60.0
     measure_cost(rounds, arguments.seed)
     measure_replay(seconds, arguments.seed)
-    finish()
 
 
 def measure_cost(rounds: int, seed: int) -> None:

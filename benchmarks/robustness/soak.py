@@ -12,29 +12,29 @@ collector follows, after a collection. A run lasts 2 minutes (--quick: 20 s, --f
 
 from __future__ import annotations
 
+import benchmarks.one_thread  # noqa: F401 - before NumPy is loaded
+
+# isort: split
 import gc
 import os
 import time
+from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-# before NumPy is loaded
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ[_variable] = "1"
+import cv2
+import numpy as np
+import numpy.typing as npt
 
-import cv2  # noqa: E402
-import numpy as np  # noqa: E402
-import numpy.typing as npt  # noqa: E402
-
-from benchmarks.harness import Table, finish, parse_arguments, verdict  # noqa: E402
-from benchmarks.harness import columns as col  # noqa: E402
-from field_models import load_field  # noqa: E402
-from field_models.errors import FrameError  # noqa: E402
-from robocup_vision import Memory, MotionLimits, Pose2, Steering, Vision, draw, load_camera  # noqa: E402
-from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
-from sim2d.rendering.no_field import no_field_picture  # noqa: E402
-from sim2d.rendering.random_scenes import CONDITIONS, sample  # noqa: E402
+from benchmarks.harness import Table, program, verdict
+from benchmarks.harness import columns as col
+from field_models import load_field
+from field_models.errors import FrameError
+from robocup_vision import Memory, MotionLimits, Pose2, Steering, Vision, draw, load_camera
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.no_field import no_field_picture
+from sim2d.rendering.random_scenes import CONDITIONS, sample
 
 FRAME_S = 1 / 15
 RIGHT_FRAMES = 48
@@ -114,7 +114,6 @@ def frames_of(right: list[UInt8Array], size_px: tuple[int, int], seed: int) -> I
 
 def soak(minutes: float, seed: int) -> Soaked:
     """Run the loop."""
-    cv2.setNumThreads(0)
     pitch, camera = load_field("ssl_2001"), sekimori_camera()
     right = [one.frame for one in sample(pitch, camera, CONDITIONS["nominal"], seed, RIGHT_FRAMES, supersample=2)]
     mirror = Vision(pitch, camera, memory=Memory.of_everything(pitch))
@@ -159,9 +158,9 @@ def soak(minutes: float, seed: int) -> Soaked:
     return soaked
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
     minutes = 1 / 3 if arguments.quick else 30.0 if arguments.full else 2.0
     soaked = soak(minutes, arguments.seed)
     growth_mb, more = soaked.growth_mb(), soaked.more_objects()
@@ -175,7 +174,6 @@ def main() -> None:
     table.row("MB at the end", soaked.used_mb[-1], None, None)
     table.row("growth, MB", growth_mb, f"<= {MAX_GROWTH_MB:g}", verdict(grows))
     table.row("growth, objects", more, f"<= {MAX_OBJECTS}", verdict(follows))
-    finish()
 
 
 if __name__ == "__main__":

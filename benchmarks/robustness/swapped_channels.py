@@ -12,32 +12,31 @@ twenty; none: more than twenty). A white or black ball and white goals cannot te
 
 from __future__ import annotations
 
+import benchmarks.one_thread  # noqa: F401 - before NumPy is loaded
+
+# isort: split
 import math
-import os
+from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-# before NumPy is loaded
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ[_variable] = "1"
+import cv2
+import numpy as np
 
-import cv2  # noqa: E402
-import numpy as np  # noqa: E402
-
-from benchmarks.harness import Table, finish, parse_arguments, percent, verdict  # noqa: E402
-from benchmarks.harness import columns as col  # noqa: E402
-from benchmarks.scores.photograph_rows import REAL  # noqa: E402
-from field_models import Field, field_names, load_field  # noqa: E402
-from field_models.errors import RobocupVisionError  # noqa: E402
-from robocup_vision.arrays import UInt8Array  # noqa: E402
-from robocup_vision.camera import PinholeCamera, load_camera  # noqa: E402
-from robocup_vision.geometry import Pose2  # noqa: E402
-from robocup_vision.vision import Vision  # noqa: E402
-from sim2d.rendering.backdrop import Backdrop  # noqa: E402
-from sim2d.rendering.cameras import sekimori_camera  # noqa: E402
-from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal  # noqa: E402
-from sim2d.rendering.pinhole import render_pinhole  # noqa: E402
-from sim2d.rendering.random_scenes import CONDITIONS, sample  # noqa: E402
+from benchmarks.harness import Table, percent, program, verdict
+from benchmarks.harness import columns as col
+from benchmarks.scores.photograph_rows import REAL
+from field_models import Field, field_names, load_field
+from field_models.errors import RobocupVisionError
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera import PinholeCamera, load_camera
+from robocup_vision.geometry import Pose2
+from robocup_vision.vision import Vision
+from sim2d.rendering.backdrop import Backdrop
+from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
+from sim2d.rendering.pinhole import render_pinhole
+from sim2d.rendering.random_scenes import CONDITIONS, sample
 
 LIGHTS = ("nominal", "warm", "cold", "dark", "bad_day")
 RUN = 20
@@ -170,10 +169,9 @@ def photographed() -> Iterator[tuple[str, Vision, list[Picture]]]:
         yield f"photographs, {folder}", Vision(field, camera), [Picture(np.asarray(f, np.uint8), None) for f in usable]
 
 
-def main() -> None:
+@program()
+def main(arguments: Namespace) -> None:
     """Measure and print."""
-    arguments = parse_arguments(str(__doc__))
-    cv2.setNumThreads(1)
     count = 1 if arguments.quick else 20 if arguments.full else 6
     fields = field_names()[:: 3 if arguments.quick else 1]
     table = Table(
@@ -209,7 +207,6 @@ def main() -> None:
                 verdict(warnings == 0),
             )
     table.row("all", total, false, "0", None, None, None, verdict(false == 0))
-    finish()
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -89,7 +88,6 @@ def _built(build_map: Callable[[], Built]) -> Built:
 
 def render(job: tuple[Hall, str, list[Pose2], int, int, HallLight | None]) -> list[HallFrame]:
     """Render a part of a run: ("rig" or "one"), poses, seed, number of the first frame, light."""
-    cv2.setNumThreads(1)
     hall, kind, poses, seed, first, light = job
     cameras = (HALL_RIG.right, HALL_RIG.left, HALL_RIG.top) if kind == "rig" else (HALL_CAMERA,)
     return list(take(hall, cameras, poses, seed, first=first, light=light))

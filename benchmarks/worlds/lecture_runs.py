@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 
 from benchmarks.harness.pool import Pool
@@ -91,7 +90,6 @@ def make_lecture_runs(seed: int, moments: int, pool: Pool) -> LectureRuns:
 
 
 def _render(job: tuple[int, bool, int, int]) -> list[HallFrame]:
-    cv2.setNumThreads(1)
     seed, later, start, end = job
     hall, bustle = lecture(seed, later)
     poses: Sequence[Pose2] = way(MOMENTS, shift_m=ASIDE_M if later else 0.0)[start:end]

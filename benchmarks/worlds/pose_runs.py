@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from field_models import load_field
@@ -78,7 +77,6 @@ class Wanderer:
 
 def record(seed: int, run: int, seconds: float, *, kidnaps: bool) -> tuple[list[Step], list[tuple[float, str]]]:
     """Drive, look, and return the steps of robot 0, and when what was done to it (from a push's end)."""
-    cv2.setNumThreads(1)
     rng = np.random.default_rng([seed, run, int(kidnaps)])
     starts = [Pose2(-0.8 + 0.5 * k, (-1) ** k * 0.3, rng.uniform(-3.0, 3.0)) for k in range(4)]
     world = World.course(FIELD, (), starts, LIMITS, rng)

@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import render_pages
-from benchmarks.harness import Kind, Table, finish, judge, parse_arguments, percent, verdict
+from benchmarks.harness import Kind, Table, judge, percent, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.figures import FigureError, Figures, FigureTable, Row, cell_text, read_figures, write_figures
 from benchmarks.harness.markdown import page_programs, render_page
+from benchmarks.harness.report import finish, parse_arguments
 
 DOCSTRING = "What is measured.\n\nHow."
 
