@@ -34,7 +34,8 @@ from robocup_vision import Vision
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera import PinholeCamera, RollingShutter
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2, compose_covariance, wrap_angle
+from robocup_vision.evaluation.scoring import pose_error
+from robocup_vision.geometry import Pose2, compose_covariance
 from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.view import View
@@ -102,11 +103,10 @@ def track(what: Walk, pitch: Field, frames: list[WalkFrame], seed: int, into: Tr
         into.unit_s.append(unit_s(one.frame))
         if not isinstance(answer, FollowedCamera):
             continue
-        error = answer.estimate.pose.array - one.camera_pose.array
-        error[2] = wrap_angle(float(error[2]))
-        into.position_m.append(float(math.hypot(error[0], error[1])))
-        into.heading_rad.append(abs(float(error[2])))
-        into.nees.append(float(error @ np.linalg.solve(answer.estimate.covariance, error)))
+        error = pose_error(answer.estimate, one.camera_pose, symmetric=False)
+        into.position_m.append(error.position_m)
+        into.heading_rad.append(abs(error.theta_rad or 0.0))
+        into.nees.append(error.nees or 0.0)
         pose = answer.estimate.pose.compose(Pose2(0.0, 0.0, -one.pan_rad))
         covariance = answer.estimate.covariance
 

@@ -13,7 +13,6 @@ ms. The match: 5 robots a side with four fisheyes of 200 x 152 each, processor t
 from __future__ import annotations
 
 import math
-import time
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -23,11 +22,14 @@ import numpy as np
 from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed, unit_s
+from benchmarks.scores.match_score import play
+from benchmarks.worlds.near_truth import Bound
 from field_models import load_field
 from robocup_vision import Rig, Vision
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import FisheyeCamera
 from robocup_vision.estimates import PoseEstimate
+from robocup_vision.evaluation.scoring import pose_error
 from robocup_vision.geometry import Pose2
 from robocup_vision.view import View
 from sim2d.match.arena import Arena
@@ -102,9 +104,7 @@ class Followed:
             return
         self.errors_m.append(view.pose.pose.error_to(truth)[0])
         told = view.pose if view.measurement is None else view.measurement
-        error = told.pose.array - truth.array
-        error[2] = math.remainder(error[2], math.tau)
-        self.nees.append(float(error @ np.linalg.solve(told.covariance, error)))
+        self.nees.append(pose_error(told, truth, symmetric=False).nees or 0.0)
 
 
 def walk(start: Pose2, count: int) -> list[Pose2]:
@@ -180,21 +180,6 @@ def find(rig: Rig, seed: int, count: int) -> dict[str, list[float]]:
     return errors
 
 
-def play(seed: int, seconds: float) -> tuple[float, float, int]:
-    """Play a match; return the share of robots' moments within 5 cm, processor seconds a second, stopped players."""
-    match = MatchPlan(field="msl_18x12", camera="msl_fisheyes", seconds=seconds, seed=seed).begin()
-    within: list[bool] = []
-    stopped: set[int] = set()
-    start = time.process_time()
-    for moment in match.play(seconds):
-        for truth, robot in zip(moment.state.robots, moment.robots, strict=True):
-            pose = robot.status.pose
-            within.append(isinstance(pose, PoseEstimate) and pose.pose.error_to(truth.pose)[0] < 0.05)
-            if robot.stopped:
-                stopped.add(truth.index)
-    return float(np.mean(within)), (time.process_time() - start) / seconds, len(stopped)
-
-
 @program()
 def main(arguments: Namespace) -> None:
     """Measure and print."""
@@ -241,7 +226,9 @@ def main(arguments: Namespace) -> None:
         wrong = sum(error > WRONG_M for error in errors)
         median = f"{1e3 * np.median(errors):.1f}" if errors else "-"
         table.row(name, f"{len(errors)}/{places}", str(wrong), median)
-    within, cost, stopped = play(arguments.seed, seconds)
+    plan = MatchPlan("msl_18x12", camera="msl_fisheyes", seconds=seconds, seed=arguments.seed)
+    played = play(plan, Bound(0.05, math.inf))
+    within, cost, stopped = played.near / played.periods, played.spent_s / seconds, played.stopped
     is_well = within >= MIN_WITHIN and cost <= 2.0 and not stopped
     match_columns = (
         "match of 5 a side",

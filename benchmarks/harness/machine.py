@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
@@ -18,6 +19,15 @@ def machine() -> str:
 def versions() -> dict[str, str]:
     """Version of Python and of the packages that do the arithmetic."""
     return {"Python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}}
+
+
+def resident_mb(process: int | str = "self") -> float:
+    """Return what a process, this one unless named, holds in memory; NaN where the system does not tell."""
+    try:
+        pages = int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return math.nan
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def describe(machine: str, versions: dict[str, str]) -> str:

@@ -21,11 +21,11 @@ import subprocess
 import sys
 import time
 from argparse import Namespace
-from pathlib import Path
 
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
+from benchmarks.harness.machine import resident_mb
 from field_models import load_field
 from robocup_vision import Vision
 from robocup_vision.live import FeedSettings, Viewer
@@ -127,19 +127,11 @@ def measure_memory(count: int, seed: int) -> None:
             viewer.wait()
             if number in (count // 3, count - 1):
                 sizes["page"].append(resident_mb(viewer.process_id))
-                sizes["robot"].append(resident_mb(os.getpid()))
+                sizes["robot"].append(resident_mb())
     table = Table(("process", "frames", "MB", "grew by MB", "target", "verdict"), "Memory", name="memory")
     for name, (before, after) in sizes.items():
         ok = after - before <= MAX_GROWTH_MB
         table.row(name, count, round(after, 1), round(after - before, 2), f"<= {MAX_GROWTH_MB:g}", verdict(ok))
-
-
-def resident_mb(process: int) -> float:
-    """Return a process's resident memory."""
-    for line in Path(f"/proc/{process}/status").read_text(encoding="ascii").splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) / 1024
-    raise AssertionError("the system tells no resident memory")
 
 
 @program()

@@ -9,37 +9,20 @@ matches are what `robocup-vision match --field four_legged_2007 --disturb NAME` 
 
 from __future__ import annotations
 
-import math
 from argparse import Namespace
-from time import process_time
 
 from benchmarks.harness import Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.worlds.failed_players import COLUMN, count_failed
+from benchmarks.scores.match_score import Played, play
+from benchmarks.worlds.failed_players import COLUMN
+from benchmarks.worlds.near_truth import BOUNDS
 from sim2d.match.disturbances import LEGS, NONE, Disturbances
 from sim2d.match.run import MatchPlan
 
 # (matches, seconds each)
 QUICK, DEFAULT, FULL = (1, 2.0), (2, 10.0), (40, 60.0)
-NEAR_M, NEAR_RAD = 0.10, math.radians(5.0)
+FIELD = "four_legged_2007"
 MIN_NEAR, MAX_LOST_S = 0.97, 0.7
-
-
-def play(plan: MatchPlan) -> tuple[int, int, float, float, int]:
-    """Play a match; return near periods, all periods, longest time lost, processor seconds, and failed players."""
-    match = plan.begin()
-    began = process_time()
-    near = periods = 0
-    for moment in match.play(plan.seconds):
-        for robot, truth in zip(moment.robots, moment.state.robots, strict=True):
-            periods += 1
-            if robot.status.pose:
-                away_m, turned_rad = robot.status.pose.pose.error_to(truth.pose)
-                near += away_m < NEAR_M and turned_rad < NEAR_RAD
-    spent = process_time() - began
-    figures = match.figures
-    lost_s = max(robot.longest_lost_s for robot in figures.robots)
-    return near, periods, lost_s, spent, count_failed(figures)
 
 
 @program()
@@ -65,19 +48,17 @@ def main(arguments: Namespace) -> None:
         samples=round(matches * seconds * 4),
     )
     for name, disturbances in rows.items():
-        played = [
-            play(MatchPlan("four_legged_2007", 2, seconds, arguments.seed + index, disturbances=disturbances))
-            for index in range(matches)
+        plans = [
+            MatchPlan(FIELD, 2, seconds, arguments.seed + index, disturbances=disturbances) for index in range(matches)
         ]
-        near = sum(one[0] for one in played) / sum(one[1] for one in played)
-        lost_s = max(one[2] for one in played)
-        failed = sum(one[4] for one in played)
+        played = Played.together([play(plan, BOUNDS[FIELD]) for plan in plans])
+        near, lost_s, failed = played.near / played.periods, played.lost_s, played.stopped
         ok = near >= MIN_NEAR and lost_s <= MAX_LOST_S and not failed
         table.row(
             name,
             percent(near),
             lost_s,
-            f"{matches * seconds / sum(one[3] for one in played):.2f}",
+            f"{matches * seconds / played.spent_s:.2f}",
             failed,
             verdict(ok),
         )

@@ -15,31 +15,25 @@ run that was interrupted goes on from there, as long as no source of library and
 
 from __future__ import annotations
 
-import math
 import sys
 from argparse import Namespace
-from collections import deque
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from time import process_time
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
 from benchmarks.harness.programs import sources_digest
-from benchmarks.worlds.failed_players import COLUMN, count_failed
+from benchmarks.scores.match_score import Played, play
+from benchmarks.worlds.failed_players import COLUMN
 from benchmarks.worlds.near_truth import BOUNDS
 from robocup_vision.files.resume_file import ResumeFile
 from sim2d.match.run import MatchPlan
-from sim2d.robot_link import CONTROL_PERIOD_S
-from sim2d.world.state import Moment
 
 # (matches of each row, seconds each)
 QUICK, DEFAULT, FULL = (1, 1.0), (4, 10.0), (40, 60.0)
-SETTLED_S = 2.0
-KNOWN_M, STANDS_M, STANDS_S = 0.20, 0.05, 3.0
 
 
 @dataclass(frozen=True)
@@ -63,33 +57,6 @@ CASES = (
 )
 
 
-@dataclass
-class Played:
-    """What is counted over a match, or the matches of a case."""
-
-    periods: int = 0
-    near: int = 0
-    settled: int = 0
-    right_half: int = 0
-    lost_s: float = 0.0
-    goals: int = 0
-    contacts: int = 0
-    in_play: int = 0
-    knows_ball: int = 0
-    could_move: int = 0
-    stands: int = 0
-    stopped: int = 0
-    seconds: float = 0.0
-    spent_s: float = 0.0
-
-    @classmethod
-    def together(cls, parts: Sequence[Played]) -> Played:
-        """Add up the counts of matches; the longest time lost is that of any."""
-        total = cls(**{f.name: sum(getattr(part, f.name) for part in parts) for f in fields(cls)})
-        total.lost_s = max(part.lost_s for part in parts)
-        return total
-
-
 @dataclass(frozen=True)
 class Piece:
     """A match to play."""
@@ -99,68 +66,23 @@ class Piece:
     seed: int
 
 
-@dataclass
-class Moves:
-    """Where a robot was in the last seconds of play."""
-
-    places: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=round(STANDS_S / CONTROL_PERIOD_S)))
-
-    def update(self, moment: Moment, index: int, played: Played) -> None:
-        """Count whether a robot knows the ball, and whether it stands."""
-        state = moment.state
-        if state.phase != "play" or state.ball is None:
-            self.places.clear()
-            return
-        truth, known = state.robots[index], moment.robots[index].status.ball_in_field
-        place = (truth.pose.x_m, truth.pose.y_m)
-        played.in_play += 1
-        played.knows_ball += known is not None and math.dist(known, (state.ball.x_m, state.ball.y_m)) < KNOWN_M
-        if len(self.places) == self.places.maxlen and truth.number > 0:
-            played.could_move += 1
-            played.stands += math.dist(self.places[0], place) < STANDS_M
-        self.places.append(place)
+def plan_of(case: Case, seconds: float, seed: int) -> MatchPlan:
+    """Return a match of a case."""
+    return MatchPlan(case.field, seconds=seconds, seed=seed, camera=case.camera)
 
 
 @cache
 def prepare(case: Case) -> None:
     """Play a moment, which compiles and loads what the matches of a field need: it is not timed."""
-    play(case, 0.1, 0)
+    play(plan_of(case, 0.1, 0), BOUNDS[case.field])
 
 
 def play_piece(piece: Piece) -> Played:
     """Play a match in this process, and say on stderr how it was."""
     prepare(piece.case)
-    played = play(piece.case, piece.seconds, piece.seed)
+    played = play(plan_of(piece.case, piece.seconds, piece.seed), BOUNDS[piece.case.field])
     near = percent(played.near / played.periods)
     print(f"{piece.case.name}, seed {piece.seed}: near {near} %, lost {played.lost_s:.2f} s", file=sys.stderr)
-    return played
-
-
-def play(case: Case, seconds: float, seed: int) -> Played:
-    """Play a match, and count."""
-    played = Played()
-    match = MatchPlan(case.field, seconds=seconds, seed=seed, camera=case.camera).begin()
-    lost_s = [0.0] * len(match.arena.state.robots)
-    moves = [Moves() for _ in lost_s]
-    bound = BOUNDS[case.field]
-    began = process_time()
-    for moment in match.play(seconds):
-        for index, (robot, truth) in enumerate(zip(moment.robots, moment.state.robots, strict=True)):
-            played.periods += 1
-            moves[index].update(moment, index, played)
-            pose = robot.status.pose.pose if robot.status.pose else None
-            is_near = bound.holds(pose, truth.pose)
-            if pose and moment.state.t_s > SETTLED_S:
-                played.settled += 1
-                played.right_half += sum(pose.error_to(truth.pose)) < sum(pose.half_turn().error_to(truth.pose))
-            played.near += is_near
-            lost_s[index] = 0.0 if is_near else lost_s[index] + CONTROL_PERIOD_S
-            played.lost_s = max(played.lost_s, lost_s[index])
-    played.spent_s = process_time() - began
-    played.seconds = match.figures.seconds
-    played.goals = sum(match.figures.score)
-    played.contacts = sum(robot.collisions for robot in match.figures.robots)
-    played.stopped = count_failed(match.figures)
     return played
 
 

@@ -14,14 +14,13 @@ have faults of their own.
 from __future__ import annotations
 
 import math
-import os
 from argparse import Namespace
-from pathlib import Path
 
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.machine import resident_mb
 from robocup_vision.geometry import Pose2
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches, play_plan
@@ -164,10 +163,10 @@ def soak(seed: int, seconds: float) -> None:
     warm_s = max(seconds / 20, 10.0)
     for _ in match.play(warm_s):
         pass
-    before = _memory_mb()
+    before = resident_mb()
     for _ in match.play(seconds - warm_s):
         pass
-    after = _memory_mb()
+    after = resident_mb()
     figures = match.figures
     growth = after / before - 1
     near = min(robot.within_5cm_3deg for robot in figures.robots)
@@ -191,18 +190,13 @@ def soak(seed: int, seconds: float) -> None:
     )
 
 
-def _memory_mb() -> float:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
-
-
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
     matches, seconds, faulty, soak_s = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     judge_matches(arguments.seed, matches, seconds, pool)
     judge_faults(arguments.seed, faulty, pool)
-    if Path("/proc/self/statm").exists():
+    if math.isfinite(resident_mb()):
         soak(arguments.seed, soak_s)
 
 

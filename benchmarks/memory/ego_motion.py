@@ -28,6 +28,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.mapping import EgoMotion, EgoMotionSettings
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera
+from sim2d.rendering.scene import Robot, Scene
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
 from sim2d.world.world import World
@@ -40,6 +41,7 @@ except ImportError:
 FIELD, CAMERA, LIMITS = load_field("ssl_2001"), sekimori_camera(), RobotLimits()
 MOVERS, OWN_MPS, MOVERS_MPS = 6, 0.5, (0.2, 1.0)
 DIRECTIONS, NOISE_PX = 256, 0.25
+BEARING_RAD = np.arange(DIRECTIONS) * (math.tau / DIRECTIONS)
 # of the floor's edge in rendered images, as measured against the truth on other drives
 EDGE_PX = 0.16
 # profiles end beyond this range
@@ -74,24 +76,6 @@ class Result:
     error: tuple[float, float] = (math.nan, math.nan)
     nees: list[float] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
-
-
-def nearest_m(discs: FloatArray, pose: Pose2) -> FloatArray:
-    """Range of the nearest wall or robot in each of 256 directions."""
-    angle = pose.theta_rad + np.arange(DIRECTIONS) * (math.tau / DIRECTIONS)
-    ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    at = pose.array[:2]
-    walls = FIELD.walls.reshape(-1, 2, 2)
-    start, along = walls[:, 0] - at, walls[:, 1] - walls[:, 0]
-    cross = ray[:, None, 0] * along[:, 1] - ray[:, None, 1] * along[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        away = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
-        fraction = (start[:, 0] * ray[:, None, 1] - start[:, 1] * ray[:, None, 0]) / cross
-    to_wall = np.where((away > 0) & (fraction >= 0) & (fraction <= 1), away, np.inf).min(axis=1)
-    toward = ray @ (discs - at).T
-    root = toward**2 - (np.sum((discs - at) ** 2, axis=1) - LIMITS.radius_m**2)
-    to_disc = np.where((root > 0) & (toward > 0), toward - np.sqrt(np.maximum(root, 0.0)), np.inf).min(axis=1)
-    return np.asarray(np.minimum(to_wall, to_disc))
 
 
 class Wanderer:
@@ -134,7 +118,8 @@ def drive(seed: Sequence[int], periods: int) -> list[Frame]:
         state = world.state
         poses = [robot.pose for robot in state.robots]
         xy = np.array([pose.array[:2] for pose in poses])
-        exact = CAMERA.floor_range.radius_px(1.0 / nearest_m(xy[1:], poses[0]))
+        scene = Scene(FIELD, robots=tuple(Robot(x, y, LIMITS.radius_m) for x, y in xy[1:].tolist()))
+        exact = CAMERA.floor_range.radius_px(1.0 / scene.free_range_m(poses[0], BEARING_RAD))
         view = vision.look(eye.render(state, 0), state.t_s)
         radius = {WORLD: exact + rng.normal(0.0, NOISE_PX, DIRECTIONS), CHAIN: view.boundary_radius_px.copy()}
         frames.append(Frame(poses[0], world.odometry(0), radius))

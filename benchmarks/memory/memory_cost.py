@@ -10,16 +10,16 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Iterator
-from time import thread_time
+from functools import partial
 
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.timing import timed
 from benchmarks.worlds.crowd import moves
 from field_models import load_field
-from robocup_vision import Memory, Pose2, Vision
-from robocup_vision.arrays import UInt8Array
+from robocup_vision import Memory, Vision
 from robocup_vision.mapping import ViewMotion
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.robot_link import RobotLimits
@@ -50,18 +50,11 @@ def costs_ms(count: int, seed: int) -> tuple[float, dict[str, float]]:
     added: dict[str, list[float]] = {name: [] for name in visions}
     for world in moves(FIELD, limits, 4, count, rng):
         frame, odometry = eye.render(world.state, 0), world.odometry(0)
-        alone.append(look_s(bare, frame, world.t_s, odometry))
+        alone.append(timed(partial(bare.look, frame, world.t_s, odometry))[1])
         for name, vision in visions.items():
-            added[name].append(look_s(vision, frame, world.t_s, odometry) - alone[-1])
+            added[name].append(timed(partial(vision.look, frame, world.t_s, odometry))[1] - alone[-1])
     medians = {name: 1e3 * float(np.median(seconds[FIRST:])) for name, seconds in added.items()}
     return 1e3 * float(np.median(alone[FIRST:])), medians
-
-
-def look_s(vision: Vision, frame: UInt8Array, t_s: float, odometry: Pose2) -> float:
-    """Processor time of one look."""
-    begin = thread_time()
-    vision.look(frame, t_s, odometry)
-    return thread_time() - begin
 
 
 @program()

@@ -86,15 +86,12 @@ def profiles(frame: SensorFrame) -> tuple[tuple[str, RangeProfile], ...]:
 
 def in_sight(frame: SensorFrame, centers_m: FloatArray, reach_m: float) -> tuple[BoolArray, BoolArray]:
     """Cells within reach, and those of them in the robot's line of sight."""
-    scene, pose = frame.scene, frame.pose
-    if scene.ball is not None:
-        ball = scene.ball
-        scene = dataclasses.replace(scene, robots=(*scene.robots, Robot(ball.x_m, ball.y_m, ball.radius_m)))
+    pose = frame.pose
     offset = centers_m - (pose.x_m, pose.y_m)
     away = np.hypot(offset[..., 0], offset[..., 1])
     bearing = np.arctan2(offset[..., 1], offset[..., 0]) - pose.theta_rad
-    free_m = scene.free_range_m(pose, bearing.ravel()).reshape(away.shape)
-    return away < reach_m, (away < np.minimum(free_m, reach_m)) & (away > scene.field.robot_radius_m)
+    free_m = true_ranges(frame, bearing.ravel()).reshape(away.shape)
+    return away < reach_m, (away < np.minimum(free_m, reach_m)) & (away > frame.scene.field.robot_radius_m)
 
 
 def glaring(frame: SensorFrame, centers_m: FloatArray) -> BoolArray:

@@ -36,7 +36,7 @@ import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
-from benchmarks.peers.pose_followers import HAS_FILTERPY, Ekf, Follower, Single, pose_difference
+from benchmarks.peers.pose_followers import HAS_FILTERPY, Ekf, Follower, Single
 from benchmarks.worlds.pose_runs import (
     KIDNAP_EVERY_S,
     KINDS,
@@ -51,6 +51,7 @@ from benchmarks.worlds.pose_runs import (
 )
 from robocup_vision import NotLocated, PoseEstimate
 from robocup_vision.arrays import FloatArray
+from robocup_vision.evaluation.scoring import pose_error
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.filter.pose_filter import FrameErrors, PoseFilter
 
@@ -141,11 +142,11 @@ def judge(steps: list[Step], beliefs: list[PoseEstimate | NotLocated]) -> Tally:
         if not isinstance(belief, PoseEstimate):
             tally.lost += 1
             continue
-        error = pose_difference(belief.pose.array, step.truth.array)
+        error = pose_error(belief, step.truth, symmetric=False)
         tally.moments += 1
-        tally.squares_m2 += float(error[:2] @ error[:2])
-        tally.squares_rad2 += float(error[2] ** 2)
-        nees.append(float(error @ np.linalg.solve(belief.covariance, error)))
+        tally.squares_m2 += error.position_m**2
+        tally.squares_rad2 += (error.theta_rad or 0.0) ** 2
+        nees.append(error.nees)
         turned = belief.pose.half_turn()
         flipped |= sum(turned.error_to(step.truth)) < sum(belief.pose.error_to(step.truth))
     tally.flips, tally.nees = int(flipped), [np.array(nees)]

@@ -31,7 +31,6 @@ from robocup_vision import Vision
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
 from robocup_vision.camera import Hyperboloid, OmniCamera
-from robocup_vision.evaluation.dataset import Truth
 from robocup_vision.evaluation.scoring import pose_error
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera
@@ -96,7 +95,7 @@ def errors(vision: Vision, frames: list[tuple[UInt8Array, Pose2]]) -> npt.NDArra
         vision.forget()
         estimate = vision.look(frame).pose
         if estimate:
-            error = pose_error(estimate, Truth(pose.x_m, pose.y_m, pose.theta_rad), symmetric=True)
+            error = pose_error(estimate, pose, symmetric=True)
             rows.append([1e3 * error.x_m, 1e3 * error.y_m, math.degrees(error.theta_rad or 0.0)])
     return np.array(rows).reshape(-1, 3)
 

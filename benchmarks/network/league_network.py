@@ -25,13 +25,13 @@ import time
 from argparse import Namespace
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.machine import resident_mb
 from benchmarks.worlds.damaged_messages import damaged_messages
 from field_models import load_field
 from field_models.errors import PacketError
@@ -194,9 +194,11 @@ def measure_soak(seconds: float, robots: int) -> None:
     """Print whether a long run grows or drifts."""
     made = LeagueSimulator(FIELD, robots, REALISMS["rc2021"])
     run(made, 0.25 * seconds, robots)
-    before_kb = resident_kb()
+    gc.collect()
+    before_mb = resident_mb()
     run(made, 0.75 * seconds, robots)
-    grown_kb = resident_kb() - before_kb
+    gc.collect()
+    grown_kb = 1e6 * (resident_mb() - before_mb) / 1024
     # what a frame says of its time, against the number of exposures so far
     newest = next(
         value.detection
@@ -210,13 +212,6 @@ def measure_soak(seconds: float, robots: int) -> None:
     table = Table(columns, f"A long run, {robots} against {robots} on rc2021", name="soak")
     target = f"< {MAX_GROWTH_KB:g}, < {MAX_DRIFT_S:g}"
     table.row(f"{seconds / 3600:.2f} h", round(grown_kb), f"{drift_s:.1e}", target, verdict(ok))
-
-
-def resident_kb() -> float:
-    """Return how much memory this process holds."""
-    gc.collect()
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1024
 
 
 def measure_tracker(seconds: float, seed: int) -> None:

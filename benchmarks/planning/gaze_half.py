@@ -9,34 +9,28 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness import columns as col
+from benchmarks.worlds.walking_dog import CAMERA, FIELD, TRACK_STD_M, TRACKED_RATIO
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.belief import Hypothesis
-from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.planning.gaze.goal_question import GoalQuestion, GoalQuestionSettings, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
-from sim2d.match.setups import camera_for
 from sim2d.rendering.pinhole import COARSE, render_pinhole
 from sim2d.sensors.goal_evidence import draw_scene
 from sim2d.sensors.match_camera import MATCH_SENSOR
 
-FIELD = load_field("four_legged_2007")
-HEAD_CAMERA = camera_for(FIELD)
-assert isinstance(HEAD_CAMERA, PinholeCamera)
-CAMERA = replace(HEAD_CAMERA, pan_rad=0.0)
 # who does not know the half turns on the spot to find out: head and body reach all round
 NECK = Neck(limit_rad=math.pi)
 STD = np.array([0.15, 0.15, 0.08])
-TRACKED_RATIO, TRACK_STD_M = 0.8, 0.08
 MAX_LOOKS = 9
 # a sweep's stops overlap by a third of the view, so that a goal is whole in one of them
 STOPS = np.linspace(-math.pi, math.pi, 10)[:-1]

@@ -16,7 +16,6 @@ import benchmarks.one_thread  # noqa: F401 - before NumPy is loaded
 
 # isort: split
 import gc
-import os
 import time
 from argparse import Namespace
 from collections.abc import Iterator
@@ -29,6 +28,7 @@ import numpy.typing as npt
 
 from benchmarks.harness import Table, program, verdict
 from benchmarks.harness import columns as col
+from benchmarks.harness.machine import resident_mb
 from field_models import load_field
 from field_models.errors import FrameError
 from robocup_vision import Memory, MotionLimits, Pose2, Steering, Vision, draw, load_camera
@@ -67,17 +67,6 @@ class Soaked:
     def more_objects(self) -> int:
         """Objects at the end less those a fifth after the start."""
         return self.objects[-1] - self.objects[len(self.objects) // 5]
-
-
-def used_mb() -> float:
-    """Return what this process holds in memory (Linux), else the most that it has held."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    except OSError:
-        import resource
-
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def wrong_frame(size_px: tuple[int, int], index: int) -> object:
@@ -147,7 +136,7 @@ def soak(minutes: float, seed: int) -> Soaked:
         if now_s >= next_read_s:
             next_read_s = now_s + 1.0
             soaked.seconds.append(now_s)
-            soaked.used_mb.append(used_mb())
+            soaked.used_mb.append(resident_mb())
             if len(soaked.seconds) % 5 == 1:
                 gc.collect()
                 soaked.objects.append(len(gc.get_objects()))

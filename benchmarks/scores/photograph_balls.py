@@ -12,14 +12,18 @@ cameras are those of the photographs, and two of the project's own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from benchmarks.scores.photograph_rows import (
+    ONBOARD,
     REAL,
     PhotographRow,
+    looks,
+    needs,
     photographs,
     photographs_of_other_things,
     table_of,
@@ -73,10 +77,9 @@ RIM_PX = 2.0
 MIN_ALONE, MIN_SEQUENCE, MIN_PRECISION, MAX_FALSE = 0.90, 0.96, 0.98, 1 / 200
 
 
-def onboard_sequence(*, alone: bool) -> PhotographRow | None:
+@needs("ball_onboard")
+def onboard_sequence(*, alone: bool) -> PhotographRow:
     """Measure the small-size robot's camera with a teal cast."""
-    if not (REAL / "ball_onboard").is_dir():
-        return None
     boxes: dict[str, list[list[float]]] = {}
     for row in table_of("ball_onboard", "boxes.csv"):
         if row["class"] == "ball":
@@ -121,28 +124,20 @@ def continued(box: list[float], width_px: int) -> list[float]:
     return [x0, y0, x1, y1]
 
 
-def before_boards() -> PhotographRow | None:
+@needs(*ONBOARD)
+def before_boards() -> PhotographRow:
     """Measure a small-size robot's camera before black boards."""
-    folders = ("onboard_ssl_more", "onboard_ssl")
-    if not all((REAL / folder).is_dir() for folder in folders):
-        return None
     marked = dict(ONBOARD_BALLS)
     for row in table_of("onboard_ssl_more", "balls.csv"):
         marked[row["image"]] = (float(row["u_px"]), float(row["v_px"]))
     where = REAL / "onboard_ssl_more"
     vision = Vision(load_field(where / "field.toml"), load_camera(where / "camera.toml"))
     hits = false = 0
-    for folder in folders:
-        for name, frame in photographs(folder):
-            vision.forget()
-            view = vision.look(frame)
-            reach = NEAR_PX if name == NEAR_BALL else HIT_PX
-            near = [
-                name in marked and np.hypot(ball.u_px - marked[name][0], ball.v_px - marked[name][1]) <= reach
-                for ball in view.balls
-            ]
-            hits += bool(near and near[0])
-            false += near.count(False)
+    for look in looks(vision, chain.from_iterable(map(photographs, ONBOARD))):
+        reach, place = NEAR_PX if look.name == NEAR_BALL else HIT_PX, marked.get(look.name, (math.inf, math.inf))
+        near = [math.dist((ball.u_px, ball.v_px), place) <= reach for ball in look.view.balls]
+        hits += bool(near and near[0])
+        false += near.count(False)
     return PhotographRow(
         "before black boards",
         f"{hits}/{len(marked)}, {false} false",
@@ -151,17 +146,15 @@ def before_boards() -> PhotographRow | None:
     )
 
 
-def patterned() -> PhotographRow | None:
+@needs("goal_spl")
+def patterned() -> PhotographRow:
     """Look for balls with dark patches by the head camera of a Nao, whose tilt is not known."""
-    if not (REAL / "goal_spl").is_dir():
-        return None
     vision = Vision(load_field("spl_2020"), load_camera(REAL / "goal_spl" / "camera.toml"))
     nearest = hits = false = 0
-    for name, frame in photographs("goal_spl"):
-        vision.forget()
-        marked = np.array(PATTERNED_BALLS[name], dtype=np.float64)
+    for look in looks(vision, photographs("goal_spl")):
+        marked = np.array(PATTERNED_BALLS[look.name], dtype=np.float64)
         found = set()
-        for ball in vision.look(frame).balls:
+        for ball in look.view.balls:
             off = np.hypot(marked[:, 0] - ball.u_px, marked[:, 1] - ball.v_px) - 0.6 * marked[:, 2] - 2.0
             if off.min() > 0:
                 false += 1
@@ -179,27 +172,23 @@ def patterned() -> PhotographRow | None:
     )
 
 
-def patterned_in_other_things() -> PhotographRow | None:
+@needs("negatives", "goal_spl")
+def patterned_in_other_things() -> PhotographRow:
     """Count the patterned balls seen in photographs of other things."""
-    if not all((REAL / folder).is_dir() for folder in ("negatives", "goal_spl")):
-        return None
     field, camera = load_field("spl_2020"), load_camera(REAL / "goal_spl" / "camera.toml")
     assert isinstance(camera, PinholeCamera)
     finder = BallFinder(field, camera)
-    looks = false = 0
-    for frame in photographs_of_other_things(camera.size_px):
-        for held in (camera, camera.with_orientation(0.0, -0.2, 0.0)):
-            false += bool(finder.find(BallFrame(frame, held)))
-            looks += 1
-    return PhotographRow(
-        "patterned, other things", f"{false}/{looks} show a ball", "<= 1/200", false <= MAX_FALSE * looks
-    )
+    false = [
+        bool(finder.find(BallFrame(frame, held)))
+        for frame in photographs_of_other_things(camera.size_px)
+        for held in (camera, camera.with_orientation(0.0, -0.2, 0.0))
+    ]
+    return _false_row("patterned, other things", false)
 
 
-def noisy_mirrors() -> PhotographRow | None:
+@needs(*(folder for folder, *_ in MIRROR_BALLS))
+def noisy_mirrors() -> PhotographRow:
     """Measure yellow and orange middle-size balls in mirrors."""
-    if not all((REAL / folder).is_dir() for folder, *_ in MIRROR_BALLS):
-        return None
     hits = 0
     for folder, image, camera, color, (u, v) in MIRROR_BALLS:
         field = replace(load_field("msl_6x4"), ball_color=color)
@@ -211,18 +200,19 @@ def noisy_mirrors() -> PhotographRow | None:
     )
 
 
-def other_things() -> PhotographRow | None:
+@needs("negatives", "onboard_ssl_more")
+def other_things() -> PhotographRow:
     """Count the balls seen in photographs of other things, by mirror and pinhole cameras."""
-    if not all((REAL / folder).is_dir() for folder in ("negatives", "onboard_ssl_more")):
-        return None
-    looks = false = 0
+    false = []
     for field, camera in _cameras():
-        vision = Vision(field, camera)
-        for frame in photographs_of_other_things(camera.size_px):
-            vision.forget()
-            false += bool(vision.look(frame).balls)
-            looks += 1
-    return PhotographRow("other things", f"{false}/{looks} show a ball", "<= 1/200", false <= MAX_FALSE * looks)
+        others = (("", frame) for frame in photographs_of_other_things(camera.size_px))
+        false += [bool(look.view.balls) for look in looks(Vision(field, camera), others)]
+    return _false_row("other things", false)
+
+
+def _false_row(name: str, false: list[bool]) -> PhotographRow:
+    found = sum(false)
+    return PhotographRow(name, f"{found}/{len(false)} show a ball", "<= 1/200", found <= MAX_FALSE * len(false))
 
 
 def _cameras() -> list[tuple[Field, OmniCamera | PinholeCamera]]:
@@ -237,7 +227,7 @@ def _cameras() -> list[tuple[Field, OmniCamera | PinholeCamera]]:
     return found + [(load_field(folder / "field.toml"), load_camera(folder / "camera.toml")) for folder in forward]
 
 
-ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
+ROWS = (
     lambda: onboard_sequence(alone=True),
     lambda: onboard_sequence(alone=False),
     before_boards,

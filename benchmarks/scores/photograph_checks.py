@@ -7,12 +7,11 @@ has given the wrong folder. The folders of photographs of a field are those of `
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 
-from benchmarks.scores.photograph_rows import REAL, PhotographRow, photographs_of_other_things
+from benchmarks.scores.photograph_rows import REAL, PhotographRow, needs, photographs_of_other_things
 from robocup_vision import load_camera
 from robocup_vision.calibration.check import check_dataset
 from robocup_vision.camera import save_camera
@@ -38,10 +37,9 @@ def _own_field(folder: str, field: str | None) -> str:
     return field or str(REAL / folder / "field.toml")
 
 
-def other_things() -> PhotographRow | None:
+@needs("negatives")
+def other_things() -> PhotographRow:
     """Check the photographs of other things by four cameras."""
-    if not (REAL / "negatives").is_dir():
-        return None
     said = []
     with tempfile.TemporaryDirectory() as name:
         walled = Path(name) / "walled.toml"
@@ -64,10 +62,9 @@ def other_things() -> PhotographRow | None:
     return PhotographRow("check, other things", f"said by {sum(said)} of {len(said)} cameras", "all", all(said))
 
 
-def fields() -> PhotographRow | None:
+@needs("omni_msl_lab")
+def fields() -> PhotographRow:
     """Check the photographs of a field."""
-    if not (REAL / "omni_msl_lab").is_dir():
-        return None
     said = [
         _says_so(
             load_dataset(
@@ -79,4 +76,4 @@ def fields() -> PhotographRow | None:
     return PhotographRow("check, fields", f"said of {sum(said)} of {len(said)} folders", "none", not any(said))
 
 
-ROWS: tuple[Callable[[], PhotographRow | None], ...] = (other_things, fields)
+ROWS = (other_things, fields)

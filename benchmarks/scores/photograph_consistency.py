@@ -17,16 +17,19 @@ omni_msl_table: a joint fit that agrees with steps that were measured to 0.02 m;
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 
+from benchmarks.harness import DEFAULT_SEED
 from benchmarks.scores.photograph_rows import (
-    ONBOARD_FIELD,
     REAL,
+    Look,
     PhotographRow,
-    drawn_prior,
     known_poses,
+    looks,
+    needs,
+    onboard_looks,
     photographs,
     table_of,
 )
@@ -35,7 +38,6 @@ from robocup_vision import PoseEstimate, Vision, load_camera
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
 
-SEED = 20010305
 PRIORS = 6
 # covariances of references: x, y (m), heading (rad)
 FRAME_S = 1 / 30
@@ -72,41 +74,31 @@ def _row(name: str, found: list[tuple[float, float]], unknowns: int) -> Photogra
     return PhotographRow(name, measured, target, bool(both.mean() <= high and alone.mean() >= low))
 
 
-def _forward_looks() -> Iterator[tuple[PoseEstimate, Pose2]]:
-    """Yield what the small-size robot's camera says with priors, where it says something, and the known pose."""
-    rng = np.random.default_rng(SEED)
-    for folder in ("onboard_ssl", "onboard_ssl_more"):
-        truths = known_poses(folder)
-        vision = Vision(load_field(ONBOARD_FIELD), load_camera(REAL / folder / "camera.toml"))
-        for name, frame in photographs(folder):
-            for _ in range(PRIORS if name in truths else 0):
-                vision.forget()
-                pose = vision.look(frame, prior=drawn_prior(truths[name], rng)).pose
-                if pose:
-                    yield pose, truths[name]
+def _located(found: Iterable[Look]) -> list[tuple[PoseEstimate, Pose2]]:
+    """Return the poses of those looks that gave one, and the known poses."""
+    return [(look.view.pose, look.truth) for look in found if look.view.pose and look.truth is not None]
 
 
-def forward() -> PhotographRow | None:
+@needs("onboard_ssl_more")
+def forward() -> PhotographRow:
     """Look by the small-size robot's camera with priors."""
-    if not (REAL / "onboard_ssl_more").is_dir():
-        return None
-    return _row("NEES, onboard_ssl, prior", [_errors(pose, truth, ONBOARD) for pose, truth in _forward_looks()], 3)
+    located = _located(onboard_looks(PRIORS))
+    return _row("NEES, onboard_ssl, prior", [_errors(pose, truth, ONBOARD) for pose, truth in located], 3)
 
 
 def mean_errors(covariances: FloatArray) -> tuple[float, float]:
     """Return the mean distance (m) and turn (rad) of errors as often as covariances (N, 3, 3) say."""
-    drawn = np.random.default_rng(SEED).standard_normal((DRAWS, 3))
+    drawn = np.random.default_rng(DEFAULT_SEED).standard_normal((DRAWS, 3))
     errors = np.linalg.cholesky(covariances) @ drawn.T
     return float(np.hypot(errors[:, 0], errors[:, 1]).mean()), float(np.abs(errors[:, 2]).mean())
 
 
-def reached() -> PhotographRow | None:
+@needs("onboard_ssl_more")
+def reached() -> PhotographRow:
     """Compare the errors by the small-size robot's camera with what frames, priors and the reference let expect."""
-    if not (REAL / "onboard_ssl_more").is_dir():
-        return None
-    looks = list(_forward_looks())
-    covariances = np.array([pose.covariance for pose, _ in looks])
-    errors = np.mean([pose.pose.error_to(truth) for pose, truth in looks], axis=0)
+    located = _located(onboard_looks(PRIORS))
+    covariances = np.array([pose.covariance for pose, _ in located])
+    errors = np.mean([pose.pose.error_to(truth) for pose, truth in located], axis=0)
     expected = {
         "": (float(errors[0]), float(errors[1])),
         "expected ": mean_errors(covariances + ONBOARD),
@@ -119,46 +111,36 @@ def reached() -> PhotographRow | None:
     return PhotographRow("reached, onboard_ssl, prior", measured, f"<= {WORSE} x expected", bool(is_met))
 
 
-def white_goals() -> PhotographRow | None:
+def _nearer_half(pose: PoseEstimate, truth: Pose2) -> Pose2:
+    return min(truth, truth.half_turn(), key=lambda one: pose.pose.error_to(one)[0])
+
+
+@needs("goal_spl")
+def white_goals() -> PhotographRow:
     """Locate the head camera of a Nao, modulo a half turn."""
-    if not (REAL / "goal_spl").is_dir():
-        return None
     vision = Vision(load_field("spl_2020"), load_camera(REAL / "goal_spl" / "camera.toml"))
-    images = dict(photographs("goal_spl"))
+    table = table_of("goal_spl", "truth.csv")
+    truths = {row["image"]: Pose2(float(row["x_m"]), float(row["y_m"]), 0.0) for row in table}
     found = []
-    for row in table_of("goal_spl", "truth.csv"):
-        vision.forget()
-        pose = vision.look(images[row["image"]]).pose
-        if pose:
-            true = Pose2(float(row["x_m"]), float(row["y_m"]), 0.0)
-            truth = min(true, true.half_turn(), key=lambda t: pose.pose.error_to(t)[0])
-            c, s = math.cos(pose.pose.theta_rad), math.sin(pose.pose.theta_rad)
-            turn = np.array([[c, -s], [s, c]])
-            found.append(_errors(pose, truth, turn @ np.diag([HEAD_AHEAD_M, MARKERS_M]) ** 2 @ turn.T))
+    for pose, truth in _located(looks(vision, photographs("goal_spl"), truths)):
+        c, s = math.cos(pose.pose.theta_rad), math.sin(pose.pose.theta_rad)
+        turn = np.array([[c, -s], [s, c]])
+        reference = turn @ np.diag([HEAD_AHEAD_M, MARKERS_M]) ** 2 @ turn.T
+        found.append(_errors(pose, _nearer_half(pose, truth), reference))
     return _row("NEES, goal_spl", found, 2)
 
 
-def mirror_lines(*, with_prior: bool) -> PhotographRow | None:
+@needs("omni_msl_table")
+def mirror_lines(*, with_prior: bool) -> PhotographRow:
     """Look at the mirror photographs whose poses are known."""
     folder = "omni_msl_table"
-    if not (REAL / folder / "images").is_dir():
-        return None
-    truths = known_poses(folder)
     vision = Vision(load_field(REAL / folder / "field.toml"), load_camera(REAL / folder / "camera.toml"))
-    rng = np.random.default_rng(SEED)
-    found = []
-    for name, frame in photographs(folder):
-        for _ in range(PRIORS if with_prior else 1):
-            vision.forget()
-            prior = drawn_prior(truths[name], rng) if with_prior else None
-            pose = vision.look(frame, prior=prior).pose
-            if pose:
-                truth = min(truths[name], truths[name].half_turn(), key=lambda t: pose.pose.error_to(t)[0])
-                found.append(_errors(pose, truth, STEPS))
+    located = _located(looks(vision, photographs(folder), known_poses(folder), PRIORS if with_prior else 0))
+    found = [_errors(pose, _nearer_half(pose, truth), STEPS) for pose, truth in located]
     return _row(f"NEES, {folder}, {'prior' if with_prior else 'no prior'}", found, 2)
 
 
-ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
+ROWS = (
     forward,
     reached,
     white_goals,

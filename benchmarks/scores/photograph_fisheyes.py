@@ -7,13 +7,20 @@ are good to 2 cm and 0.1 degrees; errors count modulo a half turn.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.scores.photograph_rows import REAL, PhotographRow, photographs, photographs_of_other_things, table_of
+from benchmarks.scores.photograph_rows import (
+    PhotographRow,
+    looks,
+    needs,
+    photographs,
+    photographs_of_other_things,
+    table_of,
+)
 from field_models import load_field
 from robocup_vision import Vision
 from robocup_vision.arrays import UInt8Array
@@ -66,41 +73,44 @@ def _events() -> dict[str, Event]:
 EVENTS = _events()
 
 
-def home() -> PhotographRow | None:
-    """Locate the cameras that look ahead at the team's home field."""
-    if not (REAL / FOLDER).is_dir():
-        return None
-    truths = {
+def _poses() -> dict[str, Pose2]:
+    return {
         row["image"]: Pose2(float(row["x_m"]), float(row["y_m"]), float(row["theta_rad"]))
         for row in table_of(FOLDER, "poses.csv")
     }
-    vision = Vision(load_field(FIELD), CAMERA)
-    located = looks = 0
-    errors = []
-    for name, frame in photographs(FOLDER):
-        if not name.startswith(HOME) or "_cam0_" not in name:
-            continue
-        vision.forget()
-        pose = vision.look(frame).pose
-        looks += 1
-        located += bool(pose)
-        if pose and name in truths:
-            errors.append(pose.pose.error_to(truths[name], symmetric=True)[0])
+
+
+@needs(FOLDER)
+def home() -> PhotographRow:
+    """Locate the cameras that look ahead at the team's home field."""
+    ahead = ((name, frame) for name, frame in photographs(FOLDER) if name.startswith(HOME) and "_cam0_" in name)
+    count, located, errors = _located(Vision(load_field(FIELD), CAMERA), ahead)
     wrong = sum(error > WRONG_M for error in errors)
     median_m = float(np.median(errors)) if errors else np.inf
-    measured = f"{located} of {looks}; median {1000 * median_m:.1f} mm of {len(errors)}, {wrong} wrong"
-    is_met = located >= 0.9 * looks and median_m <= 0.02 and not wrong
+    measured = f"{located} of {count}; median {1000 * median_m:.1f} mm of {len(errors)}, {wrong} wrong"
+    is_met = located >= 0.9 * count and median_m <= 0.02 and not wrong
     return PhotographRow("msl_fisheye, home, no prior", measured, "90 %; 20 mm; 0 wrong", is_met)
 
 
-def floor_before_things() -> PhotographRow | None:
+def _located(vision: Vision, frames: Iterable[tuple[str, UInt8Array]]) -> tuple[int, int, list[float]]:
+    """Return how many photographs there are, how many are located, and the errors (m) of those whose pose is known."""
+    found = list(looks(vision, frames, _poses()))
+    located = [look for look in found if look.view.pose]
+    errors = [
+        look.view.pose.pose.error_to(look.truth, symmetric=True)[0]
+        for look in located
+        if look.view.pose and look.truth is not None
+    ]
+    return len(found), len(located), errors
+
+
+@needs(FOLDER)
+def floor_before_things() -> PhotographRow:
     """Measure where the floor ends in the direction of robots and people whose feet are nearer than 6 m.
 
     A box's feet are at its lower end; its direction is the middle half of it, and its floor ends where the first of
     these directions does. Boxes that another one hides, or that the picture cuts, are left out.
     """
-    if not (REAL / FOLDER).is_dir():
-        return None
     boxes: dict[str, list[dict[str, str]]] = {}
     for row in table_of(FOLDER, "boxes.csv"):
         boxes.setdefault(row["image"], []).append(row)
@@ -155,21 +165,17 @@ def _floor_ratios(view: View, boxes: list[list[float]]) -> list[float]:
     return found
 
 
-def other_things() -> PhotographRow | None:
+@needs("negatives")
+def other_things() -> PhotographRow:
     """Locate the same camera in photographs that show no field."""
-    vision = Vision(load_field(FIELD), CAMERA)
-    looks = located = 0
-    for frame in photographs_of_other_things(CAMERA.size_px):
-        vision.forget()
-        looks += 1
-        located += bool(vision.look(frame).pose)
-    return PhotographRow("no field: poses by a fisheye", f"{located} of {looks}", "0", not located) if looks else None
+    others = (("", frame) for frame in photographs_of_other_things(CAMERA.size_px))
+    found = [bool(look.view.pose) for look in looks(Vision(load_field(FIELD), CAMERA), others)]
+    return PhotographRow("no field: poses by a fisheye", f"{sum(found)} of {len(found)}", "0", not any(found))
 
 
-def lens() -> PhotographRow | None:
+@needs(FOLDER)
+def lens() -> PhotographRow:
     """Calibrate one robot's camera, of which its height and tilt are roughly known, by its pictures at home."""
-    if not (REAL / FOLDER).is_dir():
-        return None
     frames = [frame for name, frame in photographs(FOLDER) if name.startswith(CALIBRATED)]
     field, known = load_field(FIELD), KnownOfCamera("fisheye", height_m=0.75, tilt_rad=0.0)
     whole, *halves = (calibrate_forward(field, some, known) for some in (frames, frames[::2], frames[1::2]))
@@ -190,25 +196,16 @@ def lens() -> PhotographRow | None:
     return PhotographRow("msl_fisheye, lens by lines", measured, LENS_TARGET, is_met)
 
 
-def hall() -> PhotographRow | None:
+@needs(FOLDER)
+def hall() -> PhotographRow:
     """Calibrate the cameras of three robots as one by their pictures in a hall, and locate each picture alone by it."""
-    if not (REAL / FOLDER).is_dir():
-        return None
     frames = {name: frame for name, frame in photographs(FOLDER) if name.startswith(HALL)}
     field = load_field(DATA / "msl_2022_field.toml")
     found = calibrate_forward(field, list(frames.values()), KnownOfCamera("fisheye", height_m=0.75, tilt_rad=0.0))
     if not isinstance(found, ForwardCalibration):
         return PhotographRow("msl_fisheye, hall of 2022", "not calibrated", HALL_TARGET, False)
-    truths = {row["image"]: row for row in table_of(FOLDER, "poses.csv")}
-    vision = Vision(field, found.camera)
-    located = wrong = 0
-    for name, frame in frames.items():
-        vision.forget()
-        pose = vision.look(frame).pose
-        located += bool(pose)
-        if pose and name in truths:
-            truth = Pose2(*(float(truths[name][key]) for key in ("x_m", "y_m", "theta_rad")))
-            wrong += pose.pose.error_to(truth, symmetric=True)[0] > WRONG_M
+    _, located, errors = _located(Vision(field, found.camera), frames.items())
+    wrong = sum(error > WRONG_M for error in errors)
     measured = (
         f"{len(found.frames)} of {len(frames)} images: {found.residual_px:.2f} px rms; located {located}, {wrong} wrong"
     )
@@ -216,4 +213,4 @@ def hall() -> PhotographRow | None:
     return PhotographRow("msl_fisheye, hall of 2022", measured, HALL_TARGET, is_met)
 
 
-ROWS: tuple[Callable[[], PhotographRow | None], ...] = (lens, hall, home, floor_before_things, other_things)
+ROWS = (lens, hall, home, floor_before_things, other_things)

@@ -11,22 +11,26 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
 
 import cv2
 import numpy as np
 
+from benchmarks.harness import DEFAULT_SEED
 from benchmarks.scores.photograph_rows import (
     ONBOARD_FIELD,
     PRIOR_STD,
     REAL,
+    Look,
     PhotographRow,
-    drawn_prior,
     known_poses,
+    looks,
+    needs,
+    onboard_looks,
     photographs,
     photographs_of_other_things,
     table_of,
 )
+from benchmarks.worlds.painted_carpets import map_error
 from field_models import Field, load_field
 from robocup_vision import PoseEstimate, Vision, load_camera
 from robocup_vision.calibration.omni.calibrate import calibrate_omni
@@ -34,7 +38,6 @@ from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera
 
-SEED = 20010305
 PRIORS = 6
 RIGHT_M, RIGHT_RAD, ROUGH_M = 0.05, math.radians(2.0), 0.15
 # folder and image of each calibration from a single photograph
@@ -57,28 +60,27 @@ def _field_of(folder: str) -> Field:
     return load_field(own if own.is_file() else "msl_6x4")
 
 
-def _is_right(view_pose: object, truth: Pose2, max_m: float = RIGHT_M) -> bool:
-    if not isinstance(view_pose, PoseEstimate):
+def _is_right(look: Look, max_m: float = RIGHT_M) -> bool:
+    """Whether a look gave the known pose, modulo a half turn."""
+    if not look.view.pose or look.truth is None:
         return False
-    off_m, off_rad = view_pose.pose.error_to(truth, symmetric=True)
+    off_m, off_rad = look.view.pose.pose.error_to(look.truth, symmetric=True)
     return off_m <= max_m and off_rad <= RIGHT_RAD
 
 
-def _pinhole_rows() -> list[tuple[str, Field, PinholeCamera]]:
+def _pinhole_rows() -> list[tuple[Field, PinholeCamera]]:
     out = []
     for folder in ("onboard_ssl_more", "goal_spl"):
         camera = load_camera(REAL / folder / "camera.toml")
         assert isinstance(camera, PinholeCamera)
-        field = load_field("spl_2020") if folder == "goal_spl" else _field_of(folder)
-        out.append((folder, field, camera))
+        out.append((load_field("spl_2020") if folder == "goal_spl" else _field_of(folder), camera))
     return out
 
 
-def other_things(kind: str, *, with_prior: bool) -> PhotographRow | None:
+@needs("negatives")
+def other_things(kind: str, *, with_prior: bool) -> PhotographRow:
     """Look at photographs of other things, by a mirror camera among walls or lines, or by pinhole cameras."""
-    if not (REAL / "negatives").is_dir():
-        return None
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(DEFAULT_SEED)
     visions: list[Vision]
     if kind == "walls":
         visions = [Vision(load_field("ssl_2001"), sekimori_camera())]
@@ -86,12 +88,12 @@ def other_things(kind: str, *, with_prior: bool) -> PhotographRow | None:
         visions = [Vision(load_field("msl_6x4"), load_camera(REAL / "omni_msl_6x4" / "camera.toml"))]
     else:
         visions = []
-        for _, field, camera in _pinhole_rows():
+        for field, camera in _pinhole_rows():
             if kind == "pinhole":
                 visions.append(Vision(field, camera))
             elif camera.tilt_rad is not None:
                 visions.append(Vision(field, camera, method=kind))
-    found = looks = 0
+    found = count = 0
     for vision in visions:
         for frame in photographs_of_other_things(vision.camera.size_px):
             vision.forget()
@@ -101,9 +103,9 @@ def other_things(kind: str, *, with_prior: bool) -> PhotographRow | None:
             )
             prior = PoseEstimate(there, np.diag(PRIOR_STD**2), 1.0, 0.0) if with_prior else None
             found += bool(vision.look(frame, prior=prior).pose)
-            looks += 1
+            count += 1
     words = "random prior" if with_prior else "no prior"
-    return PhotographRow(f"other things, {kind}, {words}", f"{found} poses of {looks}", "none", found == 0)
+    return PhotographRow(f"other things, {kind}, {words}", f"{found} poses of {count}", "none", found == 0)
 
 
 def mirror_lines(folder: str, *, with_prior: bool) -> PhotographRow | None:
@@ -111,45 +113,32 @@ def mirror_lines(folder: str, *, with_prior: bool) -> PhotographRow | None:
     if not (REAL / folder / "images").is_dir():
         return None
     truths = known_poses(folder) if (REAL / folder / "truth.csv").is_file() else {}
-    if with_prior and not truths:
-        return None
     vision = Vision(_field_of(folder), load_camera(REAL / folder / "camera.toml"))
-    rng = np.random.default_rng(SEED)
-    right = looks = wrong = 0
-    for name, frame in photographs(folder):
-        for _ in range(PRIORS if with_prior else 1):
-            vision.forget()
-            prior = drawn_prior(truths[name], rng) if with_prior else None
-            pose = vision.look(frame, prior=prior).pose
-            is_right = _is_right(pose, truths[name]) if name in truths else bool(pose)
-            right, wrong, looks = right + is_right, wrong + (bool(pose) and not is_right), looks + 1
+    right = count = wrong = 0
+    for look in looks(vision, photographs(folder), truths, PRIORS if with_prior else 0):
+        is_right = bool(look.view.pose) if look.truth is None else _is_right(look)
+        right, wrong, count = right + is_right, wrong + (bool(look.view.pose) and not is_right), count + 1
     words = "prior" if with_prior else "no prior"
     return PhotographRow(
-        f"{folder}, {words}", f"{right} of {looks} right, {wrong} wrong", "all, 0 wrong", right == looks and not wrong
+        f"{folder}, {words}", f"{right} of {count} right, {wrong} wrong", "all, 0 wrong", right == count and not wrong
     )
 
 
-def two_zones() -> PhotographRow | None:
+@needs("omni_msl_two_zone")
+def two_zones() -> PhotographRow:
     """Look through a mirror of two zones by its team's table."""
     folder = "omni_msl_two_zone"
-    if not (REAL / folder / "images").is_dir():
-        return None
-    truths = known_poses(folder)
     vision = Vision(_field_of(folder), load_camera(REAL / folder / "camera_team.toml"))
-    found = wrong = 0
-    for name, frame in photographs(folder):
-        vision.forget()
-        pose = vision.look(frame).pose
-        found += bool(pose)
-        wrong += bool(pose) and not _is_right(pose, truths[name], ROUGH_M)
-    return PhotographRow(folder, f"{found} of {len(truths)} located, {wrong} wrong", "0 wrong", wrong == 0)
+    truths = known_poses(folder)
+    located = [look for look in looks(vision, photographs(folder), truths) if look.view.pose]
+    wrong = sum(not _is_right(look, ROUGH_M) for look in located)
+    return PhotographRow(folder, f"{len(located)} of {len(truths)} located, {wrong} wrong", "0 wrong", wrong == 0)
 
 
-def noisy_carpet() -> PhotographRow | None:
+@needs("omni_msl_noisy")
+def noisy_carpet() -> PhotographRow:
     """Look at the photographs with noise by cameras calibrated on them."""
     folder = "omni_msl_noisy"
-    if not (REAL / folder / "images").is_dir():
-        return None
     located = []
     for name, frame in photographs(folder):
         vision = Vision(load_field("msl_6x4"), load_camera(REAL / folder / f"camera_{name[:-4]}.toml"))
@@ -172,9 +161,8 @@ def several_photographs(folder: str, count: int) -> PhotographRow | None:
     return _calibrated(f"{folder}, calibrated from {count}", cases, None)
 
 
-def _calibrated(label: str, cases: list[tuple[str, list[str]]], start: str | None) -> PhotographRow | None:
-    if not (REAL / "omni_msl_table").is_dir():
-        return None
+@needs("omni_msl_table")
+def _calibrated(label: str, cases: list[tuple[str, list[str]]], start: str | None) -> PhotographRow:
     right = wrong = 0
     for folder, names in cases:
         frames = [
@@ -189,90 +177,68 @@ def _calibrated(label: str, cases: list[tuple[str, list[str]]], start: str | Non
         assert first is None or isinstance(first, OmniCamera)
         result = calibrate_omni(_field_of(folder), frames, first)
         if result:
-            agrees = _agree(result.camera, known)
+            agrees = map_error(result.camera, known) <= 0.08
             right, wrong = right + agrees, wrong + (not agrees)
     return PhotographRow(
         label, f"{right} of {len(cases)}, {wrong} wrong", "9 of 11, 0 wrong", not wrong and 11 * right >= 9 * len(cases)
     )
 
 
-def _agree(camera: OmniCamera, known: OmniCamera) -> bool:
-    """Whether two cameras see the floor within 8 percent up to 2.5 m, whatever way they are turned."""
-    angles = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
-    around = np.column_stack([np.cos(angles), np.sin(angles)])
-    for range_m in (0.8, 1.5, 2.5):
-        back = camera.pixel_to_floor(known.floor_to_pixel(range_m * around))
-        if not np.all(np.abs(np.linalg.norm(back, axis=-1) - range_m) <= 0.08 * range_m):
-            return False
-    return True
+@needs("onboard_ssl_more")
+def forward_poses() -> PhotographRow:
+    """Look by the small-size robot's camera without a prior: any right candidate counts."""
+    count = right = wrong = 0
+    for look in onboard_looks():
+        count += 1
+        if look.view.pose and look.truth is not None:
+            near = min(pose.error_to(look.truth)[0] for pose in look.view.pose.candidates)
+            right, wrong = right + (near < 0.3), wrong + (near >= 0.3)
+    return PhotographRow(
+        "onboard_ssl, no prior",
+        f"{right} of {count} right, {wrong} wrong",
+        "a third, 0 wrong",
+        not wrong and 3 * right >= count,
+    )
 
 
-def forward_poses(*, with_prior: bool) -> PhotographRow | None:
-    """Look by the small-size robot's camera; without a prior any right candidate counts."""
-    if not (REAL / "onboard_ssl_more").is_dir():
-        return None
-    rng = np.random.default_rng(SEED)
+@needs("onboard_ssl_more")
+def forward_poses_near_priors() -> PhotographRow:
+    """Look by the small-size robot's camera with priors."""
     errors: list[tuple[float, float]] = []
-    nearer = looks = right = wrong = 0
-    for folder in ("onboard_ssl", "onboard_ssl_more"):
-        truths = known_poses(folder)
-        vision = Vision(_field_of("onboard_ssl_more"), load_camera(REAL / folder / "camera.toml"))
-        for name, frame in photographs(folder):
-            if name not in truths:
-                continue
-            for _ in range(PRIORS if with_prior else 1):
-                vision.forget()
-                prior = drawn_prior(truths[name], rng) if with_prior else None
-                pose = vision.look(frame, prior=prior).pose
-                looks += 1
-                if not pose:
-                    continue
-                if prior is None:
-                    near = min(c.error_to(truths[name])[0] for c in pose.candidates)
-                    right, wrong = right + (near < 0.3), wrong + (near >= 0.3)
-                else:
-                    error = pose.pose.error_to(truths[name])
-                    errors.append(error)
-                    nearer += error[0] < prior.pose.error_to(truths[name])[0]
-    if not with_prior:
-        return PhotographRow(
-            "onboard_ssl, no prior",
-            f"{right} of {looks} right, {wrong} wrong",
-            "a third, 0 wrong",
-            not wrong and 3 * right >= looks,
-        )
+    nearer = count = 0
+    for look in onboard_looks(PRIORS):
+        count += 1
+        if look.view.pose and look.truth is not None and look.prior is not None:
+            errors.append(look.view.pose.pose.error_to(look.truth))
+            nearer += errors[-1][0] < look.prior.pose.error_to(look.truth)[0]
     away, turn = np.mean(errors, axis=0)
     measured = (
-        f"{len(errors)}/{looks}; {away:.3f} m, {math.degrees(turn):.1f} deg; nearer {100 * nearer / len(errors):.0f} %"
+        f"{len(errors)}/{count}; {away:.3f} m, {math.degrees(turn):.1f} deg; nearer {100 * nearer / len(errors):.0f} %"
     )
     return PhotographRow(
         "onboard_ssl, prior", measured, "0.07 m; nearer 90 %", float(away) <= 0.07 and nearer >= 0.9 * len(errors)
     )
 
 
-def white_goals() -> PhotographRow | None:
+@needs("goal_spl")
+def white_goals() -> PhotographRow:
     """Locate the head camera of a Nao by its white goal."""
-    if not (REAL / "goal_spl").is_dir():
-        return None
     vision = Vision(load_field("spl_2020"), load_camera(REAL / "goal_spl" / "camera.toml"))
-    images = dict(photographs("goal_spl"))
-    rows = table_of("goal_spl", "truth.csv")
-    errors = []
-    for row in rows:
-        vision.forget()
-        pose = vision.look(images[row["image"]]).pose
-        if pose:
-            true = np.array([float(row["x_m"]), float(row["y_m"])])
-            errors.append(min(math.dist(c.array[:2], true) for c in pose.candidates))
+    truths = {row["image"]: (float(row["x_m"]), float(row["y_m"])) for row in table_of("goal_spl", "truth.csv")}
+    errors = [
+        min(math.dist(pose.array[:2], truths[look.name]) for pose in look.view.pose.candidates)
+        for look in looks(vision, photographs("goal_spl"))
+        if look.view.pose
+    ]
     if not errors:
-        return PhotographRow("goal_spl", f"0 of {len(rows)}", "5 of 5; 0.05, 0.10 m", False)
+        return PhotographRow("goal_spl", f"0 of {len(truths)}", "5 of 5; 0.05, 0.10 m", False)
     mean, worst = float(np.mean(errors)), max(errors)
-    measured = f"{len(errors)} of {len(rows)}; mean {mean:.3f}, worst {worst:.3f} m"
-    is_met = len(errors) == len(rows) and mean <= 0.05 and worst <= 0.1
+    measured = f"{len(errors)} of {len(truths)}; mean {mean:.3f}, worst {worst:.3f} m"
+    is_met = len(errors) == len(truths) and mean <= 0.05 and worst <= 0.1
     return PhotographRow("goal_spl", measured, "5 of 5; 0.05, 0.10 m", is_met)
 
 
-ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
+ROWS = (
     lambda: other_things("walls", with_prior=False),
     lambda: other_things("walls", with_prior=True),
     lambda: other_things("lines", with_prior=False),
@@ -292,7 +258,7 @@ ROWS: tuple[Callable[[], PhotographRow | None], ...] = (
     lambda: several_photographs("omni_msl_lab", 2),
     lambda: several_photographs("omni_msl_lab", 3),
     lambda: several_photographs("omni_msl_table", 2),
-    lambda: forward_poses(with_prior=False),
-    lambda: forward_poses(with_prior=True),
+    forward_poses,
+    forward_poses_near_priors,
     white_goals,
 )

@@ -89,12 +89,19 @@ def carpet(field: Field, kind: MirrorKind, seed: int, index: int) -> Carpet:
 
 
 def map_error(camera: OmniCamera, true: OmniCamera) -> float:
-    """Return how far a camera's floor map is off at worst, 0.8 to 2.5 m away, as a fraction of the range."""
+    """Return how far a camera's floor map is off at worst, 0.8 to 2.5 m away, as a fraction of the range.
+
+    NaN where one of the places is in one camera's picture alone; the cameras may be turned about their axes.
+    """
     around = np.linspace(0.0, math.tau, 12, endpoint=False)
     directions = np.column_stack([np.cos(around), np.sin(around)])
-    return max(
-        float(np.abs(np.linalg.norm(camera.pixel_to_floor(true.floor_to_pixel(r * directions)), axis=1) / r - 1).max())
-        for r in (0.8, 1.5, 2.5)
+    return float(
+        np.max(
+            [
+                np.abs(np.linalg.norm(camera.pixel_to_floor(true.floor_to_pixel(r * directions)), axis=1) / r - 1)
+                for r in (0.8, 1.5, 2.5)
+            ]
+        )
     )
 
 

@@ -9,7 +9,7 @@ import hashlib
 import math
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -130,8 +130,6 @@ class WalkFrame:
 
     Parameters
     ----------
-    frame : (H, W, 3) uint8
-        The picture.
     t_s : float
         When it was taken.
     pan_rad : float
@@ -142,13 +140,14 @@ class WalkFrame:
         Where the robot truly is.
     camera_pose : Pose2
         The camera's foot and the heading of its optical axis, truly.
-    tilt_rad, roll_rad, height_m : float
+    tilt_rad, roll_rad, height_m, pan_rate_rps : float
         As the camera truly was.
-    ball : Ball or None
-        Where the ball truly is, field frame.
+    scene : Scene
+        What truly is around it.
+    frame : (H, W, 3) uint8
+        The picture; empty before it is drawn.
     """
 
-    frame: npt.NDArray[np.uint8]
     t_s: float
     pan_rad: float
     odometry: Pose2
@@ -157,47 +156,26 @@ class WalkFrame:
     tilt_rad: float
     roll_rad: float
     height_m: float
-    ball: Ball | None
+    pan_rate_rps: float
+    scene: Scene
+    frame: npt.NDArray[np.uint8] = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
+
+    @property
+    def ball(self) -> Ball | None:
+        """Where the ball truly is, field frame."""
+        return self.scene.ball
 
 
 def walk(what: Walk, seed: int, count: int) -> list[WalkFrame]:
     """Return a sequence; it depends on `seed` alone, and a longer one begins with the shorter one's motion."""
     steps = list(_motion(what, load_field(what.field_name), seed, count))
-    frames = _kept_frames(what, seed, count, steps)
-    return [
-        WalkFrame(
-            frame,
-            s.t_s,
-            s.pan_rad,
-            s.odometry,
-            s.robot,
-            s.camera_pose,
-            s.tilt_rad,
-            s.roll_rad,
-            s.height_m,
-            s.scene.ball,
-        )
-        for frame, s in zip(frames, steps, strict=True)
-    ]
+    frames = _kept_frames(what, seed, steps)
+    return [replace(step, frame=frame) for step, frame in zip(steps, frames, strict=True)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Step:
-    t_s: float
-    pan_rad: float
-    odometry: Pose2
-    robot: Pose2
-    camera_pose: Pose2
-    tilt_rad: float
-    roll_rad: float
-    height_m: float
-    pan_rate: float
-    scene: Scene
-
-
-def _motion(what: Walk, field: Field, seed: int, count: int) -> Iterator[_Step]:
+def _motion(what: Walk, pitch: Field, seed: int, count: int) -> Iterator[WalkFrame]:
     rng = np.random.default_rng([seed, 0xF0])
-    half = np.array([field.length_m / 2, field.width_m / 2])
+    half = np.array([pitch.length_m / 2, pitch.width_m / 2])
     x, y = (rng.uniform(-0.7, 0.7, 2) * half).tolist()
     pose = Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
     goal = rng.uniform(-0.8, 0.8, 2) * half
@@ -258,19 +236,19 @@ def _motion(what: Walk, field: Field, seed: int, count: int) -> Iterator[_Step]:
         )
         before = pose
         scene = Scene(
-            field=field,
+            field=pitch,
             robots=tuple(
                 Robot(float(x), float(y), radius, tall, marker_bgr=COLOR_NAMES["yellow" if k % 2 else "blue"])
                 for k, (x, y) in enumerate(others)
             ),
-            ball=Ball(float(ball[0]), float(ball[1]), field.ball_radius_m, COLOR_NAMES[field.ball_color])
+            ball=Ball(float(ball[0]), float(ball[1]), pitch.ball_radius_m, COLOR_NAMES[pitch.ball_color])
             if math.hypot(ball[0] - pose.x_m, ball[1] - pose.y_m) > 0.3
             else None,
             light=light,
             room=room,
             carpet_margin_m=0.2,
         )
-        yield _Step(
+        yield WalkFrame(
             t,
             pan + what.pan_error_rad * pan_off,
             odometry,
@@ -284,7 +262,7 @@ def _motion(what: Walk, field: Field, seed: int, count: int) -> Iterator[_Step]:
         )
 
 
-def _kept_frames(what: Walk, seed: int, count: int, steps: list[_Step]) -> list[npt.NDArray[np.uint8]]:
+def _kept_frames(what: Walk, seed: int, steps: list[WalkFrame]) -> list[npt.NDArray[np.uint8]]:
     look = (what.field_name, what.camera, what.speed_mps, what.nod_rad, what.roll_rad, what.robot_size_m, what.sensor)
     name = repr((FORMAT, look, what.exposure_s, what.readout_s, what.robots, seed))
     nets = [goal.net for goal in load_field(what.field_name).goals if goal.net is not None]
@@ -305,7 +283,7 @@ def _kept_frames(what: Walk, seed: int, count: int, steps: list[_Step]) -> list[
     return frames
 
 
-def _render(what: Walk, step: _Step, seed: int, index: int) -> npt.NDArray[np.uint8]:
+def _render(what: Walk, step: WalkFrame, seed: int, index: int) -> npt.NDArray[np.uint8]:
     rng = np.random.default_rng([seed, index, 0x5E])
     camera = replace(what.camera, height_m=step.height_m).with_orientation(0.0, step.tilt_rad, step.roll_rad)
     light = render_pinhole(
@@ -314,7 +292,7 @@ def _render(what: Walk, step: _Step, seed: int, index: int) -> npt.NDArray[np.ui
         step.camera_pose,
         backdrop=Backdrop("hall", seed=seed),
         supersample=4,
-        turn_rad=step.pan_rate * what.readout_s,
+        turn_rad=step.pan_rate_rps * what.readout_s,
     )
-    light = smear(light, abs(step.pan_rate) * what.exposure_s * what.camera.focal_px[0])
+    light = smear(light, abs(step.pan_rate_rps) * what.exposure_s * what.camera.focal_px[0])
     return what.sensor.expose(light, rng)

@@ -44,12 +44,12 @@ class PoseError:
         return self.theta_rad is not None and self.position_m <= position_m and abs(self.theta_rad) <= heading_rad
 
 
-def pose_error(estimate: PoseEstimate, truth: Truth, *, symmetric: bool) -> PoseError:
+def pose_error(estimate: PoseEstimate, truth: Truth | Pose2, *, symmetric: bool) -> PoseError:
     """Compare an estimate's first candidate with the truth.
 
     Parameters
     ----------
-    truth : Truth
+    truth : Truth or Pose2
         True pose of the robot, or of the camera where `pose_of` is "camera".
     symmetric : bool
         Count modulo a half turn about the field's centre: the turn that `Pose2.error_to` takes, or, where the truth has
@@ -65,7 +65,7 @@ def pose_error(estimate: PoseEstimate, truth: Truth, *, symmetric: bool) -> Pose
     return PoseError(x_m, y_m, theta_rad, _nees(np.array([x_m, y_m, theta_rad]), estimate.covariance))
 
 
-def _distance(pose: Pose2, truth: Truth) -> float:
+def _distance(pose: Pose2, truth: Truth | Pose2) -> float:
     heading_rad = pose.theta_rad if truth.theta_rad is None else truth.theta_rad
     return sum(pose.error_to(Pose2(truth.x_m, truth.y_m, heading_rad)))
 

@@ -3,7 +3,8 @@
 import pytest
 
 from benchmarks.matches import every_field
-from benchmarks.matches.every_field import CASES, Piece, Played, play_row
+from benchmarks.matches.every_field import CASES, Piece, play_row
+from benchmarks.scores.match_score import Played
 from field_models.errors import FileError
 from robocup_vision.files.resume_file import ResumeFile
 

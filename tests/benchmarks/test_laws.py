@@ -7,14 +7,14 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from benchmarks.scores.photograph_balls import continued
 from benchmarks.scores.photograph_consistency import mean_errors, nees
-from benchmarks.scores.photograph_floor import walls_m, walls_near_m
+from benchmarks.scores.photograph_floor import walls_near_m
 from benchmarks.worlds.error_law import MATCHED, ErrorLaw
+from field_models import load_field
 from robocup_vision.geometry import Pose2
+from sim2d.rendering.scene import Scene
 
 EVEN = (np.arange(4000) + 0.5) / 4000
 # quantiles of the unit laws in closed form (Student's t by W. T. Shaw, 2006)
@@ -85,35 +85,17 @@ def test_a_box_that_the_rim_cuts_goes_on_to_the_width_of_its_height(box, whole):
     assert continued(box, 224) == whole
 
 
-ROOM = np.array([[-2.0, -1.0, 2.0, -1.0], [2.0, -1.0, 2.0, 1.0], [2.0, 1.0, -2.0, 1.0], [-2.0, 1.0, -2.0, -1.0]])
-PANEL = np.array([[1.5, -0.5, 1.5, 0.5]])
-
-
-def test_the_first_wall_ahead_counts():
-    pose = Pose2(0.5, 0.0, 0.0)
-    bearing = np.array([0.0, math.pi / 2, math.pi, math.atan2(0.6, 1.0)])
-    np.testing.assert_allclose(walls_m(np.vstack([ROOM, PANEL]), pose, bearing)[:3], [1.0, 1.0, 2.5])
-    # past the end of the panel
-    np.testing.assert_allclose(walls_m(np.vstack([ROOM, PANEL]), pose, bearing)[3], 1.5 / math.cos(bearing[3]))
-
-
-@given(st.floats(-1.9, 1.9), st.floats(-0.9, 0.9), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
-def test_a_ray_ends_on_the_room_s_walls(x, y, theta, bearing):
-    (away,) = walls_m(ROOM, Pose2(x, y, theta), np.array([bearing]))
-    end = x + away * math.cos(theta + bearing), y + away * math.sin(theta + bearing)
-    assert min(abs(abs(end[0]) - 2.0), abs(abs(end[1]) - 1.0)) < 1e-9
-    assert abs(end[0]) < 2.0 + 1e-9
-    assert abs(end[1]) < 1.0 + 1e-9
+ROOM = Scene(load_field("ssl_2001"))
 
 
 def test_a_reference_that_errs_puts_walls_between_two_distances():
     bearing = np.linspace(-1.0, 1.0, 21)
     nearest, farthest = walls_near_m(ROOM, Pose2(0.3, 0.1, 0.2), bearing)
-    away = walls_m(ROOM, Pose2(0.3, 0.1, 0.2), bearing)
+    away = ROOM.free_range_m(Pose2(0.3, 0.1, 0.2), bearing)
     assert np.all(nearest < away)
     assert np.all(away < farthest)
     # a thirtieth of a metre, and of a radian, at up to 2 m
     assert np.all(farthest - nearest < 0.5)
-    np.testing.assert_allclose(
-        walls_near_m(ROOM, Pose2(0.0, 0.0, 0.0), np.zeros(1)), [[2 - 1 / 30], [2.0344]], atol=1e-3
-    )
+    ahead_m = ROOM.field.width_m / 2
+    near = walls_near_m(ROOM, Pose2(0.0, 0.0, math.pi / 2), np.zeros(1))
+    np.testing.assert_allclose(near, [[ahead_m - 1 / 30], [ahead_m + 1 / 30]], atol=2e-3)
