@@ -32,7 +32,6 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, judge, percent, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision, draw, load_camera
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
@@ -99,7 +98,7 @@ def measure_accuracy(seed: int, quick: bool) -> None:
     others = list(frames(seed + 1, 10 if quick else 300))
     images = [one.frame for one in frames(seed, IMAGES)]
     rng = np.random.default_rng(seed)
-    columns = ("accuracy      ", col.rate("within 5 cm/3 deg"), col.error("median mm"), "target     ", "verdict")
+    columns = "accuracy       | within 5 cm/3 deg: rate | median mm: error | target | verdict"
     table = Table(columns, name="accuracy", samples=len(others))
     for name, start, ratio_target, median_target_m in (
         ("near", GIVEN, 1.0, 0.005),
@@ -121,14 +120,8 @@ def measure_convergence(seed: int, trials: int) -> None:
     """Calibrations that end at the true camera, of many, with their time."""
     table = Table(
         (
-            "convergence",
-            col.rate("converged"),
-            col.error("median mm"),
-            col.error("worst mm"),
-            "refused",
-            "s, median, most",
-            "target   ",
-            "verdict",
+            "convergence | converged: rate | median mm: error | worst mm: error | refused | s, median, most | "
+            "target | verdict"
         ),
         name="convergence",
         samples=trials,
@@ -166,15 +159,7 @@ def measure_photographs(quick: bool) -> None:
     line_map = LineMap(field)
     for folder, name in (("omni_msl_6x4", "a_center.png"), ("omni_msl_6x4_b", "b_center.png")):
         table = Table(
-            (
-                f"{folder:<16}",
-                "a, b off %      ",
-                "center px    ",
-                "agree, held back px",
-                "picked cm   ",
-                "s",
-                col.compared_verdict(),
-            ),
+            f"{folder:<16} | a, b off % | center px | agree, held back px | picked cm | s | verdict: verdict",
             name=folder,
         )
         path = REAL / folder / "images" / name

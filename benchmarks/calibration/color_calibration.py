@@ -38,7 +38,6 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.calibration.colors import calibrate_colors
@@ -130,7 +129,7 @@ def tour(rng: np.random.Generator) -> tuple[list[Pose2], tuple[Box, ...]]:
 
 def measure_light(seed: int, tours: int) -> None:
     """Print the tours under changing light."""
-    columns = ("light" + " " * 24, "frames", col.count("lost"), "learnt anew", "target", "verdict")
+    columns = "light                         | frames | lost: count | learnt anew | target | verdict"
     table = Table(columns, "Light that changes", name="light")
     for number, (name, darker, warmer) in enumerate(
         (("falls from 1.0 to 0.3", 1, 0), ("turns to warm", 0, 1), ("falls and turns to warm", 1, 1))
@@ -179,13 +178,8 @@ def measure_hostile(seed: int, step: int) -> None:
     """Print what is learnt when robots, walls and lights want it otherwise."""
     table = Table(
         (
-            "what" + " " * 24,
-            "frames",
-            col.count("lost"),
-            col.count("learnt wrongly"),
-            "learnt anew",
-            "target",
-            "verdict",
+            "what                         | frames | lost: count | learnt wrongly: count | learnt anew | "
+            "target | verdict"
         ),
         "Hostile surroundings",
         name="hostile",
@@ -208,7 +202,7 @@ def measure_hostile(seed: int, step: int) -> None:
 
 def measure_files(seed: int, count: int) -> None:
     """Print colour files from pictures."""
-    columns = ("colour file, condition", col.rate("images used"), col.error("worst ratio off %"), "target", "verdict")
+    columns = "colour file, condition | images used: rate | worst ratio off %: error | target | verdict"
     table = Table(columns, "Colour files", name="files", samples=count)
     for name in ("nominal", "warm", "cold", "dark", "bad_day"):
         condition = CONDITIONS[name]
@@ -231,7 +225,7 @@ def _frame(frame: np.ndarray) -> np.ndarray:
 
 def measure_real() -> None:
     """Print how well floor is separated in photographs."""
-    columns = ("onboard_ssl" + " " * 10, "blur", col.score("overlap"), col.score("half"), "target", "verdict")
+    columns = "onboard_ssl           | blur | overlap: score | half: score | target | verdict"
     # photographs do not change: a thousandth is a change
     table = Table(columns, "Real floor", name="floor", samples=10_000)
     folder = REAL / "onboard_ssl"
@@ -267,14 +261,8 @@ def measure_pinhole(seed: int, count: int) -> None:
     """Print pinhole cameras calibrated by goals."""
     table = Table(
         (
-            "pictures" + " " * 16,
-            "used",
-            col.error("focal off %"),
-            "std %",
-            col.error("height off mm"),
-            "std mm",
-            "target",
-            "verdict",
+            "pictures                 | used | focal off %: error | std % | height off mm: error | std mm | "
+            "target | verdict"
         ),
         "Pinhole",
         name="pinhole",

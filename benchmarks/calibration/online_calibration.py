@@ -27,7 +27,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from benchmarks.harness import Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed, unit_s
 from benchmarks.worlds.near_truth import BOUNDS, Bound
 from field_models import Field, load_field
@@ -252,22 +251,9 @@ def main(arguments: Namespace) -> None:
     pairs, ends = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     table = Table(
         (
-            "camera",
-            "after s",
-            col.error("image px"),
-            col.error("centre px"),
-            col.error("scale %"),
-            col.error("tilt deg"),
-            col.error("height mm"),
-            col.score("NEES"),
-            "steps",
-            col.error("pose mm, file"),
-            col.error("pose mm"),
-            col.rate("near %, file"),
-            col.rate("near %"),
-            col.time_ratio("look, file"),
-            col.time_ratio("look"),
-            "verdict",
+            "camera | after s | image px: error | centre px: error | scale %: error | tilt deg: error | "
+            "height mm: error | NEES: score | steps | pose mm, file: error | pose mm: error | "
+            "near %, file: rate | near %: rate | look, file: time ratio | look: time ratio | verdict"
         ),
         f"{2 * pairs} robots a row",
         name="online",

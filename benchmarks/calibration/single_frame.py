@@ -13,7 +13,6 @@ from argparse import Namespace
 import numpy as np
 
 from benchmarks.harness import Pool, Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.worlds.painted_carpets import MirrorKind, carpet, map_error, measured_table
 from field_models import load_field
 from robocup_vision.calibration.omni.calibrate import calibrate_omni
@@ -44,7 +43,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
     count = 1 if arguments.quick else 24 if arguments.full else 8
     table = Table(
-        ("mirror", col.rate("right"), col.loss("wrong"), "refused", col.error("worst %", 5.0), "target", "verdict"),
+        "mirror | right: rate | wrong: loss | refused | worst %: error 5 | target | verdict",
         name="calibrated from one picture",
         samples=count,
     )

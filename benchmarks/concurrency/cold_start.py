@@ -92,7 +92,7 @@ def install_compiled(folder: Path) -> Path:
 
 def measure_installed(makings: tuple[Making, ...]) -> None:
     """Print what the first makings of an installation from a compiled wheel take."""
-    columns = ("made                    ", "cold s", "target", "verdict")
+    columns = "made                     | cold s | target | verdict"
     table = Table(columns, "The first making in an installation from a wheel with compiled loops", name="from a wheel")
     with tempfile.TemporaryDirectory() as folder:
         site = install_compiled(Path(folder))
@@ -107,7 +107,7 @@ def measure_installed(makings: tuple[Making, ...]) -> None:
 def main(arguments: Namespace) -> None:
     """Measure and print."""
     rounds = 3 if arguments.full else 1
-    columns = ("made                    ", "cold s", "processor s", "target", "cold/processor", "warm s", "verdict")
+    columns = "made                     | cold s | processor s | target | cold/processor | warm s | verdict"
     table = Table(columns, "The first making in a fresh installation", name="cold start")
     for making in (MEMORY,) if arguments.quick else (MIRROR, FORWARD, STEERING, MEMORY, ALL):
         cold: list[tuple[float, float]] = []

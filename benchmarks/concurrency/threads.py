@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Table, program
-from benchmarks.harness import columns as col
 from benchmarks.worlds.walks import FL, walk
 from field_models import load_field
 from robocup_vision import MotionLimits, PoseEstimate, Steering, Vision
@@ -149,13 +148,8 @@ def main(arguments: Namespace) -> None:
     different, rounds = (6, 3) if arguments.quick else (20, 7)
     mirror, forward = (60, 20) if arguments.quick else (1000, 300) if arguments.full else (300, 100)
     columns = (
-        "camera           ",
-        "ms of processor",
-        "frames/s",
-        col.score("2 threads"),
-        col.score("4 threads"),
-        "2 processes",
-        col.score("threads/processes"),
+        "camera            | ms of processor | frames/s | 2 threads: score | 4 threads: score | 2 processes | "
+        "threads/processes: score"
     )
     table = Table(columns, "Frames a second, one thread; and by several over those of one", name="frames a second")
     for size in MIRROR_SIZES:

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.avoidance import Steering, SteeringSettings
@@ -147,16 +146,8 @@ def main(arguments: Namespace, pool: Pool) -> None:
     driven = dict(zip(todo, pool.map(one, todo), strict=True))
     table = Table(
         (
-            "courses",
-            col.label("speed"),
-            col.label("alpha"),
-            col.label("steering          "),
-            "routes",
-            col.count("collided"),
-            col.rate("reached %"),
-            col.error("s, both"),
-            "mm",
-            "verdict",
+            "courses | speed: label | alpha: label | steering: label | routes | collided: count | "
+            "reached %: rate | s, both: error | mm | verdict"
         ),
         name="courses",
         samples=count,

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.harness import Pool, Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.worlds.crowd import LONGEST_M, Sensor
 from field_models import Field, load_field
 from robocup_vision.avoidance import SteadyFreeSpace, Steering, SteeringSettings
@@ -193,15 +192,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     count = {WIDE.name: runs, NARROW.name: runs // 2}
     jobs = [(p, method, arguments.seed, run) for p in PLACES for method in METHODS for run in range(count[p.name])]
     outcomes = list(pool.map(one, jobs))
-    columns = (
-        "field     ",
-        col.label("steering                  "),
-        "runs",
-        col.count("own contacts"),
-        col.count("all"),
-        col.score("legs a run"),
-        "verdict",
-    )
+    columns = "field      | steering: label | runs | own contacts: count | all: count | legs a run: score | verdict"
     table = Table(columns, name="contacts", samples=runs)
     for place in PLACES:
         without = 0

@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.harness import Pool, Table, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.geometry import Pose2
@@ -133,12 +132,12 @@ def main(arguments: Namespace, pool: Pool) -> None:
     patience_s = QUICK_PATIENCE_S if arguments.quick else PATIENCE_S
     jobs = [(arguments.seed, index, method, patience_s) for index in courses for method in METHODS]
     ways = dict(zip([(index, method.name) for _, index, method, _ in jobs], pool.map(drive, jobs), strict=True))
-    table = Table(("course", col.label("steering               "), "end", "clearance mm"), name="courses")
+    table = Table("course | steering: label | end | clearance mm", name="courses")
     for index in courses:
         for method in METHODS:
             driven = ways[index, method.name].drive
             table.row(str(index), method.name, ending(driven), 1000 * driven.clearance_m)
-    columns = ("steering               ", col.rate("reached"), col.count("touched"), "mean s", "verdict")
+    columns = "steering                | reached: rate | touched: count | mean s | verdict"
     table = Table(columns, name="all", samples=count)
     for method in METHODS:
         drives = [ways[index, method.name].drive for index in courses]

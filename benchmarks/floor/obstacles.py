@@ -22,7 +22,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.scores.obstacle_score import CAUSES, Listed, judge
 from benchmarks.worlds.standing_robots import (
     Camera,
@@ -89,19 +88,9 @@ def report(pieces: list[Piece], pool: Pool) -> None:
     results = list(pool.map(look_at, pieces))
     for look in LOOKS:
         table = Table(
-            (
-                "camera and field         ",
-                col.rate("count right"),
-                col.rate("within one"),
-                col.rate("found"),
-                col.count("false"),
-                col.error("error m", 0.01),
-                col.error("width m", 0.01),
-                col.rate("floor's end at feet"),
-                *CAUSES,
-                "target",
-                "verdict",
-            ),
+            "camera and field          | count right: rate | within one: rate | found: rate | false: count | "
+            f"error m: error 0.01 | width m: error 0.01 | floor's end at feet: rate | {' | '.join(CAUSES)} | "
+            "target | verdict",
             f"Obstacles, {look}",
             name=look,
         )

@@ -26,7 +26,6 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed, unit_s
 from benchmarks.worlds.walks import STEP_S, WALKS, Walk, WalkFrame, walk
 from field_models import Field, load_field
@@ -291,10 +290,9 @@ def main(arguments: Namespace) -> None:
     counts = {208: 120, 640: 60} if arguments.quick else {208: 300, 640: 240} if arguments.full else {208: 150, 640: 90}
     names = [name for name in WALKS if not arguments.quick or name in ("FL", "SPL")]
     columns = (
-        "sequence        ", col.rate("located %"), col.error("cm RMS", 0.1), col.error("cm p95", 0.2),
-        col.error("deg RMS", 0.05), col.error("deg p95", 0.1), "NEES mean", col.loss("over 16 %"),
-        col.time_ratio("x cvtColor"), col.time_ratio("p99"), "verdict",
-    )  # fmt: skip
+        "sequence         | located %: rate | cm RMS: error 0.1 | cm p95: error 0.2 | deg RMS: error 0.05 | "
+        "deg p95: error 0.1 | NEES mean | over 16 %: loss | x cvtColor: time ratio | p99: time ratio | verdict"
+    )
     table = Table(columns, "Followed: frames located, errors of those, honesty, time", name="followed")
     walks: dict[str, list[WalkFrame]] = {}
     for name in names:
@@ -311,9 +309,7 @@ def main(arguments: Namespace) -> None:
             walks.setdefault(name, []).extend(frames)
         follow_row(name, tracked, table)
     step = 3 if arguments.quick else 4
-    table = Table(
-        ("measured                    ", col.rate("%"), "of", "target", "verdict"), "Basin, priors", name="basin"
-    )
+    table = Table("measured                     | %: rate | of | target | verdict", "Basin, priors", name="basin")
     for name in ("FL", "SPL"):
         what, some = WALKS[name], walks[name][::step]
         pitch = load_field(what.field_name)
@@ -330,9 +326,8 @@ def main(arguments: Namespace) -> None:
         ):
             table.row(f"{name} {label}", percent(value / number), number, goal_text, verdict(ok))
     whole_columns = (
-        "whole look           ", col.rate("located %"), col.time_ratio("x cvtColor"), col.time_ratio("p99"), "target",
-        "verdict",
-    )  # fmt: skip
+        "whole look            | located %: rate | x cvtColor: time ratio | p99: time ratio | target | verdict"
+    )
     table = Table(whole_columns, "Whole look near a known pose: pose, floor, ball, obstacles", name="whole look")
     for name, factor, offset_m in (
         ("FL", 1, AT_CENTER), ("FL", 2, AT_CENTER), ("SPL", 1, AT_CENTER), ("FL", 1, BESIDE_M),
@@ -340,9 +335,9 @@ def main(arguments: Namespace) -> None:
         pitch = load_field(WALKS[name].field_name)
         whole_look(WALKS[name], pitch, walks[name][::step], factor, table, offset_m)
     found_columns = (
-        "cold                  ", "frames", col.rate("right %"), "among %", col.count("wrong"),
-        col.time_ratio("x cvtColor"), col.time_ratio("p99"), "target", "verdict", "at most x", "verdict",
-    )  # fmt: skip
+        "cold                   | frames | right %: rate | among % | wrong: count | x cvtColor: time ratio | "
+        "p99: time ratio | target | verdict | at most x | verdict"
+    )
     table = Table(found_columns, "Found without a prior", name="cold")
     for name in ("FL", "SPL"):
         cold(WALKS[name], load_field(WALKS[name].field_name), walks[name][::step], table, name)

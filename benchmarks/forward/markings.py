@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.worlds.marking_worlds import WORLDS, MarkedFrame, MarkingWorld, marked_frames
 from field_models import Field
 from robocup_vision import Vision
@@ -204,15 +203,8 @@ def main(arguments: Namespace) -> None:
     """Measure and print."""
     count = 3 if arguments.quick else 60 if arguments.full else 12
     columns = (
-        "camera" + " " * 20,
-        col.label("what" + " " * 14),
-        col.rate("recall"),
-        col.rate("precision"),
-        col.rate("kinds"),
-        col.error("error m", 0.005),
-        "NEES",
-        "target" + " " * 20,
-        col.compared_verdict(),
+        "camera                     | what: label | recall: rate | precision: rate | kinds: rate | "
+        "error m: error 0.005 | NEES | target | verdict: verdict"
     )
     table = Table(columns, name="markings")
     for name, world in WORLDS.items():

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from field_models import COLOR_NAMES, load_field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import PinholeCamera
@@ -129,8 +128,11 @@ def main(arguments: Namespace) -> None:
     count = 12 if arguments.quick else 600 if arguments.full else 120
     pictures = [picture(arguments.seed, index) for index in range(count)]
     with_ball = sum(one.place_m is not None and not one.is_hidden for one in pictures)
-    columns = (f"{count} pictures    ", col.rate("found"), col.count("false finds"), col.error("median error m", 0.005))
-    table = Table((*columns, "target" + " " * 16, col.compared_verdict()), name="patterned balls")
+    table = Table(
+        f"{count} pictures     | found: rate | false finds: count | median error m: error 0.005 | target | "
+        "verdict: verdict",
+        name="patterned balls",
+    )
     for label, is_known in (("tilt known", True), ("tilt unknown", False)):
         hits = false = 0
         errors = []

@@ -20,7 +20,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed, unit_s
 from benchmarks.scores.match_score import play
 from benchmarks.worlds.near_truth import Bound
@@ -189,15 +188,8 @@ def main(arguments: Namespace) -> None:
     for seed in range(arguments.seed, arguments.seed + walks):
         follow(rig, kinds, seed, count, unit)
     columns = (
-        "followed       ",
-        col.rate("located"),
-        col.error("median error, mm", 0.5),
-        col.error("95 %, mm", 2.0),
-        col.error("NEES mean", 0.5),
-        col.time_ratio("x cvtColor"),
-        col.time_ratio("ms"),
-        "target",
-        col.compared_verdict(),
+        "followed        | located: rate | median error, mm: error 0.5 | 95 %, mm: error 2 | NEES mean: error 0.5 | "
+        "x cvtColor: time ratio | ms: time ratio | target | verdict: verdict"
     )
     table = Table(columns, name="followed")
     for name, one in kinds.items():
@@ -219,7 +211,7 @@ def main(arguments: Namespace) -> None:
             verdict(not is_short) if target else "",
         )
     table = Table(
-        ("found without a prior", col.rate("located"), col.count("wrong"), col.error("median error, mm", 1.0)),
+        "found without a prior | located: rate | wrong: count | median error, mm: error 1",
         name="found",
     )
     for name, errors in find(rig, arguments.seed, places).items():
@@ -231,12 +223,8 @@ def main(arguments: Namespace) -> None:
     within, cost, stopped = played.near / played.periods, played.spent_s / seconds, played.stopped
     is_well = within >= MIN_WITHIN and cost <= 2.0 and not stopped
     match_columns = (
-        "match of 5 a side",
-        col.rate("within 5 cm"),
-        col.time_ratio("processor s a second"),
-        col.count("stopped"),
-        "target" + " " * 18,
-        col.compared_verdict(),
+        "match of 5 a side | within 5 cm: rate | processor s a second: time ratio | stopped: count | target | "
+        "verdict: verdict"
     )
     table = Table(match_columns, name="match")
     target = f">= {MIN_WITHIN:.0%}, <= 2 (two cores)"

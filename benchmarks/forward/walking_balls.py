@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed, unit_s
 from benchmarks.worlds.walks import FL, WalkFrame, walk
 from field_models import load_field
@@ -111,15 +110,8 @@ def main(arguments: Namespace) -> None:
     found = np.array(followed.found).reshape(-1, 3)
     ratio = found[:, 1] / found[:, 0]
     columns = (
-        "walking, FL",
-        col.rate("located"),
-        col.rate("found in view"),
-        col.count("others"),
-        col.error("median error, of the range", 0.005),
-        col.error("95 %", 0.02),
-        col.error("NEES mean", 1.0),
-        "target" + " " * 12,
-        col.compared_verdict(),
+        "walking, FL | located: rate | found in view: rate | others: count | "
+        "median error, of the range: error 0.005 | 95 %: error 0.02 | NEES mean: error 1 | target | verdict: verdict"
     )
     table = Table(columns, name="walking balls")
     median, far, nees = float(np.median(ratio)), float(np.percentile(ratio, 95)), float(found[:, 2].mean())
@@ -135,7 +127,7 @@ def main(arguments: Namespace) -> None:
         f"<= {MAX_ERROR_RATIO}, {MAX_NEES:g}",
         verdict(is_met),
     )
-    table = Table(("whole looks     ", "frames", col.time_ratio("x cvtColor"), col.time_ratio("p99")), name="time")
+    table = Table("whole looks      | frames | x cvtColor: time ratio | p99: time ratio", name="time")
     for is_found, name in ((False, "no ball found"), (True, "a ball found")):
         times = np.array(followed.time_s[is_found]) / np.median(followed.unit_s)
         table.row(name, len(times), float(np.median(times)), float(np.quantile(times, 0.99)))

@@ -15,7 +15,6 @@ from functools import partial
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.timing import median_s, unit_s
 from field_models import load_field
 from robocup_vision.arrays import UInt8Array
@@ -60,7 +59,7 @@ def main(arguments: Namespace) -> None:
         indices = list(range(2, 66, 8 if arguments.quick else 4)) if places else list(range(4))
         samples = list(sample_goal(field, condition, arguments.seed, 66, places=places, indices=indices, supersample=3))
         estimator, search = GoalPoseEstimator(field, condition.camera), GoalSearch(field, condition.camera)
-        columns = ("stage                ", "ms", col.time_ratio("x cvtColor"), "target", "verdict")
+        columns = "stage                 | ms | x cvtColor: time ratio | target | verdict"
         table = Table(columns, name, name=name)
         frames = [s.frame for s in samples]
         unit = float(np.median([unit_s(f, 5 * repeats) for f in frames]))

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Table, program
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.kernels.goal.edge_places import goal_points
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples
@@ -68,8 +67,11 @@ def main(arguments: Namespace) -> None:
         "camera height +1 cm": (dataclasses.replace(camera, height_m=camera.height_m + 0.01), shape, 0.0),
         "edge noise 0.5 px": (camera, shape, 0.5),
     }
-    errors_of = (col.error(name) for name in ("median m", "90 % m", "worst m", "median deg"))
-    table = Table(("what is off          ", *errors_of), name="errors", samples=len(paper_places(FIELD)))
+    table = Table(
+        "what is off           | median m: error | 90 % m: error | worst m: error | median deg: error",
+        name="errors",
+        samples=len(paper_places(FIELD)),
+    )
     for name, (other, goal, noise_px) in wrong.items():
         model = goal_model(goal, other, 0.0)
         model.weight[[HEIGHT, LOG_FOCAL, BLOOM]] = np.inf

@@ -23,7 +23,6 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Pool, Table, judge, percent, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -230,15 +229,8 @@ def main(arguments: Namespace, pool: Pool) -> None:
     negatives = 2 if arguments.quick else 150 if arguments.full else 50
     places = list(range(0, 66, step))
     table = Table(
-        (
-            "condition           ",
-            col.label("method             "),
-            col.rate("located"),
-            *(col.rate(name) for name in ("20 cm %", "20 %", "10 %", "1 %")),
-            col.error("median m"),
-            "NEES",
-            "verdict",
-        ),
+        "condition            | method: label | located: rate | 20 cm %: rate | 20 %: rate | 10 %: rate | "
+        "1 %: rate | median m: error | NEES | verdict",
         name="poses",
         samples=seeds * len(places),
     )
@@ -269,9 +261,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     names = [name for name in GOAL_CONDITIONS if name != "clean_208x160"]
     found = [text for part in pool.map(false_poses, [(n, arguments.seed, negatives) for n in names]) for text in part]
     judge(not found)
-    table = Table(
-        ("pictures without a whole goal", "pictures", col.count("false poses"), "verdict"), name="false poses"
-    )
+    table = Table("pictures without a whole goal | pictures | false poses: count | verdict", name="false poses")
     table.row("all conditions", negatives * len(names), len(found), verdict(not found))
     for text in found:
         table.note(f"  {text}")

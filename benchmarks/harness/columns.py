@@ -1,35 +1,29 @@
-"""Short names for a table's columns by kind."""
+"""The head of a table: its columns as they are printed, each with the kind of its figures unless they are words.
+
+Names stand between bars, and a kind, a value of `Kind`, behind a colon; behind "error" a floor may stand::
+
+    condition | located: rate | mm: error 0.5 | NEES mean | verdict
+"""
 
 from __future__ import annotations
 
-from functools import partial
+import re
+from collections.abc import Sequence
 
 from benchmarks.harness.figures import Column, Kind
 
-#: names the row, beside the first column
-label = partial(Column, kind=Kind.LABEL)
-#: per cent, or "a/b", of independent samples: more is better
-rate = partial(Column, kind=Kind.RATE)
-#: the same, less is better
-loss = partial(Column, kind=Kind.LOSS)
-#: a figure of merit: more is better
-score = partial(Column, kind=Kind.SCORE)
-#: how often something bad happened
-count = partial(Column, kind=Kind.COUNT)
-#: times as multiples of another time of the same run
-time_ratio = partial(Column, kind=Kind.TIME_RATIO)
+_KINDS = "|".join(kind.value for kind in Kind)
+_COLUMN = re.compile(rf"(?P<name>.*): (?P<kind>{_KINDS})(?: (?P<floor>\d\S*))?\s*")
 
 
-def error(name: str, floor: float = 0.0) -> Column:
-    """Return a column of errors or ratios of errors: less is better, and differences up to `floor` do not count."""
-    return Column(name, Kind.ERROR, floor)
+def read_columns(head: str | Sequence[str]) -> list[Column]:
+    """Return the columns of a head, or of several that stand beside each other; names keep the spaces around them."""
+    pieces = [piece for part in ([head] if isinstance(head, str) else head) for piece in part.split(" | ")]
+    return [_column(piece) for piece in pieces]
 
 
-def measured(name: str = "measured") -> Column:
-    """Return a column whose rows say what their figures are."""
-    return Column(name, Kind.BY_ROW)
-
-
-def compared_verdict(name: str = "verdict") -> Column:
-    """Return a column whose "ok" may not become "SHORT": for rows whose figure is no number."""
-    return Column(name, Kind.VERDICT)
+def _column(text: str) -> Column:
+    match = _COLUMN.fullmatch(text)
+    if match is None:
+        return Column(text)
+    return Column(match["name"], Kind(match["kind"]), float(match["floor"] or 0.0))

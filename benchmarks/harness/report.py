@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.harness.columns import read_columns
 from benchmarks.harness.figures import (
     FOLDER,
     Cell,
@@ -116,9 +117,9 @@ class Table:
 
     Parameters
     ----------
-    columns : sequence of str or Column
-        Spaces around a name widen its column. The first column is set left, all others right. A plain name is not
-        compared with earlier figures; the first column names the row, "verdict" and "target" are what they say.
+    columns : str or sequence of str
+        As `read_columns` takes them. Spaces around a name widen its column. The first column names the row and is set
+        left, all others right. Words are not compared with earlier figures.
     title : str, optional
         A line above.
     name : str, optional
@@ -128,9 +129,9 @@ class Table:
     """
 
     def __init__(
-        self, columns: Sequence[str | Column], title: str = "", *, name: str = "", samples: int | None = None
+        self, columns: str | Sequence[str], title: str = "", *, name: str = "", samples: int | None = None
     ) -> None:
-        given = [column if isinstance(column, Column) else Column(column) for column in columns]
+        given = read_columns(columns)
         self._widths = [max(len(column.name), 6) for column in given]
         kept = [Column(column.name.strip(), column.kind, column.floor) for column in given]
         if kept[0].kind is Kind.TEXT:

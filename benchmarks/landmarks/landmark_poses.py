@@ -26,7 +26,6 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Kind, Pool, Table, judge, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.peers.orb import OrbExtractor
 from benchmarks.worlds.hall_runs import building, drift, make_runs
 from robocup_vision.camera import PinholeCamera
@@ -38,9 +37,9 @@ from robocup_vision.landmarks.selection import Selection
 from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame
 
 COLUMNS = (
-    "method                     ", col.rate("located"), col.error("x mm"), col.error("y mm"), col.error("deg"),
-    "median x, y, deg    ", "match ms", "looked for", "matched", col.error("NEES"),
-)  # fmt: skip
+    "method                      | located: rate | x mm: error | y mm: error | deg: error | median x, y, deg | "
+    "match ms | looked for | matched | NEES: error"
+)
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class Verdicts:
 
     def print(self, samples: int) -> None:
         """Print all rows."""
-        columns = ("acceptance" + " " * 30, col.measured(), "target" + " " * 20, col.measured("verdict"))
+        columns = "acceptance                               | measured: by row | target | verdict: by row"
         table = Table(columns, name="acceptance", samples=samples)
         for name, measured, target, ok, kind in self._rows:
             table.row(name, measured, target, verdict(ok), kind=kind)
@@ -158,7 +157,7 @@ def cost(
 ) -> None:
     """Time of a frame without features over the size of the map."""
     table = Table(
-        ("landmarks", "in view", "select ms", "match ms", "fit ms", "sum ms", "p90 ms"),
+        "landmarks | in view | select ms | match ms | fit ms | sum ms | p90 ms",
         "A frame without SIFT",
         name="cost",
     )
@@ -215,7 +214,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     views = len(landmarks.view_landmark)
     size = f"{len(first_run)} moments, {runs.lost} left out; {len(landmarks)} landmarks, {views} views"
     own_run = Table(
-        ("the map's own run          ", col.error("x mm"), col.error("y mm"), col.error("deg")),
+        "the map's own run           | x mm: error | y mm: error | deg: error",
         size,
         name="own run",
         samples=len(first_run),
@@ -317,14 +316,8 @@ def cheaper(
     """SIFT, SIFT of fewer pixels and ORB on the second run: time of the features, and errors against the truth."""
     table = Table(
         (
-            "features              ",
-            col.rate("located"),
-            col.error("median mm"),
-            col.error("mm  "),
-            col.error("deg "),
-            "ms    ",
-            "less than SIFT",
-            "verdict",
+            "features               | located: rate | median mm: error | mm: error | deg: error | ms | "
+            "less than SIFT | verdict"
         ),
         "Cheaper features, second run with odometry 5 % off, real truth",
         name="features",

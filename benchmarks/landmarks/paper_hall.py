@@ -28,7 +28,6 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.worlds.lecture_runs import ASIDE_M, MOMENTS, lecture, make_lecture_runs
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -64,9 +63,9 @@ PAPER_CELLS = {
 PAPER_FREQUENCY = (171.40, 268.63, 3.44, 7.92, 50.00, 15.45)
 PAPER_NO_CONTRAST = (32.69, 38.28, 0.46, 8.13, 48.82, 24.59)
 COLUMNS = (
-    "landmarks                    ", col.rate("located"), col.error("x mm"), col.error("y mm"), col.error("deg"),
-    "match ms", "looked for", "matched", "paper: mm, mm, deg, ms, for, matched",
-)  # fmt: skip
+    "landmarks                     | located: rate | x mm: error | y mm: error | deg: error | match ms | "
+    "looked for | matched | paper: mm, mm, deg, ms, for, matched"
+)
 START_ASIDE_M = 0.2
 _OFF_PX, _OFF_RATIO, _REPEATS = 6.0, 1.25, 2
 
@@ -177,7 +176,7 @@ def row(table: Table, name: str, track: Track, paper: tuple[float, ...] = ()) ->
 def series(tracks: dict[str, Track], run: Sequence[Features]) -> None:
     """Print, and plot where Matplotlib is installed, what each frame took: the paper's Figure 7."""
     names = list(tracks)
-    columns = ["frames   ", "features", *(f"{kind}, {name}" for kind in ("for", "ms") for name in names)]
+    columns = ("frames    | features", *(f"{kind}, {name}" for kind in ("for", "ms") for name in names))
     table = Table(columns, "Along the run: landmarks looked for (means) and matching time (medians)", name="series")
     step = 13
     for first in range(0, len(run), step):
@@ -225,9 +224,9 @@ def print_drive(path: Sequence[Pose2], steps: Sequence[DriveStep]) -> float:
     away_m = math.hypot(*(steps[-1].truth.array - path[-1].array)[:2])
     table = Table(
         (
-            "start           ", col.rate("located"), "s", col.error("worst mm"), col.error("RMS mm"),
-            col.error("end mm"), col.error("error mm"), "worst",
-        ),
+"start            | located: rate | s | worst mm: error | RMS mm: error | end mm: error | "
+"error mm: error | worst"
+),
         f"The drive, {WAY_M * len(path) / MOMENTS:.1f} m: off the path after 10 s, off its end, error of the estimates",
         name="drive", samples=len(steps),
     )  # fmt: skip
@@ -284,7 +283,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     acceptance.append(("frequency alone / cells, error", f"{fails:.3g}", ">= 10; paper: 17", fails >= 10, Kind.TEXT))
 
     table = Table(
-        ("matches               ", col.loss("wrong %"), "wrong", "of", "paper %"), "Wrong matches", name="wrong",
+        "matches                | wrong %: loss | wrong | of | paper %", "Wrong matches", name="wrong",
         samples=samples,
     )  # fmt: skip
     wrong, of = (sum(part) for part in zip(*stereo, strict=True))
@@ -319,7 +318,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     away_m = print_drive(own, steps)
     acceptance.append(("end of the drive, mm off", f"{1e3 * away_m:.0f}", "<= 100", away_m <= 0.1, Kind.TEXT))
     table = Table(
-        ("acceptance" + " " * 30, col.measured(), "target" + " " * 12, col.measured("verdict")), name="acceptance",
+        "acceptance                               | measured: by row | target | verdict: by row", name="acceptance",
         samples=samples,
     )  # fmt: skip
     for name, measured, target, ok, kind in acceptance:

@@ -97,7 +97,7 @@ def measure_loop(blocks: int, seconds: float, seed: int) -> None:
     without, beside = (np.percentile(look_ms[watched], [50, 99]) for watched in (False, True))
     show = np.percentile(show_ms, [50, 90, 99])
     ratio, cpu = beside[1] / without[1], cpu_s / wall_s
-    table = Table(("figure", "measured", "target", "verdict"), "Loop, 640 x 480, 30 a second, two pages", name="loop")
+    table = Table("figure | measured | target | verdict", "Loop, 640 x 480, 30 a second, two pages", name="loop")
     oks = [show[0] <= MAX_SHOW_MS, ratio <= MAX_P99_RATIO, cpu <= MAX_CPU]
     table.row("show, median ms", round(float(show[0]), 3), f"<= {MAX_SHOW_MS:g}", verdict(oks[0]))
     table.row("show, 90 % ms", round(float(show[1]), 3), "", "")
@@ -128,7 +128,7 @@ def measure_memory(count: int, seed: int) -> None:
             if number in (count // 3, count - 1):
                 sizes["page"].append(resident_mb(viewer.process_id))
                 sizes["robot"].append(resident_mb())
-    table = Table(("process", "frames", "MB", "grew by MB", "target", "verdict"), "Memory", name="memory")
+    table = Table("process | frames | MB | grew by MB | target | verdict", "Memory", name="memory")
     for name, (before, after) in sizes.items():
         ok = after - before <= MAX_GROWTH_MB
         table.row(name, count, round(after, 1), round(after - before, 2), f"<= {MAX_GROWTH_MB:g}", verdict(ok))

@@ -12,9 +12,7 @@ from __future__ import annotations
 from argparse import Namespace
 
 from benchmarks.harness import Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.scores.match_score import Played, play
-from benchmarks.worlds.failed_players import COLUMN
 from benchmarks.worlds.near_truth import BOUNDS
 from sim2d.match.disturbances import LEGS, NONE, Disturbances
 from sim2d.match.run import MatchPlan
@@ -35,14 +33,7 @@ def main(arguments: Namespace) -> None:
         "all": LEGS,
     }
     table = Table(
-        (
-            "disturbed by",
-            col.rate("near %"),
-            col.error("lost s", floor=0.5),
-            "real time",
-            COLUMN,
-            "verdict",
-        ),
+        "disturbed by | near %: rate | lost s: error 0.5 | real time | players that failed: count | verdict",
         f"{matches} matches of {seconds:g} s; near at least {100 * MIN_NEAR:g} %, lost at most {MAX_LOST_S:g} s",
         name="disturbed",
         samples=round(matches * seconds * 4),

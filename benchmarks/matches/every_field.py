@@ -24,10 +24,8 @@ from functools import cache
 from pathlib import Path
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.programs import sources_digest
 from benchmarks.scores.match_score import Played, play
-from benchmarks.worlds.failed_players import COLUMN
 from benchmarks.worlds.near_truth import BOUNDS
 from robocup_vision.files.resume_file import ResumeFile
 from sim2d.match.run import MatchPlan
@@ -139,21 +137,9 @@ def main(arguments: Namespace, pool: Pool) -> None:
     cases = [case for case in CASES if arguments.only in (None, case.name)]
     table = Table(
         (
-            "field",
-            "players",
-            "bound",
-            col.rate("near %"),
-            "target %",
-            col.error("lost s", floor=1.0),
-            "at most s",
-            col.rate("right half %"),
-            "goals a minute",
-            "contacts",
-            col.rate("ball %"),
-            "stands %",
-            "real time",
-            COLUMN,
-            "verdict",
+            "field | players | bound | near %: rate | target % | lost s: error 1 | at most s | "
+            "right half %: rate | goals a minute | contacts | ball %: rate | stands % | real time | "
+            "players that failed: count | verdict"
         ),
         f"{matches} matches of {seconds:g} s on each field",
         name="every field",

@@ -19,7 +19,6 @@ from argparse import Namespace
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.machine import resident_mb
 from robocup_vision.geometry import Pose2
 from sim2d.match.run import MatchPlan
@@ -82,17 +81,8 @@ def judge_matches(seed: int, matches: int, seconds: float, pool: Pool) -> None:
     """Play undisturbed matches, print a row each, and judge the whole."""
     table = Table(
         (
-            "seed        ",
-            "score",
-            col.rate("near %"),
-            col.error("mm"),
-            col.error("p95 mm"),
-            col.error("lost s", floor=MAX_LOST_S),
-            col.rate("half %"),
-            col.error("stuck s", floor=MAX_STUCK_S),
-            "collisions",
-            "m driven",
-            "verdict",
+            f"seed         | score | near %: rate | mm: error | p95 mm: error | lost s: error {MAX_LOST_S} | "
+            f"half %: rate | stuck s: error {MAX_STUCK_S} | collisions | m driven | verdict"
         ),
         f"{matches} matches of {seconds:g} s; near, lost, half and stuck: of the worst robot",
         name="matches",
@@ -124,7 +114,7 @@ def judge_matches(seed: int, matches: int, seconds: float, pool: Pool) -> None:
             verdict(ok),
         )
     minutes = matches * seconds / 60
-    goal_table = Table(("goals, of all matches", "goals", "minutes", "a minute", "target", "verdict"), name="goals")
+    goal_table = Table("goals, of all matches | goals | minutes | a minute | target | verdict", name="goals")
     goal_table.row("both sides", goals, minutes, goals / minutes, "some", verdict(goals > 0))
 
 
@@ -139,14 +129,7 @@ def judge_faults(seed: int, matches: int, pool: Pool) -> None:
             kind = kinds[fault["robot"], round(fault["from_s"], 6)]
             recoveries[kind].append(math.inf if recovery_s is None else recovery_s)
     table = Table(
-        (
-            "fault                    ",
-            "times",
-            "median s",
-            col.error("worst s", floor=MAX_RECOVERY_S / 2),
-            "target s",
-            "verdict",
-        ),
+        (f"fault                     | times | median s | worst s: error {MAX_RECOVERY_S / 2} | target s | verdict"),
         f"faults, in {matches} matches",
         name="faults",
     )
@@ -172,7 +155,7 @@ def soak(seed: int, seconds: float) -> None:
     near = min(robot.within_5cm_3deg for robot in figures.robots)
     lost_s = max(robot.longest_lost_s for robot in figures.robots)
     table = Table(
-        ("soak, simulated s", "MB warm", "MB at end", "growth %", "target %", "near %", "lost s", "score", "verdict"),
+        "soak, simulated s | MB warm | MB at end | growth % | target % | near % | lost s | score | verdict",
         "one long match",
         name="soak",
     )

@@ -36,7 +36,6 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.geometry import Pose2
 from sim2d.match.arena import Arena
@@ -81,7 +80,7 @@ def measure_rendering(count: int, seed: int) -> None:
                 seconds[name].append(drawn - begin)
                 seconds["cvtColor"].append(thread_time() - drawn)
     hsv = float(np.median(seconds["cvtColor"]))
-    columns = ("one frame   ", "ms    ", col.time_ratio("ratio "), "target", "verdict")
+    columns = "one frame    | ms | ratio: time ratio | target | verdict"
     table = Table(columns, f"Rendering, {count} frames", name="frames")
     for name, most in zip(eyes, (MAX_BARE, MAX_NOISY), strict=True):
         median = float(np.median(seconds[name]))
@@ -92,7 +91,7 @@ def measure_rendering(count: int, seed: int) -> None:
 
 def measure_forward(count: int, seed: int) -> None:
     """Print the ratios of drawing a forward camera's frame."""
-    columns = ("forward camera          ", "ms    ", col.time_ratio("ratio "), "target", "verdict")
+    columns = "forward camera           | ms | ratio: time ratio | target | verdict"
     table = Table(columns, f"Rendering, {count} frames of a forward camera", name="forward frames")
     for field_name, most in MAX_FORWARD.items():
         field = load_field(field_name)
@@ -147,17 +146,17 @@ def measure_match(simulated_s: float, seed: int) -> None:
     total = sum(stages.values())
     wall = perf_counter() - began
     title = f"4 robots, {simulated_s:g} s of play in {total:.2f} s of one core ({wall:.2f} s on the wall clock)"
-    table = Table(("stage                ", "ms a period", "of all %"), title, name="stages")
+    table = Table("stage                 | ms a period | of all %", title, name="stages")
     for name, spent in stages.items():
         table.row(name, 1e3 * spent / simulated_s * CONTROL_PERIOD_S, f"{100 * spent / total:.0f}")
     ok = simulated_s / total >= MIN_REAL_TIME
-    table = Table(("match                ", "times real time", "target", "verdict"), name="real time")
+    table = Table("match                 | times real time | target | verdict", name="real time")
     table.row("4 robots", f"{simulated_s / total:.2f}", f">= {MIN_REAL_TIME:g}", verdict(ok))
 
 
 def measure_forward_matches(simulated_s: float, seed: int) -> None:
     """Print how much faster than real time matches with forward cameras run."""
-    columns = ("forward cameras                  ", "times real time", "target", "verdict")
+    columns = "forward cameras                   | times real time | target | verdict"
     table = Table(columns, f"{simulated_s:g} s of play", name="real time, forward")
     for field_name, players, least in FORWARD_MATCHES:
         match = MatchPlan(field_name, players=players, seconds=simulated_s + 1.0, seed=seed).begin()
@@ -191,7 +190,7 @@ def measure_film(simulated_s: float, seed: int) -> None:
         megabytes = 0.0 if summary.video is None else summary.video.stat().st_size / 1e6
     alone = [sum(both) / 2 for both in zip(before, after, strict=True)]
     table = Table(
-        ("match                ", "times real time", "target", "processor s/s", "film MB/min", "at most", "verdict"),
+        "match                 | times real time | target | processor s/s | film MB/min | at most | verdict",
         f"4 robots, {simulated_s:g} s of play",
         name="with film",
     )

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Kind, Pool, Table, judge, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.worlds.failed_players import count_failed_in
 from robocup_vision.arrays import FloatArray
 from sim2d.match.run import MatchPlan
@@ -57,7 +56,7 @@ def measure_ssl_2001(pool: Pool, matches: int, seconds: float, seed: int) -> Non
     without, with_, stopped = play_both(pool, MatchPlan(seconds=seconds, seed=seed), matches)
     per_minute = 60 / seconds
     table = Table(
-        ("a minute, our side            ", "plain", col.measured("plans"), "difference", "SE", "target", "verdict"),
+        "a minute, our side             | plain | plans: by row | difference | SE | target | verdict",
         f"{matches} matches of {seconds:g} s, each with and without",
         name="a minute",
     )
@@ -83,7 +82,7 @@ def measure_ssl_2001(pool: Pool, matches: int, seconds: float, seed: int) -> Non
 
 def measure_elsewhere(pool: Pool, fields: Sequence[str], matches: int, seconds: float, seed: int) -> None:
     """Print who is ahead on leagues' fields."""
-    columns = ("field           ", "plain", col.measured("plans"), "difference", "SE", col.count("failed"), "verdict")
+    columns = "field            | plain | plans: by row | difference | SE | failed: count | verdict"
     title = f"Goals for less against a minute, {matches} matches of {seconds:g} s a field, each with and without"
     table = Table(columns, title, name="fields")
     places = []

@@ -16,7 +16,6 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from robocup_vision.planning import Disc
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches
@@ -93,7 +92,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     seen = float(np.mean([one for _, of_match in played for one in of_match]))
     chance, scored = np.array([c for c, _ in kicks]), np.array([s for _, s in kicks])
     title = f"{len(kicks)} kicks in {matches} matches"
-    table = Table(("chance of a goal, %", "kicks", "chance %", "went in %"), title, name="chances")
+    table = Table("chance of a goal, % | kicks | chance % | went in %", title, name="chances")
     for low, high in pairwise(BINS):
         of = (chance >= low) & (chance < high)
         ratios = (100 * float(chance[of].mean()), 100 * float(scored[of].mean())) if of.any() else (None, None)
@@ -101,7 +100,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     base = log_loss(np.full(len(scored), scored.mean()), scored)
     ratio = log_loss(chance, scored) / base
     sure = float(scored[chance >= BINS[-2]].mean()) if (chance >= BINS[-2]).any() else 0.0
-    verdicts = Table(("how good the chances are" + 20 * " ", col.measured(), "target", "verdict"), name="verdicts")
+    verdicts = Table("how good the chances are                 | measured: by row | target | verdict", name="verdicts")
     is_informative, is_sure = ratio <= MAX_LOG_LOSS, sure >= MIN_SURE
     cells: tuple[float | str, str, str] = ratio, f"<= {MAX_LOG_LOSS}", verdict(is_informative)
     verdicts.row("log loss to that of the mean ratio", *cells, kind=Kind.ERROR, samples=len(kicks))

@@ -19,8 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
-from benchmarks.worlds.failed_players import COLUMN, count_failed
+from benchmarks.worlds.failed_players import count_failed
 from field_models import load_field
 from sim2d.match.disturbances import disturbances_for
 from sim2d.match.run import MatchPlan
@@ -70,14 +69,8 @@ def main(arguments: Namespace, pool: Pool) -> None:
             rows[f"{100 * loss:.0f} % lost"] = [replace(plan, disturbances=lossy[loss]) for plan in plans]
         table = Table(
             (
-                "robots",
-                col.rate("known %"),
-                "ratio",
-                "SE",
-                col.measured("two fetch %"),
-                COLUMN,
-                "target",
-                "verdict",
+                "robots | known %: rate | ratio | SE | two fetch %: by row | players that failed: count | "
+                "target | verdict"
             ),
             f"{field}, {matches} matches of {seconds:g} s, {players} against {players}",
             name=f"known {field}",

@@ -15,8 +15,7 @@ from argparse import Namespace
 from dataclasses import dataclass, replace
 
 from benchmarks.harness import Table, percent, program, verdict
-from benchmarks.harness import columns as col
-from benchmarks.worlds.failed_players import COLUMN, count_failed
+from benchmarks.worlds.failed_players import count_failed
 from benchmarks.worlds.near_truth import BOUNDS
 from sim2d.match.disturbances import LEGS, MIRRORS_ON_WHEELS, Disturbances
 from sim2d.match.run import MatchPlan
@@ -95,14 +94,8 @@ def main(arguments: Namespace) -> None:
     matches, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     table = Table(
         (
-            "field",
-            "camera",
-            col.rate("near %"),
-            col.rate("after a knock %"),
-            "knocks",
-            "false",
-            COLUMN,
-            "verdict",
+            "field | camera | near %: rate | after a knock %: rate | knocks | false | "
+            "players that failed: count | verdict"
         ),
         f"{matches} matches of {seconds:g} s, {4 * matches} robots a row",
         name="wrong",

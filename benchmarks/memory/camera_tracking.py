@@ -14,7 +14,6 @@ from functools import partial
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.scores.tracker_runs import COLUMNS, TUNED, nearest_neighbours, score, track_splitting
 from benchmarks.scores.tracking_score import NEAR_M
 from benchmarks.worlds.crowd import Frame, camera_film
@@ -38,7 +37,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     films = list(pool.map(partial(camera_film, FIELD), [[arguments.seed, k, 4] for k in range(runs)]))
     seconds = round(sum(frames[-1].t_s - frames[0].t_s for frames in films))
     table = Table(
-        ("tracker        ", *COLUMNS),
+        ("tracker        ", COLUMNS),
         name="trackers",
         # of two frames one after the other the second adds little
         samples=seconds,
@@ -54,7 +53,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
             f"{100 * of.false / of.objects:.1f}", of.switches, of.false_tracks, f"{1000 * of.rms_m:.0f}",
             verdict(ok) if of is ours else None,
         )  # fmt: skip
-    columns = ("detections", col.error("median mm"), col.error("90 % within mm"), col.loss("of no robot %"))
+    columns = "detections | median mm: error | 90 % within mm: error | of no robot %: loss"
     table = Table(columns, name="detections", samples=seconds)
     away = np.concatenate([errors_m(frame) for frames in films for frame in frames])
     of_robots = away[away < NEAR_M]

@@ -21,7 +21,6 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.harness import Pool, Table, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
@@ -248,17 +247,10 @@ def main(arguments: Namespace, pool: Pool) -> None:
             rate = round(1 / (stride * CONTROL_PERIOD_S))
             title = f"{source}: {count} frames, {rate} a second, {runs} runs"
             columns = (
-                "method                 ",
-                col.error("mm"),
-                col.error("deg"),
-                col.error("worst mm"),
-                col.error("of k = 1"),
-                col.error("of dead"),
-                col.error("NEES mean"),
-                "median",
-                "ms",
+                "method                  | mm: error | deg: error | worst mm: error | of k = 1: error | "
+                "of dead: error | NEES mean: error | median | ms | verdict"
             )
-            table = Table((*columns, "verdict"), title, name=f"{source}, {count}, {rate}/s", samples=runs)
+            table = Table(columns, title, name=f"{source}, {count}, {rate}/s", samples=runs)
 
             def figures(method: str, source: str = source, count: int = count, stride: int = stride) -> list[Result]:
                 return [run[source, count, stride, method] for run in driven if (source, count, stride, method) in run]

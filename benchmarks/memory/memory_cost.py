@@ -15,7 +15,6 @@ from functools import partial
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.timing import timed
 from benchmarks.worlds.crowd import moves
 from field_models import load_field
@@ -61,7 +60,7 @@ def costs_ms(count: int, seed: int) -> tuple[float, dict[str, float]]:
 def main(arguments: Namespace) -> None:
     """Measure and print."""
     look_ms, added_ms = costs_ms(60 if arguments.quick else 2000 if arguments.full else 400, arguments.seed)
-    columns = ("memory of         ", "ms added", col.time_ratio("of a look"), "aim ms", "verdict")
+    columns = "memory of          | ms added | of a look: time ratio | aim ms | verdict"
     table = Table(columns, f"What a memory adds to a look of {look_ms:.2f} ms", name="cost of a memory")
     for name, added in added_ms.items():
         aim = AIM_MS if name == EVERYTHING else None

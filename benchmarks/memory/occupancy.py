@@ -20,7 +20,6 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.kernels.mapping import occupancy as kernel
@@ -239,12 +238,8 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
         ranges += of_run
     table = Table(
         (
-            "light       ",
-            col.label("method     "),
-            col.loss("occupied called free %"),
-            "of cells",
-            col.rate("free called free %"),
-            col.rate("in glare %"),
+            "light        | method: label | occupied called free %: loss | of cells | free called free %: rate | "
+            "in glare %: rate"
         ),
         name="light",
         # the cells of a run are no independent samples
@@ -259,7 +254,7 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
     glare = sum(by_light[kind] for kind in GLARE)
     assert not isinstance(total, int)
     assert not isinstance(glare, int)
-    columns = ("figure                                                    ", "target", col.measured(), "verdict")
+    columns = "figure                                                     | target | measured: by row | verdict"
     judged = Table(columns, name="figures")
     called_free = float(total[0, 0] / max(total[2, 0], 1))
     points = 100 * (ratio(glare, 0, 2) - ratio(glare, 1, 2))
@@ -289,14 +284,14 @@ def main(arguments: Namespace, pool: Pool) -> None:
     accuracy(pool.map(drive, jobs))
     swept = sum(pool.map(smear, [(arguments.seed, number) for number in range(runs)]))
     assert not isinstance(swept, int)
-    columns = ("cells that moving robots have left", "cells", col.loss("not free %"), col.loss("no-go %"), "verdict")
+    columns = "cells that moving robots have left | cells | not free %: loss | no-go %: loss | verdict"
     table = Table(columns, name="smear", samples=CELL_SAMPLES)
     masked, plain = (row / max(int(row[0]), 1) for row in swept)
     is_clean = bool(masked[2] <= 0.2 * plain[2])
     for name, row, part in (("masked by tracks", swept[0], masked), ("not masked", swept[1], plain)):
         table.row(name, int(row[0]), percent(part[1]), percent(part[2]), verdict(is_clean) if part is masked else None)
     best, asking = seconds_per_update(arguments.seed, 5 if arguments.quick else 20)
-    table = Table(("a move and an update by both sensors", "ms", col.time_ratio("ratio"), "verdict"), name="time")
+    table = Table("a move and an update by both sensors | ms | ratio: time ratio | verdict", name="time")
     small, large = (best[name] for name in FIELDS_TIMED)
     is_level = large / small <= MAX_TIME_RATIO
     table.row(FIELDS_TIMED[0], 1e3 * small, None, None)

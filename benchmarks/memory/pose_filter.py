@@ -35,7 +35,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.peers.pose_followers import HAS_FILTERPY, Ekf, Follower, Single
 from benchmarks.worlds.pose_runs import (
     KIDNAP_EVERY_S,
@@ -235,17 +234,8 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> None:
     """Print a row for each condition and method."""
     table = Table(
         (
-            "condition   ",
-            col.label("method"),
-            col.error("RMS mm"),
-            col.error("RMS deg"),
-            col.error("ratio"),
-            "NEES mean",
-            col.error("median"),
-            col.rate("in 95 %"),
-            col.count("flips"),
-            col.loss("lost %"),
-            "verdict",
+            "condition    | method: label | RMS mm: error | RMS deg: error | ratio: error | NEES mean | "
+            "median: error | in 95 %: rate | flips: count | lost %: loss | verdict"
         ),
         f"wandering: {len(results)} runs of {RUN_S:g} s; wanted of ours: ratio at most {MAX_RATIO} by every frame, "
         f"NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}, no flips",
@@ -287,14 +277,8 @@ def print_kidnapped(results: list[dict[tuple[str, str, str], list[float]]]) -> N
     """Print a row for each kind and condition."""
     table = Table(
         (
-            "kidnapped",
-            col.label("frames      "),
-            "times",
-            "filter, median s",
-            col.error("worst s", floor=MAX_RECOVERY_S / 2),
-            "EKF, worst s",
-            "single, worst s",
-            "verdict",
+            f"kidnapped | frames: label | times | filter, median s | worst s: error {MAX_RECOVERY_S / 2} | "
+            "EKF, worst s | single, worst s | verdict"
         ),
         f"kidnapped: {len(results)} runs; wanted: every recovery of the filter within {MAX_RECOVERY_S:g} s",
         name="kidnapped",
@@ -326,14 +310,8 @@ def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> None:
     guess = FrameErrors()
     table = Table(
         (
-            "bias ratio",
-            "for m",
-            col.label("method"),
-            col.error("RMS mm"),
-            col.error("ratio"),
-            col.error("NEES mean"),
-            col.rate("in 95 %"),
-            "verdict",
+            "bias ratio | for m | method: label | RMS mm: error | ratio: error | NEES mean: error | "
+            "in 95 %: rate | verdict"
         ),
         f"synthetic: {runs} runs of {RUN_S:g} s each; the filter's guess is {guess.bias_ratio:g} for "
         f"{guess.bias_distance_m:g} m; wanted: NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}",

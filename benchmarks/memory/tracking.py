@@ -50,7 +50,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     detections = [len(frame.detections) for frames in films for frame in frames]
     in_view = [frame.in_view for frames in films for frame in frames]
     table = Table(
-        ("tracker                        ", *COLUMNS),
+        ("tracker                        ", COLUMNS),
         f"{np.mean(detections):.1f} detections a frame, {100 * np.mean(in_view):.0f} % of the others in view",
         name="trackers",
         # seconds of all runs: of two frames one after the other the second adds little
@@ -78,7 +78,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     row("stonesoup GNN", score(partial(stone_soup, joint=False), films[:few]), few)
     row("stonesoup JPDA", score(partial(stone_soup, joint=True), films[:few]), few)
 
-    table = Table(("eight others", "ms, median", "99 %", "at most", "verdict"), name="time")
+    table = Table("eight others | ms, median | 99 % | at most | verdict", name="time")
     taken = milliseconds(eight)
     fast = float(np.quantile(taken, 0.99)) <= MAX_MS
     table.row("update", float(np.median(taken)), float(np.quantile(taken, 0.99)), MAX_MS, verdict(fast))

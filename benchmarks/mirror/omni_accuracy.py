@@ -39,7 +39,6 @@ from typing import Literal
 import numpy as np
 
 from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.scores.free_space_score import Free, goal_pixels, judge_free_space
 from field_models import load_field
 from robocup_vision import NotLocated, PoseEstimate, Vision
@@ -210,7 +209,7 @@ def print_consistency(records: Sequence[Record]) -> None:
             ratio >= MIN_RIGHT_HALF,
         ),
     )
-    columns = ("nominal, 256 x 220" + " " * 20, col.measured(), "target      ", "verdict")
+    columns = "nominal, 256 x 220                     | measured: by row | target | verdict"
     table = Table(columns, name="consistency", samples=len(in_view))
     for name, kind, measured, target, ok in rows:
         table.row(name, measured, target, verdict(ok), kind=kind)
@@ -221,14 +220,8 @@ def print_consistency(records: Sequence[Record]) -> None:
 def print_free_space(records: dict[str, list[Record]]) -> None:
     """Print the free space of each condition."""
     columns = (
-        "condition       ",
-        "bearings",
-        col.rate("within 1 cell"),
-        col.loss("false, any"),
-        col.loss("false, line/shadow"),
-        "boxes",
-        col.loss("missed"),
-        "verdict",
+        "condition        | bearings | within 1 cell: rate | false, any: loss | false, line/shadow: loss | boxes | "
+        "missed: loss | verdict"
     )
     title = f"Free space: >= {MIN_WITHIN_CELL:.0%} within 1 cell, <= {MAX_FALSE:.1%} false by lines or shadows, "
     table = Table(columns, title + f"<= {MAX_MISSED:.1%} missed; ratios in %", name="free space")
@@ -248,15 +241,7 @@ def print_free_space(records: dict[str, list[Record]]) -> None:
 def print_balls(records: dict[str, list[Record]]) -> None:
     """Print the balls of each condition."""
     title = f"Ball within 1.5 m: >= {MIN_FOUND:.0%} found, median <= {1e3 * MAX_BALL_ERROR_M:g} mm, "
-    columns = (
-        "condition       ",
-        "with ball",
-        col.rate("found %"),
-        col.error("mm"),
-        "without",
-        col.loss("false %"),
-        "verdict",
-    )
+    columns = "condition        | with ball | found %: rate | mm: error | without | false %: loss | verdict"
     table = Table(columns, title + f"<= {MAX_FALSE_BALLS:.1%} false", name="balls")
     for label, found in records.items():
         errors = [record.ball_error_m for record in found if record.has_ball]
@@ -283,17 +268,8 @@ def main(arguments: Namespace, pool: Pool) -> None:
     ]
     measured = zip((label for label, _ in tasks), pool.map(measure, [task for _, task in tasks]), strict=True)
     columns = (
-        "condition        ",
-        col.rate("located  "),
-        col.rate("5 cm/3 deg"),
-        col.rate("10 cm/5 deg"),
-        col.error("mm"),
-        col.error("deg"),
-        "NEES mean",
-        col.error("median"),
-        col.rate("inside 95 %"),
-        "target     ",
-        "verdict",
+        "condition         | located: rate | 5 cm/3 deg: rate | 10 cm/5 deg: rate | mm: error | deg: error | "
+        "NEES mean | median: error | inside 95 %: rate | target | verdict"
     )
     table = Table(columns, "Pose: ratios of all images in %", name="poses", samples=count)
     for label, parts in groupby(measured, key=itemgetter(0)):

@@ -30,7 +30,6 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import MotionLimits, Steering, Vision
 from robocup_vision.geometry import Pose2
@@ -118,15 +117,7 @@ def measure_frames(size: tuple[int, int], frames: list[np.ndarray], count: int, 
     by_hull.whole.pop(0)  # learns the colours
 
     table = Table(
-        (
-            f"{size[0]} x {size[1]}     ",
-            "ms     ",
-            col.time_ratio("ratio"),
-            "target",
-            "p99 / median",
-            "learnt anew",
-            "verdict",
-        ),
+        f"{size[0]} x {size[1]}      | ms | ratio: time ratio | target | p99 / median | learnt anew | verdict",
         f"Whole frame, {count} frames; cvtColor(BGR2HSV) {milliseconds(hsv):.3f} ms; the paper: {PAPER_MS} ms",
         name=f"{size[0]} x {size[1]}",
     )
@@ -197,7 +188,7 @@ def main(arguments: Namespace) -> None:
         ok = construction_s < MAX_CONSTRUCTION_S
         target = f"< {MAX_CONSTRUCTION_S:g} s"
         rows.append((f"making a Vision, {label}", f"{1e3 * construction_s:.0f}", None, None, target, verdict(ok)))
-    columns = ("once" + " " * 30, "ms     ", "slowest", col.rate("located"), "target   ", "verdict")
+    columns = "once                               | ms | slowest | located: rate | target | verdict"
     table = Table(columns, name="once")
     for row in rows:
         table.row(*row)

@@ -24,8 +24,6 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Table, judge, program, verdict
-from benchmarks.harness import columns as col
-from benchmarks.harness.figures import Column
 from field_models import load_field
 from robocup_vision import Vision
 from robocup_vision.arrays import UInt8Array
@@ -107,14 +105,12 @@ def rms(found: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 def measure(name: str, camera: OmniCamera, frames: list[list[tuple[UInt8Array, Pose2]]]) -> None:
     """Print one camera file's table."""
-    columns: tuple[str | Column, ...] = (
-        "place (mm)   ",
-        col.label("method        "),
-        col.rate("located"),
-        *(col.error(name) for name in ("dx mm", "dy mm", "dtheta deg")),
-        "verdict",
+    table = Table(
+        "place (mm)    | method: label | located: rate | dx mm: error | dy mm: error | dtheta deg: error | verdict",
+        f"Camera file: {name}",
+        name=name,
+        samples=len(frames[0]),
     )
-    table = Table(columns, f"Camera file: {name}", name=name, samples=len(frames[0]))
     methods = {"hull": Vision(FIELD, camera, method="hull"), "ours": Vision(FIELD, camera)}
     found = {method: [errors(vision, one) for one in frames] for method, vision in methods.items()}
     for place, ((x, y), printed) in enumerate(PRINTED):

@@ -30,7 +30,6 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.machine import resident_mb
 from benchmarks.worlds.damaged_messages import damaged_messages
 from field_models import load_field
@@ -84,7 +83,7 @@ def commands_at(t_s: float, robots: int = 11) -> bytes:
 
 def measure_speed(seconds: float) -> None:
     """Print how much faster than the clock it goes."""
-    table = Table(("realism", "times real time", "target", "verdict"), "Speed, 11 against 11", name="speed")
+    table = Table("realism | times real time | target | verdict", "Speed, 11 against 11", name="speed")
     for name in REALISMS:
         made = LeagueSimulator(FIELD, 11, REALISMS[name])
         run(made, 1.0)
@@ -119,7 +118,7 @@ with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as team:
 
 def measure_punctuality(seconds: float) -> None:
     """Print how late vision packets leave."""
-    columns = ("machine", "served for", "median ms", "p99 ms", "processor", "load", "target", "verdict")
+    columns = "machine | served for | median ms | p99 ms | processor | load | target | verdict"
     table = Table(columns, "Punctuality at the clock's speed", name="punctuality")
     shared = served(seconds)
     ahead = served(seconds, before_others=True) if may_go_before_others() else None
@@ -185,7 +184,7 @@ def measure_decoders(count: int, seed: int) -> None:
         except Exception as error:
             faults += 1
             print(f"{cls.__name__}: {error!r} of {data.hex()}")
-    columns = ("damaged messages", "read", "refused", col.count("faults"), "target", "verdict")
+    columns = "damaged messages | read | refused | faults: count | target | verdict"
     table = Table(columns, "Decoders", name="decoders")
     table.row(str(count), read, refused, faults, "0", verdict(faults == 0))
 
@@ -208,7 +207,7 @@ def measure_soak(seconds: float, robots: int) -> None:
     )
     drift_s = abs(newest.t_capture_s - newest.frame_number * STEPS_A_FRAME / STEPS_PER_S)
     ok = grown_kb < MAX_GROWTH_KB and drift_s < MAX_DRIFT_S
-    columns = ("simulated", "memory grew kB", "clock drifted s", "target", "verdict")
+    columns = "simulated | memory grew kB | clock drifted s | target | verdict"
     table = Table(columns, f"A long run, {robots} against {robots} on rc2021", name="soak")
     target = f"< {MAX_GROWTH_KB:g}, < {MAX_DRIFT_S:g}"
     table.row(f"{seconds / 3600:.2f} h", round(grown_kb), f"{drift_s:.1e}", target, verdict(ok))
@@ -217,15 +216,8 @@ def measure_soak(seconds: float, robots: int) -> None:
 def measure_tracker(seconds: float, seed: int) -> None:
     """Print the tracker's errors."""
     columns = (
-        "robots",
-        "place mm",
-        "last mm",
-        col.error("ratio"),
-        col.error("velocity m/s"),
-        "known then m/s",
-        col.error("refound s"),
-        "target",
-        "verdict",
+        "robots | place mm | last mm | ratio: error | velocity m/s: error | known then m/s | refound s: error | "
+        "target | verdict"
     )
     table = Table(columns, "Tracker on rc2021", name="tracker")
     slow = replace(RobotSpec(), speed_up_mps2=1.2, brake_mps2=1.2, max_speed_mps=1.0)

@@ -107,7 +107,7 @@ def main(arguments: Namespace) -> None:
     referee, halts, entries = play(arguments.opponents, seconds, arguments.seed)
     ours = [foul for foul in referee.fouls if foul.side > 0]
     in_stop = sum(foul.kind in STOP_FOULS for foul in ours)
-    table = Table(("what", "found", "target", "verdict"), f"Match against {arguments.opponents}", name="match")
+    table = Table("what | found | target | verdict", f"Match against {arguments.opponents}", name="match")
     table.row("simulated", f"{seconds:g} s", "", "")
     table.row("goals", f"{referee.score[1]} : {referee.score[-1]}", "", "")
     table.row("fouls for speed or distance in a stop", in_stop, "0", verdict(in_stop == 0))
@@ -124,7 +124,7 @@ def measure_tracker(entries: list[LogEntry]) -> None:
     """Print the tracker's errors on a match's log."""
     score = score_log(entries)
     table = Table(
-        ("robots", "place mm", "last mm", "ratio", "velocity m/s", "refound s", "target", "verdict"),
+        "robots | place mm | last mm | ratio | velocity m/s | refound s | target | verdict",
         "Tracker in that match",
         name="match_tracker",
     )

@@ -26,7 +26,7 @@ from __future__ import annotations
 import csv
 import math
 from argparse import Namespace
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -35,7 +35,6 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Kind, Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.scores import photograph_balls as balls
 from benchmarks.scores import photograph_checks as checks
 from benchmarks.scores import photograph_consistency as consistency
@@ -43,7 +42,7 @@ from benchmarks.scores import photograph_fisheyes as fisheyes
 from benchmarks.scores import photograph_floor as floor
 from benchmarks.scores import photograph_kinds as kinds
 from benchmarks.scores import photograph_poses as poses
-from benchmarks.scores.photograph_rows import REAL, drawn_prior, known_poses
+from benchmarks.scores.photograph_rows import REAL, PhotographRow, drawn_prior, known_poses
 from field_models import load_field
 from robocup_vision import PoseEstimate, Vision, draw, load_camera
 from robocup_vision.arrays import FloatArray
@@ -59,7 +58,7 @@ REFERENCE, MAX_OFF_M, MAX_OFF_RAD = Pose2(0.102, 0.048, math.radians(-1.5)), 0.0
 MAX_MEDIAN_M, MAX_P90_M, MAX_SEARCH_MS = 0.02, 0.05, 150.0
 SECTORS = 12
 # each has a tuple ROWS of functions that measure one row
-ROW_MODULES = {
+ROW_MODULES: dict[str, tuple[Callable[[], PhotographRow | None], ...]] = {
     "balls": balls.ROWS,
     "poses": poses.ROWS,
     "fisheyes": fisheyes.ROWS,
@@ -104,15 +103,11 @@ def spread(distances_m: FloatArray | None) -> str:
 
 def forward_camera(draws: int, seed: int) -> None:
     """Refine priors about the given poses by lines, tilt and roll included and not."""
-    columns = (
-        "priors refined by lines ",
-        col.rate("located"),
-        "prior m, deg",
-        "refined m, deg",
-        "stiff m, deg",
-        "tilt, roll deg",
+    table = Table(
+        "priors refined by lines  | located: rate | prior m, deg | refined m, deg | stiff m, deg | tilt, roll deg | "
+        "verdict: verdict",
+        name="forward camera",
     )
-    table = Table((*columns, col.compared_verdict()), name="forward camera")
     if not (REAL / ONBOARD / "truth.csv").is_file():
         table.row(ONBOARD, "not installed", None, None, None, None, None)
         return
@@ -164,7 +159,7 @@ def measured_rows(modules: Iterable[str]) -> None:
     """Print the rows of modules."""
     for name in modules:
         measure = ROW_MODULES[name]
-        table = Table((f"{name:<28}", "measured" + " " * 30, "target" + " " * 20, col.compared_verdict()), name=name)
+        table = Table(f"{name:<28} | measured | target | verdict: verdict", name=name)
         for one in measure:
             row = one()
             if row is None:
@@ -180,7 +175,7 @@ def main(arguments: Namespace) -> None:
     field = load_field("msl_6x4")
     line_map = LineMap(field)
     for folder, name in PHOTOGRAPHS:
-        columns = (f"{folder:<28}", "measured" + " " * 30, "target" + " " * 20, col.measured("verdict"))
+        columns = f"{folder:<28} | measured | target | verdict: by row"
         table = Table(columns, name=folder)
         if not (REAL / folder / "images" / name).is_file():
             table.row("photograph", "not installed", None, None)

@@ -24,7 +24,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.worlds import gap_choices
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning import (
@@ -167,7 +166,7 @@ def measure_gates(count: int, brute: int, drives: int, seed: int) -> None:
             taken = min(taken, time.perf_counter() - started)
         plans.append(plan)
         seconds.append(taken)
-    columns = ("the gate problem                                   ", col.measured(), "target", "verdict")
+    columns = "the gate problem                                    | measured: by row | target | verdict"
     table = Table(columns, name="gate", samples=count)
 
     def row(name: str, figure: str | float, target: str, ok: bool, kind: Kind = Kind.TEXT) -> None:
@@ -257,7 +256,7 @@ def measure_fork() -> None:
     """Print where the next viewpoint lies."""
     steps = widen_prior()
     table = Table(
-        ("believed width, mm", "plan  ", "viewpoint      ", "detour 0, gap 1"),
+        "believed width, mm | plan | viewpoint | detour 0, gap 1",
         "at a fork: 80 mm of uncertainty",
         name="fork",
     )
@@ -268,7 +267,7 @@ def measure_fork() -> None:
     back = max((a - b for a, b in itertools.pairwise(sides)), default=math.inf)
     # a viewpoint right before the gap may lie a little beyond the line to it
     ok = bool(sides) and sides[0] <= 0.5 and sides[-1] >= 0.95 and back <= 0.05
-    columns = ("the viewpoint as the width grows", "from", "to", "at most back", col.compared_verdict())
+    columns = "the viewpoint as the width grows | from | to | at most back | verdict: verdict"
     table = Table(columns, name="viewpoint")
     ends = f"{sides[0]:.2f}", f"{sides[-1]:.2f}", f"{max(back, 0.0):.2f}"
     table.row("from the detour's side (0) to the gap's (1)", *ends, verdict(ok))
@@ -279,16 +278,8 @@ def measure_passage(count: int, aside_m: float, seed: int, pool: Pool) -> None:
     narrowest = 1000 * gap_choices.passage_times().narrowest_m
     table = Table(
         (
-            "against      ",
-            col.label("asked again  "),
-            "rows",
-            "differs %",
-            "its s",
-            col.error("ours"),
-            "saved %",
-            "+-",
-            "oracle %",
-            "verdict",
+            "against       | asked again: label | rows | differs % | its s | ours: error | saved % | +- | "
+            "oracle % | verdict"
         ),
         f"rows of gaps up to {aside_m:g} m aside, and a way round; no safe speed below {narrowest:.0f} mm",
         name=f"passage, {aside_m:g} m",
@@ -317,7 +308,7 @@ def measure_times(drives: int, seed: int) -> None:
     """Print what a gap costs by its width, in the table and driven, and what turning back does."""
     times = gap_choices.passage_times()
     table = Table(
-        ("robot widths", "table's s", "driven s", "+-", col.rate("passed %")),
+        "robot widths | table's s | driven s | +- | passed %: rate",
         "one gap straight ahead, 2 m away; a gap that is not passed counts for nothing here",
         name="times",
         samples=drives,

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.worlds.walking_dog import CAMERA, FIELD, TRACK_STD_M, TRACKED_RATIO
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
@@ -136,14 +135,8 @@ def main(arguments: Namespace, pool: Pool) -> None:
     common = [i for i in range(runs) if all(asked[r][i].answered for r in RULES)]
     table = Table(
         (
-            "rule              ",
-            col.rate("answered %"),
-            col.rate("right % of these"),
-            col.error("looks"),
-            "ratio",
-            "looks of all",
-            "target",
-            "verdict",
+            "rule               | answered %: rate | right % of these: rate | looks: error | ratio | "
+            "looks of all | target | verdict"
         ),
         f"half of the field, {runs} questions, {len(common)} answered under every rule",
         name="looks",
@@ -180,7 +173,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     same = GoalQuestion(white, CAMERA, NECK).choose(
         [Hypothesis(p, np.diag(STD**2), 0.5) for p in (pose, pose.half_turn())]
     )
-    table = Table(("white goals on both sides", "looks", "answer", col.compared_verdict()), name="white goals")
+    table = Table("white goals on both sides | looks | answer | verdict: verdict", name="white goals")
     table.row(same.reason, 0, same.answer, verdict(same.answer == "undecidable"))
 
 

@@ -16,7 +16,6 @@ from typing import Literal
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.worlds.walking_dog import (
     CAMERA,
     FIELD,
@@ -199,7 +198,7 @@ def detectors(arguments: Namespace, pool: Pool) -> None:
     count = 12 if arguments.quick else 160
     seen = list(pool.map(sighting, [[arguments.seed, 7, i] for i in range(count)], chunksize=8))
     table = Table(
-        ("in view            ", "frames", col.rate("found %"), "assumed", col.error("px"), "assumed"),
+        "in view             | frames | found %: rate | assumed | px: error | assumed",
         "detectors on rendered frames, with a prior",
         name="detectors",
     )
@@ -249,15 +248,8 @@ def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
     detectors(arguments, pool)
     columns = (
-        "rule          ",
-        "runs",
-        col.error("RMS m"),
-        "ratio",
-        col.error("|P|^1/6"),
-        "ratio",
-        col.loss("lost %"),
-        col.loss("nothing seen %"),
-        "verdict",
+        "rule           | runs | RMS m: error | ratio | |P|^1/6: error | ratio | lost %: loss | "
+        "nothing seen %: loss | verdict"
     )
     runs = 3 if arguments.quick else 400 if arguments.full else 120
     table = Table(

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Pool, Table, program, verdict
-from benchmarks.harness import columns as col
 from robocup_vision.arrays import FloatArray
 from robocup_vision.planning.gaze.selective_look import SelectiveLook, is_in_sight
 
@@ -162,13 +161,8 @@ def main(arguments: Namespace, pool: Pool) -> None:
     found = {rule: list(pool.map(find_way, [(seed, rule) for seed in seeds], chunksize=5)) for rule in RULES}
     table = Table(
         (
-            "order                  ",
-            col.error("looks"),
-            "of nearest first",
-            "longest",
-            col.count("paths longer than best"),
-            "target",
-            "verdict",
+            "order                   | looks: error | of nearest first | longest | "
+            "paths longer than best: count | target | verdict"
         ),
         f"selective refinement, {maps} maps, {sum(map(math.isfinite, best))} with a way",
         name="looks",

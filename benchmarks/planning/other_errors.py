@@ -20,7 +20,6 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.scores.tracking_score import NEAR_M
 from benchmarks.worlds import gap_choices, hidden_opponents
 from benchmarks.worlds.crowd import Frame, camera_film
@@ -102,7 +101,7 @@ def film(seed: tuple[int, int]) -> list[Frame]:
 
 def fit_laws(films: list[list[Frame]]) -> Errors:
     """Print the laws of the errors in frames, and return them."""
-    columns = ("law of frames", "errors", "degrees of freedom", "scale", "99 % within", "of a normal one")
+    columns = "law of frames | errors | degrees of freedom | scale | 99 % within | of a normal one"
     table = Table(columns, name="laws")
     laws = []
     frames = [frame for film in films for frame in film]
@@ -119,15 +118,8 @@ def measure(laws: dict[str, Errors], runs: dict[str, int], seed: int, pool: Pool
     """Print the table."""
     table = Table(
         (
-            "world ",
-            col.label("errors "),
-            "runs",
-            col.loss("touched %"),
-            "seconds",
-            "other touched %",
-            "its s",
-            col.error("ratio"),
-            "verdict",
+            "world  | errors: label | runs | touched %: loss | seconds | other touched % | its s | "
+            "ratio: error | verdict"
         ),
         f"other: constant {CONSTANT_MPS:g} m/s; {SLOW_MPS:g} m/s; shortest way",
         name="errors",

@@ -19,7 +19,6 @@ from argparse import Namespace
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.worlds import hidden_opponents
 from benchmarks.worlds.slalom import SlalomDrive, draw_slalom, drive_slalom
 from benchmarks.worlds.uncertain_robot import BIAS_STD, DISC_STD_M, LOOK_STD, RADIUS_M
@@ -40,15 +39,7 @@ def measure_known(runs: int, seed: int) -> None:
     """Print the tables of known surroundings."""
     fastest = CONSTANT_MPS[0]
     for gaps, title in ((1, "known surroundings: one gap of 2 to 3.5 robot widths"), (3, "three such gaps in a row")):
-        columns = (
-            "speed           ",
-            "drives",
-            col.count("collided"),
-            "refused",
-            "seconds",
-            col.error("ratio"),
-            "verdict",
-        )
+        columns = "speed            | drives | collided: count | refused | seconds | ratio: error | verdict"
         table = Table(columns, title, name=f"known, {gaps} gaps", samples=runs)
         ours = drives((2.0, 3.5), gaps, None, runs, seed)
         struck, refused = sum(d.collided for d in ours), sum(d.refused for d in ours)
@@ -89,15 +80,8 @@ def measure_widths(constant: float, runs: int, seed: int) -> None:
     """Print the table of single gaps by their width."""
     table = Table(
         (
-            "robot widths",
-            "drives",
-            col.count("collided"),
-            "stopped",
-            "refused",
-            col.error("seconds"),
-            "constant collided",
-            "its s",
-            "verdict",
+            "robot widths | drives | collided: count | stopped | refused | seconds: error | constant collided | "
+            "its s | verdict"
         ),
         f"one gap by its width, as planned, and constant {constant:g} m/s; stopped: no safe speed",
         name="widths",
@@ -143,15 +127,7 @@ def one_hidden(job: tuple[tuple[int, int], str, float | None]) -> tuple[float, b
 def measure_unknown(runs: int, others: int, seed: int, pool: Pool) -> None:
     """Print the table of unknown surroundings."""
     table = Table(
-        (
-            "rule                   ",
-            "runs",
-            col.loss("collided %"),
-            col.rate("arrived %"),
-            "seconds",
-            col.error("ratio"),
-            "verdict",
-        ),
+        ("rule                    | runs | collided %: loss | arrived %: rate | seconds | ratio: error | verdict"),
         f"unknown surroundings: opponents behind opponents; seconds of the first {others} runs",
         name="hidden",
         samples=others,

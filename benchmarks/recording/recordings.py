@@ -22,7 +22,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from field_models import load_field
 from robocup_vision import Memory, MotionLimits, Steering, Vision
 from robocup_vision.arrays import UInt8Array
@@ -75,7 +74,7 @@ def measure_cost(rounds: int, seed: int) -> None:
                 other_s = time.process_time() - began_s - (time.thread_time() - own_s)
             shares.append(other_s / (FRAMES_A_ROUND * PERIOD_S))
             mebibytes = path.stat().st_size / 2**20 / (FRAMES_A_ROUND * PERIOD_S)
-    columns = ("of the loop's time a frame", "ms without", "ms with", col.measured("ms more"), "target", "verdict")
+    columns = "of the loop's time a frame | ms without | ms with | ms more: by row | target | verdict"
     table = Table(columns, "Cost of recording, 640 x 480, 30 frames a second", name="cost")
     both = [1e3 * np.array(times) for times in (plain, recorded)]
     load = os.getloadavg()[0]
@@ -133,7 +132,7 @@ def loop(
 def measure_replay(seconds: float, seed: int) -> None:
     """Print whether a match comes back bit for bit."""
     table = Table(
-        ("robot", "calls", col.rate("the same in every bit"), "file", "target", "verdict"),
+        "robot | calls | the same in every bit: rate | file | target | verdict",
         f"A match of {seconds:g} s replayed",
         name="replay",
     )

@@ -27,7 +27,6 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.harness.machine import resident_mb
 from field_models import load_field
 from field_models.errors import FrameError
@@ -153,7 +152,7 @@ def main(arguments: Namespace) -> None:
     minutes = 1 / 3 if arguments.quick else 30.0 if arguments.full else 2.0
     soaked = soak(minutes, arguments.seed)
     growth_mb, more = soaked.growth_mb(), soaked.more_objects()
-    table = Table(("figure              ", "measured", "target", col.compared_verdict()), "The loop", name="soak")
+    table = Table("figure               | measured | target | verdict: verdict", "The loop", name="soak")
     grows, follows = growth_mb <= MAX_GROWTH_MB, more <= MAX_OBJECTS
     table.row("minutes", minutes, None, None)
     table.row("frames", soaked.frames, None, None)

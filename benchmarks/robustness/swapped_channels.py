@@ -24,7 +24,6 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, percent, program, verdict
-from benchmarks.harness import columns as col
 from benchmarks.scores.photograph_rows import REAL
 from field_models import Field, field_names, load_field
 from field_models.errors import RobocupVisionError
@@ -176,14 +175,8 @@ def main(arguments: Namespace) -> None:
     fields = field_names()[:: 3 if arguments.quick else 1]
     table = Table(
         (
-            "pictures                   ",
-            "number",
-            col.count("false warnings"),
-            "target",
-            "swapped told %",
-            "wrong half %",
-            "in a row",
-            "verdict",
+            "pictures                    | number | false warnings: count | target | swapped told % | "
+            "wrong half % | in a row | verdict"
         ),
         "Red and blue as they are, and swapped",
         name="swapped",

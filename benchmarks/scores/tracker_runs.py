@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from benchmarks.harness import columns as col
 from benchmarks.peers.tracking_peers import NearestNeighbours, Reports, StoneSoup
 from benchmarks.scores.tracking_score import Score
 from benchmarks.worlds.crowd import Frame
@@ -16,14 +15,8 @@ from robocup_vision.tracking.detections import in_field
 PERIOD_S = 1 / 15
 # of a table of trackers, behind their names
 COLUMNS = (
-    col.label("runs"),
-    col.score("MOTA"),
-    col.loss("missed %"),
-    col.loss("false %"),
-    col.count("switches"),
-    col.count("false tracks"),
-    col.error("RMS mm"),
-    "verdict",
+    "runs: label | MOTA: score | missed %: loss | false %: loss | switches: count | false tracks: count | "
+    "RMS mm: error | verdict"
 )
 # chosen on seeds that this program does not use
 TUNED = {

@@ -8,10 +8,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from benchmarks.harness import columns as col
 from sim2d.report.match_figures import MatchFigures
-
-COLUMN = col.count("players that failed")
 
 
 def count_failed(figures: MatchFigures) -> int:

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.__main__ import render_pages
 from benchmarks.harness import Kind, Table, judge, percent, verdict
-from benchmarks.harness import columns as col
+from benchmarks.harness.columns import read_columns
 from benchmarks.harness.figures import FigureError, Figures, FigureTable, Row, cell_text, read_figures, write_figures
 from benchmarks.harness.markdown import page_programs, render_page
 from benchmarks.harness.report import finish, parse_arguments
@@ -27,11 +27,11 @@ def written(tmp_path: Path) -> Path:
 def run(path: Path) -> Path:
     """Do what a program does."""
     parse_arguments(DOCSTRING, ["--quick", "--json", str(path)])
-    columns = ("place    ", col.rate("located"), col.error("|mm|", floor=0.1), "target", "verdict")
-    table = Table(columns, "Poses", name="poses", samples=20)
+    head = "place     | located: rate | |mm|: error 0.1 | target | verdict"
+    table = Table(head, "Poses", name="poses", samples=20)
     table.row("near", "19/20", 1.23456789, "<= 2", verdict(True))
     table.row("far", percent(0.5), math.inf, None, verdict(False), samples=10)
-    mixed = Table(("what", col.measured()))
+    mixed = Table("what | measured: by row")
     mixed.row("losses", 3, kind=Kind.COUNT)
     mixed.note("of all")
     finish()
@@ -87,7 +87,7 @@ def test_a_table_prints_what_it_keeps(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_a_row_has_a_cell_a_column() -> None:
     with pytest.raises(ValueError, match="a row must have 2 cells, got 1"):
-        Table(("a", "b")).row("x")
+        Table("a | b").row("x")
 
 
 def test_check_leaves_with_status_1_when_a_row_is_short(tmp_path: Path) -> None:
@@ -115,6 +115,17 @@ def test_only_a_run_of_default_size_and_seed_replaces_the_figures(
     parse_arguments(DOCSTRING, [])
     finish()
     assert read_figures(tmp_path / "goal" / "table.json").program == "goal/table"
+
+
+def test_heads_say_names_kinds_and_floors() -> None:
+    columns = read_columns(("paper: mm, ms  | ms: time ratio", "worst s: error 0.5", "verdict: verdict | a: b"))
+    assert [(c.name.strip(), c.kind, c.floor) for c in columns] == [
+        ("paper: mm, ms", Kind.TEXT, 0.0),
+        ("ms", Kind.TIME_RATIO, 0.0),
+        ("worst s", Kind.ERROR, 0.5),
+        ("verdict", Kind.VERDICT, 0.0),
+        ("a: b", Kind.TEXT, 0.0),
+    ]
 
 
 def test_cells_as_text() -> None:
