@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,10 +61,16 @@ def score(markings: Markings, shot: MarkedFrame, pitch: Field, features: FieldFe
     """Compare what is told of a picture with what is true."""
     width_m = pitch.line_width_m
     _score_segments(markings.segments, shot, pitch.lines, width_m, into["segment"])
-    _score_spots(markings.crossings, shot, features.crossings_m, features.kinds, width_m, into["crossing"])
-    _score_spots(markings.posts, shot, features.posts_m, (), width_m, into["post"])
-    _score_spots(markings.penalty_marks, shot, features.penalty_marks_m, (), width_m, into["mark"])
-    _score_circles(markings.circles, shot, pitch.arcs, width_m, into["circle"])
+    for kind, spots, places_m in (
+        ("crossing", markings.crossings, features.crossings_m),
+        ("post", markings.posts, features.posts_m),
+        ("mark", markings.penalty_marks, features.penalty_marks_m),
+    ):
+        found = _score_spots(spots, shot, places_m, into[kind], kinds=features.kinds)
+        _expect(_shown_spots(shot, places_m, width_m), found, into[kind])
+    arcs = pitch.arcs
+    found = _score_spots(markings.circles, shot, arcs[:, :2], into["circle"], radii_m=arcs[:, 2])
+    _expect(_shown_circles(shot, arcs, width_m), found, into["circle"])
 
 
 def _width_px(shot: MarkedFrame, places_m: FloatArray, width_m: float) -> FloatArray:
@@ -115,22 +121,26 @@ def _score_segments(
 
 
 def _score_spots(
-    spots: Sequence[Crossing] | Sequence[Post] | Sequence[PenaltyMark],
+    spots: Sequence[Crossing] | Sequence[Post] | Sequence[PenaltyMark] | Sequence[Circle],
     shot: MarkedFrame,
     places_m: FloatArray,
-    kinds: Sequence[str],
-    width_m: float,
     into: Tally,
-) -> None:
+    *,
+    kinds: Sequence[str] = (),
+    radii_m: FloatArray | None = None,
+) -> set[int]:
+    """Count what is told of spots at places (N, 2), or of circles about them; return which of these were found."""
     local = shot.robot.inverse().transform(places_m) if len(places_m) else places_m
     found = set()
     for spot in spots:
         into.told += 1
         error = local - (spot.x_m, spot.y_m)
         squared = np.einsum("ni,ij,nj->n", error, np.linalg.inv(spot.covariance), error)
-        best = int(np.argmin(squared)) if len(squared) else -1
-        if best < 0:
+        if isinstance(spot, Circle) and radii_m is not None:
+            squared[np.abs(radii_m - spot.radius_m) > 1e-6] = np.inf
+        if not len(squared):
             continue
+        best = int(np.argmin(squared))
         off_m = float(np.hypot(*error[best]))
         if squared[best] < 100 and off_m < MAX_ERROR_M:
             into.squared.append(float(squared[best]))
@@ -141,40 +151,34 @@ def _score_spots(
             if isinstance(spot, Crossing) and spot.kind is not None:
                 into.kinds += 1
                 into.right_kinds += spot.kind == kinds[best]
-    if not len(places_m):
-        return
-    pixels = shot.pixels_of(places_m)
-    width, height = shot.camera.size_px
-    inside = ((pixels >= AROUND_PX) & (pixels < (width - AROUND_PX, height - AROUND_PX))).all(axis=1)
-    wide = _width_px(shot, places_m, width_m) >= MIN_CROSSING_WIDTH_PX
-    for index in np.flatnonzero(inside & wide).tolist():
+    return found
+
+
+def _expect(expected: Iterable[int], found: set[int], into: Tally) -> None:
+    for index in expected:
         into.expected += 1
         into.found += index in found
 
 
-def _score_circles(circles: Sequence[Circle], shot: MarkedFrame, arcs: FloatArray, width_m: float, into: Tally) -> None:
-    local = shot.robot.inverse().transform(arcs[:, :2])
-    found = set()
-    for circle in circles:
-        into.told += 1
-        error = local - (circle.x_m, circle.y_m)
-        squared = np.einsum("ni,ij,nj->n", error, np.linalg.inv(circle.covariance), error)
-        squared[np.abs(arcs[:, 2] - circle.radius_m) > 1e-6] = np.inf
-        best = int(np.argmin(squared))
-        off_m = float(np.hypot(*error[best]))
-        if squared[best] < 100 and off_m < MAX_ERROR_M:
-            into.squared.append(float(squared[best]))
-        if squared[best] <= GATE2 * 1.31 and off_m < MAX_ERROR_M:
-            into.right += 1
-            into.errors_m.append(off_m)
-            found.add(best)
+def _shown_spots(shot: MarkedFrame, places_m: FloatArray, width_m: float) -> list[int]:
+    """Return which of the places (N, 2) are in view with what surrounds them."""
+    if not len(places_m):
+        return []
+    pixels = shot.pixels_of(places_m)
+    width, height = shot.camera.size_px
+    inside = ((pixels >= AROUND_PX) & (pixels < (width - AROUND_PX, height - AROUND_PX))).all(axis=1)
+    wide = _width_px(shot, places_m, width_m) >= MIN_CROSSING_WIDTH_PX
+    return np.flatnonzero(inside & wide).tolist()
+
+
+def _shown_circles(shot: MarkedFrame, arcs: FloatArray, width_m: float) -> Iterator[int]:
+    """Yield which of the arcs (N, 5) are in view for a third of a turn."""
     for index, (x, y, radius, start, sweep) in enumerate(arcs.tolist()):
         turn = start + np.linspace(0.0, sweep, 120)
         places = np.stack([x + radius * np.cos(turn), y + radius * np.sin(turn)], axis=1)
         seen = np.isfinite(shot.pixels_of(places)).all(axis=1) & (_width_px(shot, places, width_m) >= MIN_WIDTH_PX)
         if seen.mean() * abs(sweep) >= math.tau / 3:
-            into.expected += 1
-            into.found += index in found
+            yield index
 
 
 KINDS = ("segment", "crossing", "circle", "post", "mark")

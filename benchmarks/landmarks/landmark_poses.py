@@ -19,7 +19,6 @@ import time
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -178,29 +177,8 @@ def cost(
         total = 1e3 * np.sum(times, axis=1)
         sums.append(float(np.median(total)))
         table.row(f"{size}", in_view, *(float(v) for v in parts), sums[-1], float(np.percentile(total, 90)))
-    plot(sizes, sums)
     ok = max(sums) <= 2.0 and max(sums) <= 2.0 * min(sums)
     verdicts.add("a frame without SIFT, ms", f"{max(sums):.2f}", "<= 2, and twice the least", ok, Kind.TEXT)
-
-
-def plot(sizes: Sequence[int], sums: Sequence[float]) -> None:
-    """Draw the cost over the map's size where Matplotlib is installed."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        print("matplotlib: not installed, no plot")
-        return
-    figure = Figure(figsize=(6, 3.5), layout="constrained")
-    axes = figure.subplots()
-    axes.semilogx(sizes, sums, "o-")
-    axes.set_ylim(0, max(2.2, 1.1 * max(sums)))
-    axes.axhline(2.0, linestyle="--", color="grey")
-    axes.set_xlabel("landmarks in the map")
-    axes.set_ylabel("ms a frame, without features")
-    path = Path("out") / "landmarks_cost.png"
-    path.parent.mkdir(exist_ok=True)
-    figure.savefig(path)
-    print("plot:", path)
 
 
 @program(pooled=True)
