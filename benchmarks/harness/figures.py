@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Any
+
+import msgspec
 
 FORMAT = 1
 FOLDER = Path(__file__).resolve().parents[1] / "figures"
@@ -40,27 +40,15 @@ class Kind(str, Enum):
     BY_ROW = "by row"  # each row says its own kind
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of a table.
+class Column(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A column of a table."""
 
-    Parameters
-    ----------
-    name : str
-        As printed.
-    kind : Kind
-        How its figures are compared.
-    floor : float
-        Errors and ratios: differences up to this one are never worse.
-    """
-
-    name: str
-    kind: Kind = Kind.TEXT
-    floor: float = 0.0
+    name: str  #: as printed
+    kind: Kind = Kind.TEXT  #: how its figures are compared
+    floor: float = 0.0  #: errors and ratios: differences up to this one are never worse
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(msgspec.Struct, frozen=True, omit_defaults=True):
     """A row: its cells, the kind of its figure where the column leaves it to the row, and how many samples it has."""
 
     cells: tuple[Cell, ...]
@@ -68,19 +56,17 @@ class Row:
     samples: int | None = None
 
 
-@dataclass
-class FigureTable:
+class FigureTable(msgspec.Struct):
     """A table: rows under columns, and lines of text below it."""
 
     name: str
     title: str
     columns: tuple[Column, ...]
-    rows: list[Row] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    rows: list[Row] = []
+    notes: list[str] = []
 
 
-@dataclass
-class Figures:
+class Figures(msgspec.Struct):
     """All that one run of a program has measured."""
 
     program: str
@@ -92,7 +78,7 @@ class Figures:
     versions: dict[str, str]
     origin: str = "run"
     seconds: float | None = None
-    tables: list[FigureTable] = field(default_factory=list)
+    tables: list[FigureTable] = []
 
     def table(self, name: str) -> FigureTable:
         """Return a table by its name.
@@ -121,15 +107,7 @@ def write_figures(figures: Figures, path: Path) -> None:
     """Write a JSON file, a row of a table in each line."""
     head = {
         "format": FORMAT,
-        "program": figures.program,
-        "title": figures.title,
-        "size": figures.size,
-        "seed": figures.seed,
-        "date": figures.date,
-        "machine": figures.machine,
-        "versions": figures.versions,
-        "origin": figures.origin,
-        "seconds": figures.seconds,
+        **{name: getattr(figures, name) for name in figures.__struct_fields__ if name != "tables"},
     }
     lines = [f" {_dumps(key)}: {_dumps(value)}," for key, value in head.items()]
     tables = ",\n".join(_table_lines(table) for table in figures.tables)
@@ -146,43 +124,31 @@ def read_figures(path: Path) -> Figures:
         It is missing, is no JSON, has another format, or lacks a key.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = msgspec.json.decode(path.read_bytes())
+        if not isinstance(data, dict) or data.get("format") != FORMAT:
+            raise FigureError(f"{path}: format: must be {FORMAT}")
+        figures = msgspec.convert(data, Figures)
     except OSError as error:
         raise FigureError(f"{path}: {error.strerror}") from None
-    except json.JSONDecodeError as error:
-        raise FigureError(f"{path}: no JSON: {error}") from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise FigureError(f"{path}: format: must be {FORMAT}")
-    try:
-        tables = [_read_table(table) for table in data["tables"]]
-        names = ("program", "title", "size", "seed", "date", "machine", "versions", "origin", "seconds")
-        return Figures(**{name: data[name] for name in names}, tables=tables)
-    except KeyError as error:
-        raise FigureError(f"{path}: {error.args[0]}: missing") from None
-    except (TypeError, ValueError) as error:
+    except msgspec.MsgspecError as error:
         raise FigureError(f"{path}: {error}") from None
+    for table in figures.tables:
+        for row in table.rows:
+            if (count := len(table.columns)) != len(row.cells):
+                raise FigureError(f"{path}: table {table.name!r}: a row must have {count} cells, got {len(row.cells)}")
+    return figures
 
 
 def _dumps(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False)
+    return json.dumps(msgspec.to_builtins(value), ensure_ascii=False)
 
 
 def _table_lines(table: FigureTable) -> str:
-    columns = [{"name": c.name, "kind": c.kind.value, **({"floor": c.floor} if c.floor else {})} for c in table.columns]
-    rows = ",\n".join(f"    {_dumps(_row_data(row))}" for row in table.rows)
+    rows = ",\n".join(f"    {_dumps(Row(tuple(map(_rounded, r.cells)), r.kind, r.samples))}" for r in table.rows)
     return (
-        f'  {{"name": {_dumps(table.name)}, "title": {_dumps(table.title)},\n   "columns": {_dumps(columns)},\n'
+        f'  {{"name": {_dumps(table.name)}, "title": {_dumps(table.title)},\n   "columns": {_dumps(table.columns)},\n'
         f'   "rows": [\n{rows}\n   ],\n   "notes": {_dumps(table.notes)}}}'
     )
-
-
-def _row_data(row: Row) -> dict[str, Any]:
-    data: dict[str, Any] = {"cells": [_rounded(cell) for cell in row.cells]}
-    if row.kind is not Kind.TEXT:
-        data["kind"] = row.kind.value
-    if row.samples is not None:
-        data["samples"] = row.samples
-    return data
 
 
 def _rounded(cell: Cell) -> Cell:
@@ -190,12 +156,3 @@ def _rounded(cell: Cell) -> Cell:
     if isinstance(cell, float):
         return float(f"{cell:.6g}") if math.isfinite(cell) else str(cell)
     return cell
-
-
-def _read_table(data: dict[str, Any]) -> FigureTable:
-    columns = tuple(Column(c["name"], Kind(c["kind"]), c.get("floor", 0.0)) for c in data["columns"])
-    rows = [Row(tuple(r["cells"]), Kind(r.get("kind", "text")), r.get("samples")) for r in data["rows"]]
-    for row in rows:
-        if len(row.cells) != len(columns):
-            raise ValueError(f"table {data['name']!r}: a row must have {len(columns)} cells, got {len(row.cells)}")
-    return FigureTable(data["name"], data["title"], columns, rows, list(data["notes"]))

@@ -143,14 +143,15 @@ def test_cells_as_text() -> None:
     ("text", "message"),
     [
         (None, "No such file"),
-        ("{", "no JSON"),
+        ("{", "truncated"),
         ("[]", "format: must be 1"),
         ('{"format": 2}', "format: must be 1"),
-        ('{"format": 1}', "tables: missing"),
-        ('{"format": 1, "tables": []}', "program: missing"),
+        ('{"format": 1}', "missing required field `program`"),
+        ('{"format": 1, "tables": []}', "missing required field `program`"),
         ('{"format": 1, "tables": [{"name": "a", "columns": [{"name": "x", "kind": "colour"}]}]}', "colour"),
         (
-            '{"format": 1, "tables": [{"name": "a", "columns": [], "rows": [{"cells": [1]}]}]}',
+            '{"format": 1, "program": "", "title": "", "size": "", "seed": 1, "date": "", "machine": "", '
+            '"versions": {}, "tables": [{"name": "a", "title": "", "columns": [], "rows": [{"cells": [1]}]}]}',
             "table 'a': a row must have 0 cells, got 1",
         ),
     ],
