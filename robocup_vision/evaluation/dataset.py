@@ -224,29 +224,40 @@ def load_dataset(
     loaded_field = load_field(field if field is not None else _field_source(folder, description.field))
     camera_path = camera if camera is not None else folder / description.camera
     loaded = load_camera_or_rig(camera_path)
+    colors_path = colors if colors is not None else _beside(folder, description.colors)
+    mask_path, frames_path = _beside(folder, description.mask), _beside(folder, description.frames)
+    boxes_path = folder / box_file.NAME
+    has_boxes = boxes_path.is_file()
+    rig = mask = landmarks = None
+    rig_masks: tuple[UInt8Array | None, ...] = ()
+    loaded_camera: OmniCamera | PinholeCamera
     if isinstance(loaded, Rig):
+        rig, loaded_camera = loaded, loaded.cameras[0]
         if not takes_rig:
             raise FileError(camera_path, "names several cameras, a rig: this command takes one camera")
         if method == "landmarks" or landmark_map is not None or description.method == "landmarks":
             raise FileError(camera_path, "names several cameras, a rig: method 'landmarks' takes one camera")
-        colors_path = colors if colors is not None else _beside(folder, description.colors)
-        return _rig_dataset(description_path, folder, source, description, loaded, loaded_field, colors_path, method)
-    loaded_camera = loaded
-    colors_path = colors if colors is not None else _beside(folder, description.colors)
-    mask_path = _beside(folder, description.mask)
-    image_names, video, notes = _find_images(description_path, source, mask_path)
-    times = _times(_beside(folder, description.frames), image_names)
-    if times is None and video is not None and video.has_times:
-        times = {name: FrameTime(t_s, None) for name, t_s in zip(image_names, video.times_s, strict=True)}
-    map_path = Path(landmark_map) if landmark_map is not None else _beside(folder, description.map)
-    wanted = method or ("landmarks" if landmark_map is not None else description.method)
-    chosen = _method(description_path, wanted, loaded_field, loaded_camera)
-    boxes_path = folder / box_file.NAME
-    has_boxes = boxes_path.is_file()
-    if has_boxes and chosen == "landmarks":
-        notes += (f"{box_file.NAME} is not scored: method 'landmarks' tells neither balls nor obstacles",)
+        image_names, times = _rig_images(description_path, source, description, rig, frames_path)
+        rig_masks = _rig_masks(description_path, mask_path, rig)
+        chosen = _method(description_path, method or description.method, loaded_field, loaded_camera)
+        no_boxes = "with a rig it does not say which camera's boxes they are"
+        notes: tuple[str, ...] = ()
+    else:
+        loaded_camera = loaded
+        image_names, video, notes = _find_images(description_path, source, mask_path)
+        times = _times(frames_path, image_names)
+        if times is None and video is not None and video.has_times:
+            times = {name: FrameTime(t_s, None) for name, t_s in zip(image_names, video.times_s, strict=True)}
+        map_path = Path(landmark_map) if landmark_map is not None else _beside(folder, description.map)
+        wanted = method or ("landmarks" if landmark_map is not None else description.method)
+        chosen = _method(description_path, wanted, loaded_field, loaded_camera)
+        _check_mountings(frames_path, times, loaded_camera, chosen)
+        mask = _mask(mask_path, loaded_camera.size_px)
+        landmarks = _landmarks(description_path, map_path, loaded_camera) if chosen == "landmarks" else None
+        no_boxes = "" if landmarks is None else "method 'landmarks' tells neither balls nor obstacles"
+    if has_boxes and no_boxes:
+        notes += (f"{box_file.NAME} is not scored: {no_boxes}",)
         has_boxes = False
-    _check_mountings(_beside(folder, description.frames), times, loaded_camera, chosen)
     return Dataset(
         name=folder.resolve().name if folder.is_dir() else folder.stem,
         path=source,
@@ -257,27 +268,22 @@ def load_dataset(
         method=chosen,
         times=times,
         truth=_truth(_beside(folder, description.truth), image_names),
-        mask=_mask(mask_path, loaded_camera.size_px),
+        mask=mask,
         symmetry=_one_of(description_path, "symmetry", description.symmetry, SYMMETRIES),
         pose_of=_one_of(description_path, "pose_of", description.pose_of, POSES_OF),
         notes=notes,
-        landmarks=_landmarks(description_path, map_path, loaded_camera) if chosen == "landmarks" else None,
-        left_out=len(other_pictures(source)) if source.is_dir() else 0,
+        landmarks=landmarks,
+        left_out=len(other_pictures(source)) if source.is_dir() and rig is None else 0,
         boxes=box_file.load_boxes(boxes_path, image_names, loaded_camera.size_px) if has_boxes else None,
+        rig=rig,
+        rig_masks=rig_masks,
     )
 
 
-def _rig_dataset(
-    path: Path,
-    folder: Path,
-    source: Path,
-    description: _DatasetFile,
-    rig: Rig,
-    field: Field,
-    colors: str | Path | None,
-    method: str | None,
-) -> Dataset:
-    """Return a dataset of several cameras on one body."""
+def _rig_images(
+    path: Path, source: Path, description: _DatasetFile, rig: Rig, frames_path: Path | None
+) -> tuple[tuple[str, ...], dict[str, FrameTime] | None]:
+    """Return the looks of several cameras on one body, and when they were taken."""
     if description.pose_of != "robot":
         raise FileError(path, "must be robot with a rig, whose cameras are several", key="pose_of")
     if not source.is_dir():
@@ -285,34 +291,18 @@ def _rig_dataset(
             path, "must be a folder with a folder of images for each camera", key="images", value=source.name
         )
     names = find_rig_images(path, source, rig)
-    times = None
-    frames_path = _beside(folder, description.frames)
-    if frames_path is not None:
-        given = read_rig_times(frames_path, source, rig, names)
-        times = {
-            name: FrameTime(max(one for one in each if one is not None), odometry, camera_times_s=each)
-            for name, (each, odometry) in given.items()
-        }
-    masks = tuple(
-        None if one is None else _mask(one, camera.size_px)
-        for one, camera in zip(rig_mask_paths(path, _beside(folder, description.mask), rig), rig.cameras, strict=True)
-    )
-    notes = (f"{box_file.NAME} is not scored: with a rig it does not say which camera's boxes they are",)
-    return Dataset(
-        name=folder.resolve().name if folder.is_dir() else folder.stem,
-        path=source,
-        image_names=names,
-        field=field,
-        camera=rig.cameras[0],
-        colors=_colors(colors),
-        method=_method(path, method or description.method, field, rig.cameras[0]),
-        times=times,
-        truth=_truth(_beside(folder, description.truth), names),
-        mask=None,
-        symmetry=_one_of(path, "symmetry", description.symmetry, SYMMETRIES),
-        notes=notes if (folder / box_file.NAME).is_file() else (),
-        rig=rig,
-        rig_masks=masks,
+    if frames_path is None:
+        return names, None
+    times = {
+        name: FrameTime(max(one for one in each if one is not None), odometry, camera_times_s=each)
+        for name, (each, odometry) in read_rig_times(frames_path, source, rig, names).items()
+    }
+    return names, times
+
+
+def _rig_masks(path: Path, folder: Path | None, rig: Rig) -> tuple[UInt8Array | None, ...]:
+    return tuple(
+        _mask(one, camera.size_px) for one, camera in zip(rig_mask_paths(path, folder, rig), rig.cameras, strict=True)
     )
 
 

@@ -29,6 +29,7 @@ from robocup_vision.workers import Workers, in_order, run_pieces
 
 if TYPE_CHECKING:
     from robocup_vision.localization.filter.settings import Half
+    from robocup_vision.memory import Memory
     from robocup_vision.vision import Vision
 
 _MIN_BATCHES = 64
@@ -72,12 +73,7 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
         from robocup_vision.landmarks.vision import LandmarkVision
 
         return LandmarkVision(dataset.landmarks, dataset.camera, mask=dataset.mask)
-    from robocup_vision import vision
-
-    if dataset.rig is not None:
-        masks = dataset.rig_masks
-        return vision.Vision(dataset.field, dataset.rig, dataset.colors, method=dataset.method, mask=masks)
-    return vision.Vision(dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask)
+    return _vision(dataset, None)
 
 
 def make_vision_with_memory(dataset: Dataset, half: Half | None = None) -> Vision:
@@ -90,17 +86,17 @@ def make_vision_with_memory(dataset: Dataset, half: Half | None = None) -> Visio
     """
     from robocup_vision.mapping.view_motion import ViewMotion
     from robocup_vision.memory import Memory
-    from robocup_vision.vision import Vision
 
     has_odometry = any(time.odometry is not None for time in (dataset.times or {}).values())
     motion = None if has_odometry or isinstance(dataset.camera, PinholeCamera) else ViewMotion()
-    memory = Memory(dataset.field, ego_motion=motion, half=half)
-    if dataset.rig is not None:
-        masks = dataset.rig_masks
-        return Vision(dataset.field, dataset.rig, dataset.colors, method=dataset.method, mask=masks, memory=memory)
-    return Vision(
-        dataset.field, dataset.camera, dataset.colors, method=dataset.method, mask=dataset.mask, memory=memory
-    )
+    return _vision(dataset, Memory(dataset.field, ego_motion=motion, half=half))
+
+
+def _vision(dataset: Dataset, memory: Memory | None) -> Vision:
+    from robocup_vision import vision
+
+    camera, mask = (dataset.camera, dataset.mask) if dataset.rig is None else (dataset.rig, dataset.rig_masks)
+    return vision.Vision(dataset.field, camera, dataset.colors, method=dataset.method, mask=mask, memory=memory)
 
 
 def draw_default_overlay(view: Any, frame: UInt8Array, vision: Any) -> UInt8Array:

@@ -133,6 +133,10 @@ def _map(field: Field, rows: Sequence[Row]) -> str:
     lost = [[row.truth.x_m, row.truth.y_m] for row in rows if row.truth is not None and row.estimate is None]
     crosses = np.array(lost).reshape(-1, 2)
     axes.plot(crosses[:, 0], crosses[:, 1], "x", color=RED, markersize=7, zorder=6)
+    return _encode_map(figure, axes)
+
+
+def _encode_map(figure: Figure, axes: Axes) -> str:
     axes.set_aspect("equal")
     axes.autoscale_view()
     tidy(axes, "x (m)", "y (m)")
@@ -230,11 +234,7 @@ def _error_map(field: Field, rows: Sequence[Row]) -> str:
     axes.plot([t.x_m for t in lost], [t.y_m for t in lost], "x", color=RED, markersize=7, zorder=4)
     bar = figure.colorbar(dots, ax=axes, shrink=0.8, extend="max")
     bar.set_label("position error (cm)", color=INK)
-    axes.set_aspect("equal")
-    axes.autoscale_view()
-    tidy(axes, "x (m)", "y (m)")
-    axes.grid(visible=False)
-    return encode(figure)
+    return _encode_map(figure, axes)
 
 
 def _pareto(field: Field, rows: Sequence[Row]) -> str:
