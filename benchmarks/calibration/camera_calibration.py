@@ -20,7 +20,6 @@ points that the fit did not see. Overlays go to out/calibration: look at them.
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import math
 from argparse import Namespace
@@ -32,6 +31,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, judge, percent, program, verdict
+from benchmarks.scores.photograph_rows import REAL, hand_picked_px
 from field_models import load_field
 from robocup_vision import Vision, draw, load_camera
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
@@ -41,7 +41,6 @@ from robocup_vision.localization.lines.line_map import LineMap
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.random_scenes import CONDITIONS, Sample, sample
 
-REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
 OUT = Path("out") / "calibration"
 IMAGES = 10
 MAX_SECONDS = 20.0
@@ -191,9 +190,8 @@ def measure_photographs(quick: bool) -> None:
                 if folder == "omni_msl_6x4":
                     ok &= abs(curve.a_m / a - 1) <= 0.03 and abs(curve.b_per_px / b - 1) <= 0.03
             picked = "-"
-            if (REAL / folder / "line_points_a_center.csv").is_file():
-                with (REAL / folder / "line_points_a_center.csv").open(encoding="utf-8", newline="") as file:
-                    pixels = np.array([[float(row["u_px"]), float(row["v_px"])] for row in csv.DictReader(file)])
+            pixels = hand_picked_px(folder)
+            if pixels is not None:
                 on_field = result.frames[0].pose.transform(result.camera.pixel_to_floor(pixels))
                 distance_cm = 100 * line_map.nearest(on_field).distance_m
                 median, p90 = float(np.median(distance_cm)), float(np.percentile(distance_cm, 90))

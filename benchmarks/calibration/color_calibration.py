@@ -25,7 +25,6 @@ within 3 s.
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 from argparse import Namespace
@@ -38,6 +37,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
+from benchmarks.scores.photograph_rows import REAL, known_poses, photographs
 from field_models import load_field
 from robocup_vision import Vision, load_camera
 from robocup_vision.calibration.colors import calibrate_colors
@@ -52,7 +52,6 @@ from sim2d.rendering.random_scenes import CONDITIONS, sample
 from sim2d.rendering.scene import BOX_COLORS, Box, Light, Robot, Room, Scene, Shadow
 from sim2d.rendering.sensor import Sensor
 
-REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
 ONBOARD_FIELD = Path(__file__).resolve().parents[2] / "tests" / "data" / "onboard_ssl_field.toml"
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
 NEUTRAL, WARM, COLD = (1.0, 1.0, 1.0), (0.5, 0.9, 1.35), (1.4, 0.95, 0.6)
@@ -237,11 +236,8 @@ def measure_real() -> None:
     width, height = camera.size_px
     v, u = np.mgrid[:height, :width]
     floor = np.nan_to_num(camera.pixel_to_floor(np.stack([u, v], axis=-1)), nan=99.0).reshape(-1, 2)
-    with (folder / "truth.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    for row in rows:
-        pose = Pose2(*(float(row[key]) for key in ("x_m", "y_m", "theta_rad")))
-        frame = np.asarray(cv2.imread(str(folder / "images" / row["image"])), dtype=np.uint8)
+    for name, pose in known_poses("onboard_ssl").items():
+        frame = np.asarray(cv2.imread(str(folder / "images" / name)), dtype=np.uint8)
         vision.forget()
         edge = vision.look(frame).boundary_px
         edge = edge[np.isfinite(edge).all(axis=1)]
@@ -254,7 +250,7 @@ def measure_real() -> None:
         blurred = float(cv2.Laplacian(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), cv2.CV_64F).var()) < BLURRED
         ok = overlap_half >= MIN_OVERLAP
         judged = (None, None) if blurred else (f">= {MIN_OVERLAP:g}, half", verdict(ok))
-        table.row(row["image"], "yes" if blurred else "no", overlap, overlap_half, *judged)
+        table.row(name, "yes" if blurred else "no", overlap, overlap_half, *judged)
 
 
 def measure_pinhole(seed: int, count: int) -> None:
@@ -285,7 +281,7 @@ def measure_pinhole(seed: int, count: int) -> None:
     if folder.is_dir():
         camera = load_camera(folder / "camera.toml")
         assert isinstance(camera, PinholeCamera)
-        frames = [np.asarray(cv2.imread(str(p)), dtype=np.uint8) for p in sorted((folder / "images").iterdir())]
+        frames = [frame for _, frame in photographs("goal_spl")]
         result = calibrate_forward(load_field("spl_2020"), frames, camera)
         _pinhole_row(table, "goal_spl", result, camera, camera.height_m, len(frames), judged=False)
     else:

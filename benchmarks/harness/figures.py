@@ -40,7 +40,7 @@ class Kind(str, Enum):
     BY_ROW = "by row"  # each row says its own kind
 
 
-class Column(msgspec.Struct, frozen=True, omit_defaults=True):
+class Column(msgspec.Struct, frozen=True):
     """A column of a table."""
 
     name: str  #: as printed
@@ -145,8 +145,9 @@ def _dumps(value: object) -> str:
 
 def _table_lines(table: FigureTable) -> str:
     rows = ",\n".join(f"    {_dumps(Row(tuple(map(_rounded, r.cells)), r.kind, r.samples))}" for r in table.rows)
+    columns = [{"name": c.name, "kind": c.kind.value, **({"floor": c.floor} if c.floor else {})} for c in table.columns]
     return (
-        f'  {{"name": {_dumps(table.name)}, "title": {_dumps(table.title)},\n   "columns": {_dumps(table.columns)},\n'
+        f'  {{"name": {_dumps(table.name)}, "title": {_dumps(table.title)},\n   "columns": {_dumps(columns)},\n'
         f'   "rows": [\n{rows}\n   ],\n   "notes": {_dumps(table.notes)}}}'
     )
 

@@ -188,20 +188,21 @@ def main(arguments: Namespace, pool: Pool) -> None:
     count, located, turns = (24, 12, 24 / 143) if arguments.quick else (143, 100, 1.0)
     rng = np.random.default_rng([seed, 1])
     runs = make_runs(seed, count, located, turns, rng, pool)
-    first_run, second, third, landmarks, poses = runs.first, runs.second, runs.third, runs.landmarks, runs.poses
+    first_run, second, third, landmarks, poses = runs.first, runs.second, runs.third, runs.map.landmarks, runs.map.poses
+    lost = runs.map.used.count(False)
     views = len(landmarks.view_landmark)
-    size = f"{len(first_run)} moments, {runs.lost} left out; {len(landmarks)} landmarks, {views} views"
+    size = f"{len(first_run)} moments, {lost} left out; {len(landmarks)} landmarks, {views} views"
     own_run = Table(
         "the map's own run           | x mm: error | y mm: error | deg: error",
         size,
         name="own run",
         samples=len(first_run),
     )
-    if runs.lost:
+    if lost:
         own_run.note("the map lost its way: nothing else can be measured SHORT")
         judge(False)
         return
-    for name, found in (("with", poses), ("without", runs.drifted_poses)):
+    for name, found in (("with", poses), ("without", runs.drifted.poses)):
         if len(found) == len(first_run):
             own_run.row(f"{name} drift correction", *(float(v) for v in drift(found, first_run)))
 
@@ -248,7 +249,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
         for name, how in (("all", Selection("all")), ("selected", ours)):
             results[label + name] = score(estimator(how, camera=HALL_CAMERA), seen, truth, rng)
             row(table, f"{label}, {name}", results[label + name])
-    without = LandmarkPoseEstimator(runs.drifted, HALL_CAMERA, selection=ours)
+    without = LandmarkPoseEstimator(runs.drifted.landmarks, HALL_CAMERA, selection=ours)
     row(table, "dimmed, map that drifts", score(without, seen_second, truth, rng))
     limit = np.array([5.0, 5.0, 0.05])
     s, moved = results["dimmedselected"], results["dimmed, posters changedselected"]
@@ -277,7 +278,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     sizes = (2_000, 200_000) if arguments.quick else (2_000, 6_000, 20_000, 60_000, 200_000)
     every = 4 if arguments.quick else 2
     cost(verdicts, landmarks, seen_second[::every], truth[::every], sizes, seed)
-    cheaper(verdicts, landmarks, runs.orb, second)
+    cheaper(verdicts, landmarks, runs.orb.landmarks, second)
     verdicts.print(located)
 
 
@@ -288,7 +289,7 @@ def _text(errors: npt.NDArray[np.float64]) -> str:
 def cheaper(
     verdicts: Verdicts,
     landmarks: LandmarkMap,
-    orb: tuple[LandmarkMap, list[Pose2], int],
+    orb: LandmarkMap,
     second: Sequence[HallFrame],
 ) -> None:
     """SIFT, SIFT of fewer pixels and ORB on the second run: time of the features, and errors against the truth."""
@@ -309,7 +310,7 @@ def cheaper(
             LandmarkPoseEstimator(landmarks, HALL_CAMERA, extractor=SiftExtractor(HALL_CAMERA, shrink=2)),
         ),
         ("SIFT in regions", LandmarkPoseEstimator(landmarks, HALL_CAMERA, regions=True)),
-        ("ORB", LandmarkPoseEstimator(orb[0], HALL_CAMERA, extractor=OrbExtractor(HALL_CAMERA))),
+        ("ORB", LandmarkPoseEstimator(orb, HALL_CAMERA, extractor=OrbExtractor(HALL_CAMERA))),
     ]
     reference_ms, any_ok = math.nan, False
     for name, estimator in kinds:

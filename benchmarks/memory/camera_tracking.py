@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.scores.tracker_runs import COLUMNS, TUNED, nearest_neighbours, score, track_splitting
+from benchmarks.harness import Pool, Table, percent, program
+from benchmarks.scores.tracker_runs import COLUMNS, TUNED, nearest_neighbours, score, track_splitting, tracker_row
 from benchmarks.scores.tracking_score import NEAR_M
 from benchmarks.worlds.crowd import Frame, camera_film
 from field_models import load_field
@@ -46,13 +46,8 @@ def main(arguments: Namespace, pool: Pool) -> None:
     tuned = score(partial(nearest_neighbours, settings=TUNED), films, True)
     assert ours is not None
     assert tuned is not None
-    ok = ours.mota >= tuned.mota
-    for name, of in (("track splitting", ours), ("GNN, tuned", tuned)):
-        table.row(
-            name, len(films), f"{of.mota:.3f}", f"{100 * of.missed / of.objects:.1f}",
-            f"{100 * of.false / of.objects:.1f}", of.switches, of.false_tracks, f"{1000 * of.rms_m:.0f}",
-            verdict(ok) if of is ours else None,
-        )  # fmt: skip
+    tracker_row(table, "track splitting", runs, ours, ours.mota >= tuned.mota)
+    tracker_row(table, "GNN, tuned", runs, tuned)
     columns = "detections | median mm: error | 90 % within mm: error | of no robot %: loss"
     table = Table(columns, name="detections", samples=seconds)
     away = np.concatenate([errors_m(frame) for frames in films for frame in frames])

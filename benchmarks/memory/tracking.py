@@ -17,8 +17,15 @@ from functools import partial
 import numpy as np
 
 from benchmarks.harness import Pool, Table, program, verdict
-from benchmarks.scores.tracker_runs import COLUMNS, TUNED, nearest_neighbours, score, stone_soup, track_splitting
-from benchmarks.scores.tracking_score import Score
+from benchmarks.scores.tracker_runs import (
+    COLUMNS,
+    TUNED,
+    nearest_neighbours,
+    score,
+    stone_soup,
+    track_splitting,
+    tracker_row,
+)
 from benchmarks.worlds.crowd import Frame, film
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
@@ -57,26 +64,17 @@ def main(arguments: Namespace, pool: Pool) -> None:
         samples=round(sum(frames[-1].t_s - frames[0].t_s for frames in films)),
     )
 
-    def row(name: str, of: Score | None, count: int, ok: bool | None = None) -> None:
-        if of is None:
-            table.row(name, count, "not installed", *(None,) * 6)
-            return
-        table.row(
-            name, count, f"{of.mota:.3f}", f"{100 * of.missed / of.objects:.1f}",
-            f"{100 * of.false / of.objects:.1f}", of.switches, of.false_tracks, f"{1000 * of.rms_m:.0f}",
-            None if ok is None else verdict(ok),
-        )  # fmt: skip
-
     ours, tuned = score(track_splitting, films), score(partial(nearest_neighbours, settings=TUNED), films)
     assert ours is not None
     assert tuned is not None
     ok = ours.mota >= tuned.mota + MORE_MOTA and ours.false_tracks <= FALSE_RATIO * tuned.false_tracks
-    row("track splitting", ours, runs, ok)
-    row("GNN, tuned", tuned, runs)
-    row("GNN, tuned, few false tracks", score(partial(nearest_neighbours, settings=FEW_FALSE), films), runs)
-    row("track splitting", score(track_splitting, films[:few]), few)
-    row("stonesoup GNN", score(partial(stone_soup, joint=False), films[:few]), few)
-    row("stonesoup JPDA", score(partial(stone_soup, joint=True), films[:few]), few)
+    few_false, some = partial(nearest_neighbours, settings=FEW_FALSE), films[:few]
+    tracker_row(table, "track splitting", runs, ours, ok)
+    tracker_row(table, "GNN, tuned", runs, tuned)
+    tracker_row(table, "GNN, tuned, few false tracks", runs, score(few_false, films))
+    tracker_row(table, "track splitting", few, score(track_splitting, some))
+    tracker_row(table, "stonesoup GNN", few, score(partial(stone_soup, joint=False), some))
+    tracker_row(table, "stonesoup JPDA", few, score(partial(stone_soup, joint=True), some))
 
     table = Table("eight others | ms, median | 99 % | at most | verdict", name="time")
     taken = milliseconds(eight)

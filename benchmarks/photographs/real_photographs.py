@@ -23,7 +23,6 @@ quick size: they take minutes).
 
 from __future__ import annotations
 
-import csv
 import math
 from argparse import Namespace
 from collections.abc import Callable, Iterable
@@ -42,7 +41,7 @@ from benchmarks.scores import photograph_fisheyes as fisheyes
 from benchmarks.scores import photograph_floor as floor
 from benchmarks.scores import photograph_kinds as kinds
 from benchmarks.scores import photograph_poses as poses
-from benchmarks.scores.photograph_rows import REAL, PhotographRow, drawn_prior, known_poses
+from benchmarks.scores.photograph_rows import REAL, PhotographRow, drawn_prior, hand_picked_px, known_poses
 from field_models import load_field
 from robocup_vision import PoseEstimate, Vision, draw, load_camera
 from robocup_vision.arrays import FloatArray
@@ -53,7 +52,6 @@ from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
 
 OUT = Path("out") / "real_photographs"
 PHOTOGRAPHS = (("omni_msl_6x4", "a_center.png"), ("omni_msl_6x4_b", "b_center.png"))
-HAND_PICKED = "line_points_a_center.csv"
 REFERENCE, MAX_OFF_M, MAX_OFF_RAD = Pose2(0.102, 0.048, math.radians(-1.5)), 0.03, math.radians(1.0)
 MAX_MEDIAN_M, MAX_P90_M, MAX_SEARCH_MS = 0.02, 0.05, 150.0
 SECTORS = 12
@@ -85,13 +83,6 @@ def held_back_m(estimator: LinePoseEstimator, frame: np.ndarray, line_map: LineM
             return None
         distances.append(line_map.nearest(estimate.pose.transform(points.floor_m[sector % 2 != half])).distance_m)
     return np.concatenate(distances)
-
-
-def hand_picked_m(path: Path, vision: Vision, pose: Pose2, line_map: LineMap) -> FloatArray:
-    """Distances from the lines of pixels that somebody picked."""
-    with path.open(encoding="utf-8", newline="") as file:
-        pixels = np.array([[float(row["u_px"]), float(row["v_px"])] for row in csv.DictReader(file)])
-    return line_map.nearest(pose.transform(vision.camera.pixel_to_floor(pixels))).distance_m
 
 
 def spread(distances_m: FloatArray | None) -> str:
@@ -204,13 +195,13 @@ def main(arguments: Namespace) -> None:
             ("  std", f"{std[0]:.3f} m, {std[1]:.3f} m, {math.degrees(std[2]):.2f} deg", None, True),
             ("  points that agree", f"{100 * estimate.inlier_ratio:.0f} %", None, True),
         ]
-        picked = REAL / folder / HAND_PICKED
-        if picked.is_file():
+        picked = hand_picked_px(folder)
+        if picked is not None:
             off_m, off_rad = pose.error_to(REFERENCE, symmetric=True)
             is_near = off_m <= MAX_OFF_M and off_rad <= MAX_OFF_RAD
             off = f"{100 * off_m:.1f} cm, {math.degrees(off_rad):.2f} deg"
             rows.append(("off the reference pose", off, "<= 3 cm, 1 deg", is_near))
-            distances_m = hand_picked_m(picked, vision, pose, line_map)
+            distances_m = line_map.nearest(pose.transform(vision.camera.pixel_to_floor(picked))).distance_m
             is_close = np.median(distances_m) <= MAX_MEDIAN_M and np.percentile(distances_m, 90) <= MAX_P90_M
             target = f"<= {100 * MAX_MEDIAN_M:g} cm, {100 * MAX_P90_M:g} cm"
             rows.append(("residual, hand-picked", spread(distances_m), target, bool(is_close)))

@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.harness import DEFAULT_SEED
 from field_models import load_field
-from robocup_vision.arrays import UInt8Array
+from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera import load_camera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.files.csv_table import read_poses
@@ -32,6 +32,7 @@ Arguments = ParamSpec("Arguments")
 # of the small-size robot: its photographs, and one half of its field, in a laboratory
 ONBOARD = ("onboard_ssl", "onboard_ssl_more")
 ONBOARD_FIELD = Path(__file__).resolve().parents[2] / "tests" / "data" / "onboard_ssl_half_field.toml"
+HAND_PICKED = "line_points_a_center.csv"
 # of the priors that are drawn: x, y (m), heading (rad)
 PRIOR_STD = np.array([0.1, 0.1, math.radians(5.0)])
 
@@ -142,6 +143,13 @@ def onboard_looks(priors: int = 0, method: str | None = None) -> Iterator[Look]:
         vision = Vision(load_field(ONBOARD_FIELD), load_camera(REAL / folder / "camera.toml"), method=method)
         known = ((name, frame) for name, frame in photographs(folder) if name in truths)
         yield from looks(vision, known, truths, priors, rng)
+
+
+def hand_picked_px(folder: str) -> FloatArray | None:
+    """Return the pixels (N, 2) of lines that somebody picked in a photograph; None where nobody did."""
+    if not (REAL / folder / HAND_PICKED).is_file():
+        return None
+    return np.array([[float(row["u_px"]), float(row["v_px"])] for row in table_of(folder, HAND_PICKED)])
 
 
 def table_of(folder: str, name: str) -> list[dict[str, str]]:

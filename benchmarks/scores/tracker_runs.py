@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from benchmarks.harness import Table, verdict
 from benchmarks.peers.tracking_peers import NearestNeighbours, Reports, StoneSoup
 from benchmarks.scores.tracking_score import Score
 from benchmarks.worlds.crowd import Frame
@@ -52,6 +53,18 @@ def stone_soup(frames: Sequence[Frame], joint: bool) -> list[Reports] | None:
     """Track with stonesoup, with the patience that suits each best on other seeds."""
     peer = StoneSoup(joint, patience=6 if joint else 5)
     return peer.reports(PERIOD_S, [in_field(f.detections, f.robot, f.robot_covariance) for f in frames])
+
+
+def tracker_row(table: Table, name: str, runs: int, of: Score | None, ok: bool | None = None) -> None:
+    """Print a tracker under `COLUMNS`."""
+    if of is None:
+        table.row(name, runs, "not installed", *(None,) * 6)
+        return
+    missed, false = (f"{100 * count / of.objects:.1f}" for count in (of.missed, of.false))
+    judged = None if ok is None else verdict(ok)
+    table.row(
+        name, runs, f"{of.mota:.3f}", missed, false, of.switches, of.false_tracks, f"{1e3 * of.rms_m:.0f}", judged
+    )
 
 
 def score(tracker: Tracker, films: Sequence[Sequence[Frame]], in_view_only: bool = False) -> Score | None:

@@ -1,4 +1,4 @@
-"""Runs through a rendered hall and the landmark maps made of them: for landmark_poses.py.
+"""Runs through a rendered hall for landmark_poses.py, and the landmark maps made of such runs.
 
 A rig of three cameras goes first and makes the map; one camera goes a little aside in dim light, and once more after
 some posters have changed.
@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -24,21 +25,24 @@ from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
 
 SHIFT_M, DIM, MOVED = 0.2, 0.5, 0.3
 
-Built = tuple[LandmarkMap, list[Pose2], int]
+
+class Built(NamedTuple):
+    """A landmark map, the poses of the moments in it as the map's run takes them to have been, and which these are."""
+
+    landmarks: LandmarkMap
+    poses: list[Pose2]
+    used: list[bool]
 
 
 @dataclass(frozen=True, eq=False)
 class HallRuns:
-    """The three runs; the map, its estimated poses and the moments lost; the map without drift bounds; that of ORB."""
+    """The three runs; the map of the first, that without drift bounds, and that of ORB."""
 
     first: list[HallFrame]
     second: list[HallFrame]
     third: list[HallFrame]
-    landmarks: LandmarkMap
-    poses: list[Pose2]
-    lost: int
-    drifted: LandmarkMap
-    drifted_poses: list[Pose2]
+    map: Built
+    drifted: Built
     orb: Built
 
 
@@ -78,8 +82,8 @@ def make_runs(seed: int, count: int, located: int, turns: float, rng: np.random.
         partial(build, first_run, orb=True),
         partial(build, first_run),
     )
-    (drifted, drifted_poses, _), with_orb, (landmarks, poses, lost) = pool.map(_built, ways)
-    return HallRuns(first_run, second, third, landmarks, poses, lost, drifted, drifted_poses, with_orb)
+    drifted, with_orb, built = pool.map(_built, ways)
+    return HallRuns(first_run, second, third, built, drifted, with_orb)
 
 
 def _built(build_map: Callable[[], Built]) -> Built:
@@ -94,15 +98,14 @@ def render(job: tuple[Hall, str, list[Pose2], int, int, HallLight | None]) -> li
 
 
 def build(frames: Sequence[HallFrame], *, bound_drift: bool = True, orb: bool = False) -> Built:
-    """Build a map; return it, its estimated poses, and how many moments it could not use."""
+    """Build a map of three pictures a moment."""
     extractor = OrbExtractor(HALL_CAMERA) if orb else None
     mapper = StereoMapper(HALL_RIG, frames[0].pose, bound_drift=bound_drift, extractor=extractor)
-    lost = 0
+    used = []
     for frame in frames:
         right, left, top = frame.images
-        lost += not mapper.add(right, left, top).pose
-    landmarks = mapper.finish()
-    return landmarks, list(mapper.poses), lost
+        used.append(bool(mapper.add(right, left, top).pose))
+    return Built(mapper.finish(), list(mapper.poses), used)
 
 
 def drift(poses: Sequence[Pose2], frames: Sequence[HallFrame]) -> npt.NDArray[np.float64]:

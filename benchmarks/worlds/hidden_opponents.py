@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 
 from benchmarks.worlds.error_law import MATCHED, Errors
 from robocup_vision.arrays import FloatArray
@@ -171,16 +172,7 @@ def way_round(start: FloatArray, goal: FloatArray, known: FloatArray) -> FloatAr
         # whoever is too near already may leave
         own = np.minimum(np.hypot(to[:, 0], to[:, 1]), off)[:, None]
         length[away < own - 1e-6] = np.inf
-    cost, before, open_ = np.full(len(nodes), np.inf), np.zeros(len(nodes), dtype=int), np.ones(len(nodes), dtype=bool)
-    cost[0] = 0.0
-    while True:
-        left = np.where(open_, cost, np.inf)
-        k = int(np.argmin(left))
-        if k == 1 or not np.isfinite(left[k]):
-            break
-        open_[k] = False
-        better = cost[k] + length[k] < cost
-        cost[better], before[better] = (cost[k] + length[k])[better], k
+    cost, before = dijkstra(csgraph_from_dense(length, null_value=np.inf), indices=0, return_predecessors=True)
     if not np.isfinite(cost[1]):
         return np.array([start, goal])
     path = [1]

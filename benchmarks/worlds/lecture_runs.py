@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 
 from benchmarks.harness.pool import Pool
+from benchmarks.worlds.hall_runs import build
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.landmark_map import LandmarkMap
-from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
 from sim2d.hall_drive import SPEED_MPS
 from sim2d.rendering.hall.bustle import Bustle
 from sim2d.rendering.hall.hall import Hall
@@ -79,14 +79,9 @@ def make_lecture_runs(seed: int, moments: int, pool: Pool) -> LectureRuns:
     parts = list(pool.map(_render, jobs))
     first = [frame for part in parts[: len(starts)] for frame in part]
     later = [frame for part in parts[len(starts) :] for frame in part]
-    mapper = StereoMapper(HALL_RIG, first[0].pose)
-    steps = []
-    for frame in first:
-        right, left, top = frame.images
-        steps.append(mapper.add(right, left, top))
-    landmarks = mapper.finish()
-    known = [frame for frame, step in zip(first, steps, strict=True) if step.pose]
-    return LectureRuns(known, list(mapper.poses), len(first) - len(known), landmarks, later)
+    built = build(first)
+    known = [frame for frame, is_used in zip(first, built.used, strict=True) if is_used]
+    return LectureRuns(known, built.poses, len(first) - len(known), built.landmarks, later)
 
 
 def _render(job: tuple[int, bool, int, int]) -> list[HallFrame]:
