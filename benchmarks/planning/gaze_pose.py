@@ -93,10 +93,14 @@ def landmark_run(job: tuple[list[int], str]) -> RunScore:
         pan = NECK.turned(pan, wanted, FRAME_S)
         errors.append(track.pose.error_to(walk.poses[k])[0])
         spreads.append(max(float(np.linalg.det(track.covariance)), 0.0) ** (1 / 6))
-    error = np.array(errors)
-    return RunScore(
-        float(np.sqrt(np.mean(error**2))), float(np.mean(spreads)), float((error > LOST_M).mean()), empty / len(error)
-    )
+    return _scored(errors, spreads, empty)
+
+
+def _scored(errors_m: list[float], spreads: list[float], empty: int) -> RunScore:
+    """Sum up a run; NaN where nothing was believed."""
+    error = np.array(errors_m)
+    lost = float((~(error <= LOST_M)).mean())
+    return RunScore(float(np.sqrt(np.nanmean(error**2))), float(np.nanmean(spreads)), lost, empty / len(error))
 
 
 def rendered_run(job: tuple[list[int], str, float]) -> RunScore:
@@ -151,9 +155,7 @@ def rendered_run(job: tuple[list[int], str, float]) -> RunScore:
         pan = NECK.turned(pan, wanted, RENDERED_FRAME_S)
         errors.append(belief.pose.error_to(walk.poses[k])[0] if belief else math.nan)
         spreads.append(float(np.linalg.det(belief.covariance)) ** (1 / 6) if belief else math.nan)
-    error = np.array(errors)
-    lost = float((~(error <= LOST_M)).mean())
-    return RunScore(float(np.sqrt(np.nanmean(error**2))), float(np.nanmean(spreads)), lost, empty / len(error))
+    return _scored(errors, spreads, empty)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ import numpy as np
 
 from benchmarks.harness import Table, percent, program, verdict
 from benchmarks.scores.photograph_rows import REAL
+from benchmarks.worlds.walks import camera_ahead
 from field_models import Field, field_names, load_field
 from field_models.errors import RobocupVisionError
 from robocup_vision.arrays import UInt8Array
@@ -95,20 +96,9 @@ def swapped(pictures: list[Picture]) -> list[Picture]:
 
 def forward_camera(field: Field) -> PinholeCamera:
     """Return a camera of known tilt for robots of a field's size."""
-    is_small = field.length_m < 6.0
-    width, height = (208, 160) if is_small else (320, 240)
-    focal_px, height_m = (192.0, 0.185) if is_small else (308.0, 0.46)
-    return PinholeCamera(
-        size_px=(width, height),
-        focal_px=(focal_px, focal_px),
-        center_px=((width - 1) / 2, (height - 1) / 2),
-        height_m=height_m,
-        pan_rad=0.0,
-        tilt_rad=math.radians(-12.0),
-        roll_rad=0.0,
-        height_std_m=0.006,
-        roll_std_rad=math.radians(1.4),
-    )
+    if field.length_m < 6.0:
+        return camera_ahead((208, 160), 192.0, 0.185, -12.0)
+    return camera_ahead((320, 240), 308.0, 0.46, -12.0)
 
 
 def forward_pictures(field: Field, camera: PinholeCamera, light: str, seed: int, count: int) -> Iterator[Picture]:

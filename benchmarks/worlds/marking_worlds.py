@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
+from benchmarks.worlds.walks import camera_ahead
 from field_models import Field, load_field
 from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.camera import FisheyeCamera, OmniCamera, PinholeCamera
@@ -52,19 +53,7 @@ class MarkingWorld:
         return load_field(self.field_name)
 
 
-def _ahead(size_px: tuple[int, int], focal_px: float, height_m: float, tilt_deg: float) -> PinholeCamera:
-    center = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
-    return PinholeCamera(
-        size_px,
-        (focal_px, focal_px),
-        center,
-        height_m,
-        pan_rad=0.0,
-        tilt_rad=math.radians(tilt_deg),
-        roll_rad=0.0,
-        height_std_m=0.005,
-        roll_std_rad=math.radians(0.6),
-    )
+_ahead = partial(camera_ahead, height_std_m=0.005, roll_std_deg=0.6)
 
 
 def _mirror(name: str) -> OmniCamera:

@@ -73,24 +73,33 @@ class Walk:
     robots: tuple[int, int] = (7, 9)
 
 
-def _camera(size_px: tuple[int, int], focal_px: float, height_m: float, tilt_deg: float) -> PinholeCamera:
+def camera_ahead(
+    size_px: tuple[int, int],
+    focal_px: float,
+    height_m: float,
+    tilt_deg: float,
+    *,
+    height_std_m: float = 0.006,
+    roll_std_deg: float = 1.4,
+) -> PinholeCamera:
+    """Return the camera of a robot that looks ahead, as its file says: level, centred."""
     width, height = size_px
     return PinholeCamera(
-        size_px=size_px,
-        focal_px=(focal_px, focal_px),
-        center_px=((width - 1) / 2, (height - 1) / 2),
-        height_m=height_m,
+        size_px,
+        (focal_px, focal_px),
+        ((width - 1) / 2, (height - 1) / 2),
+        height_m,
         pan_rad=0.0,
         tilt_rad=math.radians(tilt_deg),
         roll_rad=0.0,
-        height_std_m=0.006,
-        roll_std_rad=math.radians(1.4),
+        height_std_m=height_std_m,
+        roll_std_rad=math.radians(roll_std_deg),
     )
 
 
 FL = Walk(
     "four_legged_2007",
-    _camera((208, 160), 192.0, 0.185, -10.0),
+    camera_ahead((208, 160), 192.0, 0.185, -10.0),
     speed_mps=0.25,
     nod_rad=math.radians(1.2),
     roll_rad=math.radians(1.2),
@@ -98,7 +107,7 @@ FL = Walk(
 )
 SPL = Walk(
     "spl_2020",
-    _camera((640, 480), 616.0, 0.46, -14.0),
+    camera_ahead((640, 480), 616.0, 0.46, -14.0),
     speed_mps=0.25,
     nod_rad=math.radians(1.5),
     roll_rad=math.radians(1.2),
