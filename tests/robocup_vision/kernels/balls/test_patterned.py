@@ -60,25 +60,3 @@ def test_a_disc_of_another_size_is_kept_beside_a_better_one_at_its_place():
     assert len(kept) == 2
     assert math.hypot(kept[1, kernel.U] - 30, kept[1, kernel.V] - 22) < 2
     assert kept[1, kernel.RADIUS] == pytest.approx(7, rel=0.15)
-
-
-def test_of_discs_on_one_ball_one_is_kept_that_lies_on_it():
-    kinds, level = np.zeros((HEIGHT, WIDTH), np.uint8), np.full((HEIGHT, WIDTH), 110, np.uint8)
-    v, u = np.mgrid[:HEIGHT, :WIDTH]
-    inside = np.hypot(u - 30, v - 22) < 9
-    kinds[inside], level[inside] = NEUTRAL, 200
-    level[inside & (np.hypot(u - 28, v - 20) < 4)] = 20
-    found, out = np.empty((5000, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
-    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, PLAIN, found)
-    assert count > 5
-    assert kernel.best_discs(kinds, level, DIRECTIONS, PLAIN, found[:count], out) == 1
-    row = out[0]
-    assert math.hypot(row[kernel.U] - 30, row[kernel.V] - 22) < 2
-    assert row[kernel.RADIUS] == pytest.approx(9, rel=0.15)
-    assert row[kernel.WHITE] == 200
-    assert row[kernel.CARPET_LEVEL] == 110
-    assert row[kernel.AROUND] > 0.95
-    assert row[kernel.AGREE] == 1.0
-    # without a dark patch it is none
-    level[inside] = 200
-    assert kernel.best_discs(kinds, level, DIRECTIONS, PLAIN, found[:count], out) == 0

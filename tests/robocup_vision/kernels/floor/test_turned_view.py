@@ -1,8 +1,6 @@
-"""Samples of a camera that is turned: their places against plain algebra, their colours against OpenCV's."""
+"""Samples of a camera that is turned, beyond the fold of its lens and behind the robot itself."""
 
-import cv2
 import numpy as np
-import pytest
 
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.lens_table import lens_table
@@ -21,45 +19,6 @@ def sampled(frame, pixels, homography, lens=NO_LENS, hidden=NOTHING, valid=None)
     valid = np.empty(pixels.shape[:2], np.uint8) if valid is None else valid
     sample_turned(frame, np.ascontiguousarray(np.moveaxis(pixels, -1, 0)), homography, lens, hidden, valid, out)
     return out
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_nearest_pixels_are_fetched(seed):
-    rng = np.random.default_rng(seed)
-    frame = rng.integers(0, 256, (160, 208, 3), dtype=np.uint8)
-    pixels = rng.uniform(-10.0, 220.0, (20, 30, 2)).astype(np.float32)
-    homography = np.eye(3) + rng.normal(0.0, 1.0, (3, 3)) * [[0.02, 0.02, 5.0], [0.02, 0.02, 5.0], [1e-5, 1e-5, 0.0]]
-    places = cv2.perspectiveTransform(pixels.astype(float), homography)
-    expected = np.clip(places, 0, (207, 159)).astype(np.float32)
-    # more rows than places: bearings that see nothing
-    valid = np.ones((23, 30), np.uint8)
-    same = sampled(frame, pixels, homography, valid=valid) == cv2.remap(frame, expected, None, cv2.INTER_NEAREST)
-    # half-way between two pixels rounding decides
-    assert (~same.all(axis=-1)).sum() <= 1
-    np.testing.assert_array_equal(valid[:20], ((places >= 0) & (places <= (207, 159))).all(axis=-1))
-    assert not valid[20:].any()
-
-
-@pytest.mark.parametrize(
-    "distortion", [(-0.3, 0.1, 0.002, -0.001, 0.01), (0.1, 0.02, 0.0, 0.001, 0.0, 0.2, 0.05, 0.01)]
-)
-def test_a_lens_shows_them_where_opencv_says(distortion):
-    rng = np.random.default_rng(6)
-    frame = rng.integers(0, 256, (160, 208, 3), dtype=np.uint8)
-    focal, center = (190.0, 205.0), (103.5, 79.5)
-    coefficients = (*distortion, *(0.0,) * (8 - len(distortion)))
-    # such as the picture shows: a lens is followed no farther
-    pixels = rng.uniform((10.0, 10.0), (198.0, 150.0), (20, 30, 2)).astype(np.float32)
-    rays = np.dstack([(pixels.astype(float) - center) / focal, np.ones((20, 30))]).reshape(-1, 1, 3)
-    matrix = np.array([[focal[0], 0.0, center[0]], [0.0, focal[1], center[1]], [0.0, 0.0, 1.0]])
-    places, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.array(coefficients))
-    expected = np.clip(places.reshape(20, 30, 2), 0, (207, 159)).astype(np.float32)
-    lens = lens_of(focal, center, (208, 160), distortion)
-    same = sampled(frame, pixels, np.eye(3), lens) == cv2.remap(frame, expected, None, cv2.INTER_NEAREST)
-    # half-way between two pixels rounding decides
-    is_clear = (np.abs(expected % 1.0 - 0.5) > 1e-3).all(axis=-1)
-    assert is_clear.sum() > 590
-    assert same[is_clear].all()
 
 
 def test_beyond_its_fold_a_lens_shows_the_fold():

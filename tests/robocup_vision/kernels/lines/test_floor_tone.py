@@ -8,15 +8,6 @@ from robocup_vision.kernels.lines.floor_tone import ToneRules, learn_tone
 RULES = ToneRules()
 
 
-def test_of_two_common_tones_the_greener_is_the_carpet():
-    frame = np.full((40, 50, 3), 120, dtype=np.uint8)
-    frame[:, :20] = (50, 110, 55)
-    tone = np.empty(7, dtype=np.float32)
-    assert learn_tone(frame, np.arange(2000), RULES, tone)
-    assert tone[0] < 0.5 < tone[1] < 1.0
-    assert tone[4] == pytest.approx(0.35 * 110)
-
-
 def test_a_vivid_green_is_a_tone_though_red_and_blue_are_black():
     frame = np.full((40, 50, 3), 40, dtype=np.uint8)
     frame[:, :20] = (2, 110, 0)
