@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,7 +10,6 @@ from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.geometry import Pose2
-from robocup_vision.kernels.algebra.lens import distorted
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.tables import EDGE, RIDGE, UNKNOWNS, empty_samples
 from robocup_vision.localization.model_edges.field_edges import field_edges
@@ -68,18 +66,6 @@ def test_samples_lie_where_the_camera_projects_them_and_move_as_their_derivative
         moved = [pixels(points, p + sign * step * np.eye(UNKNOWNS)[i], distortion) for sign in (1, -1)]
         slope = ((moved[0] - moved[1]) * normal).sum(axis=1) / (2 * step)
         np.testing.assert_allclose(out.jacobian[:count, i][exact], slope[exact], rtol=1e-3, atol=1e-2)
-
-
-@pytest.mark.parametrize("distortion", LENSES)
-def test_the_lens_is_the_cameras(distortion):
-    held, lens = camera(distortion), lens_table(camera(distortion))
-    for a, b in ((0.1, -0.2), (-0.4, 0.3), (0.0, 0.0)):
-        x, y, xa, xb, ya, yb = distorted(lens, a, b)
-        expected = (held.camera_ray_to_pixel(np.array([1.0, -a, -b])) - held.center_px) / held.focal_px
-        np.testing.assert_allclose((x, y), expected, atol=1e-12)
-        for step, columns in (((1e-6, 0.0), (xa, ya)), ((0.0, 1e-6), (xb, yb))):
-            ahead, back = (np.array(distorted(lens, a + s * step[0], b + s * step[1])[:2]) for s in (1, -1))
-            np.testing.assert_allclose((ahead - back) / 2e-6, columns, atol=1e-6)
 
 
 def test_near_lines_have_two_edges_with_their_paint_inside_and_room_is_never_overrun():

@@ -129,15 +129,6 @@ def test_grown_profile_is_never_beyond_and_hardly_before_the_exact_one(seed, cou
     assert (value >= least - 1e-9 - 0.002).all()
 
 
-def test_disc_touches_a_facing_obstacle_one_radius_before_it_and_a_wall_behind_blocks_nothing():
-    profile, _ = grown(np.where(np.arange(64) == 0, 0.5, np.inf))
-    assert profile_at(profile, 0.0) == pytest.approx(0.41)
-    assert profile_at(profile, math.pi) == math.inf
-    touching, _ = grown(np.where(np.arange(64) == 0, 0.05, np.inf))
-    assert profile_at(touching, 0.3) == 0.0
-    assert profile_at(touching, math.pi) == math.inf
-
-
 def test_unmeasured_bearings_block_themselves_only():
     one, _ = grown(np.where(np.arange(32) == 5, np.nan, np.inf))
     middle = 5 * math.tau / 32
