@@ -19,7 +19,6 @@ from robocup_vision.kernels.motion.way_grid import (
     dearest_between,
     find_way,
     mark_view,
-    note_try,
     straight_part,
 )
 
@@ -36,15 +35,6 @@ def test_floor_seen_from_near_is_overruled_from_far_once_others_may_have_entered
         mark_view(state, seen_from, ranges, 1.0, 15.0, 2.0, MarkRules(1.03, 1.5))
     # ten cells from the robot: 1.5 times 3 cells is less, 1.5 times 3 * 1.03^30 is more
     assert state[12, 14] == mark
-
-
-@given(seeds, st.floats(-3, SIZE + 3), st.floats(-3, SIZE + 3), st.floats(0, 6))
-def test_a_try_counts_within_a_disc_where_the_floor_is_not_open(seed, x, y, radius):
-    tried = np.zeros((SIZE, SIZE), np.float32)
-    price = np.random.default_rng(seed).choice([1.0, 1.2, 300.0], (SIZE, SIZE)).astype(np.float32)
-    note_try(tried, price, x, y, radius)
-    rows, columns = np.mgrid[:SIZE, :SIZE]
-    np.testing.assert_array_equal(tried, (price > 1) & ((columns - x) ** 2 + (rows - y) ** 2 <= radius * radius))
 
 
 def ways(seed, size=SIZE):
