@@ -146,6 +146,7 @@ def test_a_defender_in_its_area_gives_a_penalty_and_an_attacker_there_a_free_kic
     match.go(0.1)
     assert match.referee.fouls[0].kind == "own_area"
     match.until("ball_placement")
+    assert match.referee.command_side == -1
     assert match.referee.placement_m == pytest.approx((1.5, 0.0))
     attack = in_play()
     attack.places[1, 2] = (4.0, 0.3)
