@@ -1,8 +1,7 @@
 """Damaged messages of the league, from five senders and up to the largest datagram: nobody ends for them."""
 
+from league_flood import flood
 from ssl_sockets import free_port, free_ports
-
-from benchmarks.worlds.flood import flood
 
 
 def test_a_flood_of_damaged_messages_ends_nobody():
