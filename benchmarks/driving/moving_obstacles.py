@@ -103,8 +103,9 @@ class Crossing:
         return Command(c * vx + s * vy, c * vy - s * vx, 0.0)
 
 
-def drive(place: Place, method: str, seed: int, run: int) -> Outcome:
-    """One run."""
+def drive(job: tuple[Place, str, int, int]) -> Outcome:
+    """Drive a run: where, by which method, of which seed and number."""
+    place, method, seed, run = job
     rng = np.random.default_rng([seed, run])
     field, others = place.field, place.others
     lanes = np.linspace(-place.lanes_m, place.lanes_m, others) + rng.uniform(-0.08, 0.08, others)
@@ -180,18 +181,13 @@ def drive(place: Place, method: str, seed: int, run: int) -> Outcome:
     return outcome
 
 
-def one(job: tuple[Place, str, int, int]) -> Outcome:
-    """Drive a run, for a pool of processes."""
-    return drive(*job)
-
-
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
     runs = 2 if arguments.quick else 60 if arguments.full else 16
     count = {WIDE.name: runs, NARROW.name: runs // 2}
     jobs = [(p, method, arguments.seed, run) for p in PLACES for method in METHODS for run in range(count[p.name])]
-    outcomes = list(pool.map(one, jobs))
+    outcomes = list(pool.map(drive, jobs))
     columns = "field      | steering: label | runs | own contacts: count | all: count | legs a run: score | verdict"
     table = Table(columns, name="contacts", samples=runs)
     for place in PLACES:

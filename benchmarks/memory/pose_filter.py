@@ -72,11 +72,10 @@ CONDITIONS = (
 KIDNAPPED_CONDITIONS = ("every frame", "30 % missing", "100 ms late")
 BIASES = tuple((ratio, way_m) for way_m in (0.5, 5.0) for ratio in (0.0, 0.2, 0.5, 0.9))
 METHODS = ("single", "EKF", "filter")
-
-
+# those that are installed
 FOLLOWERS: dict[str, Callable[[], Follower]] = {
     "single": Single,
-    "EKF": Ekf,
+    **({"EKF": Ekf} if HAS_FILTERPY else {}),
     "filter": PoseFilter,
 }
 
@@ -156,18 +155,11 @@ def wander(task: tuple[int, int]) -> dict[tuple[str, str], Tally]:
     """One run under all conditions, by all methods."""
     seed, run = task
     steps, _ = record(seed, run, RUN_S, kidnaps=False)
-    return judge_all(steps, seed, run)
-
-
-def judge_all(steps: list[Step], seed: int, run: int) -> dict[tuple[str, str], Tally]:
-    """All conditions and methods on one run."""
     results = {}
     for number, condition in enumerate(CONDITIONS):
         coming = arrivals(steps, condition, np.random.default_rng([seed, run, 2, number]))
         reported = with_odometry(steps, 0.8 if run % 2 else 1.2) if condition == "odometry off" else steps
-        for method in METHODS:
-            if method == "EKF" and not HAS_FILTERPY:
-                continue
+        for method in FOLLOWERS:
             results[condition, method] = judge(steps, follow(FOLLOWERS[method](), reported, coming))
     return results
 
@@ -176,20 +168,11 @@ def kidnap(task: tuple[int, int]) -> dict[tuple[str, str, str], list[float]]:
     """Recovery times of one run by kind, condition and method."""
     seed, run = task
     steps, done = record(seed, run, RUN_S + KIDNAP_EVERY_S, kidnaps=True)
-    return recoveries(steps, done, seed, run)
-
-
-def recoveries(
-    steps: list[Step], done: list[tuple[float, str]], seed: int, run: int
-) -> dict[tuple[str, str, str], list[float]]:
-    """See `kidnap`."""
     found: dict[tuple[str, str, str], list[float]] = {}
     times = np.array([step.t_s for step in steps])
     for number, condition in enumerate(KIDNAPPED_CONDITIONS):
         coming = arrivals(steps, condition, np.random.default_rng([seed, run, 4, number]))
-        for method in METHODS:
-            if method == "EKF" and not HAS_FILTERPY:
-                continue
+        for method in FOLLOWERS:
             beliefs = follow(FOLLOWERS[method](), steps, coming)
             near = np.array([_is_near(belief, step.truth) for step, belief in zip(steps, beliefs, strict=True)])
             for from_s, kind in done:
@@ -214,8 +197,7 @@ def synthesize(task: tuple[int, int, float, float]) -> dict[str, Tally]:
     seed, run, bias_ratio, bias_distance_m = task
     steps = synthetic_steps(bias_ratio, bias_distance_m, np.random.default_rng([seed, run, 3]))
     coming = arrivals(steps, "every frame", np.random.default_rng(0))
-    methods = [method for method in METHODS if method != "EKF" or HAS_FILTERPY]
-    return {method: judge(steps, follow(FOLLOWERS[method](), steps, coming)) for method in methods}
+    return {method: judge(steps, follow(begin(), steps, coming)) for method, begin in FOLLOWERS.items()}
 
 
 @program(pooled=True)

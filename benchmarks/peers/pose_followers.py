@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -18,23 +18,6 @@ except ImportError:
     ExtendedKalmanFilter = None
 
 HAS_FILTERPY = ExtendedKalmanFilter is not None
-
-
-class Follower(Protocol):
-    """What is compared."""
-
-    def expect(self, pose: Pose2) -> None:
-        """Say where the robot stands, about."""
-
-    def predict(self, odometry: Pose2, t_s: float) -> None:
-        """Take a step of odometry."""
-
-    def update(self, estimate: PoseEstimate, t_s: float) -> None:
-        """Take a frame's pose."""
-
-    @property
-    def belief(self) -> PoseEstimate | NotLocated:
-        """Where the robot is now."""
 
 
 class Single:
@@ -119,6 +102,9 @@ class Ekf:
         if self._filter is None:
             return NotLocated("no frame yet")
         return PoseEstimate(Pose2(*self._filter.x), self._filter.P, 0.0, 0.0)
+
+
+Follower = Single | Ekf | PoseFilter
 
 
 def white_noise(noise: OdometryNoise, motion: Pose2, seconds: float) -> FloatArray:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -94,11 +95,6 @@ def row(job: Job) -> tuple[float, ...]:
     return touched, ours_s, touched, shortest_s
 
 
-def film(seed: tuple[int, int]) -> list[Frame]:
-    """Frames of a robot that drives among four others, by its camera."""
-    return camera_film(FIELD, [*seed, 4])
-
-
 def fit_laws(films: list[list[Frame]]) -> Errors:
     """Print the laws of the errors in frames, and return them."""
     columns = "law of frames | errors | degrees of freedom | scale | 99 % within | of a normal one"
@@ -141,7 +137,7 @@ def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
     films, count = (1, 3) if arguments.quick else (12, 300) if arguments.full else (2, 24)
     runs = {"gap": count, "hidden": count, "row": count}
-    frames = fit_laws(list(pool.map(film, [(arguments.seed, k) for k in range(films)])))
+    frames = fit_laws(list(pool.map(partial(camera_film, FIELD), [[arguments.seed, k, 4] for k in range(films)])))
     tails = Errors(replace(frames.pose, scale=1.0), replace(frames.obstacle, scale=1.0))
     wider = ErrorLaw(scale=OTHER_SCALE)
     laws = {"matched": MATCHED, "frames": frames, "x 1.5": Errors(wider, wider, OTHER_SCALE), "tails": tails}
