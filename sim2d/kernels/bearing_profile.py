@@ -13,16 +13,10 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.frame_values import (
-    BallSphere,
-    Crossings,
-    Lighting,
-    RoomWall,
-    Spans,
-    UprightThings,
-    Viewpoint,
-)
+from sim2d.kernels.frame_values import Crossings, Lighting, Spans, UprightThings, Viewpoint, WallPicture
+from sim2d.kernels.room import cell_color, wall_point
 from sim2d.kernels.things import (
+    BALL,
     BANDS,
     BOX,
     COLOR,
@@ -40,10 +34,13 @@ from sim2d.kernels.things import (
     meet_box_sides,
 )
 
-# kinds of spans
-FLOOR, PAINT, BALL = 0, 1, 2
-# columns of `Crossings.entries`
+# kinds of spans; of a ball its number among the things more
+FLOOR, PAINT, OF_BALL = range(3)
+# columns of `Crossings.entries`; of a ball the last two are the slopes between which it is seen
 NEAR, FAR, THING, FIRST_COLOR, SHADE = range(5)
+LOW, HIGH = FIRST_COLOR, SHADE
+# of `FloorPaint.colors`
+GROUND = np.uintp(2)
 # number of an edge of the carpet among the things
 EDGE = -1
 # the room's wall is computed for every so many bearings, and interpolated between them
@@ -51,7 +48,9 @@ ROOM_STRIDE = 16
 
 
 @compiled(inline="always")
-def _add(bearing: int, near_m: float, far_m: float, thing: int, color: int, shade: float, crossings: Crossings) -> None:
+def _add(
+    bearing: int, near_m: float, far_m: float, thing: int, color: float, shade: float, crossings: Crossings
+) -> None:
     """Insert a thing into a bearing's list, sorted by distance; the farthest falls out of a full list."""
     count, entries = crossings.lengths, crossings.entries
     k = count[bearing]
@@ -70,7 +69,7 @@ def _add(bearing: int, near_m: float, far_m: float, thing: int, color: int, shad
 
 
 @compiled(error_model="numpy", inline="always")
-def _span_of(low_rad: float, span_rad: float, turns: int) -> tuple[int, int]:
+def span_of(low_rad: float, span_rad: float, turns: int) -> tuple[int, int]:
     """Return the first of `turns` bearings that lies within a span, and the one after the last; they go on in turns."""
     low = low_rad - math.floor(low_rad / math.tau) * math.tau
     start = math.ceil(low * turns / math.tau)
@@ -98,12 +97,25 @@ def _meet_sheet(
     if turn < 1e-9:
         return
     turns = len(directions)
-    start, stop = _span_of(math.atan2(ay, ax), math.atan2(turn, ax * bx + ay * by), turns)
+    start, stop = span_of(math.atan2(ay, ax), math.atan2(turn, ax * bx + ay * by), turns)
     for i in range(start, stop):
         k = i if i < turns else i - turns
         across = directions[k, 2] * (ax - bx) - directions[k, 1] * (ay - by)
         if across > 0:
             _add(k, turn / across, turn / across, thing, color, 1.0, crossings)
+
+
+@compiled(error_model="numpy")
+def _ball_slopes(toward: float, aside: float, radius: float, height_m: float) -> tuple[float, float]:
+    """Return the slopes of a bearing's two rays that touch a ball, twice 0 where it meets none."""
+    # of its section with the bearing's upright plane
+    section2 = radius * radius - aside * aside
+    if section2 > 0 and toward > 0 and toward * toward > section2:
+        drop = height_m - radius
+        root = math.sqrt(section2 * (toward * toward + drop * drop - section2))
+        per_away2 = 1 / (toward * toward - section2)
+        return (-toward * drop - root) * per_away2, (-toward * drop + root) * per_away2
+    return 0.0, 0.0
 
 
 @compiled(error_model="numpy")
@@ -115,7 +127,7 @@ def meet_things(
     directions: FloatArray,
     crossings: Crossings,
 ) -> None:
-    """Enter the carpet's edges, sheets, cylinders and boxes into the lists of the bearings that meet them.
+    """Enter the carpet's edges, sheets, cylinders, balls and boxes into the lists of the bearings that meet them.
 
     Parameters
     ----------
@@ -140,16 +152,16 @@ def meet_things(
         if kind == SHEET:
             ends = row[X0], row[Y0], row[X1], row[Y1]
             _meet_sheet(ends, thing, (color, int(other)), eye, directions, crossings)
-        if kind != CYLINDER and kind != BOX:
+        if kind != CYLINDER and kind != BALL and kind != BOX:
             continue
         dx, dy, radius = row[X0] - eye.x_m, row[Y0] - eye.y_m, row[RADIUS]
         x, y = c * dx + s * dy, c * dy - s * dx
         away, reach = math.hypot(x, y), math.hypot(radius, other) if kind == BOX else radius
-        if kind == CYLINDER and away <= radius:
+        if kind != BOX and away <= radius:
             continue
         # from within a box's corners it may be seen anywhere
         half = math.asin(reach / away) if away > reach else math.pi
-        start, stop = _span_of(math.atan2(y, x) - half, 2 * half, turns)
+        start, stop = span_of(math.atan2(y, x) - half, 2 * half, turns)
         ahead, left = c * row[X1] + s * row[Y1], c * row[Y1] - s * row[X1]
         box = (row[KIND], x, y, ahead, left, radius, row[HEIGHT], row[COLOR], row[BANDS], other)
         for i in range(start, stop):
@@ -161,21 +173,15 @@ def meet_things(
                     _add(k, float(enter), float(leave), thing, color + int(face), 1.0, crossings)
                 continue
             toward, aside = cos * x + sin * y, cos * y - sin * x
+            if kind == BALL:
+                low, high = _ball_slopes(toward, aside, radius, eye.height_m)
+                if low < high:
+                    _add(k, toward, toward, thing, low, high, crossings)
+                continue
             chord = math.sqrt(max(radius * radius - aside * aside, 0.0))
             distance = toward - chord
             facing = ((distance * cos - x) * lamp_x + (distance * sin - y) * lamp_y) / radius
             _add(k, distance, toward + chord, thing, color, 0.75 + 0.20 * facing, crossings)
-
-
-@compiled(error_model="numpy")
-def _room_wall(along: float, aside: float, c: float, s: float, eye: Viewpoint, radius_m: float) -> tuple[float, float]:
-    """Return the distance (m) of the round wall in a direction of the eye's frame, and its azimuth in turns, 0 to 1."""
-    cos, sin = c * along - s * aside, s * along + c * aside
-    toward = -(cos * eye.x_m + sin * eye.y_m)
-    away2 = eye.x_m * eye.x_m + eye.y_m * eye.y_m
-    distance = toward + math.sqrt(max(toward * toward + radius_m * radius_m - away2, 0.0))
-    turn = math.atan2(eye.y_m + distance * sin, eye.x_m + distance * cos) / math.tau
-    return distance, turn - math.floor(turn)
 
 
 @compiled(inline="always")
@@ -184,7 +190,7 @@ def _end_span(
     n: int,
     end: float,
     kind: int,
-    colors: FloatArray | Float32Array,
+    colors: Float32Array,
     color: np.uintp,
     light: float,
     ends: Float32Array,
@@ -201,19 +207,6 @@ def _end_span(
     return n + 1
 
 
-@compiled(error_model="numpy")
-def _ball_slopes(toward: float, aside: float, radius: float, height_m: float) -> tuple[float, float, float]:
-    """Return where a bearing meets the ball: distance (infinite: never), slopes of the two rays that touch it."""
-    # slopes of the rays that touch its section with the bearing's upright plane
-    section2 = radius * radius - aside * aside
-    if section2 > 0 and toward > 0 and toward * toward > section2:
-        drop = height_m - radius
-        root = math.sqrt(section2 * (toward * toward + drop * drop - section2))
-        low = (-toward * drop - root) / (toward * toward - section2)
-        return toward, low, (-toward * drop + root) / (toward * toward - section2)
-    return math.inf, 0.0, 0.0
-
-
 @compiled(error_model="numpy", inline="always")
 def _end_thing(
     k: int,
@@ -223,7 +216,7 @@ def _end_thing(
     lit: float,
     height_m: float,
     rows: FloatArray,
-    colors: FloatArray | Float32Array,
+    colors: Float32Array,
     ends: Float32Array,
     kinds: Int32Array,
     paint: Float32Array,
@@ -255,78 +248,67 @@ def _end_thing(
 def stack_spans(
     crossings: Crossings,
     things: UprightThings,
+    floor_colors: Float32Array,
     directions: FloatArray,
     eye: Viewpoint,
     light: Lighting,
-    room: RoomWall,
-    ball: BallSphere,
+    wall: WallPicture,
     spans: Spans,
 ) -> None:
     """Turn each bearing's list into spans of slope, in ascending order.
 
     Parameters
     ----------
+    floor_colors : (3, 3) float32
+        As in `FloorPaint`.
     light : Lighting
-        On everything but the room's wall.
+        On everything but the room's wall, of which a bearing shows one colour.
     spans : Spans
         Filled.
     """
-    count, entries, picture = crossings.lengths, crossings.entries, room.picture
-    ends, kinds, paint, near_ball = spans.ends, spans.kinds, spans.paint, spans.near_ball
+    count, entries = crossings.lengths, crossings.entries
+    ends, kinds, paint = spans.ends, spans.kinds, spans.paint
     rows, colors, height_m = things.rows, things.colors, eye.height_m
-    ground, zero = room.ground.reshape((1, 3)), np.uintp(0)
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
-    dx, dy = ball.x_m - eye.x_m, ball.y_m - eye.y_m
-    ball_x, ball_y = c * dx + s * dy, c * dy - s * dx
-    radius, reach = ball.radius_m, ball.shade_reach_m
+    around, last = wall.turn, len(directions) - 1
     from_k, until_k = 0, 0
-    room_from, turn_from = _room_wall(directions[0, 1], directions[0, 2], c, s, eye, room.radius_m)
-    room_until, turn_until = room_from, turn_from
+    column_from, room_from = 0.0, 0.0
+    column_until, room_until = wall_point(c, s, eye.x_m, eye.y_m, wall)
     for k in range(len(directions)):
         cos, sin = c * directions[k, 1] - s * directions[k, 2], s * directions[k, 1] + c * directions[k, 2]
-        if k > until_k:
-            from_k, room_from, turn_from = until_k, room_until, turn_until
-            until_k = min(until_k + ROOM_STRIDE, len(directions) - 1)
-            room_until, turn_until = _room_wall(
-                directions[until_k, 1], directions[until_k, 2], c, s, eye, room.radius_m
-            )
-            turn_until += np.rint(turn_from - turn_until)
-        part = (k - from_k) / max(until_k - from_k, 1)
+        if k >= until_k and k < last:
+            from_k, column_from, room_from = until_k, column_until, room_until
+            until_k = min(until_k + ROOM_STRIDE, last)
+            ahead, left = directions[until_k, 1], directions[until_k, 2]
+            column_until, room_until = wall_point(c * ahead - s * left, s * ahead + c * left, eye.x_m, eye.y_m, wall)
+            column_until += around * np.rint((column_from - column_until) / around)
+        part = (k - from_k) / (until_k - from_k)
         room_m = room_from + part * (room_until - room_from)
-        turn = turn_from + part * (turn_until - turn_from)
-        column = int((turn - math.floor(turn)) * picture.shape[1]) % picture.shape[1]
-
-        toward = directions[k, 1] * ball_x + directions[k, 2] * ball_y
-        aside = directions[k, 1] * ball_y - directions[k, 2] * ball_x
-        near_ball[k] = radius > 0 and abs(aside) < reach and toward > -reach
-        ball_m, ball_low, ball_high = _ball_slopes(toward, aside, radius, height_m)
+        column = column_from + part * (column_until - column_from)
 
         on_floor, n = True, 0
         lit_ground = light.level
         for e in range(count[k] + 1):
             is_last = e == count[k]
             distance = room_m if is_last else float(entries[k, e, NEAR])
-            if ball_m < distance:
-                n = _end_span(
-                    k, n, ball_low, FLOOR if on_floor else PAINT, ground, zero, lit_ground, ends, kinds, paint
-                )
-                n = _end_span(k, n, ball_high, BALL, ground, zero, 0.0, ends, kinds, paint)
-                ball_m = math.inf
+            below = FLOOR if on_floor else PAINT
+            thing = EDGE if is_last else int(entries[k, e, THING])
+            if thing != EDGE and rows[thing, KIND] == BALL:
+                low, high = entries[k, e, LOW], entries[k, e, HIGH]
+                n = _end_span(k, n, low, below, floor_colors, GROUND, lit_ground, ends, kinds, paint)
+                n = _end_span(k, n, high, OF_BALL + thing, floor_colors, GROUND, 0.0, ends, kinds, paint)
+                continue
             x_m, y_m = eye.x_m + distance * cos, eye.y_m + distance * sin
             lit = max(light.level + light.per_m_x * x_m + light.per_m_y * y_m, light.min_level)
-            n = _end_span(
-                k, n, -height_m / distance, FLOOR if on_floor else PAINT, ground, zero, lit, ends, kinds, paint
-            )
-            if is_last:
-                break
-            if entries[k, e, THING] == EDGE:
-                on_floor = not on_floor
-            else:
+            n = _end_span(k, n, -height_m / distance, below, floor_colors, GROUND, lit, ends, kinds, paint)
+            if thing != EDGE:
                 n = _end_thing(k, n, entries, e, lit, height_m, rows, colors, ends, kinds, paint)
+            else:
+                on_floor = not on_floor
             lit_ground = lit
         # seen at the middle between the last edge and the horizon
         up = height_m + room_m * (float(ends[k, n - 1]) + 0.02) / 2
-        row = min(max(int(up * room.rows_per_m), 0), picture.shape[0] - 1)
+        row = min(max(int(up * wall.rows_per_m), 0) + 1, len(wall.cells) - 2)
         ends[k, n], kinds[k, n] = np.float32(math.inf), PAINT
-        for channel in range(3):
-            paint[k, n, channel] = picture[row, column, channel]
+        cell = wall.cells[row, int(column - math.floor(column / around) * around) % around]
+        paint[k, n, 0], paint[k, n, 1], paint[k, n, 2] = cell_color(cell)

@@ -12,27 +12,13 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.bearing_profile import FLOOR
 from sim2d.kernels.floor_paint import share_of_arc, share_of_line
-from sim2d.kernels.frame_values import PaintMarks, PixelRays, Spans, Viewpoint
+from sim2d.kernels.frame_values import PaintMarks, PixelRays, Viewpoint
 
 # unsigned indices need no check for negative ones
 ONE = np.uintp(1)
 # rows of `PixelRays.rays`
 X, Y, SLOPE_LOW, SLOPE_HIGH, GAIN, RADIAL, TANGENTIAL, NEAR, FAR = range(9)
-
-
-@compiled
-def floor_until(spans: Spans, height_m: float, farthest_m: float, until_m: FloatArray) -> None:
-    """Fill in for each bearing how far away the floor is seen at most, metres; `spans` as `stack_spans` leaves them."""
-    ends, kinds = spans.ends, spans.kinds
-    for k in range(len(until_m)):
-        until_m[k] = 0.0
-        n = 0
-        while ends[k, n] < math.inf:
-            if kinds[k, n] == FLOOR:
-                until_m[k] = min(height_m / max(-ends[k, n], 1e-6), farthest_m)
-            n += 1
 
 
 @compiled(inline="always")
@@ -60,23 +46,25 @@ def _seek(low_m: float, i: int, start: int, stop: int, far_of: Float32Array) -> 
 
 
 @compiled(error_model="numpy")
-def _bearings_of_line(
-    ahead: float, aside: float, half: tuple[float, float], x: float, y: float, turns: int
-) -> tuple[int, int]:
-    """Return the first and last bearing that can meet a line grown to a box.
+def bearings_of(x: FloatArray, y: FloatArray, axis_rad: float, turns: int) -> tuple[int, int]:
+    """Return the first and last of `turns` bearings that can meet an outline; they go on in turns.
 
-    `ahead`, `aside`: the line's middle from the eye, along the line and to its left; `half`: half the box's length and
-    width; x, y: the middle in the eye's frame.
+    Parameters
+    ----------
+    x, y : (K,) float64
+        Its corners from the eye, along any axis and to its left.
+    axis_rad : float
+        Direction of that axis in the eye's frame.
     """
-    if abs(ahead) <= half[0] and abs(aside) <= half[1]:
-        return 0, turns - 1
+    middle_x, middle_y = x.mean(), y.mean()
     low, high = 0.0, 0.0
-    for corner in range(4):
-        along = ahead + (half[0] if corner & 1 else -half[0])
-        across = aside + (half[1] if corner & 2 else -half[1])
-        beside = math.atan2(ahead * across - aside * along, ahead * along + aside * across)
+    for corner in range(len(x)):
+        aside, ahead = middle_x * y[corner] - middle_y * x[corner], middle_x * x[corner] + middle_y * y[corner]
+        beside = math.atan2(aside, ahead)
         low, high = min(low, beside), max(high, beside)
-    middle = math.atan2(y, x)
+    if high - low > 0.9 * math.pi:  # from within, or nearly so
+        return 0, turns - 1
+    middle = math.atan2(middle_y, middle_x) + axis_rad
     return math.floor((middle + low) * turns / math.tau), math.ceil((middle + high) * turns / math.tau)
 
 
@@ -84,7 +72,7 @@ def _bearings_of_line(
 def mark_lines(
     pixels: PixelRays,
     eye: Viewpoint,
-    until_m: FloatArray,
+    farthest_m: float,
     half: float,
     lines: FloatArray,
     marks: PaintMarks,
@@ -94,8 +82,8 @@ def mark_lines(
 
     Parameters
     ----------
-    until_m : (K,) float64
-        How far the floor is seen.
+    farthest_m : float
+        Floor farther away is not seen.
     half : float
         Half a line's width, metres.
     lines : (N, 5) float64
@@ -109,7 +97,7 @@ def mark_lines(
     x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
     near_of, far_of = rays[NEAR], rays[FAR]
     turns = len(directions)
-    wide = half + spread[0]
+    corners, wide = np.empty((2, 4)), half + spread[0]
     half_width, zero = np.float32(half), np.float32(0.0)
     for line in range(len(lines)):
         tx, ty = c * lines[line, 2] + s * lines[line, 3], c * lines[line, 3] - s * lines[line, 2]
@@ -119,7 +107,10 @@ def mark_lines(
         # the line's middle from the eye, along the line and to its left
         ahead, aside = x * tx + y * ty, y * tx - x * ty
         extra = wide + spread[1] * (math.hypot(x, y) + half_length)
-        from_k, until_k = _bearings_of_line(ahead, aside, (half_length + extra, extra), x, y, turns)
+        for corner in range(4):
+            corners[0, corner] = ahead + (half_length + extra if corner & 1 else -half_length - extra)
+            corners[1, corner] = aside + (extra if corner & 2 else -extra)
+        from_k, until_k = bearings_of(corners[0], corners[1], math.atan2(ty, tx), turns)
         middle_x, middle_y = np.float32(x), np.float32(y)
         shape = np.float32(tx), np.float32(ty), np.float32(half_length), half_width
         guess = 0
@@ -129,7 +120,7 @@ def mark_lines(
                 directions[k, 1] * tx + directions[k, 2] * ty,
                 directions[k, 2] * tx - directions[k, 1] * ty,
             )
-            near_m, far_m = _cut(across - spread[1], aside + wide, 0.0, until_m[k])
+            near_m, far_m = _cut(across - spread[1], aside + wide, 0.0, farthest_m)
             near_m, far_m = _cut(-across - spread[1], wide - aside, near_m, far_m)
             near_m, far_m = _cut(along - spread[1], ahead + half_length + wide, near_m, far_m)
             near_m, far_m = _cut(-along - spread[1], half_length + wide - ahead, near_m, far_m)
@@ -157,7 +148,7 @@ def mark_lines(
 def mark_arcs(
     pixels: PixelRays,
     eye: Viewpoint,
-    until_m: FloatArray,
+    farthest_m: float,
     half: float,
     arcs: FloatArray,
     marks: PaintMarks,
@@ -205,7 +196,7 @@ def mark_arcs(
             done = start
             for crossing in range(2):
                 near_m = toward - root if crossing == 0 else toward + gap
-                far_m = min(toward - gap if crossing == 0 else toward + root, until_m[k])
+                far_m = min(toward - gap if crossing == 0 else toward + root, farthest_m)
                 if near_m > far_m or far_m < 0:
                     continue
                 begin = _seek(near_m, start + (near_guess if crossing == 0 else far_guess), start, stop, far_of)

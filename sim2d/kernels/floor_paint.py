@@ -12,6 +12,9 @@ from robocup_vision.compiling.loops import compiled
 _ZERO, _HALF, _LEAST = np.float32(0.0), np.float32(0.5), np.float32(1e-6)
 
 
+SHADE_REACH = 3.0  # of a ball on the floor, in its radii
+
+
 @compiled(inline="always")
 def overlap(offset: np.float32, half: np.float32, size: np.float32) -> np.float32:
     """Return the fraction of an interval of `size` around `offset` that lies within `half` of 0."""
@@ -77,6 +80,12 @@ def share_of_arc(
     across = abs(cos * off_x + sin * off_y) * radial + abs(cos * off_y - sin * off_x) * tangential
     covered = overlap(away - radius, half, across / away)
     return covered if off_x * aim_x + off_y * aim_y >= away * sweep else _ZERO
+
+
+@compiled(inline="always")
+def light_beside_ball(away2: np.float32, per_radius2: np.float32) -> np.float32:
+    """Return which part of the light its shade leaves on the floor at a squared distance from a ball."""
+    return np.float32(1.0) - np.float32(0.55) * np.float32(math.exp(-away2 * per_radius2))
 
 
 @compiled(error_model="numpy")

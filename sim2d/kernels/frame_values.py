@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt32Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt32Array, UInt64Array
 
 
 class Viewpoint(NamedTuple):
@@ -63,8 +63,8 @@ class Crossings(NamedTuple):
 
     #: (K,) int32: of the lists.
     lengths: Int32Array
-    #: (K, E, 5) float32: distances where a thing begins and ends (m), its number, its first colour there, its shade;
-    #: see the columns' names in `bearing_profile`.
+    #: (K, E, 5) float32: distances where a thing begins and ends (m), its number, its first colour there and its shade,
+    #: or the slopes between which a ball is seen; see the columns' names in `bearing_profile`.
     entries: Float32Array
 
 
@@ -78,28 +78,18 @@ class Nets(NamedTuple):
     color: Float32Array
 
 
-class RoomWall(NamedTuple):
-    """What is seen behind the field."""
+class WallPicture(NamedTuple):
+    """What is seen on the round wall behind the field."""
 
-    #: (H, W, 3) float32: the round wall, row 0 at the floor; a bearing shows one colour of it.
-    picture: Float32Array
+    #: (H + 2, 3 W / 2) uint64: blue, green and red as `pack_cells` packs them; the row at the floor and the uppermost
+    #: one are there twice, and after a full turn of columns by azimuth from +x the first half comes again, so that no
+    #: index wraps.
+    cells: UInt64Array
+    #: W, columns of a full turn.
+    turn: int
     #: Its scale and radius.
     rows_per_m: float
     radius_m: float
-    #: (3,) float64: BGR of the ground where the floor has ended.
-    ground: FloatArray
-
-
-class BallSphere(NamedTuple):
-    """The ball."""
-
-    #: Field frame.
-    x_m: float
-    y_m: float
-    #: 0: there is none.
-    radius_m: float
-    #: How far its shade reaches on the floor.
-    shade_reach_m: float
 
 
 class Spans(NamedTuple):
@@ -107,12 +97,10 @@ class Spans(NamedTuple):
 
     #: (K, S) float32: slope (rise over run) at which each span ends; the last is infinite.
     ends: Float32Array
-    #: (K, S) int32: what it shows: FLOOR, PAINT or BALL.
+    #: (K, S) int32: what it shows: see the kinds' names in `bearing_profile`.
     kinds: Int32Array
-    #: (K, S, 3) float32: light of PAINT spans, BGR.
+    #: (K, S, 3) float32: light of PAINT spans, BGR; of a ball's the light of the pixel drawn last.
     paint: Float32Array
-    #: (K,) int32: whether the ball's shade may be met.
-    near_ball: Int32Array
 
 
 class PixelRays(NamedTuple):

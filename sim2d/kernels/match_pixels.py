@@ -8,9 +8,11 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, Int8Array, Int32Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.bearing_profile import BALL, FLOOR, PAINT
+from sim2d.kernels.bearing_profile import FLOOR, OF_BALL, PAINT, span_of
 from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y
-from sim2d.kernels.frame_values import BallSphere, Lighting, PaintMarks, PixelRays, Spans, Viewpoint
+from sim2d.kernels.floor_paint import SHADE_REACH, light_beside_ball
+from sim2d.kernels.frame_values import Lighting, PaintMarks, PixelRays, Spans, UprightThings, Viewpoint
+from sim2d.kernels.things import KIND, X0, Y0, meet_thing, row_of, rows_from_eye
 
 
 @compiled
@@ -58,7 +60,7 @@ def paint_marked(
     pixels: PixelRays,
     light: Lighting,
     eye: Viewpoint,
-    plain: Float32Array,
+    colors: Float32Array,
     marks: PaintMarks,
     count: int,
     out: UInt8Array,
@@ -67,8 +69,10 @@ def paint_marked(
 
     Parameters
     ----------
-    pixels, light, eye, plain, out
+    pixels, light, eye, out
         As in `draw_pixels`.
+    colors : (3, 3) float32
+        As in `FloorPaint`.
     marks, count
         As `floor_lines.mark_lines` leaves them; all fractions become 0.
     """
@@ -76,8 +80,8 @@ def paint_marked(
     least, most, half = np.float32(light.min_level), np.float32(255.0), np.float32(0.5)
     x_of, y_of, gain_of = pixels.rays[X], pixels.rays[Y], pixels.rays[GAIN]
     fraction, marked, pixel_of = marks.fraction, marks.marked, pixels.pixels
-    blue, green, red = plain[0, 0], plain[0, 1], plain[0, 2]
-    more_blue, more_green, more_red = plain[1, 0] - blue, plain[1, 1] - green, plain[1, 2] - red
+    blue, green, red = colors[0, 0], colors[0, 1], colors[0, 2]
+    more_blue, more_green, more_red = colors[1, 0] - blue, colors[1, 1] - green, colors[1, 2] - red
     for m in range(count):
         i = np.uintp(marked[m])
         bright = max(here + along_x * x_of[i] + along_y * y_of[i], least) * gain_of[i]
@@ -90,22 +94,14 @@ def paint_marked(
 
 @compiled(error_model="numpy")
 def draw_pixels(
-    pixels: PixelRays,
-    eye: Viewpoint,
-    spans: Spans,
-    ball: BallSphere,
-    plain: Float32Array,
-    light: Lighting,
-    out: UInt8Array,
+    pixels: PixelRays, eye: Viewpoint, spans: Spans, things: UprightThings, light: Lighting, out: UInt8Array
 ) -> None:
-    """Draw what stands on the floor, and the ball's shade, over the painted carpet: along each bearing outwards.
+    """Draw what stands on the floor over the painted carpet: along each bearing outwards.
 
     Parameters
     ----------
     spans : Spans
         As `bearing_profile.stack_spans` leaves them.
-    plain : (3, 3) float32
-        BGR of carpet, line, ball.
     out : (H * W, 3) uint8
         The frame, filled with the painted carpet.
     """
@@ -113,15 +109,13 @@ def draw_pixels(
     most, half = np.float32(255.0), np.float32(0.5)
     ends, kinds, paint, pixel_of, directions = spans.ends, spans.kinds, spans.paint, pixels.pixels, pixels.directions
     low_of, high_of, gain_of = pixels.rays[SLOPE_LOW], pixels.rays[SLOPE_HIGH], pixels.rays[GAIN]
-    at_ball = max(light.level + light.per_m_x * ball.x_m + light.per_m_y * ball.y_m, light.min_level)
-    ball_light = np.float32(at_ball)
+    rows, height = rows_from_eye(things, eye.x_m, eye.y_m), np.float32(eye.height_m)
+    lamp = np.array([math.cos(light.lamp_rad), math.sin(light.lamp_rad)], dtype=np.float32)
+    along_x, along_y = light.per_m_x, light.per_m_y
+    here = light.level + along_x * eye.x_m + along_y * eye.y_m
     for k in range(len(pixels.first) - 1):
         bearing = np.uintp(k)
         i, stop, n = np.uintp(pixels.first[bearing]), np.uintp(pixels.first[k + 1]), np.uintp(0)
-        if spans.near_ball[bearing]:
-            _shade_floor(pixels, i, stop, eye, ball, out)
-        cos, sin = c * directions[bearing, 1] - s * directions[bearing, 2], c * directions[bearing, 2]
-        sin += s * directions[bearing, 1]
         while i < stop:
             end, kind = ends[bearing, n], kinds[bearing, n]
             if kind == PAINT:
@@ -137,35 +131,48 @@ def draw_pixels(
                     i += ONE
             # pixels at the edge to what comes next, and all of the ball
             while i < stop and low_of[i] < end:
-                shade, low, high = np.float32(0.0), low_of[i], high_of[i]
-                if kind == BALL or (high > end and kinds[bearing, n + ONE] == BALL):
-                    slope = (low + high) / 2
-                    shade = np.float32(ball_shade(cos, sin, slope, eye, ball, light.lamp_rad)) * ball_light
-                _mix_spans(low, high, gain_of[i], pixel_of[i], bearing, n, ends, kinds, paint, plain, shade, out)
+                low, high = low_of[i], high_of[i]
+                of_ball = n if kind >= OF_BALL else n + ONE
+                if kind >= OF_BALL or (high > end and kinds[bearing, of_ball] >= OF_BALL):
+                    ball = row_of(rows, np.uintp(kinds[bearing, of_ball] - OF_BALL))
+                    cos = np.float32(c * directions[bearing, 1] - s * directions[bearing, 2])
+                    sin = np.float32(s * directions[bearing, 1] + c * directions[bearing, 2])
+                    first, last = ends[bearing, of_ball - ONE], ends[bearing, of_ball]
+                    slope = half * np.float32(max(low, first)) + half * np.float32(min(high, last))
+                    _, color, shade = meet_thing(ball[KIND], ball, cos, sin, slope, height, lamp)
+                    bright = max(here + along_x * float(ball[X0]) + along_y * float(ball[Y0]), light.min_level) * shade
+                    for channel in range(3):
+                        paint[bearing, of_ball, channel] = bright * things.colors[color, channel]
+                _mix_spans(low, high, gain_of[i], pixel_of[i], bearing, n, ends, kinds, paint, out)
                 i += ONE
             n += ONE
 
 
 @compiled(error_model="numpy")
-def _shade_floor(
-    pixels: PixelRays, i: np.uintp, stop: np.uintp, eye: Viewpoint, ball: BallSphere, out: UInt8Array
-) -> None:
-    """Darken the floor around the ball along one bearing, rays i to stop."""
+def shade_carpet(pixels: PixelRays, eye: Viewpoint, x_m: float, y_m: float, radius_m: float, out: UInt8Array) -> None:
+    """Darken the floor in a frame around a ball (field frame, metres)."""
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
-    half, zero, one = np.float32(0.5), np.float32(0.0), np.float32(1.0)
+    half, zero = np.float32(0.5), np.float32(0.0)
     x_of, y_of, low_of = pixels.rays[X], pixels.rays[Y], pixels.rays[SLOPE_LOW]
-    dx, dy = ball.x_m - eye.x_m, ball.y_m - eye.y_m
-    ball_x, ball_y = np.float32(c * dx + s * dy), np.float32(c * dy - s * dx)
-    shade2 = np.float32(ball.shade_reach_m * ball.shade_reach_m)
-    per_radius2 = np.float32(1 / max(ball.radius_m * ball.radius_m, 1e-12))
-    while i < stop and low_of[i] < zero:
-        away_x, away_y = x_of[i] - ball_x, y_of[i] - ball_y
-        away2 = away_x * away_x + away_y * away_y
-        if away2 < shade2:
-            left, pixel = one - np.float32(0.55 * math.exp(-away2 * per_radius2)), pixels.pixels[i]
-            for channel in range(3):
-                out[pixel, channel] = np.uint8(np.float32(out[pixel, channel]) * left + half)
-        i += ONE
+    dx, dy, turns = x_m - eye.x_m, y_m - eye.y_m, len(pixels.directions)
+    x, y, away, reach_m = c * dx + s * dy, c * dy - s * dx, math.hypot(dx, dy), SHADE_REACH * radius_m
+    ball_x, ball_y, reach2 = np.float32(x), np.float32(y), np.float32(reach_m * reach_m)
+    per_radius2 = np.float32(1 / (radius_m * radius_m))
+    within = math.asin(reach_m / away) if away > reach_m else math.pi
+    # a pixel lies up to half a bearing beside its own
+    within += math.tau / turns
+    start, stop = span_of(math.atan2(y, x) - within, 2 * within, turns)
+    for turned in range(start, stop):
+        k = turned if turned < turns else turned - turns
+        i, last = np.uintp(pixels.first[k]), np.uintp(pixels.first[k + 1])
+        while i < last and low_of[i] < zero:
+            off_x, off_y = x_of[i] - ball_x, y_of[i] - ball_y
+            away2 = off_x * off_x + off_y * off_y
+            if away2 < reach2:
+                left, pixel = light_beside_ball(away2, per_radius2), pixels.pixels[i]
+                for channel in range(3):
+                    out[pixel, channel] = np.uint8(np.float32(out[pixel, channel]) * left + half)
+            i += ONE
 
 
 @compiled(error_model="numpy", inline="always")
@@ -179,8 +186,6 @@ def _mix_spans(
     ends: Float32Array,
     kinds: Int32Array,
     paint: Float32Array,
-    plain: Float32Array,
-    shade: np.float32,
     out: UInt8Array,
 ) -> None:
     """Draw a ray's pixel, which covers spans n and n + 1 of a bearing, by the slopes in each."""
@@ -196,25 +201,8 @@ def _mix_spans(
         color, color_beyond = paint[bearing, n, channel], paint[bearing, beyond, channel]
         color = floor if kind == FLOOR else color
         color_beyond = floor if kind_beyond == FLOOR else color_beyond
-        if shade > np.float32(0.0):
-            color = shade * plain[2, channel] if kind == BALL else color
-            color_beyond = shade * plain[2, channel] if kind_beyond == BALL else color_beyond
         light = half + weight * color + weight_beyond * color_beyond
         out[pixel, channel] = np.uint8(min(light, most))
-
-
-@compiled
-def ball_shade(cos: float, sin: float, slope: float, eye: Viewpoint, ball: BallSphere, lamp_rad: float) -> float:
-    """Return the shade of the ball where a ray (direction in the field frame, slope) meets it."""
-    # lit from above and by the lamp
-    dx, dy, dz = ball.x_m - eye.x_m, ball.y_m - eye.y_m, ball.radius_m - eye.height_m
-    toward = cos * dx + sin * dy + slope * dz
-    norm2 = 1 + slope * slope
-    root2 = toward * toward - norm2 * (dx * dx + dy * dy + dz * dz - ball.radius_m * ball.radius_m)
-    distance = (toward - math.sqrt(max(root2, 0.0))) / norm2
-    facing = (distance * cos - dx) * 0.5 * math.cos(lamp_rad) + (distance * sin - dy) * 0.5 * math.sin(lamp_rad)
-    facing += (distance * slope - dz) * math.sqrt(0.75)
-    return float(0.62 + 0.42 * facing / ball.radius_m)
 
 
 @compiled

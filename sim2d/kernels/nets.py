@@ -11,15 +11,18 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.bearing_profile import EDGE, FAR, NEAR, THING
-from sim2d.kernels.floor_lines import GAIN, SLOPE_HIGH, SLOPE_LOW, TANGENTIAL, X, Y
-from sim2d.kernels.frame_values import BallSphere, Crossings, Lighting, Nets, PixelRays, UprightThings, Viewpoint
-from sim2d.kernels.things import HEIGHT
+from sim2d.kernels.bearing_profile import EDGE, FAR, HIGH, NEAR, THING
+from sim2d.kernels.floor_lines import GAIN, SLOPE_HIGH, SLOPE_LOW, TANGENTIAL, X, Y, bearings_of
+from sim2d.kernels.frame_values import Crossings, Lighting, Nets, PixelRays, UprightThings, Viewpoint
+from sim2d.kernels.things import BALL, HEIGHT, KIND
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-_MIN_WIDTH_M = np.float32(1e-4)
+_MIN_WIDTH_M, _FARTHEST = np.float32(1e-4), np.float32(1e6)
 # columns of `Nets.rows`
 SIZE, MESH, CORD = 9, 11, 13
+Vector = tuple[np.float32, np.float32, np.float32]
+Sizes = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
+Ray = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
 
 
 @compiled(error_model="numpy", inline="always")
@@ -46,8 +49,11 @@ def cover_axis(
 
 
 @compiled(error_model="numpy")
-def from_eye(row: FloatArray, eye: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Return directions (3, 3): first edge, second edge, normal; and the corner's places along them, from the eye."""
+def from_eye(row: FloatArray, eye: Float32Array) -> tuple[Float32Array, Float32Array, Sizes]:
+    """Return a net's directions (3, 3): first edge, second edge, normal; the corner's places along them, and its sizes.
+
+    Places are from the eye; sizes are the lengths of its edges, the widths of a mesh along them and a cord's thickness.
+    """
     axes, start = np.empty((3, 3), dtype=np.float32), np.zeros(3, dtype=np.float32)
     for k in range(3):
         following, last = (k + 1) % 3, (k + 2) % 3
@@ -56,13 +62,43 @@ def from_eye(row: FloatArray, eye: Float32Array) -> tuple[Float32Array, Float32A
     for axis in range(3):
         for k in range(3):
             start[axis] += axes[axis, k] * (np.float32(row[k]) - eye[k])
-    return axes, start
+    lengths = np.float32(row[SIZE]), np.float32(row[SIZE + 1])
+    return axes, start, (*lengths, np.float32(row[MESH]), np.float32(row[MESH + 1]), np.float32(row[CORD]))
 
 
 @compiled(error_model="numpy", inline="always")
-def _along(axes: Float32Array, axis: int, x: np.float32, y: np.float32, z: np.float32) -> np.float32:
-    found: np.float32 = axes[axis, 0] * x + axes[axis, 1] * y + axes[axis, 2] * z
-    return found
+def along_axes(axes: Float32Array, x: np.float32, y: np.float32, z: np.float32) -> Vector:
+    """Return a vector along a net's directions."""
+    a = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z
+    b = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z
+    return a, b, axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
+
+
+@compiled(error_model="numpy", inline="always")
+def cover(start: Float32Array, sizes: Sizes, ray: Vector, by_u: Vector, by_v: Vector) -> tuple[np.float32, np.float32]:
+    """Return at which multiple of a ray it meets a net, and the share of its pixel that cords cover.
+
+    Parameters
+    ----------
+    start, sizes
+        As `from_eye` returns them.
+    ray, by_u, by_v : (float32, float32, float32)
+        The ray and its change to the pixel beside and to the one above, along the net's directions.
+    """
+    # without branches, so that the compiler covers several pixels at once
+    along, up, facing = ray
+    per_facing = _ONE / facing
+    t = start[2] * per_facing
+    is_met = (t > _ZERO) & (t < _FARTHEST)
+    t = t if is_met else _ONE
+    du, dv = by_u[2] * per_facing, by_v[2] * per_facing
+    wide_u, wide_v = t * (by_u[0] - along * du), t * (by_v[0] - along * dv)
+    tall_u, tall_v = t * (by_u[1] - up * du), t * (by_v[1] - up * dv)
+    wide = max(np.float32(math.sqrt(wide_u * wide_u + wide_v * wide_v)), _MIN_WIDTH_M)
+    tall = max(np.float32(math.sqrt(tall_u * tall_u + tall_v * tall_v)), _MIN_WIDTH_M)
+    inside_a, free_a = cover_axis(t * along - start[0], wide, sizes[0], sizes[2], sizes[4])
+    inside_b, free_b = cover_axis(t * up - start[1], tall, sizes[1], sizes[3], sizes[4])
+    return t, inside_a * inside_b - free_a * free_b if is_met else _ZERO
 
 
 @compiled(error_model="numpy")
@@ -99,18 +135,9 @@ def draw_nets(
     colors : (3, N) float32
         Blue, green, red; drawn over.
     """
-    row = nets.rows[which]
-    axes, start = from_eye(row, here)
-    size_a, size_b = np.float32(row[SIZE]), np.float32(row[SIZE + 1])
-    mesh_a, mesh_b, cord = np.float32(row[MESH]), np.float32(row[MESH + 1]), np.float32(row[CORD])
-    by_u, by_v = np.empty(3, dtype=np.float32), np.empty(3, dtype=np.float32)
-    for axis in range(3):
-        by_u[axis] = np.float32(steps[0, 0]) * axes[axis, 0] + np.float32(steps[0, 1]) * axes[axis, 1]
-        by_u[axis] += np.float32(steps[0, 2]) * axes[axis, 2]
-        by_v[axis] = np.float32(steps[1, 0]) * axes[axis, 0] + np.float32(steps[1, 1]) * axes[axis, 1]
-        by_v[axis] += np.float32(steps[1, 2]) * axes[axis, 2]
-    ua, ub, un, va, vb, vn = by_u[0], by_u[1], by_u[2], by_v[0], by_v[1], by_v[2]
-    start_a, start_b, start_n = start[0], start[1], start[2]
+    axes, start, sizes = from_eye(nets.rows[which], here)
+    by_u = along_axes(axes, np.float32(steps[0, 0]), np.float32(steps[0, 1]), np.float32(steps[0, 2]))
+    by_v = along_axes(axes, np.float32(steps[1, 0]), np.float32(steps[1, 1]), np.float32(steps[1, 2]))
     level, per_x, per_y, least = lit[0] + lit[1] * here[0] + lit[2] * here[1], lit[1], lit[2], lit[3]
     cord_b, cord_g, cord_r = nets.color[0], nets.color[1], nets.color[2]
     blue, green, red = colors[0], colors[1], colors[2]
@@ -120,22 +147,9 @@ def draw_nets(
         first = np.uintp(v * columns + part[2])
         for u in range(many):
             i = first + u
-            x, y, z = ray_x[i], ray_y[i], ray_z[i]
-            along, up, facing = _along(axes, 0, x, y, z), _along(axes, 1, x, y, z), _along(axes, 2, x, y, z)
-            per_facing = _ONE / facing
-            t = start_n * per_facing
-            is_met = t > _ZERO
-            t = t if is_met else _ONE
-            du, dv = un * per_facing, vn * per_facing
-            wide_u, wide_v = t * (ua - along * du), t * (va - along * dv)
-            tall_u, tall_v = t * (ub - up * du), t * (vb - up * dv)
-            wide = max(np.float32(math.sqrt(wide_u * wide_u + wide_v * wide_v)), _MIN_WIDTH_M)
-            tall = max(np.float32(math.sqrt(tall_u * tall_u + tall_v * tall_v)), _MIN_WIDTH_M)
-            inside_a, free_a = cover_axis(t * along - start_a, wide, size_a, mesh_a, cord)
-            inside_b, free_b = cover_axis(t * up - start_b, tall, size_b, mesh_b, cord)
-            covered = inside_a * inside_b - free_a * free_b
+            x, y = ray_x[i], ray_y[i]
+            t, covered = cover(start, sizes, along_axes(axes, x, y, ray_z[i]), by_u, by_v)
             covered *= _ONE - (share[i] if depth[i] < t else _ZERO)
-            covered = covered if is_met else _ZERO
             bright = max(level + t * (per_x * x + per_y * y), least)
             blue[i] += covered * (bright * cord_b - blue[i])
             green[i] += covered * (bright * cord_g - green[i])
@@ -144,20 +158,18 @@ def draw_nets(
 
 @compiled(error_model="numpy")
 def _hidden_until(
-    crossings: Crossings,
-    things: UprightThings,
-    bearing: int,
-    distance_m: float,
-    eye: Viewpoint,
-    ball: tuple[float, float],
+    crossings: Crossings, things: UprightThings, bearing: int, distance_m: float, eye: Viewpoint
 ) -> float:
     """Return the slope up to which things nearer than a distance hide what is behind them."""
-    hidden = ball[1] if ball[0] < distance_m else -math.inf
+    hidden = -math.inf
     for e in range(crossings.lengths[bearing]):
         entry = crossings.entries[bearing, e]
         if entry[NEAR] >= distance_m:
             break
         thing = int(entry[THING])
+        if thing != EDGE and things.rows[thing, KIND] == BALL:
+            hidden = max(hidden, float(entry[HIGH]))
+            continue
         rise = (0.0 if thing == EDGE else things.rows[thing, HEIGHT]) - eye.height_m
         hidden = max(hidden, rise / entry[NEAR], rise / entry[FAR])
     return hidden
@@ -170,7 +182,6 @@ def lay_nets(
     crossings: Crossings,
     things: UprightThings,
     eye: Viewpoint,
-    ball: BallSphere,
     light: Lighting,
     out: UInt8Array,
 ) -> None:
@@ -178,48 +189,43 @@ def lay_nets(
 
     Parameters
     ----------
-    ball : BallSphere
-        The ball: what stands behind it is hidden by its upright section.
     out : (H * W, 3) uint8
         The frame.
     """
     bearings = len(pixels.first) - 1
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     here = np.array([eye.x_m, eye.y_m, eye.height_m], dtype=np.float32)
-    step = np.float32(math.tau / bearings)
+    step, corners = np.float32(math.tau / bearings), np.empty((2, 4))
     low_of, high_of, gain_of = pixels.rays[SLOPE_LOW], pixels.rays[SLOPE_HIGH], pixels.rays[GAIN]
-    to_ball = (ball.x_m - eye.x_m, ball.y_m - eye.y_m)
     for which in range(len(nets.rows)):
         row = nets.rows[which]
-        axes, start = from_eye(row, here)
-        low, high = _bearings_of(row, eye)
-        first_bearing = math.floor(low / step)
-        for index in range(min(math.ceil(high / step) + 1 - first_bearing, bearings)):
-            k = (first_bearing + index) % bearings
+        axes, start, sizes = from_eye(row, here)
+        for corner in range(4):
+            first, second = row[SIZE] if corner & 1 else 0.0, row[SIZE + 1] if corner & 2 else 0.0
+            corners[0, corner] = row[0] + first * row[3] + second * row[6] - eye.x_m
+            corners[1, corner] = row[1] + first * row[4] + second * row[7] - eye.y_m
+        from_k, until_k = bearings_of(corners[0], corners[1], -eye.heading_rad, bearings)
+        for turned in range(from_k, until_k + 1):
+            k = turned % bearings
             cos = c * pixels.directions[k, 1] - s * pixels.directions[k, 2]
             sin = s * pixels.directions[k, 1] + c * pixels.directions[k, 2]
             x, y = np.float32(cos), np.float32(sin)
             lowest, highest = _slopes_of(row, axes, start, x, y, here)
             if lowest >= highest:
                 continue
-            toward, aside = cos * to_ball[0] + sin * to_ball[1], cos * to_ball[1] - sin * to_ball[0]
-            behind = (math.inf, -math.inf)
-            if toward > 0 and abs(aside) < ball.radius_m:
-                section = math.sqrt(ball.radius_m * ball.radius_m - aside * aside)
-                behind = (toward, (ball.radius_m + section - eye.height_m) / toward)
             is_upright, hidden = axes[2, 2] == _ZERO, _ZERO
             if is_upright:
-                away = start[2] / _along(axes, 2, x, y, _ZERO)
-                hidden = np.float32(_hidden_until(crossings, things, k, float(away), eye, behind))
+                away = start[2] / along_axes(axes, x, y, _ZERO)[2]
+                hidden = np.float32(_hidden_until(crossings, things, k, float(away), eye))
             for i in range(pixels.first[k], pixels.first[k + 1]):
                 if high_of[i] < lowest or low_of[i] > highest:
                     continue
                 ray = _ray_of(pixels, i, step, np.float32(c), np.float32(s))
-                t, covered = cover(row, axes, start, ray)
+                t, covered = cover_patch(axes, start, sizes, ray)
                 if covered <= _ZERO:
                     continue
                 if not is_upright:
-                    hidden = np.float32(_hidden_until(crossings, things, k, float(t), eye, behind))
+                    hidden = np.float32(_hidden_until(crossings, things, k, float(t), eye))
                 covered *= min(max((high_of[i] - hidden) / ray[4], _ZERO), _ONE)
                 bright = light.level + light.per_m_x * (eye.x_m + t * ray[0])
                 bright += light.per_m_y * (eye.y_m + t * ray[1])
@@ -228,9 +234,6 @@ def lay_nets(
                     behind_it = np.float32(out[pixel, channel])
                     cord = min(tone * nets.color[channel], np.float32(255.0))
                     out[pixel, channel] = np.uint8(behind_it + covered * (cord - behind_it) + _HALF)
-
-
-Ray = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
 
 
 @compiled(error_model="numpy", inline="always")
@@ -246,26 +249,15 @@ def _ray_of(pixels: PixelRays, i: int, step: np.float32, c: np.float32, s: np.fl
 
 
 @compiled(error_model="numpy", inline="always")
-def cover(row: FloatArray, axes: Float32Array, start: Float32Array, ray: Ray) -> tuple[np.float32, np.float32]:
-    """Return the horizontal distance at which a ray meets a net, and the share of its pixel that cords cover."""
+def cover_patch(axes: Float32Array, start: Float32Array, sizes: Sizes, ray: Ray) -> tuple[np.float32, np.float32]:
+    """Return the horizontal distance at which a ray meets a net, and the share of its pixel that cords cover.
+
+    A ray is its horizontal direction and slope, field axes, the angle to the ray beside it and the difference of slope
+    to the one above.
+    """
     x, y, z, angle, tall = ray
-    per_facing = _ONE / _along(axes, 2, x, y, z)
-    t = start[2] * per_facing
-    if not (t > _ZERO and t < np.float32(1e6)):
-        return t, _ZERO
-    along, up = _along(axes, 0, x, y, z), _along(axes, 1, x, y, z)
-    at_a, at_b = t * along - start[0], t * up - start[1]
-    of_side, of_up = angle * _along(axes, 2, -y, x, _ZERO) * per_facing, tall * axes[2, 2] * per_facing
-    side_a, up_a = angle * _along(axes, 0, -y, x, _ZERO) - along * of_side, tall * axes[0, 2] - along * of_up
-    side_b, up_b = angle * _along(axes, 1, -y, x, _ZERO) - up * of_side, tall * axes[1, 2] - up * of_up
-    wide = max(t * np.float32(math.sqrt(side_a * side_a + up_a * up_a)), _MIN_WIDTH_M)
-    high = max(t * np.float32(math.sqrt(side_b * side_b + up_b * up_b)), _MIN_WIDTH_M)
-    size_a, size_b, cord = np.float32(row[SIZE]), np.float32(row[SIZE + 1]), np.float32(row[CORD])
-    if abs(at_a - size_a * _HALF) > (size_a + wide) * _HALF or abs(at_b - size_b * _HALF) > (size_b + high) * _HALF:
-        return t, _ZERO
-    inside_a, free_a = cover_axis(at_a, wide, size_a, np.float32(row[MESH]), cord)
-    inside_b, free_b = cover_axis(at_b, high, size_b, np.float32(row[MESH + 1]), cord)
-    return t, inside_a * inside_b - free_a * free_b
+    by_side, by_up = along_axes(axes, -angle * y, angle * x, _ZERO), along_axes(axes, _ZERO, _ZERO, tall)
+    return cover(start, sizes, along_axes(axes, x, y, z), by_side, by_up)
 
 
 @compiled(error_model="numpy")
@@ -275,9 +267,8 @@ def _slopes_of(
     """Return the least and greatest slope at which a ray of one bearing may meet a rectangle."""
     nothing = np.float32(math.inf), np.float32(-math.inf)
     if axes[2, 2] == _ZERO:  # upright
-        facing = _along(axes, 2, x, y, _ZERO)
-        t = start[2] / facing
-        if not (t > _ZERO and t < np.float32(1e6)):
+        t = start[2] / along_axes(axes, x, y, _ZERO)[2]
+        if not (t > _ZERO and t < _FARTHEST):
             return nothing
         return -here[2] / t, (np.float32(row[SIZE + 1]) - here[2]) / t
     farthest = np.float32(math.hypot(row[0] - here[0], row[1] - here[1]) + math.hypot(row[SIZE], row[SIZE + 1]))
@@ -285,23 +276,3 @@ def _slopes_of(
     if rise > _ZERO:
         return rise / farthest, np.float32(math.inf)
     return np.float32(-math.inf), rise / farthest
-
-
-@compiled(error_model="numpy")
-def _bearings_of(row: FloatArray, eye: Viewpoint) -> tuple[float, float]:
-    """Return the bearings in the eye's frame between which a rectangle may be seen."""
-    x, y = np.empty(4), np.empty(4)
-    for corner in range(4):
-        first, second = row[SIZE] if corner & 1 else 0.0, row[SIZE + 1] if corner & 2 else 0.0
-        x[corner] = row[0] + first * row[3] + second * row[6] - eye.x_m
-        y[corner] = row[1] + first * row[4] + second * row[7] - eye.y_m
-    middle_x, middle_y = x.mean(), y.mean()
-    low, high = 0.0, 0.0
-    for corner in range(4):
-        aside, ahead = middle_x * y[corner] - middle_y * x[corner], middle_x * x[corner] + middle_y * y[corner]
-        beside = math.atan2(aside, ahead)
-        low, high = min(low, beside), max(high, beside)
-    bearing = math.atan2(middle_y, middle_x) - eye.heading_rad
-    if high - low > 0.9 * math.pi:  # from above or below
-        low, high = -math.pi, math.pi
-    return bearing + low, bearing + high

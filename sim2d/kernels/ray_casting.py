@@ -13,7 +13,7 @@ from robocup_vision.arrays import BoolArray, Float32Array, FloatArray, Int32Arra
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.floor_paint import is_inside, share_of_arc, share_of_line
 from sim2d.kernels.frame_values import FloorPaint, Nets
-from sim2d.kernels.nets import cover, from_eye
+from sim2d.kernels.nets import cover_patch, from_eye
 from sim2d.kernels.things import ID_BITS, KIND, foot_circle, meet_grid, meet_thing, row_of
 
 LEVEL = -1e-7  # slope above which a ray never meets the floor
@@ -147,11 +147,10 @@ def cross_net(
     distance_m, covered : (N,) float32
         Filled.
     """
-    row = nets.rows[which]
-    axes, start = from_eye(row, eye_m)
+    axes, start, sizes = from_eye(nets.rows[which], eye_m)
     for i in range(len(covered)):
         ray = directions[0, i], directions[1, i], directions[2, i], steps[0, i], steps[1, i]
-        distance_m[i], covered[i] = cover(row, axes, start, ray)
+        distance_m[i], covered[i] = cover_patch(axes, start, sizes, ray)
 
 
 @compiled(error_model="numpy")

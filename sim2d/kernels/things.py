@@ -149,13 +149,13 @@ def _meet_ball(
     z = radius - height
     toward, norm2 = dx * x + dy * y + dz * z, dx * dx + dy * dy + dz * dz
     root2 = toward * toward - norm2 * (x * x + y * y + z * z - radius * radius)
-    if root2 < _ZERO or toward <= _ZERO:
-        return _NOTHING, np.int32(-1), _ZERO
-    t = (toward - np.float32(math.sqrt(root2))) / norm2
+    is_met = (root2 >= _ZERO) & (toward > _ZERO)
+    t = (toward - np.float32(math.sqrt(max(root2, _ZERO)))) / norm2
     nx, ny, nz = (t * dx - x) / radius, (t * dy - y) / radius, (t * dz - z) / radius
     lit = np.float32(0.5) * (nx * lamp[0] + ny * lamp[1]) + np.float32(math.sqrt(0.75)) * nz
-    is_dark = row[OTHER] >= _ZERO and _is_patch(row, nx, ny, nz)
-    return t, np.int32(row[OTHER] if is_dark else row[COLOR]), np.float32(0.62) + np.float32(0.42) * lit
+    is_dark = is_met and row[OTHER] >= _ZERO and _is_patch(row, nx, ny, nz)
+    color = np.int32(row[OTHER] if is_dark else row[COLOR])
+    return (t if is_met else _NOTHING), color, np.float32(0.62) + np.float32(0.42) * lit
 
 
 @compiled(error_model="numpy", inline="always")

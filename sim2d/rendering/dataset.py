@@ -79,7 +79,6 @@ def write_dataset(
     *,
     symmetry: Literal["none", "point"] = "none",
     command: str | None = None,
-    jpeg_quality: int | None = None,
 ) -> int:
     """Write dataset.toml, camera.toml, truth.csv and images/NNNN.png or .jpg; all of them, or nothing.
 
@@ -97,8 +96,6 @@ def write_dataset(
         How errors count.
     command : str, optional
         The command that makes this dataset, noted in it.
-    jpeg_quality : int, optional
-        Write small .jpg files of this quality in place of exact .png ones, of the pictures that are not yet encoded.
 
     Returns
     -------
@@ -114,7 +111,7 @@ def write_dataset(
     """
     require_empty_folder(Path(folder))
     with written_at_once(Path(folder), ()) as root:
-        return _write(root, str(field_name_or_path), camera, samples, symmetry, command, jpeg_quality)
+        return _write(root, str(field_name_or_path), camera, samples, symmetry, command)
 
 
 def _write(
@@ -124,7 +121,6 @@ def _write(
     samples: Iterable[Sample | EncodedPicture],
     symmetry: str,
     command: str | None,
-    jpeg_quality: int | None,
 ) -> int:
     (root / "images").mkdir()
     if field.endswith(".toml"):
@@ -140,7 +136,7 @@ def _write(
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(TRUTH_COLUMNS)
         for drawn in samples:
-            picture = drawn if isinstance(drawn, EncodedPicture) else encode_picture(drawn, jpeg_quality)
+            picture = drawn if isinstance(drawn, EncodedPicture) else encode_picture(drawn)
             with telling_write_errors(root / "images" / picture.name):
                 (root / "images" / picture.name).write_bytes(picture.content)
                 rows.writerow(picture.truth)

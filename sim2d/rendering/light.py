@@ -14,11 +14,12 @@ from field_models import COLOR_NAMES
 from robocup_vision.arrays import Float32Array, Int32Array
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
+from sim2d.kernels.floor_paint import SHADE_REACH
 from sim2d.kernels.ray_casting import first_things, paint_floor
 from sim2d.kernels.things import rows_from_eye
 from sim2d.rendering.backdrop import ROOM_HEIGHT_M, ROOM_ROWS_PER_M, room_panorama
 from sim2d.rendering.rays import RaySet
-from sim2d.rendering.scene import LAMP_DIRECTION_RAD, SHADE_REACH, Light, Scene
+from sim2d.rendering.scene import GROUND_BGR, LAMP_DIRECTION_RAD, Light, Scene
 from sim2d.rendering.scene_table import ThingTable, floor_paint
 
 # numbers of the carpet and of the ground around it among the surfaces
@@ -86,13 +87,13 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
     things = ThingTable((*scene.fixed(), *scene.robots, *(() if scene.ball is None else (scene.ball,))), GROUND + 1)
     distance_m, surface = rays.floor_m.copy(), np.full(len(rays.cos), FLOOR, dtype=np.int32)
     shade = np.ones(len(surface), dtype=np.float32)
-    rows = rows_from_eye(things.values(), float(eye.x_m), float(eye.y_m))
+    rows = rows_from_eye(things.values, float(eye.x_m), float(eye.y_m))
     first_things(rows, directions, np.float32(rays.height_m), _LAMP, distance_m, surface, shade)
     in_room, room_light = _room_light(scene, eye, rays.height_m, directions, distance_m)
     traced = TracedLight(rays, eye, directions, distance_m, surface, in_room, np.empty((len(surface), 3), np.float32))
 
     floor, covered = _paint(traced, scene)
-    colors = np.array([COLOR_NAMES["green"], scene.room.floor_bgr, *things.colors], dtype=np.float32)
+    colors = np.array([COLOR_NAMES["green"], GROUND_BGR, *things.colors], dtype=np.float32)
     light = np.take(colors, surface, axis=0, out=traced.light)
     step = np.subtract(COLOR_NAMES[scene.field.line_color], COLOR_NAMES["green"]).astype(np.float32)
     painted = np.flatnonzero(covered)

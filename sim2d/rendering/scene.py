@@ -18,7 +18,7 @@ from robocup_vision.geometry import Pose2
 
 Bgr = tuple[float, float, float]
 
-SHADE_REACH = 3.0  # of a ball on the floor, in its radii
+GROUND_BGR: Bgr = (95, 105, 112)  # around the carpet
 LAMP_DIRECTION_RAD = 0.9  # in the field frame: uprights facing it are lighter than those facing away
 
 # what obstacles are painted in: the field's own colours and a few of everyday things
@@ -143,8 +143,6 @@ class Room:
     seed: int = 0
     #: From the floor's farthest corner to the clutter.
     distance_m: float = 0.6
-    #: Colour of the ground around the field.
-    floor_bgr: Bgr = (95, 105, 112)
     #: People and furniture that stand between the floor's end and the room's wall.
     bystanders: int = 0
 

@@ -11,7 +11,7 @@ from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import Float32Array, FloatArray
 from sim2d.kernels.frame_values import FloorPaint, UprightThings
 from sim2d.kernels.things import BALL, BAR, BOX, COLUMNS, CYLINDER, SHEET
-from sim2d.rendering.scene import Ball, Bar, Bgr, Box, Post, Robot, Scene, Wall
+from sim2d.rendering.scene import GROUND_BGR, Ball, Bar, Bgr, Box, Post, Robot, Scene, Wall
 
 Thing = Wall | Post | Bar | Box | Robot | Ball
 WHITE = np.ones(3)
@@ -27,10 +27,11 @@ class ThingTable:
         for thing in things:
             self._add(thing)
 
-    def values(self, cast_bgr: FloatArray = WHITE) -> UprightThings:
-        """Return them as the loops take them, in a sensor's colours."""
+    @property
+    def values(self) -> UprightThings:
+        """They as the loops take them, in their own colours."""
         rows = np.array(self.rows, dtype=np.float64).reshape(-1, COLUMNS)
-        return UprightThings(rows, in_cast(self.colors, cast_bgr))
+        return UprightThings(rows, in_cast(self.colors, WHITE))
 
     def _color(self, *colors: Bgr) -> int:
         """Keep colours; return the number of the first."""
@@ -74,7 +75,7 @@ def in_cast(colors: Iterable[Bgr], cast_bgr: FloatArray) -> Float32Array:
 def floor_paint(scene: Scene, cast_bgr: FloatArray = WHITE) -> FloorPaint:
     """Return what is painted on a scene's floor, in a sensor's colours."""
     field, corners = scene.field, scene.carpet_polygon
-    colors = COLOR_NAMES["green"], COLOR_NAMES[field.line_color], scene.room.floor_bgr
+    colors = COLOR_NAMES["green"], COLOR_NAMES[field.line_color], GROUND_BGR
     return FloorPaint(
         _line_rows(field),
         _arc_rows(field),

@@ -142,7 +142,7 @@ class MatchCamera:
         self._backdrop = backdrop
         self._frames = self._frames_of(camera)
         self._rolling = RollingBall(field.ball_radius_m)
-        self._own: dict[int, tuple[OmniCamera | PinholeCamera, MirrorFrames | ForwardFrames]] = {}
+        self._own: dict[int, MirrorFrames | ForwardFrames] = {}
         size = 3 * camera.size_px[0] * camera.size_px[1]
         self._noise_starts = size
         drawn = rng.standard_normal(2 * size, dtype=np.float32) * np.float32(sensor.noise_sigma)
@@ -170,7 +170,7 @@ class MatchCamera:
         """
         if type(camera) is not type(self.camera) or camera.size_px != self.camera.size_px:
             raise ArgumentError("a robot's own camera must be of the kind and image size of the match's")
-        self._own[index] = (camera, self._frames_of(camera))
+        self._own[index] = self._frames_of(camera)
 
     def scene(self, state: WorldState, index: int) -> Scene:
         """Return the world around one robot: everything but itself."""
@@ -189,7 +189,8 @@ class MatchCamera:
             return None
         field, here = self.field, (state.ball.x_m, state.ball.y_m)
         color = COLOR_NAMES[field.ball_color]
-        if not field.ball_patches:
+        # a mirror's picture of a ball is smaller than its patches
+        if not field.ball_patches or isinstance(self.camera, OmniCamera):
             return Ball(*here, field.ball_radius_m, color)
         turned = self._rolling.turn_rad(state.ball)
         return Ball(*here, field.ball_radius_m, color, COLOR_NAMES[field.ball_patches], turned)
@@ -200,7 +201,7 @@ class MatchCamera:
 
     def set_light(self, light: Light) -> None:
         """Light the field so from now on; the room behind it keeps its light."""
-        for frames in (self._frames, *(frames for _, frames in self._own.values())):
+        for frames in (self._frames, *self._own.values()):
             frames.set_light(light)
         self.light = light
 
@@ -213,12 +214,11 @@ class MatchCamera:
             How its body stands; a mirror camera leans, but keeps its height.
         """
         robots, ball, robot = self._robots(state, index), self._ball(state), state.robots[index]
-        camera, frames = self._own.get(index, (self.camera, self._frames))
+        frames = self._own.get(index, self._frames)
         if isinstance(frames, MirrorFrames):
             light = frames.draw(robots, ball, robot.pose, pitch_rad=sway.pitch_rad, roll_rad=sway.roll_rad)
         else:
-            assert isinstance(camera, PinholeCamera)
-            light = self._expose(frames, robots, ball, state.t_s, index, self._eye(camera, robot, sway))
+            light = self._expose(frames, robots, ball, state.t_s, index, self._eye(frames.camera, robot, sway))
         frame = self._blur(light)
         if self.sensor.noise_sigma:
             # noise is drawn once; every frame takes it from another random start
@@ -268,8 +268,7 @@ class MatchCamera:
         ahead, left, up = (rate_rps * shutter.readout_s).tolist()
         light = frames.draw(robots, ball, eye._replace(turn_rad=(ahead, left, up)))
         moved = rate_rps * shutter.exposure_s
-        assert isinstance(self.camera, PinholeCamera)
-        focal_u, focal_v = self.camera.focal_px
+        focal_u, focal_v = frames.camera.focal_px
         return motion_blur(light, float(moved[2]) * focal_u, float(-moved[1]) * focal_v)
 
     def _blur(self, frame: UInt8Array) -> UInt8Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.floor_paint import is_inside, overlap
+from sim2d.kernels.floor_paint import SHADE_REACH, is_inside, light_beside_ball, overlap
 from sim2d.kernels.frame_values import FloorPaint
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
@@ -125,10 +125,10 @@ def cover_arc(
 
 
 @compiled(error_model="numpy")
-def shade_floor(ball: Float32Array, reach_m: float, rays: Float32Array, height: np.float32, tone: Float32Array) -> None:
+def shade_floor(ball: Float32Array, rays: Float32Array, height: np.float32, tone: Float32Array) -> None:
     """Darken the floor's light `tone` (N,) around a ball, (3,) float32: x and y from the eye, radius."""
     x, y, per_radius2 = ball[0], ball[1], np.float32(1) / (ball[2] * ball[2])
-    reach2 = np.float32(reach_m * reach_m)
+    reach2 = (np.float32(SHADE_REACH) * ball[2]) ** 2
     for i in range(rays.shape[1]):
         if rays[2, i] >= -_MIN_DROP:
             continue
@@ -136,7 +136,7 @@ def shade_floor(ball: Float32Array, reach_m: float, rays: Float32Array, height: 
         off_x, off_y = scale * rays[0, i] - x, scale * rays[1, i] - y
         away2 = off_x * off_x + off_y * off_y
         if away2 < reach2:
-            tone[i] *= _ONE - np.float32(0.55) * np.float32(math.exp(-away2 * per_radius2))
+            tone[i] *= light_beside_ball(away2, per_radius2)
 
 
 @compiled(error_model="numpy")

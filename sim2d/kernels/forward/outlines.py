@@ -12,6 +12,7 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
+from sim2d.kernels.floor_paint import SHADE_REACH
 from sim2d.kernels.forward.values import ForwardEye, Outlines
 from sim2d.kernels.frame_values import FloorPaint, Nets, UprightThings
 from sim2d.kernels.things import BALL, BAR, BOX, CYLINDER, HEIGHT, KIND, OTHER, RADIUS, X0, X1, Y0, Y1
@@ -151,7 +152,7 @@ def _square(x: float, y: float, half: float, low: float, high: float, points: Fl
 
 
 @compiled(error_model="numpy")
-def outline_things(things: UprightThings, eye: ForwardEye, shade_m: float, thin: float, n: int, to: Outlines) -> int:
+def outline_things(things: UprightThings, eye: ForwardEye, thin: float, n: int, to: Outlines) -> int:
     """Append the outlines of things and of balls' shades to n outlines; return how many there are.
 
     Parameters
@@ -176,7 +177,7 @@ def outline_things(things: UprightThings, eye: ForwardEye, shade_m: float, thin:
                 points[corner, 1] = y + ahead * ay + left * ax
                 points[corner, 2] = top if corner & 4 else foot
         elif kind == BALL:
-            _square(x, y, shade_m, foot, foot, points)
+            _square(x, y, SHADE_REACH * radius, foot, foot, points)
             n = _add(points, 4, eye, thin, SHADE, k, n, to)
             _square(x, y, radius, foot, top, points)
         elif kind == BOX:

@@ -30,11 +30,11 @@ from sim2d.kernels.forward.outlines import (
     overlaps,
 )
 from sim2d.kernels.forward.rays import camera_ray, cast, fill_slopes, pixels_of, turn_bounds, turn_slopes, turned
-from sim2d.kernels.forward.room import draw_wall, wall_point
 from sim2d.kernels.forward.standing import draw_things
-from sim2d.kernels.forward.values import ForwardEye, ForwardLens, Outlines, WallPicture
-from sim2d.kernels.frame_values import FloorPaint, Lighting, Nets, UprightThings
+from sim2d.kernels.forward.values import ForwardEye, ForwardLens, Outlines
+from sim2d.kernels.frame_values import FloorPaint, Lighting, Nets, UprightThings, WallPicture
 from sim2d.kernels.nets import draw_nets
+from sim2d.kernels.room import draw_wall, wall_point
 from sim2d.kernels.things import RADIUS, X0, Y0, rows_from_eye
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
@@ -50,7 +50,6 @@ def draw_forward(
     paint: FloorPaint,
     things: UprightThings,
     nets: Nets,
-    shade_m: float,
     light: Lighting,
     wall: WallPicture,
     outlines: Outlines,
@@ -61,8 +60,6 @@ def draw_forward(
 
     Parameters
     ----------
-    shade_m : float
-        How far a ball's shade reaches.
     light : Lighting
         On everything but the wall.
     outlines : Outlines
@@ -78,7 +75,7 @@ def draw_forward(
     near_rows = rows_from_eye(things, eye.x_m, eye.y_m)
     tile_rows, tile_columns, _ = lens.bounds.shape
     thin = 2.0 * float(lens.per_pixel[tile_rows // 2, tile_columns // 2, 0])
-    count = outline_things(things, eye, shade_m, thin, outline_floor(paint, eye, thin, outlines), outlines)
+    count = outline_things(things, eye, thin, outline_floor(paint, eye, thin, outlines), outlines)
     count = outline_nets(nets, eye, count, outlines)
     at_corners = _wall_at_corners(lens, eye, wall, planes.shape[1], tile[0])
 
@@ -128,7 +125,6 @@ def draw_forward(
                 _draw_floor(
                     paint,
                     near_rows,
-                    shade_m,
                     outlines,
                     slopes,
                     per_pixel,
@@ -181,7 +177,7 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall
 
     Only what tiles need that are not surely all floor; other columns are NaN.
     """
-    rotation, turn, place = eye.rotation, eye.turn_rad, (eye.x_m, eye.y_m, eye.height_m)
+    rotation, turn = eye.rotation, eye.turn_rad
     is_turning = turn[0] != 0 or turn[1] != 0 or turn[2] != 0
     tall, wide, _ = lens.corner_slopes.shape
     at_corners, rays = np.empty((tall, wide, 2)), np.empty((tall, wide, 3))
@@ -208,8 +204,10 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall
             for corner in range(6):
                 v, u = row + corner // 3, left + corner % 3
                 if math.isnan(at_corners[v, u, 0]):
-                    direction = (rays[v, u, 0], rays[v, u, 1], rays[v, u, 2])
-                    at_corners[v, u, 0], at_corners[v, u, 1] = wall_point(direction, place, wall)
+                    dx, dy, dz = rays[v, u, 0], rays[v, u, 1], rays[v, u, 2]
+                    flat = math.sqrt(dx * dx + dy * dy)
+                    place, distance = wall_point(dx / flat, dy / flat, eye.x_m, eye.y_m, wall)
+                    at_corners[v, u, 0], at_corners[v, u, 1] = place, eye.height_m + distance * dz / flat
     return at_corners
 
 
@@ -334,7 +332,6 @@ def _store_floor(
 def _draw_floor(
     paint: FloorPaint,
     near_rows: Float32Array,
-    shade_m: float,
     outlines: Outlines,
     slopes: Float32Array,
     per_pixel: Float32Array,
@@ -355,7 +352,7 @@ def _draw_floor(
     for n in range(seen_count[SHADE]):
         row = near_rows[seen[SHADE, n]]
         ball = np.array([row[X0], row[Y0], row[RADIUS]], dtype=np.float32)
-        shade_floor(ball, shade_m, rays, here[2], tone)
+        shade_floor(ball, rays, here[2], tone)
     base, over = paint.colors[0], paint.colors[1]
     if seen_count[LINE] or seen_count[ARC]:
         covered[:pixels] = _ZERO

@@ -1,10 +1,10 @@
-"""Common values of the compiled loops of a forward camera's frame: lens, eye, outlines, room."""
+"""Common values of the compiled loops of a forward camera's frame: lens, eye, outlines."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt64Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 
 
 class ForwardLens(NamedTuple):
@@ -48,17 +48,3 @@ class Outlines(NamedTuple):
     bounds: Float32Array
     #: (P, 3) int32: kind (see `forward.outlines`), number, and whether it is thinner than two pixels somewhere.
     owners: Int32Array
-
-
-class WallPicture(NamedTuple):
-    """What is seen on the round wall behind the field."""
-
-    #: (H + 2, 3 W / 2) uint64: blue, green and red as `pack_cells` packs them; the row at the floor and the uppermost
-    #: one are there twice, and after a full turn of columns by azimuth from +x the first half comes again, so that no
-    #: index wraps.
-    cells: UInt64Array
-    #: W, columns of a full turn.
-    turn: int
-    #: Its scale and radius.
-    rows_per_m: float
-    radius_m: float

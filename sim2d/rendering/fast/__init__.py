@@ -1,1 +1,1 @@
-"""Frames of a mirror camera in match time."""
+"""Frames of cameras in match time."""

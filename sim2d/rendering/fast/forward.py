@@ -19,12 +19,11 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.compiling.prepared_kernels import prepare
 from sim2d.kernels.forward.outlines import ARC_PIECES
-from sim2d.kernels.forward.room import pack_cells
 from sim2d.kernels.forward.tiles import draw_forward
-from sim2d.kernels.forward.values import ForwardEye, ForwardLens, Outlines, WallPicture
-from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, Backdrop, room_panorama
+from sim2d.kernels.forward.values import ForwardEye, ForwardLens, Outlines
+from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.fast.match_frames import MatchFrames
-from sim2d.rendering.scene import SHADE_REACH, Ball, Robot, Scene
+from sim2d.rendering.scene import Ball, Robot, Scene
 from sim2d.rendering.sensor import Sensor
 
 TILE_PX = (8, 32)  # rows and columns: most edges run across the image
@@ -59,17 +58,15 @@ class ForwardFrames(MatchFrames):
         As `MatchFrames`, or if the lens leaves part of the image without rays.
     """
 
+    camera: PinholeCamera
+
     def __init__(
         self, scene: Scene, camera: PinholeCamera, sensor: Sensor, *, backdrop: Backdrop | None = None
     ) -> None:
-        super().__init__(scene, camera, sensor)
+        super().__init__(scene, camera, sensor, backdrop)
         prepare("forward_frames", "sim2d")
         width, height = camera.size_px
         self._lens = lens_table(camera, self._gain)
-        radius_m = scene.room_radius_m
-        picture, rows_per_m = _wall_picture(scene, backdrop, radius_m / max(camera.focal_px))
-        cells = pack_cells((picture * (scene.light.level * self._cast)).astype(np.float32))
-        self._wall = WallPicture(cells, picture.shape[1], rows_per_m, radius_m)
         self._planes = np.zeros((3, height, width), dtype=np.uint8)
         self._outlines = _empty_outlines(0)
 
@@ -80,35 +77,15 @@ class ForwardFrames(MatchFrames):
         count = floor + len(things.rows) + 1 + len(self._nets.rows)
         if count > len(self._outlines.owners):
             self._outlines = _empty_outlines(count)
-        reach_m = 0.0 if ball is None else SHADE_REACH * ball.radius_m
         rotation = np.ascontiguousarray(camera_rotation(eye.heading_rad, eye.tilt_rad, eye.roll_rad), dtype=np.float64)
         at = ForwardEye(float(eye.x_m), float(eye.y_m), float(eye.height_m), rotation, np.array(eye.turn_rad))
-        seen = self._lens, at, self._paint, things, self._nets, reach_m, self._light, self._wall
+        seen = self._lens, at, self._paint, things, self._nets, self._light, self._wall
         draw_forward(*seen, self._outlines, TILE_PX, self._planes)
         return np.asarray(cv2.merge(list(self._planes)), dtype=np.uint8)
 
 
 def _empty_outlines(count: int) -> Outlines:
     return Outlines(np.zeros((count, 10), dtype=np.float32), np.zeros((count, 3), dtype=np.int32))
-
-
-def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tuple[Float32Array, float]:
-    """Return what the room's wall shows, row 0 at the floor, and its rows a metre; a pixel is `pixel_m` wide there."""
-    if backdrop is None:
-        picture = room_panorama(scene.room.seed)
-        half = picture.shape[1] // 2
-        # `render_pinhole` rounds columns of negative azimuth up
-        return np.concatenate([picture[:, :half], picture[:, half + 1 :], picture[:, :1]], axis=1), float(
-            ROOM_ROWS_PER_M
-        )
-    picture, rows_per_m = backdrop.unrolled()
-    # one cell is averaged over at most one pixel
-    coarser = max(1, int(pixel_m * rows_per_m))
-    rows, columns = picture.shape[:2]
-    if coarser > 1:
-        shape = (columns // coarser, rows // coarser)
-        picture = np.asarray(cv2.resize(picture, shape, interpolation=cv2.INTER_AREA))
-    return np.ascontiguousarray(picture[::-1]), rows_per_m * len(picture) / rows
 
 
 def lens_table(camera: PinholeCamera, gain: Float32Array) -> ForwardLens:

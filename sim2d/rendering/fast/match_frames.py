@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
+import cv2
 import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array
 from robocup_vision.camera import OmniCamera, PinholeCamera
-from sim2d.kernels.frame_values import Lighting, UprightThings
+from sim2d.kernels.frame_values import Lighting, UprightThings, WallPicture
+from sim2d.kernels.room import pack_cells
 from sim2d.kernels.things import COLUMNS
+from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, Backdrop, room_panorama
 from sim2d.rendering.nets import nets_of
 from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Ball, Bgr, Light, Robot, Scene
 from sim2d.rendering.scene_table import ThingTable, floor_paint, in_cast
@@ -34,10 +37,12 @@ class MatchFrames:
         If the light has texture, shadow or highlights, or the sensor compresses.
     """
 
-    def __init__(self, scene: Scene, camera: OmniCamera | PinholeCamera, sensor: Sensor) -> None:
+    def __init__(
+        self, scene: Scene, camera: OmniCamera | PinholeCamera, sensor: Sensor, backdrop: Backdrop | None = None
+    ) -> None:
         if sensor.jpeg_quality:
             raise ArgumentError("a match is drawn without compression")
-        self.scene = scene
+        self.scene, self.camera = scene, camera
         self.set_light(scene.light)
         self._cast = np.array(sensor.cast_bgr)
         width, height = camera.size_px
@@ -45,7 +50,12 @@ class MatchFrames:
         self._paint = floor_paint(scene, self._cast)
         self._nets = nets_of(scene.field, self._cast)
         self._fixed = ThingTable(scene.fixed())
-        self._rows = self._fixed.values().rows
+        self._rows = self._fixed.values.rows
+        radius_m = scene.room_radius_m
+        pixel_rad = 1.0 / max(camera.focal_px) if isinstance(camera, PinholeCamera) else 0.0
+        picture, rows_per_m = _wall_picture(scene, backdrop, pixel_rad * radius_m)
+        cells = pack_cells((picture * (scene.light.level * self._cast)).astype(np.float32))
+        self._wall = WallPicture(cells, picture.shape[1], rows_per_m, radius_m)
 
     def set_light(self, light: Light) -> None:
         """Light the field so from now on; the room behind it keeps its light.
@@ -76,3 +86,22 @@ class MatchFrames:
     @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
     def _colors_with(self, moving: tuple[Bgr, ...]) -> Float32Array:
         return in_cast([*self._fixed.colors, *moving], self._cast)
+
+
+def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tuple[Float32Array, float]:
+    """Return what the room's wall shows, row 0 at the floor, and its rows a metre; a pixel is `pixel_m` wide there."""
+    if backdrop is None:
+        picture = room_panorama(scene.room.seed)
+        half = picture.shape[1] // 2
+        # `render_pinhole` rounds columns of negative azimuth up
+        return np.concatenate([picture[:, :half], picture[:, half + 1 :], picture[:, :1]], axis=1), float(
+            ROOM_ROWS_PER_M
+        )
+    picture, rows_per_m = backdrop.unrolled()
+    # one cell is averaged over at most one pixel
+    coarser = max(1, int(pixel_m * rows_per_m))
+    rows, columns = picture.shape[:2]
+    if coarser > 1:
+        shape = (columns // coarser, rows // coarser)
+        picture = np.asarray(cv2.resize(picture, shape, interpolation=cv2.INTER_AREA))
+    return np.ascontiguousarray(picture[::-1]), rows_per_m * len(picture) / rows

@@ -23,23 +23,13 @@ from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.floor_lines import GAIN, X, Y
-from sim2d.kernels.frame_values import (
-    BallSphere,
-    Crossings,
-    PaintMarks,
-    PixelRays,
-    RoomWall,
-    Spans,
-    Viewpoint,
-)
-from sim2d.kernels.match_frame import FrameRoom, draw_over_carpet
+from sim2d.kernels.frame_values import Crossings, PaintMarks, PixelRays, Spans, Viewpoint
+from sim2d.kernels.match_frame import draw_over_carpet
 from sim2d.kernels.match_pixels import fill_carpet
-from sim2d.kernels.nets import lay_nets
-from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, room_panorama
 from sim2d.rendering.fast.match_frames import MatchFrames
 from sim2d.rendering.mirror import BODY_BGR
 from sim2d.rendering.rays import RIM_MARGIN, MirrorRays
-from sim2d.rendering.scene import SHADE_REACH, Ball, Robot, Scene
+from sim2d.rendering.scene import Ball, Robot, Scene
 from sim2d.rendering.sensor import Sensor
 
 ENTRIES, SPANS = 14, 32  # most things along a bearing, and most spans they make
@@ -58,34 +48,27 @@ class MirrorFrames(MatchFrames):
         As `MatchFrames`, or if the room has bystanders.
     """
 
+    camera: OmniCamera
+
     def __init__(self, scene: Scene, camera: OmniCamera, sensor: Sensor) -> None:
         super().__init__(scene, camera, sensor)
         prepare("mirror_frames", "sim2d")
         if scene.room.bystanders:
             raise ArgumentError("a mirror camera's match is drawn without bystanders")
-        self.camera = camera
         width, height = camera.size_px
         self._farthest_m = 2 * scene.room_radius_m
         self._table = mirror_pixels(camera, self._gain, self._farthest_m)
-        picture = np.ascontiguousarray(
-            room_panorama(scene.room.seed) * scene.light.level * self._cast, dtype=np.float32
-        )
-        ground = np.array(scene.room.floor_bgr) * self._cast
-        self._walls_behind = RoomWall(picture, float(ROOM_ROWS_PER_M), scene.room_radius_m, ground)
         count, rays = len(self._table.rays.directions), len(self._table.rays.pixels)
         crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 5), dtype=np.float32))
         spans = Spans(
             np.zeros((count, SPANS), dtype=np.float32),
             np.zeros((count, SPANS), dtype=np.int32),
             np.zeros((count, SPANS, 3), dtype=np.float32),
-            np.zeros(count, dtype=np.int32),
         )
         marks = PaintMarks(np.zeros(rays, dtype=np.float32), np.zeros(rays, dtype=np.int32))
-        self._room = FrameRoom(crossings, spans, marks, np.zeros(count))
+        self._room = crossings, spans, marks
         self._planes = np.zeros((3, width * height), dtype=np.uint8)
         self._image_planes = [plane.reshape(height, width) for plane in self._planes]
-        # of carpet, line and ball
-        self._plain = self._paint.colors.copy()
 
     def draw(
         self,
@@ -115,32 +98,21 @@ class MirrorFrames(MatchFrames):
         return LeaningMirror(self.camera)
 
     def _draw_upright(self, robots: tuple[Robot, ...], ball: Ball | None, pose: Pose2) -> UInt8Array:
-        table, plain = self._table, self._plain
-        eye = self._viewpoint(pose)
-        things = self._things(robots, None)
-        sphere = BallSphere(0.0, 0.0, 0.0, 0.0)
-        if ball is not None:
-            sphere = BallSphere(float(ball.x_m), float(ball.y_m), ball.radius_m, SHADE_REACH * ball.radius_m)
-            plain[2] = ball.color_bgr
-            plain[2] *= self._cast
-        fill_carpet(table.floor, self._light, eye, plain[0], table.body, self._planes)
+        table, eye, things = self._table, self._viewpoint(pose), self._things(robots, ball)
+        fill_carpet(table.floor, self._light, eye, self._paint.colors[0], table.body, self._planes)
         frame = np.asarray(cv2.merge(self._image_planes), dtype=np.uint8)
-        flat = frame.reshape(-1, 3)
         draw_over_carpet(
             things,
             self._paint,
+            self._nets,
             self._farthest_m,
-            sphere,
-            self._walls_behind,
+            self._wall,
             self._light,
             eye,
             table.rays,
-            plain,
-            self._room,
-            flat,
+            *self._room,
+            frame.reshape(-1, 3),
         )
-        if len(self._nets.rows):
-            lay_nets(self._nets, table.rays, self._room.crossings, things, eye, sphere, self._light, flat)
         return frame
 
     def _viewpoint(self, pose: Pose2) -> Viewpoint:

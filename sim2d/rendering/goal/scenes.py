@@ -88,8 +88,6 @@ class GoalCondition:
     sun_patches: int = 0
     #: How far the true camera height strays from the given one.
     height_std_m: float = 0.0
-    #: Whether goals have the nets of the field's file: through a white net the goal is located a little less often.
-    has_nets: bool = False
 
 
 def _ers7_conditions(width: int, height: int) -> dict[str, GoalCondition]:
@@ -201,7 +199,9 @@ def _sample(
         raise ArgumentError(f"the whole goal is never in view from ({x:.2f}, {y:.2f})")
     pose, camera = aimed
     without_goal = view in ("no_goal", "orange_wall")
-    shown = dataclasses.replace(field, goals=() if without_goal else _goals(field, condition))
+    # through a white net the goal is located a little less often
+    bare = tuple(dataclasses.replace(one, net=None) for one in field.goals)
+    shown = dataclasses.replace(field, goals=() if without_goal else bare)
     robots = passing_robots(field, goal, pose, condition.robots, rng)
     if view == "goal_behind_robot":
         robots = (screening_robot(goal, pose, camera.height_m, rng), *robots)
@@ -226,12 +226,6 @@ def _sample(
     light = render_pinhole(camera, scene, pose, backdrop=backdrop, glare=glare, sun=sun, supersample=supersample)
     light = smear(light, float(rng.uniform(0.0, condition.smear_px)))
     return GoalSample(condition.sensor.expose(light, rng), scene, pose, index, camera, goal, view)
-
-
-def _goals(field: Field, condition: GoalCondition) -> tuple[Goal, ...]:
-    if condition.has_nets:
-        return field.goals
-    return tuple(dataclasses.replace(goal, net=None) for goal in field.goals)
 
 
 def _random_place(field: Field, goal: Goal, rng: np.random.Generator) -> tuple[float, float]:

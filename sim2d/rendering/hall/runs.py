@@ -45,7 +45,6 @@ def take(
     bustle: Bustle | None = None,
     interval_s: float = 0.0,
     sensor: Sensor = HALL_SENSOR,
-    supersample: int = SUPERSAMPLE,
     first: int = 0,
     depths: bool = False,
 ) -> Iterator[HallFrame]:
@@ -66,7 +65,7 @@ def take(
     depths : bool
         Whether to keep how far away what each pixel shows is.
     """
-    renderers = [HallCamera(camera, supersample) for camera in cameras]
+    renderers = [HallCamera(camera, SUPERSAMPLE) for camera in cameras]
     for index, pose in enumerate(poses, start=first):
         rng = np.random.default_rng([seed, index, 0xF0])
         passers: list[Panel] = []

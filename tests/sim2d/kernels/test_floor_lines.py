@@ -8,7 +8,7 @@ import pytest
 from field_models import field_names, load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from sim2d.kernels import floor_lines as kernels
-from sim2d.kernels.frame_values import PaintMarks, Spans, Viewpoint
+from sim2d.kernels.frame_values import PaintMarks, Viewpoint
 from sim2d.kernels.ray_casting import paint_floor
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.fast.mirror import mirror_pixels
@@ -23,12 +23,12 @@ HIGH = OmniCamera(
 TABLES = [mirror_pixels(c, np.ones(c.size_px[::-1], dtype=np.float32), FARTHEST_M) for c in (sekimori_camera(), HIGH)]
 
 
-def shares(table, field, eye, until_m):
+def shares(table, field, eye, farthest_m):
     """Return the shares of all rays, and the rays marked."""
     count = len(table.rays.pixels)
     marks = PaintMarks(np.zeros(count, dtype=np.float32), np.zeros(count, dtype=np.int32))
     paint = floor_paint(Scene(field))
-    seen = table.rays, Viewpoint(*map(float, eye), table.height_m), until_m, paint.half_m
+    seen = table.rays, Viewpoint(*map(float, eye), table.height_m), farthest_m, paint.half_m
     found = kernels.mark_lines(*seen, paint.lines, marks, 0)
     found = kernels.mark_arcs(*seen, paint.arcs, marks, found)
     return marks.fraction, marks.marked[:found]
@@ -70,7 +70,7 @@ def test_shares_are_those_of_the_ray_caster(name, camera):
         places = np.stack([field_x, field_y]).astype(np.float32)
         patches = np.stack([np.cos(aim), np.sin(aim)]), np.stack([radial, tangential])
         paint_floor(paint, places, *patches, expected, on_carpet)
-        share, marked = shares(table, field, eye, np.full(turns, FARTHEST_M))
+        share, marked = shares(table, field, eye, FARTHEST_M)
         assert (np.sort(marked) == np.flatnonzero(share)).all()
         off, difference = np.abs(share - expected), np.abs(share - expected)[on_floor]
         assert (expected[on_floor] > 0).sum() > 20
@@ -85,22 +85,11 @@ def test_shares_are_those_of_the_ray_caster(name, camera):
         assert difference.mean() < 3e-5
 
 
-def test_nothing_is_marked_beyond_the_floor_that_is_seen():
+def test_nothing_is_marked_beyond_the_farthest_floor():
     field, table, eye = load_field("ssl_2001"), TABLES[0], (0.3, 0.1, 0.5)
-    free, _ = shares(table, field, eye, np.full(len(table.rays.directions), FARTHEST_M))
-    cut, _ = shares(table, field, eye, np.full(len(table.rays.directions), 0.4))
+    free, _ = shares(table, field, eye, FARTHEST_M)
+    cut, _ = shares(table, field, eye, 0.4)
     near, far = table.rays.rays[kernels.NEAR], table.rays.rays[kernels.FAR]
     assert (cut[far <= 0.4] == free[far <= 0.4]).all()
     assert not cut[near > 0.4].any()
     assert free[near > 0.4].any()
-
-
-def test_the_floor_is_seen_up_to_the_end_of_its_last_span():
-    floor, paint = 0, 1
-    inf = math.inf
-    ends = np.array([[-0.5, -0.2, inf], [-0.5, -0.2, inf], [0.1, inf, inf], [inf, 0, 0]], dtype=np.float32)
-    kinds = np.array([[floor, paint, paint], [paint, floor, paint], [floor, paint, floor], [paint, floor, 0]])
-    until_m = np.full(4, -1.0)
-    spans = Spans(ends, kinds.astype(np.int32), np.zeros((4, 3, 3), dtype=np.float32), np.zeros(4, dtype=np.int32))
-    kernels.floor_until(spans, 0.2, FARTHEST_M, until_m)
-    np.testing.assert_allclose(until_m, [0.4, 1.0, FARTHEST_M, 0.0], atol=1e-6)

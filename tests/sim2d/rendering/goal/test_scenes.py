@@ -268,15 +268,3 @@ def test_negative_dataset_is_exact_png(tmp_path: Path):
 def test_bad_options_are_refused(tmp_path: Path, words: list[str], message: str):
     with pytest.raises(ArgumentError, match=message):
         render_goal(*words, tmp_path / "data")
-
-
-@pytest.mark.parametrize(("field_name", "shows"), [("spl_2020", True), ("four_legged_2007", False)])
-def test_a_goal_has_its_net_where_the_condition_says_so(field_name, shows):
-    field, condition = load_field(field_name), GOAL_CONDITIONS["white_640x480"]
-    small = {"size_px": (160, 120), "focal_px": (154.0, 154.0), "center_px": (79.5, 59.5)}
-    condition = dataclasses.replace(condition, camera=dataclasses.replace(condition.camera, **small))
-    bare, net = (
-        next(iter(sample_goal(field, dataclasses.replace(condition, has_nets=has), 3, 1, supersample=2))).frame
-        for has in (False, True)
-    )
-    assert (bare != net).any() == shows

@@ -1,4 +1,4 @@
-"""Compiled: the round wall behind a field in one tile of a forward camera's frame.
+"""Compiled: the round wall behind a field, where a ray meets it and in one tile of a forward camera's frame.
 
 The wall's picture is of cells of one colour. A pixel is the mean over its footprint, which is at most one cell wide and
 high, so it covers four cells at most. The three channels of a cell lie in one integer and are averaged at once.
@@ -12,7 +12,7 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt64Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.forward.values import WallPicture
+from sim2d.kernels.frame_values import WallPicture
 
 # a channel is stored in quarters of a grey level and 21 bits; weights are of 256 parts
 _QUARTERS, _BITS, _PARTS = 4.0, 21, 256.0
@@ -31,19 +31,21 @@ def pack_cells(picture: Float32Array) -> UInt64Array:
 
 
 @compiled(error_model="numpy")
-def wall_point(
-    direction: tuple[float, float, float], eye: tuple[float, float, float], wall: WallPicture
-) -> tuple[float, float]:
-    """Return where a ray meets the round wall: column of its picture, and height over the floor (m)."""
-    dx, dy, dz = direction
-    x_m, y_m, height_m = eye
-    flat = math.sqrt(dx * dx + dy * dy)
-    cos, sin = dx / flat, dy / flat
+def wall_point(cos: float, sin: float, x_m: float, y_m: float, wall: WallPicture) -> tuple[float, float]:
+    """Return where a horizontal direction from a place meets the round wall: column of its picture, distance (m)."""
     toward = -(cos * x_m + sin * y_m)
     away2 = x_m * x_m + y_m * y_m
     distance = toward + math.sqrt(max(toward * toward + wall.radius_m * wall.radius_m - away2, 0.0))
     turn = math.atan2(y_m + distance * sin, x_m + distance * cos) / math.tau
-    return turn * wall.turn, height_m + distance * dz / flat
+    return turn * wall.turn, distance
+
+
+@compiled(error_model="numpy", inline="always")
+def cell_color(cell: np.uint64) -> tuple[np.float32, np.float32, np.float32]:
+    """Return blue, green and red of a cell, or of several that are averaged."""
+    quarter = np.float32(1.0 / _QUARTERS)
+    blue, green = np.float32(np.int32(cell & _MASK)), np.float32(np.int32((cell >> _GREEN) & _MASK))
+    return blue * quarter, green * quarter, np.float32(np.int32((cell >> _RED) & _MASK)) * quarter
 
 
 @compiled(error_model="numpy")
@@ -123,10 +125,11 @@ def draw_wall(
         below = (((below << _SHIFT) + (flat[at + one] - below) * wc) >> _SHIFT) & _LANES
         upper = (((upper << _SHIFT) + (flat[at + row_step + one] - upper) * wc) >> _SHIFT) & _LANES
         mixed[i] = (((below << _SHIFT) + (upper - below) * wr) >> _SHIFT) & _LANES
-    per_part, quarter = np.float32(1.0 / _PARTS), np.float32(1.0 / _QUARTERS)
+    per_part = np.float32(1.0 / _PARTS)
     blue, green, red = colors[0], colors[1], colors[2]
     for i in range(pixels):
-        share, color = np.float32(over[i]) * per_part, mixed[i]
-        blue[i] += share * (np.float32(np.int32(color & _MASK)) * quarter - blue[i])
-        green[i] += share * (np.float32(np.int32((color >> _GREEN) & _MASK)) * quarter - green[i])
-        red[i] += share * (np.float32(np.int32((color >> _RED) & _MASK)) * quarter - red[i])
+        share = np.float32(over[i]) * per_part
+        wall_blue, wall_green, wall_red = cell_color(mixed[i])
+        blue[i] += share * (wall_blue - blue[i])
+        green[i] += share * (wall_green - green[i])
+        red[i] += share * (wall_red - red[i])
