@@ -16,13 +16,11 @@ from robocup_vision.kernels.walls.fit import (
     FloorOutline,
     WallPrediction,
     WallScene,
-    agreement,
     compare_outline,
     empty_prediction,
     predict_walls,
     settle,
     thinned,
-    truncated_loss,
 )
 from robocup_vision.kernels.walls.hull import hull_moments, hull_radius, star_moments
 from robocup_vision.kernels.walls.search import MAX_DIFFERENCE, sum_differences
@@ -133,15 +131,6 @@ def test_hull_moments_are_those_of_the_hull_on_the_floor(pose, seed):
     assert found[0] == known
     np.testing.assert_allclose(found[1:], expected, rtol=1e-3, atol=1e-3)
     assert hull_moments(COS, SIN, np.full(COUNT, np.nan), first, step, q) == (0, 0.0, 0.0, 0.0)
-
-
-@given(numbers(-20.0, 20.0), numbers(0.1, 5.0))
-def test_floor_beyond_a_wall_weighs_and_costs_more_than_an_obstacle_before_it(e, scale):
-    width = scale if e < 0 else 3 * scale
-    assert agreement(e, 1 / scale) == pytest.approx((1 + (e / width) ** 2) ** -2)
-    assert truncated_loss(e, 0.5 / scale) == pytest.approx(min(1 if e < 0 else 2, (e / (2 * scale)) ** 2))
-    assert agreement(abs(e), 1 / scale) >= agreement(-abs(e), 1 / scale)
-    assert truncated_loss(abs(e), 0.5 / scale) >= truncated_loss(-abs(e), 0.5 / scale)
 
 
 def hull_twin(angles, radius):
