@@ -28,7 +28,10 @@ import pytest
         ("render --field ssl_2001 --camera sekimori --vignette 2 out", "vignette must be within 0 to 1"),
         ("render-hall --turns 0 out", "--turns must be positive"),
         ("render-hall --moved 2 out", "fraction must be within 0 to 1"),
-        ("learn-goal-evidence --field spl_2020 out.toml", "the goals of field 'spl_2020' do not differ in colour"),
+        (
+            "learn-goal-evidence --field spl_2020 --count 1 out.toml",
+            "the goals of field 'spl_2020' do not differ in colour",
+        ),
         ("learn-goal-evidence --field ssl_2001 out.toml", "carry no pinhole camera"),
         ("learn-goal-evidence --count 1 .", ".: cannot be written ("),
         ("fit-evidence --odds 1 out.toml", "--odds must be above 1, got 1"),
