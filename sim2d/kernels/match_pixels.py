@@ -12,7 +12,7 @@ from sim2d.kernels.bearing_profile import FLOOR, OF_BALL, PAINT, span_of
 from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y
 from sim2d.kernels.floor_paint import SHADE_REACH, light_beside_ball
 from sim2d.kernels.frame_values import Lighting, PaintMarks, PixelRays, Spans, UprightThings, Viewpoint
-from sim2d.kernels.things import KIND, X0, Y0, meet_thing, row_of, rows_from_eye
+from sim2d.kernels.things import X0, Y0, meet_ball, row_of, rows_from_eye
 
 
 @compiled
@@ -139,7 +139,7 @@ def draw_pixels(
                     sin = np.float32(s * directions[bearing, 1] + c * directions[bearing, 2])
                     first, last = ends[bearing, of_ball - ONE], ends[bearing, of_ball]
                     slope = half * np.float32(max(low, first)) + half * np.float32(min(high, last))
-                    _, color, shade = meet_thing(ball[KIND], ball, cos, sin, slope, height, lamp)
+                    _, color, shade = meet_ball(ball, cos, sin, slope, height, lamp)
                     bright = max(here + along_x * float(ball[X0]) + along_y * float(ball[Y0]), light.min_level) * shade
                     for channel in range(3):
                         paint[bearing, of_ball, channel] = bright * things.colors[color, channel]

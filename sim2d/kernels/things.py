@@ -142,9 +142,10 @@ def _is_patch(row: ThingRow, nx: np.float32, ny: np.float32, nz: np.float32) -> 
 
 
 @compiled(error_model="numpy", inline="always")
-def _meet_ball(
+def meet_ball(
     row: ThingRow, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
 ) -> tuple[np.float32, np.int32, np.float32]:
+    """Return where a ray meets a ball, as `meet_thing`; one that misses it has the shade of its rim."""
     x, y, radius = row[X0], row[Y0], row[RADIUS]
     z = radius - height
     toward, norm2 = dx * x + dy * y + dz * z, dx * dx + dy * dy + dz * dz
@@ -218,7 +219,7 @@ def meet_thing(
     if kind == BAR:
         return _meet_bar(row, dx, dy, dz, height)
     if kind == BALL:
-        return _meet_ball(row, dx, dy, dz, height, lamp)
+        return meet_ball(row, dx, dy, dz, height, lamp)
     return _meet_box(row, dx, dy, dz, height)
 
 
