@@ -160,7 +160,7 @@ def measure_ridges(
     image: UInt8Array,
     starts: FloatArray,
     normals: FloatArray,
-    reach: FloatArray,
+    reach: float,
     width: FloatArray,
     along_px: float,
     offset: FloatArray,
@@ -174,8 +174,10 @@ def measure_ridges(
         BGR.
     starts, normals : (N, 2) float64
         Where a line should be, pixels, and unit directions across it.
-    reach, width : (N,) float64
-        How far to look to both sides, and how wide the line should look, pixels.
+    reach : float
+        How far to look to both sides, pixels.
+    width : (N,) float64
+        How wide the line should look, pixels.
     along_px : float
         Over how much of the line the picture is averaged, pixels: so faint a line still counts as this leaves clear of
         the noise. 0: not at all.
@@ -194,10 +196,10 @@ def measure_ridges(
         contrast[n] = 0.0
         side = 0.5 * width[n] + 1.5
         margin = side + 1.0
-        count = int(round(2.0 * (reach[n] + margin) / step)) + 1
+        count = int(round(2.0 * (reach + margin) / step)) + 1
         if count > _MAX_STEPS:
             continue
-        first = -reach[n] - margin
+        first = -reach - margin
         if not _is_inside(starts[n], normals[n], first, first + (count - 1) * step, aside, columns, rows):
             continue
         for i in range(count):
@@ -219,7 +221,7 @@ def measure_ridges(
                 middle += bright[k] / (2 * half + 1)
             left = (bright[i - far] + bright[i - far - 1] + bright[i - far - 2]) / 3.0
             right = (bright[i + far] + bright[i + far + 1] + bright[i + far + 2]) / 3.0
-            value = (middle - max(left, right)) * (1.0 - 0.5 * abs(first + i * step) / (reach[n] + 1.0))
+            value = (middle - max(left, right)) * (1.0 - 0.5 * abs(first + i * step) / (reach + 1.0))
             if value <= best:
                 continue
             is_on_carpet = True

@@ -52,7 +52,7 @@ def _add_light(
 
 
 @compiled
-def light_carpet(frame: UInt8Array, carpet: UInt8Array, max_levels: float, lit: LitCarpet) -> tuple[int, float]:
+def light_carpet(frame: UInt8Array, carpet: UInt8Array, lit: LitCarpet) -> tuple[int, float]:
     """Measure the light of a carpet over that of the carpet nearby.
 
     Parameters
@@ -61,8 +61,6 @@ def light_carpet(frame: UInt8Array, carpet: UInt8Array, max_levels: float, lit: 
         BGR.
     carpet : (H, W) uint8
         Non-zero on carpet; H is greater than `MARGIN`.
-    max_levels : float
-        Grey levels over the mean that count, and below it.
     lit : LitCarpet
         Result.
 
@@ -95,7 +93,6 @@ def light_carpet(frame: UInt8Array, carpet: UInt8Array, max_levels: float, lit: 
             over = 0.0
             if is_on:
                 over = min(frame[row, u, 0], frame[row, u, 2]) - light * share
-                over = min(max(over, -max_levels), max_levels)
                 pixels += 1
                 square += over * over
             lit.on[row, u], lit.share[row, u], lit.light[row, u] = np.float32(is_on), share, over

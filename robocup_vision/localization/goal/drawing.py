@@ -27,10 +27,6 @@ class DrawingSettings:
 
     blur_px: float = 0.75  #: standard deviation of the drawn lines' blur: a small camera's optics and chip
     max_gap_m: float = 0.07  #: greatest distance between neighbouring points of one line
-    max_levels: float = (
-        40.0  #: grey levels over the mean at which light is cut off: brighter paint, or a ball, weighs no more
-    )
-    border_px: int = 5  #: width of the carpet's border that is left out: other things mix into it
     pixels_for_one: float = 25.0  #: number of pixels that count as one measurement: errors of neighbours are correlated
     #: steps to either side of a heading, and how often they are halved
     steps: int = 5
@@ -53,9 +49,8 @@ class LineDrawing:
 
     def __init__(self, frame: UInt8Array, pen: LinePen, settings: DrawingSettings = DrawingSettings()) -> None:
         self._settings, self._pen = settings, pen
-        closed = cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, np.ones((AROUND, AROUND), np.uint8))
-        border = np.ones((settings.border_px, settings.border_px), np.uint8)
-        carpet = np.asarray(cv2.erode(closed, border), np.uint8)
+        around = np.ones((AROUND, AROUND), np.uint8)
+        carpet = np.asarray(cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, around), np.uint8)
         rows = np.flatnonzero(carpet.any(axis=1))
         self._first_row = int(rows[0]) if len(rows) else frame.shape[0]
         height, width = frame.shape[0] - self._first_row, frame.shape[1]
@@ -63,8 +58,8 @@ class LineDrawing:
         if not self._shows_carpet:
             return
         self._carpet = LitCarpet(*(np.empty((height, width), np.float32) for _ in range(3)))
-        first, levels = self._first_row, settings.max_levels
-        self._pixels, self._light_square = light_carpet(frame[first:], carpet[first:], levels, self._carpet)
+        first = self._first_row
+        self._pixels, self._light_square = light_carpet(frame[first:], carpet[first:], self._carpet)
         # working memory, zero before and after each use
         self._drawing = np.zeros((height + 2 * MARGIN, width + 2 * MARGIN), np.float32)
 

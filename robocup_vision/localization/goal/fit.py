@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray
+from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.edge_samples import weigh_samples
 from robocup_vision.kernels.goal.fit import (
@@ -47,6 +47,8 @@ from robocup_vision.localization.goal.geometry import (
     Y,
 )
 
+_FIRST_EDGES, _BOTH_POSTS = np.arange(EDGES) != BAR_BOTTOM, np.ones(2, bool)
+
 
 @dataclass(frozen=True, slots=True)
 class GoalFitSettings:
@@ -57,7 +59,6 @@ class GoalFitSettings:
     #: weight of a foot sample beside an edge sample: feet alone separate the two branches of a plane's picture, and are
     #: few
     foot_weight: float = 3.0
-    max_deviation: float = 3.5  #: standard deviations that a prior may be off
     #: common error of a whole edge or foot, however many samples it has: paint, shading, posts that are no perfect
     #: cylinders
     edge_error_px: float = 0.075
@@ -67,7 +68,6 @@ class GoalFitSettings:
     known_angle_std_rad: float = 0.01  #: tilt and roll of a camera whose file states them
     #: length of the search for edges in the second and the last round; the first one is an argument of `refine`
     reaches_px: tuple[float, float] = (2.0, 1.5)
-    near_ratio: float = 0.95  #: inliers after the first round from which the second is left out
     #: how far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly
     bloom_std_white_px: float = 0.7
     bloom_std_hue_px: float = 0.15
@@ -168,11 +168,6 @@ def agreement(samples: EdgeSamples, residual_px: FloatArray, settings: GoalFitSe
     return float(score.sum() / (int(samples.expected.sum()) + weight * max(len(score) - n, len(FOOT_OFFSETS))))
 
 
-def max_prior_deviation(model: GoalModel, unknowns: FloatArray) -> float:
-    """How far the unknown that deviates most from its prior is off, standard deviations."""
-    return float((np.abs(unknowns - model.prior) * model.tightness).max())
-
-
 def fit(
     model: GoalModel, samples: EdgeSamples, start: FloatArray, scales: FloatArray
 ) -> tuple[FloatArray, float, FloatArray]:
@@ -207,32 +202,23 @@ def as_built(model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSampl
     """Add the errors with which goals are built and placed, common to whole edges and feet, to the samples' noise."""
     distance_m = math.hypot(model.shape.line_x_m - p[X], p[Y])
     shared_px = model.settings.built_error_m * model.view.focal_px[0] / distance_m
-    per_edge = np.bincount(samples.edge, minlength=EDGES)[samples.edge]
-    per_foot = np.bincount(samples.foot_post, minlength=2)[samples.foot_post]
-    return replace(samples, sigma=np.sqrt(samples.sigma**2 + shared_px**2 * np.concatenate([per_edge, per_foot])))
-
-
-def without(samples: EdgeSamples, edge: int) -> EdgeSamples:
-    """Drop the samples of one edge."""
-    keep = samples.edge != edge
-    both = np.concatenate([keep, np.ones(len(samples.foot_post), bool)])
-    return replace(
-        samples, edge=samples.edge[keep], uv=np.ascontiguousarray(samples.uv[keep]), sigma=samples.sigma[both]
+    return weigh(
+        samples, replace(model.settings, sample_error_px=0.0, edge_error_px=shared_px, foot_error_px=shared_px)
     )
 
 
-def without_element(samples: EdgeSamples, element: int) -> EdgeSamples:
-    """Drop the edges and the foot of the left post (0) or the right one (1), or the bar (2)."""
-    kept, feet = samples.edge // 2 != element, samples.foot_post != element
+def only(samples: EdgeSamples, edges: BoolArray, posts: BoolArray) -> EdgeSamples:
+    """Keep the samples of some of the edges (6,), and the feet of some of the posts (2,)."""
+    kept, standing = edges[samples.edge], posts[samples.foot_post]
     return replace(
         samples,
         edge=samples.edge[kept],
         uv=np.ascontiguousarray(samples.uv[kept]),
-        foot_post=samples.foot_post[feet],
-        foot_at=samples.foot_at[feet],
-        foot_uv=np.ascontiguousarray(samples.foot_uv[feet]),
-        foot_direction=np.ascontiguousarray(samples.foot_direction[feet]),
-        sigma=samples.sigma[np.concatenate([kept, feet])],
+        foot_post=samples.foot_post[standing],
+        foot_at=samples.foot_at[standing],
+        foot_uv=np.ascontiguousarray(samples.foot_uv[standing]),
+        foot_direction=np.ascontiguousarray(samples.foot_direction[standing]),
+        sigma=samples.sigma[np.concatenate([kept, standing])],
     )
 
 
@@ -251,24 +237,20 @@ def refine(
     settings = model.settings
     second_px, last_px = settings.reaches_px
     p, information = start, np.zeros((UNKNOWNS, UNKNOWNS))
-    samples, residual = None, np.empty(0)
+    samples = None
     for reach, scales in (
         (first_reach_px, np.array([3.0, 2.0, 1.0])),
         (second_px, np.array([1.0, 1.0, 1.0])),
         (last_px, np.array([1.0, 1.0])),
     ):
-        near = np.count_nonzero(np.abs(residual) < settings.inlier_px)
-        if reach == second_px and near > settings.near_ratio * len(residual):
-            continue  # within reach of the last round
         measured = measure(image, camera, model.view, model.shape, p, reach, appearance, settings.edges)
         if measured is None or len(measured.edge) < 12:
             return None
         samples = weigh(measured, settings)
-        used = without(samples, BAR_BOTTOM) if reach > second_px else samples
+        used = only(samples, _FIRST_EDGES, _BOTH_POSTS) if reach > second_px else samples
         p, cost, information = fit(model, used, p, scales)
         if not math.isfinite(cost):
             return None
-        residual = residuals(model, used, p)
     assert samples is not None
     residual = residuals(model, samples, p)
     inlier = np.abs(residual[: len(samples.edge)]) < settings.inlier_px

@@ -18,7 +18,7 @@ from robocup_vision.arrays import BoolArray, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.goal.marks import MarkLimits, MarkPlaces, line_marks, measure_ridges
-from robocup_vision.kernels.goal.picture import FLOOR_UNKNOWNS, floor_derivatives, floor_residuals
+from robocup_vision.kernels.goal.picture import floor_residuals
 from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.goal.arc import GoalArc
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, LineFit
@@ -64,9 +64,6 @@ class GoalLineSettings:
     #: longest search from a line's predicted place, and the loss's scale, round by round
     reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
     scales_px: tuple[float, ...] = (3.0, 1.5, 1.0)
-    #: length of a search, in standard deviations of the prediction, and its margin
-    reach_stds: float = 3.0
-    min_reach_px: float = 1.5
     #: common error of all places on fields with white goals: their cameras' lenses are calibrated less exactly
     white_line_error_px: float = 1.0
     min_evidence: float = 5.0  #: least log odds of lines against clutter
@@ -88,7 +85,7 @@ class Marks(NamedTuple):
     direction: FloatArray  #: (N, 2): across the line there, ideal image
     uv: FloatArray  #: (N, 2): where it was seen, ideal pixels
     width_px: FloatArray  #: (N,): predicted width of the line
-    reach_px: FloatArray  #: (N,): length of the search to both sides
+    reach_px: float  #: length of the search to both sides
     is_seen: BoolArray  #: (N,): whether a line is seen
 
     def added_to(self, samples: FitSamples, settings: MarkSettings, line_width_m: float) -> FitSamples:
@@ -140,15 +137,14 @@ class GoalLines:
         """
         found, model, of_goal = goal.fit, goal.model, goal.fit.samples.for_fit
         if arc is None:
-            starts = [(found.unknowns, covariance_of(model, found.information))]
-            fits = self._fits(frame, model, of_goal, starts)
+            fits = self._fits(frame, model, of_goal, [found.unknowns])
         else:
             drawing = LineDrawing(frame, self._pen)
             likely = np.array([drawing.likelihood(model, p) for p in arc.unknowns]) - arc.cost / 2
             # the likeliest cameras by the goal alone, and with the lines drawn
             best = int(np.argmax(likely))
             chosen = sorted({int(np.argmin(arc.cost)), best})
-            fits = self._fits(frame, model, of_goal, [(arc.unknowns[k], arc.covariance[k]) for k in chosen])
+            fits = self._fits(frame, model, of_goal, [arc.unknowns[k] for k in chosen])
             if not fits and len(likely) > 1 and likely[best] >= self._settings.min_evidence:
                 # too few places show a line, but all of them together do: as certain as its neighbours are far
                 covariance = arc.covariance[best].copy()
@@ -162,7 +158,7 @@ class GoalLines:
 
         The maximum is reached where all of them are seen exactly at their places.
         """
-        marks = self._look(frame, model, p, None, self._settings.reaches_px[-1])
+        marks = self._look(frame, model, p, self._settings.reaches_px[-1])
         exact = marks._replace(is_seen=np.ones_like(marks.is_seen))
         nats = marks.nats(self._residual(model, marks, p), self._settings.marks)
         return nats, exact.nats(np.zeros(len(marks.width_px)), self._settings.marks)
@@ -187,31 +183,24 @@ class GoalLines:
         return settled
 
     def _fits(
-        self, frame: UInt8Array, model: GoalModel, samples: FitSamples, starts: list[tuple[FloatArray, FloatArray]]
+        self, frame: UInt8Array, model: GoalModel, samples: FitSamples, starts: list[FloatArray]
     ) -> list[_Fitted]:
-        """Fit goal and lines from each start, a camera and its covariance; those that lines confirm."""
-        fits = (self._fit(frame, model, samples, p, covariance) for p, covariance in starts)
+        """Fit goal and lines from each start; those that lines confirm."""
+        fits = (self._fit(frame, model, samples, p) for p in starts)
         return [one for one in fits if one is not None and one[0] >= self._settings.min_evidence]
 
-    def _fit(
-        self, frame: UInt8Array, model: GoalModel, of_goal: FitSamples, p: FloatArray, covariance: FloatArray
-    ) -> _Fitted | None:
+    def _fit(self, frame: UInt8Array, model: GoalModel, of_goal: FitSamples, p: FloatArray) -> _Fitted | None:
         """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
         settings = self._settings
-        is_near = False  # whether the last round already searched no farther than the next one
         joined, marks = of_goal, None
         for reach, scale in zip(settings.reaches_px, settings.scales_px, strict=True):
-            if is_near and reach > settings.reaches_px[-1]:
-                continue
-            marks = self._look(frame, model, p, covariance, reach)
+            marks = self._look(frame, model, p, reach)
             if np.count_nonzero(marks.is_seen) < settings.marks.min_seen:
                 return None
-            is_near = float(marks.reach_px.max()) <= settings.reaches_px[1]
             joined = marks.added_to(of_goal, settings.marks, self._line_width_m)
             p, cost, information = fit_samples(model, joined, p, np.full(settings.iterations, scale))
             if not math.isfinite(cost):
                 return None
-            covariance = covariance_of(model, information)
         assert marks is not None
         expected, scales = joined.sigma, np.full(settings.iterations, settings.scales_px[-1])
         for _ in range(settings.reweighted):
@@ -255,10 +244,8 @@ class GoalLines:
         np.fill_diagonal(is_near, False)
         return np.asarray(~is_near.any(axis=1))
 
-    def _look(
-        self, frame: UInt8Array, model: GoalModel, p: FloatArray, covariance: FloatArray | None, max_reach_px: float
-    ) -> Marks:
-        """Look for lines where a camera (8,) with a covariance (8, 8) predicts them; None: up to the greatest reach."""
+    def _look(self, frame: UInt8Array, model: GoalModel, p: FloatArray, reach_px: float) -> Marks:
+        """Look for lines within reach of where a camera (8,) predicts them."""
         capacity, settings = len(self._points), self._settings
         floor_m, pixels, direction, width_px = *np.empty((3, capacity, 2)), np.empty(capacity)
         places = MarkPlaces(floor_m, pixels, direction, width_px)
@@ -266,16 +253,8 @@ class GoalLines:
         n = line_marks(self._points, self._directions, view, p, size_px, self._limits, places)
         is_clear = self._are_clear(pixels[:n], direction[:n], width_px[:n])
         floor_m, pixels, direction, width_px = (part[:n][is_clear] for part in places)
-        n = len(width_px)
-        reach_px = np.full(n, max_reach_px)
-        if covariance is not None:
-            jacobian = np.empty((n, FLOOR_UNKNOWNS))
-            floor_derivatives(view, p, floor_m, direction, jacobian)
-            variance = ((jacobian @ covariance[:FLOOR_UNKNOWNS, :FLOOR_UNKNOWNS]) * jacobian).sum(axis=1)
-            predicted = settings.reach_stds * np.sqrt(np.maximum(variance, 0.0)) + settings.min_reach_px
-            reach_px = np.minimum(predicted, max_reach_px)
         start = np.ascontiguousarray(from_ideal(self._camera, pixels))
-        offset, contrast = np.empty(n), np.empty(n)
+        offset, contrast = np.empty((2, len(width_px)))
         measure_ridges(frame, start, direction, reach_px, width_px, settings.marks.along_px, offset, contrast)
         uv = np.ascontiguousarray(self._camera.ideal_pixels(start + direction * offset[:, None]))
         # paint of half the width makes half the contrast

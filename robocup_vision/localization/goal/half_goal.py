@@ -19,9 +19,9 @@ from robocup_vision.localization.goal.fit import (
     GoalFit,
     GoalModel,
     fit,
+    only,
     refine,
     residuals,
-    without_element,
 )
 from robocup_vision.localization.goal.geometry import BAR_TOP, HEADING, TILT, X, Y
 from robocup_vision.localization.goal.goal_picture import GoalPicture
@@ -107,9 +107,7 @@ def _without_missing(
     stands &= np.bincount(seen.samples.edge // 2, minlength=3) >= settings.min_samples
     if stands.sum() < 2:
         return None
-    samples = seen.samples
-    for element in np.flatnonzero(~stands):
-        samples = without_element(samples, int(element))
+    samples = only(seen.samples, np.repeat(stands, 2), stands[:2])
     p, cost, _ = fit(constrained, samples, seen.unknowns, _AGAIN_SCALES)
     if not math.isfinite(cost):
         return None

@@ -24,7 +24,6 @@ from robocup_vision.localization.goal.fit import (
     agreement,
     fit,
     goal_model,
-    max_prior_deviation,
     refine,
     residuals,
 )
@@ -59,7 +58,6 @@ class SearchSettings:
     glare: float = 235.0  #: samples brighter than this, of paint half washed white, are dropped
     #: score from which the search ends: edges of clutter agree with a goal in half of their places at most
     clear_score: float = 0.8
-    min_score: float = 0.3  #: candidates below are dropped
     #: evidence, nats, of edges of a silhouette that all lie at their places to a fraction of a pixel, in addition to
     #: that of their presence
     exact_nats: float = 100.0
@@ -159,16 +157,14 @@ class GoalSearch:
     def _judged(self, picture: GoalPicture, fits: list[GoalFit], proposal: Proposal) -> list[Candidate]:
         judged = []
         for found in fits:
-            if found.score > self.settings.min_score:
-                is_clear = found.score > self.settings.clear_score and self.is_possible(proposal.model, found.unknowns)
-                one = Candidate(found, proposal.sides, proposal.model, proposal.appearance, 0.0, is_clear)
-                judged.append(replace(one, nats=self.nats(picture, one, found.unknowns)))
+            is_clear = found.score > self.settings.clear_score and self.is_possible(found.unknowns)
+            one = Candidate(found, proposal.sides, proposal.model, proposal.appearance, 0.0, is_clear)
+            judged.append(replace(one, nats=self.nats(picture, one, found.unknowns)))
         return judged
 
-    def is_possible(self, model: GoalModel, unknowns: FloatArray) -> bool:
-        """Whether a camera (8,) stands on the pitch or beside it, as its file says."""
-        on_pitch = bool(np.all(np.abs(unknowns[:2]) <= self.extent_m))
-        return on_pitch and max_prior_deviation(model, unknowns) <= model.settings.max_deviation
+    def is_possible(self, unknowns: FloatArray) -> bool:
+        """Whether a camera (8,) stands on the pitch or beside it."""
+        return bool(np.all(np.abs(unknowns[:2]) <= self.extent_m))
 
     def proposals(self, picture: GoalPicture) -> Iterator[Proposal]:
         """Yield where goals may be: by each goal's hue, then white ones by their edges."""

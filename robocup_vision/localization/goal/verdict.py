@@ -95,7 +95,7 @@ class GoalVerdict:
         for one in cameras:
             # posts and a bar that are not visible in full are hidden by somebody
             is_whole = search.washable(picture, one.sides, one.unknowns).min() >= self._settings.min_washable
-            if is_whole and search.is_possible(model, one.unknowns):
+            if is_whole and search.is_possible(one.unknowns):
                 yield one
 
     def _nats(self, picture: GoalPicture, candidate: Candidate, camera: CameraEstimate) -> tuple[float, bool]:

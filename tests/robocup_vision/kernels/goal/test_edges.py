@@ -90,7 +90,7 @@ def test_ridge_lies_where_it_was_drawn(shift, width):
     image = np.rint(paint * fraction + carpet * (1 - fraction)).astype(np.uint8)
     offset, contrast = np.empty(1), np.empty(1)
     start, normal = np.array([[30.0, 30.0]]), np.array([[0.0, 1.0]])
-    measure_ridges(image, start, normal, np.array([8.0]), np.array([width]), 0.0, offset, contrast)
+    measure_ridges(image, start, normal, 8.0, np.array([width]), 0.0, offset, contrast)
     assert offset[0] == pytest.approx(shift, abs=0.25)
     assert contrast[0] > 20
 
@@ -101,7 +101,7 @@ def test_ridge_needs_green_on_both_sides():
     image[32:] = 60
     offset, contrast = np.empty(1), np.empty(1)
     start, normal = np.array([[30.0, 30.0]]), np.array([[0.0, 1.0]])
-    measure_ridges(image, start, normal, np.array([8.0]), np.array([4.0]), 0.0, offset, contrast)
+    measure_ridges(image, start, normal, 8.0, np.array([4.0]), 0.0, offset, contrast)
     assert np.isnan(offset[0])
 
 
@@ -147,11 +147,11 @@ def test_a_line_too_faint_for_one_place_is_seen_over_a_stretch():
     picture[30] += 9.0
     frame = np.clip(np.rint(picture + rng.normal(0, 3, picture.shape)), 0, 255).astype(np.uint8)
     start = np.column_stack([np.arange(20.0, 380.0, 8.0), np.full(45, 30.0)])
-    normal, width, reach = np.tile([0.0, 1.0], (45, 1)), np.full(45, 0.2), np.full(45, 2.0)
+    normal, width = np.tile([0.0, 1.0], (45, 1)), np.full(45, 0.2)
     off = {}
     for along_px in (0.0, 6.0):
         offset, contrast = np.empty(45), np.empty(45)
-        measure_ridges(frame, start, normal, reach, width, along_px, offset, contrast)
+        measure_ridges(frame, start, normal, 2.0, width, along_px, offset, contrast)
         off[along_px] = offset[np.isfinite(offset)]
     assert len(off[6.0]) > 30
     assert len(off[6.0]) > len(off[0.0])

@@ -62,7 +62,7 @@ def test_what_clutter_shows_speaks_for_no_camera_on_the_whole(width):
     none = np.empty((1, 2))
 
     def nats(residual_px, is_seen):
-        one = Marks(none, none, none, np.array([width]), np.array([8.0]), np.array([is_seen]))
+        one = Marks(none, none, none, np.array([width]), 8.0, np.array([is_seen]))
         return one.nats(np.array([residual_px]), settings)
 
     seen, missing = [nats(one, True) for one in off], nats(np.nan, False)
