@@ -46,10 +46,9 @@ def msac(
     found: Findings,
     z: FloatArray,
     gate_px: float,
-    prior_ratio: float,
     max_cost: float,
 ) -> float:
-    """Cost a hypothesis: squared residuals in gates, at most 1 a sample, and the distance from the prior.
+    """Cost a hypothesis: squared residuals in gates, at most 1 a sample.
 
     A cost of `max_cost` or more may be returned for a greater one.
     """
@@ -64,10 +63,7 @@ def msac(
             expected += rows[n, j] * z[j]
         r = nearest(found, n, expected) / gate_px
         cost += min(r * r, 1.0)
-    far = 0.0
-    for j in range(UNKNOWNS):
-        far += z[j] * z[j]
-    return cost + prior_ratio * far
+    return cost
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -83,7 +79,7 @@ def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: Follo
     draws : (H, 6) float64
         Numbers in [0, 1): which samples and candidates each hypothesis takes.
     settings : FollowSettings
-        `gate_px`, `prior_ratio` and `max_failed_ratio` count.
+        `gate_px` counts.
     modes : (K, 7) float64
         The best hypothesis and the next best that differ from all before by more than two gates.
 
@@ -92,7 +88,7 @@ def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: Follo
     int
         How many modes there are.
     """
-    rows, found, gate_px, prior_ratio = buffers.rows, buffers.found, settings.gate_px, settings.prior_ratio
+    rows, found, gate_px = buffers.rows, buffers.found, settings.gate_px
     sigma_px = 0.5 * gate_px
     usable = np.empty(count, dtype=np.int64)
     number = 0
@@ -105,7 +101,7 @@ def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: Follo
     pick, at = np.empty(3, dtype=np.int64), np.empty(3)
     costs = np.empty(draws.shape[0] + 1)
     tried = np.zeros((draws.shape[0] + 1, UNKNOWNS))
-    costs[0] = msac(rows, count, found, z, gate_px, prior_ratio, 1e9)
+    costs[0] = msac(rows, count, found, z, gate_px, 1e9)
     made, first = 1, 0
     if number >= 3:
         for h in range(draws.shape[0]):
@@ -128,14 +124,12 @@ def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: Follo
                 z[j] = rows[pick[0], j] * right[0] + rows[pick[1], j] * right[1] + rows[pick[2], j] * right[2]
             # of one mode alone only the best matters
             max_cost = costs[first] if modes.shape[0] == 1 else 1e9
-            costs[made] = msac(rows, count, found, z, gate_px, prior_ratio, max_cost)
+            costs[made] = msac(rows, count, found, z, gate_px, max_cost)
             for j in range(UNKNOWNS):
                 tried[made, j] = z[j]
             if costs[made] < costs[first]:
                 first = made
             made += 1
-            if made >= 8 and costs[first] < settings.max_failed_ratio * number:
-                break
     kept = 0
     for _ in range(made):
         least = -1

@@ -8,7 +8,7 @@ import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor
-from robocup_vision.kernels.model_edges.bands import MAX_WIDTHS, LineLook, line_points
+from robocup_vision.kernels.model_edges.bands import LineLook, line_points
 from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
 from robocup_vision.kernels.model_edges.posterior import covariance_with_prior, gained_nats, pose_alone, position_std
 from robocup_vision.kernels.model_edges.refine import moved, propose, refine
@@ -228,8 +228,8 @@ def _assess(
     seen, missing, upright, hidden = judge(image, fit.carpet, settings, buffers, count, step)
     moved(prior, z, fit.unknowns)
     least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * light
-    max_widths = max(MAX_WIDTHS, settings.max_line_widths)
-    look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, max_widths, settings.point_stride)
+    widest = settings.max_line_widths
+    look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, widest, settings.point_stride)
     number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, buffers.points)
     silent, lens = scene.field.silent, scene.lens
     right, neutral = explained(buffers, number, count, step, spacing_px, settings.gate_px, silent, lens, fit.unknowns)

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, flag, variable
-from robocup_vision.kernels.algebra.lens import BENT, MAX_SLOPE2, WIDE
 from robocup_vision.kernels.model_edges.borders import leave_out_borders
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import reaches, search, whiten
 from robocup_vision.kernels.model_edges.tables import (
-    HEADING,
     UNKNOWNS,
     Buffers,
     FloatArray,
@@ -36,25 +32,6 @@ def moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
         p[i] = prior.mean[i]
         for j in range(i + 1):
             p[i] += prior.root[i, j] * z[j]
-
-
-@compiled(fastmath=True, error_model="numpy")
-def widened(lens: FloatArray, prior: Prior, settings: FollowSettings) -> tuple[FloatArray, float]:
-    """Return a lens whose picture is as much wider, on both sides, as the prior leaves its axis open; and how much, px.
-
-    What would be sampled at one place or none is not worth a wider picture.
-    """
-    std = math.sqrt(prior.root[HEADING, 0] ** 2 + prior.root[HEADING, 1] ** 2 + prior.root[HEADING, 2] ** 2)
-    beside_px = min(settings.view_sigmas * std * lens[0], settings.max_reach_px)
-    wide = lens.copy()
-    if beside_px < settings.coarse_spacing_px:
-        return wide, 0.0
-    wide[2] += beside_px
-    wide[4] += 2.0 * beside_px
-    wide[WIDE] += beside_px / lens[0]
-    if lens[BENT] == 0.0:
-        wide[MAX_SLOPE2] += (2.0 * math.sqrt(lens[MAX_SLOPE2]) + beside_px / lens[0]) * beside_px / lens[0]
-    return wide, beside_px
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
@@ -84,14 +61,11 @@ def propose(
     Returns
     -------
     int, int
-        Samples that could be looked for in the picture, and modes.
+        Samples that could be looked for, and modes.
     """
-    wide, beside_px = widened(scene.lens, prior, settings)
-    count = predict(scene.field, wide, prior.mean, settings.coarse_spacing_px, buffers.samples)
+    count = predict(scene.field, scene.lens, prior.mean, settings.coarse_spacing_px, buffers.samples)
     if count < 3:
         return 0, 0
-    for n in range(count):
-        buffers.samples.uv[n, 0] -= beside_px
     whiten(buffers.samples, count, prior.root, buffers.rows)
     reaches(buffers.rows, count, settings, buffers.reach_px)
     search(image, scene.field.channels, carpet, light, settings, buffers, count)
@@ -101,8 +75,7 @@ def propose(
         robust_fit(buffers, count, settings, gates, origin, modes[k])
     looked = 0
     for n in range(count):
-        if buffers.found.candidates[n] >= 0 and 0.0 <= buffers.samples.uv[n, 0] < image.shape[1]:
-            looked += 1
+        looked += buffers.found.candidates[n] >= 0
     return looked, kept
 
 

@@ -233,7 +233,7 @@ def search(
         least = max(min_ratio * expected, 3.5 * noise)
         reach = min(int(math.ceil(reach_px[n] / size_axis_px)), MAX_REACH_PX)
         # a band is seen whole
-        is_banded = settings.max_line_widths > 0.0 and samples.place[n] == ON_FLOOR
+        is_banded = samples.place[n] == ON_FLOOR
         longest = min(settings.max_line_widths * wide + BAND_BLUR_PX, MAX_BAND_PX)
         low, high = -reach - margin, reach + margin
         if is_banded:
@@ -371,4 +371,4 @@ def reaches(rows: FloatArray, count: int, settings: FollowSettings, reach_px: Fl
         total = 0.0
         for j in range(UNKNOWNS):
             total += rows[n, j] * rows[n, j]
-        reach_px[n] = min(settings.reach_sigmas * math.sqrt(total) + settings.extra_px, settings.max_reach_px)
+        reach_px[n] = settings.reach_sigmas * math.sqrt(total)

@@ -139,8 +139,8 @@ class FollowSettings(NamedTuple):
         Between samples, in the fit, at least, and where the mode is chosen.
     ample_samples : float
         In the fit, about so many are enough.
-    reach_sigmas, extra_px, max_reach_px : float
-        How far from its prediction a sample is searched for, along the normal.
+    reach_sigmas : float
+        How far from its prediction a sample is searched for, along the normal, in standard deviations of the prior.
     min_ratio : float
         Of the expected step, that a candidate must show.
     sigma_px, shared_px : float
@@ -151,10 +151,6 @@ class FollowSettings(NamedTuple):
         The gate of the last steps, in robust standard deviations, and their number.
     gate_px : float
         Of an inlier.
-    prior_ratio : float
-        Weight of the squared distance from the prior where modes are chosen, in samples.
-    max_failed_ratio : float
-        Fraction of the samples that a hypothesis may fail and still end the search for modes.
     again_px : float
         How far candidates are searched for around a fit.
     line_width_m : float
@@ -169,9 +165,7 @@ class FollowSettings(NamedTuple):
     coarse_gates_px, fine_gates_px : (G,) float64
         Of the fit's steps.
     max_line_widths : float
-        A bright band up to so many times as wide as the field file's lines may be a line; 0: lines of that width only.
-    view_sigmas : float
-        Of the prior's heading: what is so far beside the picture by the prior is looked for in it.
+        A bright band up to so many times as wide as the field file's lines may be a line.
     bent_ratio : float
         Of the way of a mode's pose from the prior, in pixels: how far the mode is searched for at first.
     """
@@ -180,8 +174,6 @@ class FollowSettings(NamedTuple):
     coarse_spacing_px: float
     ample_samples: float
     reach_sigmas: float
-    extra_px: float
-    max_reach_px: float
     min_ratio: float
     sigma_px: float
     shared_px: float
@@ -189,8 +181,6 @@ class FollowSettings(NamedTuple):
     sharp_gates: float
     sharp_steps: int
     gate_px: float
-    prior_ratio: float
-    max_failed_ratio: float
     again_px: float
     line_width_m: float
     point_stride: int
@@ -201,7 +191,6 @@ class FollowSettings(NamedTuple):
     coarse_gates_px: FloatArray
     fine_gates_px: FloatArray
     max_line_widths: float
-    view_sigmas: float
     bent_ratio: float
 
 

@@ -74,18 +74,6 @@ class Evidence(NamedTuple):
             + s.odds_against_rms * self.rms_px * min(self.inliers / s.min_inliers, 1.0)
         )
 
-    def contradiction(self, settings: EdgeSettings) -> str | None:
-        """Return the frame's contradiction to the pose, None where there is none."""
-        s = settings
-        if self.found_ratio < s.min_found_ratio and self.missing > 0:
-            return f"too many edges are missing: {self.in_words}"
-        if self.points >= s.min_points and self.explained < s.min_explained_ratio * self.points:
-            return f"too many lines are where the pose has none: {self.in_words}"
-        if self.prior_distance2 > s.max_prior_distance2:
-            away = math.sqrt(self.prior_distance2)
-            return f"what is in view lies {away:.1f} standard deviations from where the prior puts it: {self.in_words}"
-        return None
-
 
 class Verdict(NamedTuple):
     """The verdict on a fit."""
@@ -99,18 +87,14 @@ class Verdict(NamedTuple):
 def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.0) -> Verdict:
     """Weigh a fit, given the log odds that its prior is right by the frames before."""
     s, e = settings, evidence
-    contradiction, against = e.contradiction(s), e._against(s)
+    against = e._against(s)
     odds, whatever_is_open = e._log_odds(s, against)
-    if contradiction is not None:
-        ratio = -against
-    elif e.inliers < s.min_inliers:
+    if e.inliers < s.min_inliers:
         ratio = min(s.odds_at_all / 2 - against, 0.0)
     else:
         ratio = max(odds, min(whatever_is_open, 0.0))
     if e.inliers < (s.min_inliers if prior_log_odds <= 0.0 else s.min_inliers_followed):
         return Verdict(f"only {e.inliers:.0f} of {e.looked_for:.0f} places on edges agree", ratio)
-    if contradiction is not None:
-        return Verdict(contradiction, ratio)
     if prior_log_odds > 0.0:
         odds = prior_log_odds + ratio
     if odds < 0.0:

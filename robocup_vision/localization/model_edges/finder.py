@@ -437,12 +437,6 @@ class EdgeFinder:
             answer = self._fit(frame, pose)
         return answer.without_prior() if answer else answer
 
-    def contradiction(self, frame: UInt8Array, pose: Pose2) -> str | None:
-        """Return the contradiction of a frame to a pose after a fit, None where there is none: see `Evidence`."""
-        self._fit(frame, pose)
-        self.follower.forget()
-        return self.follower.evidence.contradiction(self.follower.settings)
-
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         """Fit one pose, with a proposal for a prior."""
         self.follower.forget()

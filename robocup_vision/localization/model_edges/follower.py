@@ -151,7 +151,7 @@ class EdgeFollower:
             self.numbers = self.numbers._replace(point_stride=_NEVER)
         # edges far from a search's proposal belong to another one, and those far from a prior that frames before
         # support are clutter: matches lost robots for twice the time where these were searched
-        near = self.numbers._replace(view_sigmas=0.0, bent_ratio=0.0)
+        near = self.numbers._replace(bent_ratio=0.0)
         # the odds by which places of a search are compared were found with every sample counted in full
         proposed = near._replace(stray_ratio=0.0)
         # no other mode is near enough to cause large residuals
@@ -307,11 +307,9 @@ class EdgeFollower:
 
     def _show_paint(self, ratio: float) -> None:
         """Expect this ratio of white paint's step from the carpet to that of the nominal colours."""
-        ratio = min(max(ratio, self.settings.min_paint_ratio), 1.0)
-        self._knows_paint = True
-        if abs(ratio - self._paint_ratio) < self.settings.same_paint_ratio:
-            return
-        self._paint_ratio = ratio
+        # fainter line points are not found
+        ratio = min(max(ratio, 0.5 * self.settings.min_ratio), 1.0)
+        self._knows_paint, self._paint_ratio = True, ratio
         channels = self.edges.channels.copy()
         channels[channels[:, 7] > 0.0] *= (1.0, 1.0, 1.0, ratio, 1.0, 1.0, 1.0, ratio)
         channels.flags.writeable = False

@@ -41,12 +41,12 @@ class EdgeLocalizer:
     ) -> None:
         self.follower = EdgeFollower(field, camera, settings)
         # of frames that confirm nothing, by their reductions
-        self._unconfirmed_followers: dict[int, EdgeFollower] = {}
+        self._copies: dict[int, EdgeFollower] = {}
         self._finder: EdgeFinder | None = None
-        self._unconfirmed_finder: EdgeFinder | None = None
+        self._copies_finder: EdgeFinder | None = None
         self._reductions = self.follower.settings.reductions(camera.size_px[0])
         # feet of walls lie beside the lines, and stand out in smaller copies
-        self._has_walls = field.is_bounded and max(self._reductions) > 1
+        self._has_walls = field.is_bounded and bool(self._reductions)
         self._goal: GoalLocalizer | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._held = camera  # as in the last look
@@ -55,7 +55,7 @@ class EdgeLocalizer:
     def forget(self) -> None:
         """See `Localizer.forget`."""
         self.follower.forget()
-        for follower in (self.follower, *self._unconfirmed_followers.values()):
+        for follower in (self.follower, *self._copies.values()):
             follower.forget_paint()
         self._last_s: float | None = None
         self._was_located = False  # in the last look
@@ -66,9 +66,9 @@ class EdgeLocalizer:
         """Return a localiser that goes on with another calibration of its camera."""
         other = copy(self)
         other.follower = self.follower.with_camera(camera)
-        other._unconfirmed_followers = {}
+        other._copies = {}
         other._finder = None if self._finder is None else self._finder.with_follower(other.follower)
-        other._goal = other._unconfirmed_finder = None
+        other._goal = other._copies_finder = None
         other._held = camera
         return other
 
@@ -99,7 +99,7 @@ class EdgeLocalizer:
                 return by_goal
             answer = answer if by_goal is None else by_goal
         if isinstance(answer, NotLocated) and prior is None and self._has_walls:
-            found = self._made_unconfirmed_finder().find(evidence.frame)
+            found = self._made_copies_finder().find(evidence.frame)
             if found:
                 answer, points = found, self._follower_of(max(self._reductions)).edge_points()
                 self.follower.state = self._follower_of(max(self._reductions)).state
@@ -118,13 +118,13 @@ class EdgeLocalizer:
         if camera.height_m != self._held.height_m:
             self._goal = None
         self._held = camera
-        for follower in (self.follower, *self._unconfirmed_followers.values()):
+        for follower in (self.follower, *self._copies.values()):
             follower.hold(camera)
 
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate
     ) -> tuple[FollowedCamera | NotLocated, _Points | None]:
-        """Follow by the frame, or by a second look that shows more; with the edges where not of the first look."""
+        """Follow by the frame, or by its smaller copies; with the edges where not of the first look."""
         before, dt_s = self.follower.state, self._passed(evidence.t_s)
         answer = first = self.follower.follow(evidence.frame, near, dt_s)
         points: _Points | None = None
@@ -132,43 +132,27 @@ class EdgeLocalizer:
             answer, points = self._follow_slipped(evidence, near, dt_s, before, first)
             if first and not answer:
                 return answer, points
-        return self._look_again(evidence, near, dt_s, before, answer, points)
-
-    def _look_again(
-        self,
-        evidence: FrameEvidence,
-        near: PoseEstimate,
-        dt_s: float,
-        before: FollowerState,
-        answer: FollowedCamera | NotLocated,
-        points: _Points | None,
-    ) -> tuple[FollowedCamera | NotLocated, _Points | None]:
-        """Follow a frame again that confirms no pose, or next to none: by lines of other widths, in smaller copies.
-
-        A line may be two tapes side by side, or worn. A blurred one is a slope as wide as the blur: a search of a few
-        pixels sees too little of the step, and takes its border for something other than carpet.
-        """
-        s = self.follower.settings
-        std_m = answer.evidence.position_std_m if answer else math.inf
+        if answer:
+            return answer, points
         for reduction in self._reductions:
-            if std_m < (s.open_m if self._has_walls else math.inf):
-                break
-            follower = self._follower_of(reduction)
-            follower.state = before
-            found = follower.follow(evidence.frame, near, dt_s)
-            if found and found.evidence.position_std_m < s.less_open * std_m:
-                std_m = found.evidence.position_std_m
-                answer, points, self.follower.state = found, follower.edge_points_when_asked(), follower.state
+            copies = self._follower_of(reduction)
+            copies.state = before
+            found = copies.follow(evidence.frame, near, dt_s)
+            if found:
+                self.follower.state = copies.state
+                return found, copies.edge_points_when_asked()
         return answer, points
 
     def _follower_of(self, reduction: int) -> EdgeFollower:
-        """Return the follower of frames that confirm nothing, in copies so many times smaller."""
-        if reduction not in self._unconfirmed_followers:
+        """Return the follower of frames that confirm nothing, in copies so many times smaller.
+
+        A blurred line is a slope as wide as the blur: a search of a few pixels sees too little of the step, and takes
+        its border for something other than carpet.
+        """
+        if reduction not in self._copies:
             field, camera, settings = self.follower.field, self.follower.camera, self.follower.settings
-            self._unconfirmed_followers[reduction] = EdgeFollower(
-                field, camera, settings.for_unconfirmed_frames(), reduction
-            )
-        return self._unconfirmed_followers[reduction]
+            self._copies[reduction] = EdgeFollower(field, camera, settings.for_unconfirmed_frames(), reduction)
+        return self._copies[reduction]
 
     def _follow_slipped(
         self,
@@ -235,17 +219,17 @@ class EdgeLocalizer:
             self._finder = EdgeFinder(self.follower)
         return self._finder
 
-    def _made_unconfirmed_finder(self) -> EdgeFinder:
-        if self._unconfirmed_finder is None:
+    def _made_copies_finder(self) -> EdgeFinder:
+        if self._copies_finder is None:
             follower = self._follower_of(max(self._reductions))
-            self._unconfirmed_finder = EdgeFinder(follower, for_walled_fields(follower.field))
-        return self._unconfirmed_finder
+            self._copies_finder = EdgeFinder(follower, for_walled_fields(follower.field))
+        return self._copies_finder
 
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
         """Search for a goal: its pose by all edges where they confirm it, by the goal alone where they do not decide.
 
         Glare whitens posts, and a goal before an unknown wall shows little else: the goal's own verdict is made for
-        that. Where carpet shows instead of the field's lines, or lines where the pose has none, it was no goal.
+        that.
         """
         if self._goal is None:
             self._goal = GoalLocalizer(self.follower.field, self.follower.camera)
@@ -253,11 +237,7 @@ class EdgeLocalizer:
         if isinstance(alone.pose, NotLocated):
             return None
         camera = alone.pose.seen_from(alone.camera.camera_in_robot)
-        finder = self._made_finder()
-        answer = finder.judge(evidence.frame, camera.candidates)
-        if answer:
-            return answer
-        return alone if finder.contradiction(evidence.frame, camera.pose) is None else None
+        return self._made_finder().judge(evidence.frame, camera.candidates) or alone
 
     def _as_estimate(self, prior: PoseEstimate | Pose2) -> PoseEstimate:
         if isinstance(prior, PoseEstimate):

@@ -16,25 +16,20 @@ DESIGN_WIDTH_PX = 208.0
 class EdgeSettings:
     """Settings of the follower. Lengths are pixels of a picture 208 wide, unless a line says otherwise."""
 
-    #: distance between samples in pictures 208 and 640 pixels wide: neighbours add little, and take time
-    spacing_px: float = 5.0
-    wide_spacing_px: float = 12.0
+    #: distance between samples: neighbours add little, and take time
+    spacing_px: float = 4.0
     #: samples of the fit: more do not average out the common error of an edge, but the noise of a blurred one
     ample_samples: float = 70.0
     #: samples by which the mode is chosen are this many times as far apart: their searches are longer
     coarser: float = 2.0
-    #: search for an edge, in standard deviations of the prior; margin; bound
+    #: search for an edge, in standard deviations of the prior
     reach_sigmas: float = 3.0
-    extra_px: float = 2.0
-    max_reach_px: float = 45.0
     #: least ratio of a step to the expected one: carpets and paints differ, shadows halve the light
     min_ratio: float = 0.4
     #: white paint's step from the carpet, as a ratio to the nominal one, is learnt from lines wide enough for blur to
-    #: leave their middle: least width, points and ratio, and least difference from the last ratio
+    #: leave their middle: least width and points
     min_paint_px: float = 3.0
     min_paint_points: int = 8
-    min_paint_ratio: float = 0.3
-    same_paint_ratio: float = 0.05
     #: noise of one sample, and of the offset that is common to all samples of an edge (lens, paint, tape measure), in
     #: pixels of any picture
     sigma_px: float = 0.15
@@ -46,35 +41,23 @@ class EdgeSettings:
     sharp_steps: int = 2
     #: gate of an inlier, pixels of any picture
     gate_px: float = 2.5
-    #: weight of the squared distance from the prior where modes are chosen, in samples
-    prior_ratio: float = 0.3
-    #: no further hypotheses are drawn once a mode fails fewer of the samples
-    max_failed_ratio: float = 0.2
     #: range of the second search for candidates, around a fit, pixels of any picture
     again_px: float = 5.0
     #: rows and columns between those that are read for line points
     point_stride_px: float = 8.0
     #: things that look like lines this far beyond the field's outer lines are none
     lines_end_m: float = math.inf
-    #: edges this far beside the picture, in standard deviations of the prior's heading, are searched in it
-    view_sigmas: float = 2.0
     #: first search of a mode, as a fraction of its distance from the prior in pixels: the accuracy of derivatives at
     #: the prior
     bent_ratio: float = 0.4
     #: hypotheses of which the mode is chosen
     hypotheses: int = 100
-    #: verdict: least number of inliers, and where the frames before support the prior: two may agree by chance; least
-    #: fraction of the visible samples found, and of the line points explained
+    #: verdict: least number of inliers, and where the frames before support the prior: two may agree by chance
     min_inliers: int = 12
     min_inliers_followed: int = 3
-    min_found_ratio: float = 0.5
     #: least samples found on edges that the field's other half lacks for a frame to show the half: two may agree by
     #: chance
     min_telling: int = 3
-    min_explained_ratio: float = 0.7
-    min_points: int = 6
-    #: greatest squared distance from the prior, all six or seven unknowns: 0.01 % of right ones are farther
-    max_prior_distance2: float = 27.9
     #: odds that a pose is right, by logistic regression on right and wrong priors: each edge found, fractions, squared
     #: distance from the prior, residuals (px)
     odds_at_all: float = 4.8
@@ -108,22 +91,16 @@ class EdgeSettings:
     attitude_memory_s: float = 0.12
     #: of tilt and roll where the camera file gives no `roll_std_rad`
     sway_std_rad: float = 0.02
-    #: greatest width of a line, in widths by the field file; 0: exactly that width. The second is for frames that
-    #: otherwise confirm nothing: two tapes side by side, or blur, make a line this wide
-    max_line_widths: float = 0.0
-    max_unconfirmed_line_widths: float = 3.5
+    #: greatest width of a line, in widths by the field file: two tapes side by side, or blur, make a line this wide
+    max_line_widths: float = 3.5
     #: whether the carpet may have two tones: in the sun, bleached by glare, and in the shade
     in_sun_and_shade: bool = False
     #: height rises and falls with the gait
     height_memory_s: float = 0.12
     #: a frame that confirms nothing may be blurred: it is examined again reduced by these factors, to this width at
     #: least
-    copy_factors: tuple[int, ...] = (1, 2, 3)
+    copy_factors: tuple[int, ...] = (2, 3)
     min_copy_px: int = 200
-    #: standard deviation of the position, by the frame alone, from which the frame is examined again where walls or
-    #: boards bound the field: their feet in such copies lie beside the lines; and the ratio that the second must reach
-    open_m: float = 0.1
-    less_open: float = 0.7
     #: least time between searches by the bank that found nothing: frames closer together show the same
     search_again_s: float = 0.1
     #: a camera located within this time is probably near its prior: odometry with an error of a tenth is off by 20 cm
@@ -135,24 +112,22 @@ class EdgeSettings:
 
     def reductions(self, width_px: int) -> list[int]:
         """Return the factors by which a frame of this width is reduced where it is examined again."""
-        return [k for k in self.copy_factors if k == 1 or width_px >= k * self.min_copy_px]
+        return [k for k in self.copy_factors if width_px >= k * self.min_copy_px]
 
     def for_unconfirmed_frames(self) -> EdgeSettings:
-        """Return the settings for a frame in which no pose was confirmed: it may be blurred, or its lines wider."""
-        return replace(self, max_line_widths=self.max_unconfirmed_line_widths, ample_samples=math.inf)
+        """Return the settings for a frame in which no pose was confirmed: all its samples count."""
+        return replace(self, ample_samples=math.inf)
 
     def for_width(self, width_px: int, line_width_m: float) -> FollowSettings:
         """Return the numbers for a picture of this width."""
         scale = width_px / DESIGN_WIDTH_PX
         grown = max(1.0, 1.0 + 0.33 * (scale - 1.0) / (640 / 208 - 1.0))
-        spacing = self.spacing_px + (self.wide_spacing_px - self.spacing_px) * (scale - 1.0) / (640 / 208 - 1.0)
+        spacing_px = max(self.spacing_px * scale, 2.5)
         return FollowSettings(
-            spacing_px=max(spacing, 2.5),
-            coarse_spacing_px=self.coarser * max(spacing, 2.5),
+            spacing_px=spacing_px,
+            coarse_spacing_px=self.coarser * spacing_px,
             ample_samples=self.ample_samples,
             reach_sigmas=self.reach_sigmas,
-            extra_px=self.extra_px,
-            max_reach_px=self.max_reach_px * max(1.0, 0.65 * scale),
             min_ratio=self.min_ratio,
             sigma_px=self.sigma_px,
             shared_px=self.shared_px,
@@ -160,8 +135,6 @@ class EdgeSettings:
             sharp_gates=self.sharp_gates,
             sharp_steps=self.sharp_steps,
             gate_px=self.gate_px,
-            prior_ratio=self.prior_ratio,
-            max_failed_ratio=self.max_failed_ratio,
             again_px=self.again_px,
             line_width_m=line_width_m,
             point_stride=max(4, round(self.point_stride_px * scale)),
@@ -181,6 +154,5 @@ class EdgeSettings:
             coarse_gates_px=np.array([6.0, 4.0]) * grown,
             fine_gates_px=np.array([4.0, 3.0, 2.5]) * grown,
             max_line_widths=self.max_line_widths,
-            view_sigmas=self.view_sigmas,
             bent_ratio=self.bent_ratio,
         )
