@@ -58,6 +58,7 @@ class SearchSettings:
     glare: float = 235.0  #: samples brighter than this, of paint half washed white, are dropped
     #: score from which the search ends: edges of clutter agree with a goal in half of their places at most
     clear_score: float = 0.8
+    min_score: float = 0.3  #: candidates below are dropped: weighing each takes time
     #: evidence, nats, of edges of a silhouette that all lie at their places to a fraction of a pixel, in addition to
     #: that of their presence
     exact_nats: float = 100.0
@@ -157,9 +158,10 @@ class GoalSearch:
     def _judged(self, picture: GoalPicture, fits: list[GoalFit], proposal: Proposal) -> list[Candidate]:
         judged = []
         for found in fits:
-            is_clear = found.score > self.settings.clear_score and self.is_possible(found.unknowns)
-            one = Candidate(found, proposal.sides, proposal.model, proposal.appearance, 0.0, is_clear)
-            judged.append(replace(one, nats=self.nats(picture, one, found.unknowns)))
+            if found.score > self.settings.min_score:
+                is_clear = found.score > self.settings.clear_score and self.is_possible(found.unknowns)
+                one = Candidate(found, proposal.sides, proposal.model, proposal.appearance, 0.0, is_clear)
+                judged.append(replace(one, nats=self.nats(picture, one, found.unknowns)))
         return judged
 
     def is_possible(self, unknowns: FloatArray) -> bool:
