@@ -16,8 +16,9 @@ DESIGN_WIDTH_PX = 208.0
 class EdgeSettings:
     """Settings of the follower. Lengths are pixels of a picture 208 wide, unless a line says otherwise."""
 
-    #: distance between samples: neighbours add little, and take time
-    spacing_px: float = 4.0
+    #: distance between samples in pictures 208 and 640 pixels wide: neighbours add little, and take time
+    spacing_px: float = 5.0
+    wide_spacing_px: float = 12.0
     #: samples of the fit: more do not average out the common error of an edge, but the noise of a blurred one
     ample_samples: float = 70.0
     #: samples by which the mode is chosen are this many times as far apart: their searches are longer
@@ -122,7 +123,8 @@ class EdgeSettings:
         """Return the numbers for a picture of this width."""
         scale = width_px / DESIGN_WIDTH_PX
         grown = max(1.0, 1.0 + 0.33 * (scale - 1.0) / (640 / 208 - 1.0))
-        spacing_px = max(self.spacing_px * scale, 2.5)
+        spacing = self.spacing_px + (self.wide_spacing_px - self.spacing_px) * (scale - 1.0) / (640 / 208 - 1.0)
+        spacing_px = max(spacing, 2.5)
         return FollowSettings(
             spacing_px=spacing_px,
             coarse_spacing_px=self.coarser * spacing_px,
