@@ -187,16 +187,8 @@ class OutlineEvidence:
         return self._is_shown, np.array(self.view.radius_px), self.unit_px, np.array(self.likelihoods.log_p)
 
     def weigh(self, fit: OutlineFit, outermost: Int64Array) -> OutlineTally:
-        """Weigh a fit, given each bearing's outermost floor sample (K,), -1 where none.
-
-        The two unknowns of a lean let wrong places explain more: each costs half the logarithm of the number of
-        independent bearings (Schwarz 1978).
-        """
-        tally = self.weigh_walls(fit.residual_px, fit.predicted_px, outermost)
-        if not fit.leans:
-            return tally
-        independent = max(int(tally.counts.sum()) / self.likelihoods.correlation, 1.0)
-        return tally._replace(log_odds=tally.log_odds - math.log(independent))
+        """Weigh a fit, given each bearing's outermost floor sample (K,), -1 where none."""
+        return self.weigh_walls(fit.residual_px, fit.predicted_px, outermost)
 
     def weigh_walls(self, residual_px: FloatArray, predicted_px: FloatArray, outermost: Int64Array) -> OutlineTally:
         """Weigh a pose by where it predicts the walls' feet, and how far from these the floor's edges are, (K,)."""

@@ -182,9 +182,7 @@ class OutlineFitter:
     ) -> OutlineAnswer:
         """Fit the outline from each proposal in turn, and judge the fits.
 
-        A prior comes first, then the outline's hull; where neither fit is sure, a search over the whole field. A moving
-        body may lean, which on a large field moves its pose by half a metre, or makes another place look likelier: each
-        place is fitted upright and leaning.
+        A prior comes first, then the outline's hull; where neither fit is sure, a search over the whole field.
 
         Parameters
         ----------
@@ -212,9 +210,8 @@ class OutlineFitter:
                 return self._too_little(radius_px)
             if self.fixes_pose(fit) and self._is_sure(fit, floor_column, line_odds):
                 return self._judge(fit, settings.max_std_m)
-            starts = (fit.pose, (start.x_m, start.y_m, start.theta_rad))
-            leaning = min((self.model.fit_leaning(one, radius_px) for one in starts), key=lambda one: one.cost)
-            if self._is_place(leaning) and self._is_sure(leaning, floor_column, line_odds):
+            leaning = self.model.fit_leaning((fit.pose, (start.x_m, start.y_m, start.theta_rad)), radius_px)
+            if leaning is not None and self._is_sure(leaning, floor_column, line_odds):
                 answer = self._judge_leaning(leaning, prior)
                 if answer.estimate:
                     return answer
@@ -223,19 +220,19 @@ class OutlineFitter:
             return self._too_little(radius_px)
         if self.fixes_pose(fit) and self._is_sure(fit, floor_column, line_odds):
             return self._judge(fit, settings.max_std_m)
-        upright = self.search.candidates(fit, radius_px)
-        leaning_too = [*upright, *(self.model.fit_leaning(one.pose, radius_px) for one in upright)]
-        places = [one for one in leaning_too if self._is_place(one)]
         max_std_m = settings.max_std_m if prior is None else settings.camera.max_leaning_std_m
-        found = self._choose(places, max_std_m, floor_column, line_odds)
+        fits = [one for one in self.search.candidates(fit, radius_px) if self._is_place(one)]
+        found = self._choose(fits, max_std_m, floor_column, line_odds)
         if isinstance(found, NotLocated):
             return OutlineAnswer(found, _nothing(radius_px))
-        if prior is not None and (found.leans or not self.fixes_pose(found)):
-            leaning = found if found.leans else self.model.fit_leaning(found.pose, radius_px)
-            return self._judge_leaning(leaning, prior)
-        if not found.leans:
-            found = self.model.fit(found.pose, radius_px, self.model.scales(()))[0]
-        return self._judge(found, settings.max_std_m)
+        if prior is None or self.fixes_pose(found):
+            return self._judge(self.model.fit(found.pose, radius_px, self.model.scales(()))[0], settings.max_std_m)
+        # the search assumes an upright body: a moving one may lean, which on a large field moves it by half a metre
+        leaning = self.model.fit_leaning((found.pose,), radius_px)
+        if leaning is None:
+            reason = "the floor's edge does not fix the pose of a body that may lean"
+            return OutlineAnswer(NotLocated(reason), _nothing(radius_px))
+        return self._judge_leaning(leaning, prior)
 
     def _is_place(self, fit: OutlineFit) -> bool:
         """Whether a fit is a place on the field, however uncertain."""
@@ -280,7 +277,7 @@ class OutlineFitter:
     def _judge_leaning(self, fit: OutlineFit, prior: PoseEstimate | Pose2) -> OutlineAnswer:
         """Answer by a body that may lean and its prior, whose covariance is a factor of the pose."""
         max_std_m = self.settings.camera.max_leaning_std_m
-        if isinstance(prior, Pose2) or not math.isfinite(fit.along_m):
+        if isinstance(prior, Pose2):
             return self._judge(fit, max_std_m)
         alone = _estimate(fit)
         both = fused(alone, dataclasses.replace(prior, candidates=(prior.pose,)))

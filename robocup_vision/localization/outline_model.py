@@ -6,6 +6,7 @@ A fit, and the search over the whole field, use it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -79,7 +80,6 @@ class OutlineFit(NamedTuple):
     #: (K,) float64: as `compare_outline` writes them
     residual_px: FloatArray
     predicted_px: FloatArray
-    leans: bool  #: whether the body's lean was fitted, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,24 +164,28 @@ class OutlineModel:
         fitted = Fitted(*fit_outline(start, radius_px, scales, rules, lines, covariance))
         # estimates take a read-only array without a copy
         covariance.setflags(write=False)
-        return _outline_fit(fitted, covariance, lines, leans=False), fitted.bearings
+        return _outline_fit(fitted, covariance, lines), fitted.bearings
 
-    def fit_leaning(self, start: Vector, radius_px: FloatArray) -> OutlineFit:
-        """Fit the pose of a body that may lean, from a start x, y, theta, to an outline (K,).
+    def fit_leaning(self, starts: Sequence[Vector], radius_px: FloatArray) -> OutlineFit | None:
+        """Return the best fit to an outline (K,) of a body that may lean, from some poses x, y, theta; None: none.
 
-        Its covariance is that of a body which may lean, whether or not the outline shows that it does; `along_m` is
-        infinite where the outline leaves a direction open.
+        Its covariance is that of a body which may lean, whether or not the outline shows that it does.
         """
-        lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
         scales = np.array(self.errors.leaning_scales) * self.unit_px
-        fitted = Fitted(*fit_leaning(start, radius_px, scales, self._rules, lines, covariance))
-        # where a direction is not observed at all, rounding decides its variance
-        if math.isfinite(fitted.along_m) and not np.all(np.linalg.eigvalsh(covariance) > 0):
-            fitted = fitted._replace(along_m=math.inf)
-        return _outline_fit(fitted, covariance, lines, leans=True)
+        best: OutlineFit | None = None
+        for start in starts:
+            lines, covariance = np.empty((2, len(radius_px))), np.empty((3, 3))
+            fitted = Fitted(*fit_leaning(start, radius_px, scales, self._rules, lines, covariance))
+            fit = _outline_fit(fitted, covariance, lines)
+            # where a direction is not observed at all, rounding decides its variance
+            if not (math.isfinite(fit.along_m) and np.all(np.linalg.eigvalsh(covariance) > 0)):
+                continue
+            if best is None or fit.cost < best.cost:
+                best = fit
+        return best
 
 
-def _outline_fit(fitted: Fitted, covariance: FloatArray, lines: FloatArray, *, leans: bool) -> OutlineFit:
+def _outline_fit(fitted: Fitted, covariance: FloatArray, lines: FloatArray) -> OutlineFit:
     residual, predicted = lines
     pose, _, cost, inlier_ratio, rms_px, along_m, sliding_m = fitted
-    return OutlineFit(pose, covariance, cost, inlier_ratio, rms_px, along_m, sliding_m, residual, predicted, leans)
+    return OutlineFit(pose, covariance, cost, inlier_ratio, rms_px, along_m, sliding_m, residual, predicted)

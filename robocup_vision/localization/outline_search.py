@@ -40,15 +40,13 @@ class OutlineSearch:
     settings: OutlineSearchSettings
 
     def candidates(self, fit: OutlineFit, radius_px: FloatArray) -> list[OutlineFit]:
-        """Return the distinct fits of an outline (K,), over the whole field and from another fit along its walls."""
+        """Return the fits of an outline (K,) from another fit, over the whole field and by sliding along its walls."""
         found = np.empty((self.settings.refined, 3))
         count = wall_search.search_outline(fit.pose, radius_px, self._rules, found)
         model, scales = self.model, self.model.scales(self.settings.fine_scales)
         starts = [fit.pose, *((x, y, theta) for x, y, theta in found[:count].tolist())]
         # with the camera's errors free, wrong places explain more
-        fits = [model.fit(start, radius_px, scales, trusts_file=True)[0] for start in starts]
-        fits.sort(key=lambda fit: fit.cost)
-        return [fits[n] for n in self.settings.apart.first(np.array([fit.pose for fit in fits]), len(fits))]
+        return [model.fit(start, radius_px, scales, trusts_file=True)[0] for start in starts]
 
     def may_be_one(self, fit: OutlineFit, other: OutlineFit) -> bool:
         """Whether another fit may be of a fit's place, or of its half turn, by the other's covariance."""
