@@ -11,7 +11,7 @@ from robocup_vision.kernels.algebra.cholesky import factor
 from robocup_vision.kernels.model_edges.bands import LineLook, line_points
 from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
 from robocup_vision.kernels.model_edges.posterior import covariance_with_prior, gained_nats, pose_alone, position_std
-from robocup_vision.kernels.model_edges.refine import moved, propose, refine
+from robocup_vision.kernels.model_edges.refine import looked_for, moved, propose, refine
 from robocup_vision.kernels.model_edges.tables import (
     FOUND,
     UNKNOWNS,
@@ -237,7 +237,7 @@ def _assess(
     far = 0.0
     for j in range(UNKNOWNS):
         far += z[j] * z[j]
-    figures[0], figures[1], figures[2], figures[3] = count, _looked_for(buffers, count), seen, missing
+    figures[0], figures[1], figures[2], figures[3] = count, looked_for(buffers, count), seen, missing
     figures[4] = upright
     figures[5], figures[6], figures[7], figures[8], figures[9] = inliers, rms, far, number, right
     figures[10] = hidden
@@ -254,16 +254,6 @@ def _assess(
     clear = missing <= settings.clear_missing * seen and number - right <= 1.0 + settings.clear_unexplained * number
     clear = clear and rms <= settings.clear_rms_px
     return clear, score
-
-
-@compiled(fastmath=True, error_model="numpy")
-def _looked_for(buffers: Buffers, count: int) -> int:
-    """Count the samples that could be looked for."""
-    looked = 0
-    for n in range(count):
-        if buffers.found.candidates[n] >= 0:
-            looked += 1
-    return looked
 
 
 @compiled(fastmath=True, error_model="numpy")

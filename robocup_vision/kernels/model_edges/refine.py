@@ -34,6 +34,16 @@ def moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
             p[i] += prior.root[i, j] * z[j]
 
 
+@compiled(fastmath=True, error_model="numpy")
+def looked_for(buffers: Buffers, count: int) -> int:
+    """Count the samples that could be looked for."""
+    looked = 0
+    for n in range(count):
+        if buffers.found.candidates[n] >= 0:
+            looked += 1
+    return looked
+
+
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def propose(
     image: UInt8Array,
@@ -73,10 +83,7 @@ def propose(
     origin, gates = np.zeros(UNKNOWNS), Gates(settings.coarse_gates_px, 0)
     for k in range(kept):
         robust_fit(buffers, count, settings, gates, origin, modes[k])
-    looked = 0
-    for n in range(count):
-        looked += buffers.found.candidates[n] >= 0
-    return looked, kept
+    return looked_for(buffers, count), kept
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
