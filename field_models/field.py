@@ -211,7 +211,7 @@ class Field:
         """Whether walls or boards end the floor, so that its outline determines the pose."""
         return self.boundary != "carpet"
 
-    @cached_property
+    @property
     def painted_lines(self) -> FloatArray:
         """(N, 4) float64: `lines`, and the strokes of crosses between the middles of their ends."""
         rows = []
@@ -222,7 +222,7 @@ class Field:
                 rows.append([mark.x_m, mark.y_m - half, mark.x_m, mark.y_m + half])
         return _frozen([*self.lines.tolist(), *rows], 4)
 
-    @cached_property
+    @property
     def painted_arcs(self) -> FloatArray:
         """(M, 5) float64: `arcs`, and dots as circles one in another, each as wide as a line."""
         rows = []

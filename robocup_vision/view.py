@@ -135,7 +135,7 @@ class View:
         """The likeliest ball, robot frame; None: none is seen."""
         return self.balls[0] if self.balls else None
 
-    @cached_property
+    @property
     def camera_pose(self) -> PoseEstimate | NotLocated:
         """The camera on the field: its foot on the floor, and the heading of its optical axis."""
         if isinstance(self.pose, NotLocated):
@@ -184,14 +184,14 @@ class View:
         vars(other).pop("obstacles", None)
         return other
 
-    @cached_property
+    @property
     def boundary_px(self) -> FloatArray:
         """(K, 2) float64: the floor's edge at each bearing, pixels; NaN rows where none."""
         if self.polar is None:
             return read_only(np.empty((0, 2)))
         return read_only(self.polar.to_pixel(self.polar.bearing_rad, self.boundary_radius_px))
 
-    @cached_property
+    @property
     def line_points_px(self) -> FloatArray:
         """(N, 2) float64: polar samples on painted lines, pixels."""
         if self.polar is None:

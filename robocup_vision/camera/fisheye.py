@@ -81,7 +81,7 @@ class FisheyeCamera(PinholeCamera):
         """See `PinholeCamera.tangential`: none."""
         return 0.0, 0.0
 
-    @cached_property
+    @property
     def coefficients(self) -> tuple[float, ...]:
         """k1 to k4 of the radius as an odd polynomial of the angle; all 0 for the other projections."""
         return self.distortion or (0.0,) * 4
@@ -105,7 +105,7 @@ class FisheyeCamera(PinholeCamera):
             raise ArgumentError(f"distortion {self.distortion!r} makes the radius fall from the axis on")
         return angle[:end], radius[:end]
 
-    @cached_property
+    @property
     def widest_rad(self) -> float:
         """The greatest angle off the axis that the lens shows."""
         angle, radius = self._table

@@ -63,7 +63,7 @@ class OmniCamera:
             raise ArgumentError("viewpoint_height_m is needed when the camera is tilted")
         require_bounds({name: getattr(self, name) for name in BOUNDED_KEYS})
 
-    @cached_property
+    @property
     def height_m(self) -> float | None:
         """Height of the effective viewpoint over the floor, metres; None if it is unknown."""
         if self.viewpoint_height_m is not None:
@@ -75,7 +75,7 @@ class OmniCamera:
         """The mirror axis' foot on the floor, robot frame; its heading is the robot's."""
         return Pose2(*self.offset_m, 0.0)
 
-    @cached_property
+    @property
     def _height_or_one(self) -> float:
         # a level camera maps pixels to the floor without its height: it cancels, so any will do
         return self.height_m if self.height_m is not None else 1.0

@@ -229,8 +229,7 @@ class PinholeCamera:
         other = object.__new__(type(self))
         vars(other).update(vars(self))
         vars(other).update(values)
-        for name in ("camera_to_robot", "viewpoint_m"):
-            vars(other).pop(name, None)
+        vars(other).pop("camera_to_robot", None)
         return other
 
     def as_fitted(
@@ -239,7 +238,6 @@ class PinholeCamera:
         """Return this camera as a frame shows it to be held and focused, all lengths positive; an unknown pan is 0."""
         other = self.with_orientation(self.pan_rad or 0.0, tilt_rad, roll_rad)
         vars(other).update(focal_px=focal_px, height_m=height_m)
-        vars(other).pop("viewpoint_m", None)
         return other
 
     def sway_std_rad(self, usual_rad: float) -> tuple[float, float]:
@@ -267,7 +265,7 @@ class PinholeCamera:
             raise ArgumentError("the camera's tilt_rad is unknown, so its pixels have no place on the robot's floor")
         return read_only(camera_rotation(self.pan_rad or 0.0, self.tilt_rad, self.roll_rad or 0.0))
 
-    @cached_property
+    @property
     def viewpoint_m(self) -> FloatArray:
         """(3,) float64: centre of projection in the robot frame, metres."""
         return read_only([*self.offset_m, self.height_m])
@@ -346,7 +344,7 @@ class PinholeCamera:
         points = np.asarray(points_m, dtype=np.float64)
         return self.point_to_pixel(np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1))
 
-    @cached_property
+    @property
     def coefficients(self) -> tuple[float, ...]:
         """All eight coefficients of `distortion`."""
         return (*self.distortion, *(0.0,) * (8 - len(self.distortion)))

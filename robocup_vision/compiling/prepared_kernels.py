@@ -92,7 +92,6 @@ def quick_compiling() -> Iterator[None]:
         gc.set_threshold(*thresholds)
 
 
-@cache
 def groups(package: str = "robocup_vision") -> dict[str, list[Entry]]:
     """Return for each kind of object of a package the loops that its calls reach; nothing where it lists none."""
     listed = files(package) / "kernels" / "signatures.json"

@@ -129,7 +129,7 @@ class LandmarkMap:
         nearest = int(np.argmin(np.hypot(apart[:, 0], apart[:, 1]) + np.abs(turn)))
         return np.asarray(self.trajectory_cov[nearest])
 
-    @cached_property
+    @property
     def success(self) -> FloatArray:
         """(L,) float64: smoothed rate of detection where it was expected, (m + 0.5) / (m + l + 2).
 

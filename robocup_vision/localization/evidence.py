@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
@@ -140,12 +139,6 @@ def _likelihoods(where: Path, name: str, cue: _Cue, states: tuple[str, ...]) -> 
     return Likelihoods.of(np.array(cue.right), np.array(cue.wrong), cue.correlation)
 
 
-@lru_cache(maxsize=1)
-def default_evidence() -> PoseEvidence:
-    """Return the probabilities that come with the package, read once."""
-    return load_evidence()
-
-
 class OutlineTally(NamedTuple):
     """Evidence of an outline on a pose."""
 
@@ -168,23 +161,22 @@ def odds_text(log_odds: float) -> str:
     return f"{ratio}:1" if log_odds > 0.0 else f"1:{ratio}"
 
 
-@dataclass(frozen=True, eq=False)
 class OutlineEvidence:
-    """Counts the states of an outline's bearings by a pose, and weighs them."""
+    """Counts the states of an outline's bearings by a pose, and weighs them.
 
-    view: PolarView
-    unit_px: float  #: a pixel of the paper's image, see `OutlineModel`
-    likelihoods: Likelihoods  #: of `OUTLINE_STATES`
+    Parameters
+    ----------
+    unit_px : float
+        A pixel of the paper's image, see `OutlineModel`.
+    likelihoods : Likelihoods
+        Of `OUTLINE_STATES`.
+    """
 
-    @cached_property
-    def _is_shown(self) -> UInt8Array:
-        """(K,) uint8: 1 where at least half of the samples lie inside the frame and outside the mask."""
-        return np.ascontiguousarray(self.view.valid.mean(axis=1) >= 0.5).astype(np.uint8)
-
-    @cached_property
-    def _arrays(self) -> tuple[UInt8Array, FloatArray, float, FloatArray]:
+    def __init__(self, view: PolarView, unit_px: float, likelihoods: Likelihoods) -> None:
+        # a bearing is shown where at least half of its samples lie inside the frame and outside the mask
+        is_shown = (view.valid.mean(axis=1) >= 0.5).astype(np.uint8)
         # copies: a read-only array would be compiled for once more
-        return self._is_shown, np.array(self.view.radius_px), self.unit_px, np.array(self.likelihoods.log_p)
+        self._arrays = is_shown, np.array(view.radius_px), unit_px, np.array(likelihoods.log_p)
 
     def weigh(self, fit: OutlineFit, outermost: Int64Array) -> OutlineTally:
         """Weigh a fit, given each bearing's outermost floor sample (K,), -1 where none."""

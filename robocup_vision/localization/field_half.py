@@ -6,14 +6,12 @@ Where the goals look as with red and blue swapped, nothing is decided: the half 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from field_models.field import Field
-from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
@@ -65,43 +63,37 @@ class GoalSideSettings:
     channels: SwappedChannelsSettings = SwappedChannelsSettings()  #: when the goals show that red and blue are swapped
 
 
-@dataclass(frozen=True, eq=False)
 class GoalSide:
-    """Reads the colours at the goals' places, and takes the half in which the goals have their own colours."""
+    """Reads the colours at the goals' places, and takes the half in which the goals have their own colours.
 
-    field: Field  #: has the places and colours of the goals
-    camera: OmniCamera  #: its height must be known, since goals are upright
-    mask: npt.NDArray[np.uint8] | None = None  #: (H, W) uint8: non-zero pixels are not used
-    settings: GoalSideSettings = GoalSideSettings()
+    Parameters
+    ----------
+    field : Field
+        Has the places and colours of the goals.
+    camera : OmniCamera
+        Its height must be known, since goals are upright.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are not used.
+    """
 
-    @cached_property
-    def is_able(self) -> bool:
-        """Whether the field has panels of different colours and the camera a height."""
-        panelled = [goal for goal in self.field.goals if goal.kind != "posts"]
-        return len({goal.color for goal in panelled}) == 2 and self.camera.height_m is not None
-
-    @cached_property
-    def _points(self) -> tuple[FloatArray, FloatArray]:
-        return goal_points(self.field)
-
-    @cached_property
-    def _radius_of_q(self) -> tuple[float, FloatArray]:
-        inner = self.camera.usable_radius_px[0]
-        q = np.linspace(0.0, float(self.camera.floor_range.inverse_range_per_m(inner)), self.settings.table_size)
-        # zero lies inside the usable radius, so points beyond a curve's end are not used
-        return float(q[1]), np.nan_to_num(self.camera.floor_range.radius_px(q))
-
-    @cached_property
-    def _hidden(self) -> npt.NDArray[np.uint8]:
-        if self.mask is None:
-            return np.empty((0, 0), dtype=np.uint8)
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera,
+        mask: npt.NDArray[np.uint8] | None = None,
+        settings: GoalSideSettings = GoalSideSettings(),
+    ) -> None:
+        self.camera, self.mask, self.settings = camera, mask, settings
+        panelled = {goal.color for goal in field.goals if goal.kind != "posts"}
+        #: whether the field has panels of different colours and the camera a height
+        self.is_able = len(panelled) == 2 and camera.height_m is not None
+        self._points = goal_points(field)
+        hidden = np.empty((0, 0)) if mask is None else cv2.dilate(mask, np.ones((3, 3), np.uint8))
         # a vote is a mean over 3 x 3 pixels
-        return np.asarray(cv2.dilate(self.mask, np.ones((3, 3), np.uint8)), dtype=np.uint8)
-
-    @cached_property
-    def _projection(self) -> MirrorProjection:
-        camera = self.camera
-        return plain(
+        self._hidden = np.asarray(hidden, dtype=np.uint8)
+        inner = camera.usable_radius_px[0]
+        q = np.linspace(0.0, float(camera.floor_range.inverse_range_per_m(inner)), settings.table_size)
+        self._projection = plain(
             MirrorProjection(
                 np.array(camera.viewpoint_m),
                 np.ascontiguousarray(camera.camera_to_robot.T),
@@ -109,7 +101,9 @@ class GoalSide:
                 camera.heading_rad,
                 camera.mirrored,
                 camera.usable_radius_px,
-                *self._radius_of_q,
+                float(q[1]),
+                # zero lies inside the usable radius, so points beyond a curve's end are not used
+                np.nan_to_num(camera.floor_range.radius_px(q)),
             )
         )
 

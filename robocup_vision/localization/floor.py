@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +26,7 @@ from robocup_vision.localization.evidence import (
     OutlineEvidence,
     OutlineTally,
     PoseEvidence,
-    default_evidence,
+    load_evidence,
     no_lines,
     odds_text,
 )
@@ -79,9 +78,17 @@ class OutlineAnswer(NamedTuple):
     measurement: PoseEstimate | None = None
 
 
-@dataclass(frozen=True, eq=False)
 class OutlineFitter:
     """Fits a measured floor outline to a field's walls.
+
+    Parameters
+    ----------
+    field : Field
+        Its floor must be bounded by walls or boards.
+    view : PolarView
+        Defines the bearings of the outline.
+    evidence : PoseEvidence, optional
+        Decides whether a pose is accepted; default: as it comes with the package.
 
     Raises
     ------
@@ -89,37 +96,21 @@ class OutlineFitter:
         If nothing bounds the field's floor.
     """
 
-    field: Field  #: its floor must be bounded by walls or boards
-    camera: OmniCamera
-    view: PolarView  #: defines the bearings of the outline
-    settings: OutlineSettings = OutlineSettings()
-    #: decides whether a pose is accepted; default: as it comes with the package
-    evidence: PoseEvidence = dataclasses.field(default_factory=default_evidence)
-
-    def __post_init__(self) -> None:
-        require_bounded(self.field)
-
-    @cached_property
-    def model(self) -> OutlineModel:
-        """The model of outlines."""
-        return OutlineModel(self.field, self.camera, self.view, self.settings.noise, self.settings.camera)
-
-    @cached_property
-    def search(self) -> OutlineSearch:
-        """The search over the whole field."""
-        return OutlineSearch(self.model, self.settings.search)
-
-    @cached_property
-    def _outline_evidence(self) -> OutlineEvidence:
-        return OutlineEvidence(self.view, self.model.unit_px, self.evidence.outline)
-
-    @cached_property
-    def _scales(self) -> FloatArray:
-        return self.model.scales(self.settings.scales)
-
-    @cached_property
-    def _prior_scales(self) -> FloatArray:
-        return self.model.scales(self.settings.prior_scales)
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera,
+        view: PolarView,
+        settings: OutlineSettings = OutlineSettings(),
+        evidence: PoseEvidence | None = None,
+    ) -> None:
+        require_bounded(field)
+        self.field, self.camera, self.view, self.settings = field, camera, view, settings
+        self.evidence = load_evidence() if evidence is None else evidence
+        self.model = OutlineModel(field, camera, view, settings.noise, settings.camera)
+        self.search = OutlineSearch(self.model, settings.search)
+        self._outline_evidence = OutlineEvidence(view, self.model.unit_px, self.evidence.outline)
+        self._scales, self._prior_scales = (self.model.scales(one) for one in (settings.scales, settings.prior_scales))
 
     def first_guess(self, radius_px: FloatArray) -> Pose2 | None:
         """Pose from the outline's convex hull, taken in the image, by its centroid and principal axis (paper, step 5).

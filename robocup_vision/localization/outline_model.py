@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -82,75 +81,72 @@ class OutlineFit(NamedTuple):
     predicted_px: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
 class OutlineModel:
-    """Walls, camera and bearings of an outline, as the compiled loops take them."""
+    """Walls, camera and bearings of an outline, as the compiled loops take them.
 
-    field: Field  #: its floor is bounded by walls or boards
-    camera: OmniCamera
-    view: PolarView  #: defines the bearings
-    noise: OutlineNoise = OutlineNoise()
-    errors: OutlineCameraSettings = OutlineCameraSettings()  #: of the camera file, and the body's lean
+    Parameters
+    ----------
+    field : Field
+        Its floor is bounded by walls or boards.
+    view : PolarView
+        Defines the bearings.
+    errors : OutlineCameraSettings
+        Of the camera file, and the body's lean.
+    """
 
-    @cached_property
-    def unit_px(self) -> float:
-        """A pixel of the paper's image."""
-        return paper_pixel_px(self.camera)
-
-    @cached_property
-    def scene(self) -> kernels.WallScene:
-        """The walls as the camera sees them."""
-        x, y, height = self.camera.viewpoint_m
-        to_camera = np.ascontiguousarray(self.camera.camera_to_robot.T)
-        walls = np.ascontiguousarray(self.field.walls)
-        cos, sin = np.cos(self.view.bearing_rad), np.sin(self.view.bearing_rad)
-        return kernels.WallScene(walls, float(x), float(y), float(height), to_camera, cos, sin)
-
-    @cached_property
-    def radius_of_q(self) -> tuple[float, FloatArray]:
-        """Step of the inverse range, and image radius (Q,) tabulated over it."""
-        inner, outer = self.camera.usable_radius_px
-        top = float(self.camera.floor_range.inverse_range_per_m(inner))
-        q = np.linspace(0.0, top, 1024)
-        radius = self.camera.floor_range.radius_px(q)
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera,
+        view: PolarView,
+        noise: OutlineNoise = OutlineNoise(),
+        errors: OutlineCameraSettings = OutlineCameraSettings(),
+    ) -> None:
+        self.field, self.view, self.noise, self.errors = field, view, noise, errors
+        self.unit_px = paper_pixel_px(camera)  #: a pixel of the paper's image
+        x, y, height = camera.viewpoint_m.tolist()
+        #: the walls as the camera sees them
+        self.scene = kernels.WallScene(
+            np.ascontiguousarray(field.walls),
+            x,
+            y,
+            height,
+            np.ascontiguousarray(camera.camera_to_robot.T),
+            np.cos(view.bearing_rad),
+            np.sin(view.bearing_rad),
+        )
+        curve, (inner, outer) = camera.floor_range, camera.usable_radius_px
+        q = np.linspace(0.0, float(curve.inverse_range_per_m(inner)), 1024)
+        radius = curve.radius_px(q)
         # a table does not reach the horizon: beyond its last range nothing is seen
-        return float(q[1]), np.where(np.isfinite(radius), radius, outer)
-
-    @cached_property
-    def q_of_radius(self) -> tuple[float, float, FloatArray]:
-        """Least image radius, its step, and inverse range (R,) tabulated over it."""
-        inner, outer = self.camera.usable_radius_px
+        #: step of the inverse range, and image radius (Q,) tabulated over it
+        self.radius_of_q = float(q[1]), np.where(np.isfinite(radius), radius, outer)
         radius = np.linspace(inner, outer, 512)
-        q = self.camera.floor_range.inverse_range_per_m(radius)
         # nothing on the field is farther away than its own length
-        nearest = 1.2 * float(np.ptp(self.field.floor_polygon, axis=0).max())
-        return inner, float(radius[1] - radius[0]), np.maximum(np.nan_to_num(q), 1.0 / nearest)
+        farthest_m = 1.2 * float(np.ptp(field.floor_polygon, axis=0).max())
+        q = np.maximum(np.nan_to_num(curve.inverse_range_per_m(radius)), 1.0 / farthest_m)
+        #: least image radius, its step, and inverse range (R,) tabulated over it
+        self.q_of_radius = inner, float(radius[1] - radius[0]), q
+        rules = FitRules(
+            self.scene,
+            *self.radius_of_q,
+            self.unit_px,
+            noise.inlier * self.unit_px,
+            noise.few_groups,
+            noise.systematic_px2,
+            CameraErrors(
+                noise.edge_px,
+                errors.center_std_units * self.unit_px,
+                # without a viewpoint's height a tilt cannot be observed
+                errors.turn_std_rad if camera.height_m is not None else KNOWN,
+            ),
+            errors.min_gain,
+        )
+        self._rules, self._trusting_rules = plain(rules), plain(rules._replace(min_gain=math.inf))
 
     def scales(self, units: tuple[float, ...]) -> FloatArray:
         """Return widths of the weights, pixels, down to the edges' own accuracy."""
         return np.array([*(unit * self.unit_px for unit in units), self.noise.last_scale_px])
-
-    @cached_property
-    def _trusting_rules(self) -> FitRules:
-        return plain(FitRules(*self._rules)._replace(min_gain=math.inf))
-
-    @cached_property
-    def _rules(self) -> FitRules:
-        noise, errors = self.noise, self.errors
-        # without a viewpoint's height a tilt cannot be observed
-        turn_std_rad = errors.turn_std_rad if self.camera.height_m is not None else KNOWN
-        return plain(
-            FitRules(
-                self.scene,
-                *self.radius_of_q,
-                self.unit_px,
-                noise.inlier * self.unit_px,
-                noise.few_groups,
-                noise.systematic_px2,
-                CameraErrors(noise.edge_px, errors.center_std_units * self.unit_px, turn_std_rad),
-                errors.min_gain,
-            )
-        )
 
     def fit(
         self, start: Vector, radius_px: FloatArray, scales: FloatArray, *, trusts_file: bool = False

@@ -80,20 +80,20 @@ class OutlineSearch:
         """Pixels of one level of the bank's outlines."""
         return self.settings.bank_width * self.model.unit_px / int(wall_search.MAX_DIFFERENCE)
 
-    @cached_property
+    @property
     def _ways(self) -> tuple[FloatArray, FloatArray]:
         """Places along, and across the field."""
         floor = self.model.field.floor_polygon
         low, high = floor.min(axis=0), floor.max(axis=0)
         return np.linspace(low[0], high[0], 15)[1:-1], np.linspace(low[1], high[1], 9)[1:-1]
 
-    @cached_property
+    @property
     def _bank_rows(self) -> Int64Array:
         """(B,) int64: which of the outline's bearings are nearest to those of the bank."""
         count, rows = self.settings.bank_bearings, len(self.model.view.bearing_rad)
         return np.asarray(np.rint(np.arange(count) * (rows / count)).astype(np.int64) % rows)
 
-    @cached_property
+    @property
     def _bank(self) -> tuple[FloatArray, Int16Array]:
         """Places (P, 2) over half the field, and the outlines (P, 2 B) to be seen there, in levels."""
         model = self.model

@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -141,14 +140,9 @@ def write_sensors(path: str | Path, sensors: Mapping[str, SensorModel], source: 
         Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-@lru_cache(maxsize=1)
-def _default() -> tuple[tuple[str, SensorModel], ...]:
-    return tuple(load_sensors(DEFAULT_FILE).items())
-
-
 def default_sensors() -> dict[str, SensorModel]:
     """Return the models that come with the project: ``floor``, a mirror camera's floor colour, and ``range``."""
-    return dict(_default())
+    return load_sensors(DEFAULT_FILE)
 
 
 class SensorTally:

@@ -54,7 +54,6 @@ def typestore() -> Any:
     return store
 
 
-@lru_cache(maxsize=1)
 def added_types() -> Mapping[str, tuple[str, tuple[str, ...]]]:
     """Return the types beside ROS 2's own: type hash and fields by name."""
     types: dict[str, tuple[str, list[str]]] = {}

@@ -71,30 +71,27 @@ class Colors:
     goal_negative_x: PaintColor
 
     @cached_property
-    def goal_hues(self) -> FloatArray:
-        """(3,) float64: (B - R) / (B + G + R) of the goal at +x, the goal at -x, and white."""
-        paints = (self.goal_positive_x, self.goal_negative_x, self.line)
-        return read_only([(p.blue_ratio - p.red_ratio) / (p.blue_ratio + 1.0 + p.red_ratio) for p in paints])
-
-    @cached_property
-    def goal_hue_difference(self) -> float:
-        """By how much the goals' hues differ."""
-        return abs(float(self.goal_hues[0] - self.goal_hues[1]))
-
-    @cached_property
-    def goal_log_ratios(self) -> FloatArray:
-        """(5, 2) float64: log R/G and B/G of the goals at +x, -x, of both with red and blue swapped, and of white."""
-        white = np.log([self.line.red_ratio, self.line.blue_ratio])
-        goals = np.log([[p.red_ratio, p.blue_ratio] for p in (self.goal_positive_x, self.goal_negative_x)])
-        # light falls on the paint as it is: only what the paint adds to white is swapped
-        return read_only([*goals, *(white + (goals - white)[:, ::-1]), white])
-
-    @cached_property
     def goal_palette(self) -> GoalPalette:
         """Hues and ratios, plain, as the vote on the goals takes them."""
-        return plain(GoalPalette(self.goal_hues, self.goal_log_ratios))
+        paints = (self.goal_positive_x, self.goal_negative_x, self.line)
+        hues = [(p.blue_ratio - p.red_ratio) / (p.blue_ratio + 1.0 + p.red_ratio) for p in paints]
+        *goals, white = np.log([[p.red_ratio, p.blue_ratio] for p in paints])
+        # light falls on the paint as it is: only what the paint adds to white is swapped
+        swapped = [white + (goal - white)[::-1] for goal in goals]
+        return plain(GoalPalette(read_only(hues), read_only([*goals, *swapped, white])))
 
-    @cached_property
+    @property
+    def goal_hue_difference(self) -> float:
+        """By how much the goals' hues differ."""
+        own, other, _ = self.goal_palette[0].tolist()
+        return abs(float(own - other))
+
+    @property
+    def goal_log_ratios(self) -> FloatArray:
+        """(5, 2) float64: log R/G and B/G of the goals at +x, -x, of both with red and blue swapped, and of white."""
+        return self.goal_palette[1]
+
+    @property
     def white_cast(self) -> float:
         """How far white is from neutral: the larger of the logarithms of R/G and B/G, without sign."""
         return max(abs(math.log(self.line.red_ratio)), abs(math.log(self.line.blue_ratio)))

@@ -14,7 +14,6 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -158,7 +157,7 @@ class Points:
         """Return the points where this mask is true."""
         return Points(self.pixels[chosen], self.frame[chosen], self.is_line[chosen], self.weight[chosen])
 
-    @cached_property
+    @property
     def frames(self) -> int:
         """Number of frames."""
         return int(self.frame[-1]) + 1 if len(self.frame) else 0

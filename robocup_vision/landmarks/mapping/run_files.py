@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -45,12 +44,12 @@ class TrinocularRig:
         if not self.right.known_orientation:
             raise ArgumentError("the rig's camera needs a known tilt_rad")
 
-    @cached_property
+    @property
     def left(self) -> PinholeCamera:
         """The left camera."""
         return self._moved(np.array([0.0, self.baseline_m, 0.0]))
 
-    @cached_property
+    @property
     def top(self) -> PinholeCamera:
         """The upper camera."""
         return self._moved(np.array([0.0, 0.0, self.baseline_m]))

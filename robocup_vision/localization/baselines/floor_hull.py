@@ -89,10 +89,6 @@ class HullFitter:
         return walls, is_side
 
     @cached_property
-    def _unit_px(self) -> float:
-        return paper_pixel_px(self.camera)
-
-    @cached_property
     def _view(self) -> tuple[UInt8Array, UInt8Array]:
         """Pixels (H, W) where floor may be found, and those of them well inside that region: 1, else 0."""
         width, height = self.camera.size_px
@@ -114,7 +110,7 @@ class HullFitter:
     def floor_mask(self, frame: UInt8Array, colors: ColorTable) -> UInt8Array:
         """Step 1: floor (H, W) uint8, 1 or 0, of a frame (H, W, 3), freed of specks, joined across painted lines."""
         usable = self._view[0]
-        disc = _disc(round(self._unit_px))
+        disc = _disc(round(paper_pixel_px(self.camera)))
         floor = (colors.floor_llr[colors.pack(frame)] > 0).astype(np.uint8) & usable
         for operation in (cv2.MORPH_CLOSE, cv2.MORPH_OPEN):
             floor = np.asarray(cv2.morphologyEx(floor, operation, disc), dtype=np.uint8)
@@ -185,7 +181,7 @@ class HullFitter:
 
     def _judge(self, fit: _Fit) -> PoseEstimate | NotLocated:
         pose = fit.pose
-        is_inlier = np.abs(fit.residual_px) < self.settings.inlier * self._unit_px
+        is_inlier = np.abs(fit.residual_px) < self.settings.inlier * paper_pixel_px(self.camera)
         ratio = float(np.mean(is_inlier))
         if ratio < self.settings.min_inlier_ratio:
             return NotLocated(f"only {ratio:.0%} of the floor's hull agrees with the field's walls")

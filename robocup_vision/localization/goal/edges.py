@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -86,7 +85,6 @@ class EdgeSamples:
         )
 
 
-@lru_cache(maxsize=16)
 def goal_scene(shape: GoalShape, view: IdealView) -> GoalScene:
     """Goal and camera as the kernels take them."""
     return GoalScene(

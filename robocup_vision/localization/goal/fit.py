@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -142,7 +141,7 @@ class GoalFit:
     edge_ratio: FloatArray  #: (6,) float64: inliers among the expected samples of each silhouette edge
     settings: GoalFitSettings
 
-    @cached_property
+    @property
     def score(self) -> float:
         """How well the goal agrees with the fit, 0 to 1, at an absolute scale.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -271,7 +270,6 @@ def misfit(model: GoalModel, of_goal: FitSamples, residual_px: FloatArray, p: Fl
     return float(squares.sum() + (((p - model.prior) * model.tightness) ** 2).sum())
 
 
-@lru_cache(maxsize=4)
 def along_lines(line_map: LineMap) -> tuple[FloatArray, FloatArray]:
     """Points (N, 2) every 4 cm along a field's lines, and their directions (N, 2)."""
     points, directions = [], []

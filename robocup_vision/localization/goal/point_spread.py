@@ -41,7 +41,6 @@ HALVED = tuple(_HALVED)
 TYPICAL = PointSpread(0.1, 0.5)
 
 
-@lru_cache(maxsize=len(SPREADS))
 def neighbours(spread: PointSpread) -> tuple[PointSpread, ...]:
     """One of `SPREADS` and those that differ from it by one step in mixing, in the lens or in both."""
     i, j = _MIXED.index(spread.mixed), _LENS_PX.index(spread.lens_px)

@@ -35,35 +35,23 @@ class LineMap:
         self.field = field
         self.lines = read_only(np.ascontiguousarray(field.lines))
         self.arcs = read_only(np.ascontiguousarray(field.arcs))
-
-    @cached_property
-    def extent_m(self) -> FloatArray:
-        """(2, 2) float64: least and greatest x, y at which a robot may stand, metres: the sure floor."""
-        corners = self.field.floor_polygon
-        return np.stack([corners.min(axis=0), corners.max(axis=0)])
-
-    @cached_property
-    def table_origin_m(self) -> FloatArray:
-        """(2,) float64: field point at the centre of the table's first cell."""
-        points = self.field.line_points(0.1)
-        return np.asarray(points.min(axis=0) - _TRUNCATE_M if len(points) else np.zeros(2))
-
-    @cached_property
-    def table(self) -> npt.NDArray[np.uint8]:
-        """(rows, columns) uint8: truncated distance at cell centres, rows along y; 255: truncated."""
-        points = self.field.line_points(0.1)
-        top = points.max(axis=0) + _TRUNCATE_M if len(points) else np.zeros(2)
-        columns, rows = np.ceil((top - self.table_origin_m) / CELL_M).astype(int) + 1
-        x, y = np.meshgrid(np.arange(columns), np.arange(rows))
-        cells = np.stack([x.ravel(), y.ravel()], axis=1) * CELL_M + self.table_origin_m
-        units = np.minimum(self.nearest(cells).distance_m / _TRUNCATE_M, 1.0) * _FAR
-        return np.round(units).astype(np.uint8).reshape(rows, columns)
+        corners = field.floor_polygon
+        #: (2, 2) float64: least and greatest x, y at which a robot may stand, metres: the sure floor
+        self.extent_m = np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     @cached_property
     def distances(self) -> DistanceTable:
-        """The table as compiled loops take it."""
-        x_m, y_m = self.table_origin_m.tolist()
-        return DistanceTable(self.table, (x_m, y_m), CELL_M, _FAR)
+        """Truncated distances at the centres of cells, rows along y; 255: truncated."""
+        points = self.field.line_points(0.1)
+        low, top = np.zeros((2, 2))
+        if len(points):
+            low, top = points.min(axis=0) - _TRUNCATE_M, points.max(axis=0) + _TRUNCATE_M
+        columns, rows = np.ceil((top - low) / CELL_M).astype(int) + 1
+        x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+        cells = np.stack([x.ravel(), y.ravel()], axis=1) * CELL_M + low
+        units = np.minimum(self.nearest(cells).distance_m / _TRUNCATE_M, 1.0) * _FAR
+        table = np.round(units).astype(np.uint8).reshape(rows, columns)
+        return DistanceTable(table, (float(low[0]), float(low[1])), CELL_M, _FAR)
 
     def nearest(self, points_m: npt.ArrayLike) -> NearestLine:
         """Exact nearest lines of field points (N, 2), metres."""

@@ -71,7 +71,7 @@ class BallStrips:
     places_px: FloatArray  #: (N, 3) float64: pixel u, v of the frame of each, and a ball's radius there
     scales: FloatArray  #: (N,) float64: pixels of the frame for a pixel of its part
 
-    @cached_property
+    @property
     def _ends(self) -> FloatArray:
         """(P,) float64: fraction of the work that is done after each part."""
         work = np.cumsum([width * height for width, height in (part.size for part in self.parts)], dtype=np.float64)

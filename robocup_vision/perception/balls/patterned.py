@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -116,18 +115,14 @@ class PatternedLook:
         self._mask = mask
         width, height = camera.size_px
         self._search = plain(settings.search)
+        count = math.log(settings.max_radius_px / settings.min_radius_px) / math.log(settings.radius_step)
+        self._radii_px = settings.min_radius_px * settings.radius_step ** np.arange(int(count) + 1, dtype=np.float64)
         self._blurred = np.empty((height, width, 3), dtype=np.uint8)
         self._levels, self._kinds = np.empty((2, height, width), dtype=np.uint8)
         looked_at = -(-height // patterned_carpet.STRIDE) * -(-width // patterned_carpet.STRIDE)
         self._scratch = np.empty((4, looked_at + 1))
         self._found = np.empty((settings.max_discs, kernel.COLUMNS))
         self._kept = np.empty((settings.max_kept, kernel.COLUMNS))
-
-    @cached_property
-    def _radii_px(self) -> FloatArray:
-        settings = self.settings
-        count = math.log(settings.max_radius_px / settings.min_radius_px) / math.log(settings.radius_step)
-        return np.asarray(settings.min_radius_px * settings.radius_step ** np.arange(int(count) + 1), dtype=np.float64)
 
     def forget(self) -> None:
         """See `BallLook.forget`: nothing is remembered."""

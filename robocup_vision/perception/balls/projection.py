@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -125,6 +124,10 @@ class MirrorBallProjection(BallProjection):
                 seed_pitch=self._SEED_PITCH,
             )
         )
+        inner, outer = camera.usable_radius_px
+        radius, viewpoint_m = np.linspace(inner, outer, 4096), camera.viewpoint_m.tolist()
+        fall = (camera.floor_range.inverse_range_per_m(radius) * viewpoint_m[2]).tolist()
+        self._rays = inner, float(radius[1] - radius[0]), fall, camera.camera_to_robot.tolist(), viewpoint_m
 
     def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, float, float]]:
         """See `BallProjection._camera_moves`: what the height leaves open that is not known."""
@@ -133,14 +136,6 @@ class MirrorBallProjection(BallProjection):
         # the ray falls by a radius less than to the floor: the nearer, the lower the mirror
         ratio = 1.0 / (_USUAL_HEIGHT_RADII - 1.0)
         return [(self._height_std, ratio * x_m, ratio * y_m)]
-
-    @cached_property
-    def _rays(self) -> tuple[float, float, list[float], list[list[float]], list[float]]:
-        inner, outer = self.camera.usable_radius_px
-        radius = np.linspace(inner, outer, 4096)
-        fall = self.camera.floor_range.inverse_range_per_m(radius) * float(self.camera.viewpoint_m[2])
-        turn = self.camera.camera_to_robot.tolist()
-        return inner, float(radius[1] - radius[0]), fall.tolist(), turn, self.camera.viewpoint_m.tolist()
 
     def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
         """See `BallProjection._on_plane`; in plain floats, as points are few and a look is short."""

@@ -11,7 +11,7 @@ import shutil
 import sqlite3
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, Protocol
@@ -238,7 +238,9 @@ class _Ros1Part:
     is_whole = True
 
     def __init__(self, file: Path) -> None:
-        self._file = file
+        from rosbags.typesys import Stores, get_typestore
+
+        self._file, self._types = file, get_typestore(Stores.ROS1_NOETIC)
         with self._reader() as reader:
             self.topics = {connection.topic: connection.msgtype for connection in reader.connections}
 
@@ -249,19 +251,12 @@ class _Ros1Part:
                 yield _Message(time_ns, connection.msgtype, data)
 
     def decode(self, data: bytes, type_name: str) -> Any:
-        return _ros1_typestore().deserialize_ros1(data, type_name)
+        return self._types.deserialize_ros1(data, type_name)
 
     def _reader(self) -> Any:
         from rosbags.rosbag1 import Reader
 
         return Reader(self._file)
-
-
-@lru_cache(maxsize=1)
-def _ros1_typestore() -> Any:
-    from rosbags.typesys import Stores, get_typestore
-
-    return get_typestore(Stores.ROS1_NOETIC)
 
 
 def _kind(file: Path) -> str | None:

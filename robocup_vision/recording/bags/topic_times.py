@@ -11,7 +11,6 @@ import bisect
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from statistics import median
 from typing import Any
 
@@ -42,7 +41,7 @@ class TopicTimes:
         """Whether anybody has filled the stamps in: one that is 0 among others is a time like any other."""
         return any(stamp != 0.0 for stamp in self.stamps_s if not math.isnan(stamp)) or not self.stamps_s
 
-    @cached_property
+    @property
     def off(self) -> frozenset[int]:
         """Numbers of the messages whose stamps are not of the clock of the others."""
         apart = [stamp - logged for stamp, logged in zip(self.stamps_s, self.logged_s, strict=True)]
@@ -61,9 +60,9 @@ class TopicTimes:
         """
         if not by_stamps:
             return list(self.logged_s)
-        times, apart = [], 0.0
+        times, apart, off = [], 0.0, self.off
         for index, (stamp, logged) in enumerate(zip(self.stamps_s, self.logged_s, strict=True)):
-            if not math.isnan(stamp) and index not in self.off:
+            if not math.isnan(stamp) and index not in off:
                 apart = stamp - logged
             times.append(logged + apart if math.isnan(stamp) else stamp)
         return times

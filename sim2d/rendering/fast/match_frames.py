@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -16,7 +15,7 @@ from sim2d.kernels.room import pack_cells
 from sim2d.kernels.things import COLUMNS
 from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, Backdrop, room_panorama
 from sim2d.rendering.nets import nets_of
-from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Ball, Bgr, Light, Robot, Scene
+from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Ball, Light, Robot, Scene
 from sim2d.rendering.scene_table import ThingTable, floor_paint, in_cast
 from sim2d.rendering.sensor import Sensor, vignette_gain
 
@@ -50,7 +49,7 @@ class MatchFrames:
         self._paint = floor_paint(scene, self._cast)
         self._nets = nets_of(scene.field, self._cast)
         self._fixed = ThingTable(scene.fixed())
-        self._rows = self._fixed.values.rows
+        self._rows, self._fixed_colors = self._fixed.values.rows, in_cast(self._fixed.colors, self._cast)
         radius_m = scene.room_radius_m
         pixel_rad = 1.0 / max(camera.focal_px) if isinstance(camera, PinholeCamera) else 0.0
         picture, rows_per_m = _wall_picture(scene, backdrop, pixel_rad * radius_m)
@@ -81,11 +80,8 @@ class MatchFrames:
             self._rows = np.vstack([self._rows[:fixed], np.zeros((count - fixed, COLUMNS))])
         if moving.rows:
             self._rows[fixed:count] = moving.rows
-        return UprightThings(self._rows[:count], self._colors_with(tuple(moving.colors)))
-
-    @lru_cache(maxsize=8)  # noqa: B019  (one object a match; the few teams' paint)
-    def _colors_with(self, moving: tuple[Bgr, ...]) -> Float32Array:
-        return in_cast([*self._fixed.colors, *moving], self._cast)
+        colors = np.concatenate([self._fixed_colors, in_cast(moving.colors, self._cast)])
+        return UprightThings(self._rows[:count], colors)
 
 
 def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tuple[Float32Array, float]:

@@ -57,7 +57,7 @@ class Hall:
     #: tuple of (rows, columns, 3) uint8: BGR under light of level 1, rows from the top down.
     textures: tuple[UInt8Array, ...]
 
-    @cached_property
+    @property
     def arrays(self) -> Panels:
         """The panels as the compiled loops take them."""
         return panel_arrays(self.panels)

@@ -15,7 +15,6 @@ from robocup_vision.localization.evidence import (
     Likelihoods,
     LineEvidence,
     OutlineEvidence,
-    default_evidence,
     load_evidence,
     odds_text,
 )
@@ -28,7 +27,7 @@ PACKAGED = Path(module.__file__).with_name("evidence.toml")
 @pytest.fixture(scope="module")
 def weigh(paper_camera):
     view = PolarView(paper_camera)
-    outline = OutlineEvidence(view, 1.0, default_evidence().outline)
+    outline = OutlineEvidence(view, 1.0, load_evidence().outline)
     foot = np.full(view.bearings, 80.0)
     at_foot = int(np.searchsorted(view.radius_px, 80.0))
 
@@ -48,9 +47,9 @@ def weigh(paper_camera):
 def test_an_outline_raises_or_lowers_the_odds_by_what_it_shows(weigh):
     all_agree = weigh(160)
     assert all_agree.counts.tolist() == [160, 0, 0, 0, 0, 0]
-    assert all_agree.log_odds > default_evidence().sure_log_odds
+    assert all_agree.log_odds > load_evidence().sure_log_odds
     # a hidden half says little, floor beyond the walls and missing floor much
-    assert weigh(80, hidden=80).log_odds > default_evidence().min_log_odds
+    assert weigh(80, hidden=80).log_odds > load_evidence().min_log_odds
     assert weigh(80, beyond=80).log_odds < -1.0
     assert weigh(80, bare=80).log_odds < weigh(80, hidden=80).log_odds
     assert weigh(0, hidden=160).log_odds < 0.0
@@ -61,7 +60,7 @@ def test_bearings_under_a_mask_say_nothing(paper_camera):
     mask = np.zeros((height, width), dtype=np.uint8)
     mask[:, : width // 2] = 255
     view = PolarView(paper_camera, mask=mask)
-    outline = OutlineEvidence(view, 1.0, default_evidence().outline)
+    outline = OutlineEvidence(view, 1.0, load_evidence().outline)
     nothing = np.full(view.bearings, -1)
     tally = outline.weigh_walls(np.zeros(view.bearings), np.full(view.bearings, 80.0), nothing)
     assert tally.counts.sum() == pytest.approx(view.bearings / 2, abs=4)
@@ -81,7 +80,7 @@ def test_odds_are_written_as_a_ratio(log_odds, text):
 
 def test_lines_where_the_pose_has_them_favour_it(ssl_field, paper_camera, nominal_samples):
     vision = Vision(ssl_field, paper_camera)
-    lines = LineEvidence(LineMap(ssl_field), vision.polar, default_evidence().lines)
+    lines = LineEvidence(LineMap(ssl_field), vision.polar, load_evidence().lines)
     seen = [vision.look(one.frame) for one in nominal_samples[:4]]
     views = [view for view in seen if view.pose and np.count_nonzero(view.marks == LINE) > 50]
     assert views
