@@ -25,7 +25,8 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import Colors, build_color_table, colors_for, learn_colors
 from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor
-from robocup_vision.perception.floor_view import FloorView
+from robocup_vision.perception.floor_view import FloorView, sees_floor
+from robocup_vision.perception.hidden_pixels import hidden_pixels
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
 
@@ -149,8 +150,7 @@ class _FrameObserver:
             self._vision = Vision(field, camera, mask=mask)
             self._view = self._vision.polar
         elif camera is not None and camera.known_orientation:
-            view = FloorView(camera, mask=mask)
-            self._view = view if view.sees_floor else None
+            self._view = FloorView(camera, mask=mask) if sees_floor(camera) else None
         self._goals = {
             COLORED[1 if goal.side > 0 else 2]: _goal_points(goal, settings.spacing_m) for goal in field.goals
         }
@@ -227,8 +227,7 @@ def _scattered(
     blurred = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
     valid = np.ones((settings.rows, settings.columns), dtype=np.uint8)
     if mask is not None:
-        hidden = cv2.dilate((mask > 0).astype(np.uint8), np.ones((3, 3), np.uint8))
-        valid = (hidden[np.ix_(rows, columns)] == 0).astype(np.uint8)
+        valid = (hidden_pixels(mask)[np.ix_(rows, columns)] == 0).astype(np.uint8)
     return np.ascontiguousarray(blurred[np.ix_(rows, columns)]), valid
 
 

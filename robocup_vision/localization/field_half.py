@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -26,6 +25,7 @@ from robocup_vision.localization.swapped_channels import (
     swapped_nats,
 )
 from robocup_vision.perception.color_table import Colors
+from robocup_vision.perception.hidden_pixels import hidden_pixels
 
 _NO_VOTES = (0, 0, 0, 0)
 # metres and radians together, up to which two poses are one
@@ -88,9 +88,8 @@ class GoalSide:
         #: whether the field has panels of different colours and the camera a height
         self.is_able = len(panelled) == 2 and camera.height_m is not None
         self._points = goal_points(field)
-        hidden = np.empty((0, 0)) if mask is None else cv2.dilate(mask, np.ones((3, 3), np.uint8))
         # a vote is a mean over 3 x 3 pixels
-        self._hidden = np.asarray(hidden, dtype=np.uint8)
+        self._hidden = hidden_pixels(mask)
         inner = camera.usable_radius_px[0]
         q = np.linspace(0.0, float(camera.floor_range.inverse_range_per_m(inner)), settings.table_size)
         self._projection = plain(

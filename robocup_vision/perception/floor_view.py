@@ -7,18 +7,18 @@ row. The rows cover the view only. Some empty rows follow them, so that the last
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
+from copy import copy
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array, read_only
+from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 from robocup_vision.kernels.floor.turned_view import sample_turned
+from robocup_vision.perception.hidden_pixels import hidden_pixels
 
 BEARINGS = 160
 COLUMNS = 144
@@ -36,50 +36,70 @@ _AROUND = 1024
 _MASK_STEP = 4
 # bearings at which it is looked at one time for the end of what is in view
 _STEPS_AT_ONCE = 64
-# what a head's pan changes: where samples lie about the robot; and what a nod or roll of the body does: where in the
-# picture
-_OF_THE_PAN = ("_rows_rad", "bearing_rad", "span_rad", "floor_m")
-_OF_THE_TURN = ("pixels", "shown", "_homography")
-# what every frame needs, and neither changes
-_OF_EVERY_FRAME = (
-    "_camera_of_planes", "_planes", "_lens", "hidden_px", "_distance_m", "valid", "near_count", "step_px",
-    "columns_in_use", "no_edges_px",
-)  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
+def sees_floor(camera: PinholeCamera) -> bool:
+    """Whether floor is in a camera's view that is near enough to be measured."""
+    return float(_rim(camera)[1].min()) < -1.0 / _FARTHEST_HEIGHTS
+
+
 class FloorView:
-    """Where a frame's floor samples lie; one per camera and orientation."""
+    """Where a frame's floor samples lie; one per camera and orientation.
 
-    camera: PinholeCamera  #: with a known tilt
-    seen_bearings: int = BEARINGS  #: number of bearings in view
-    mask: UInt8Array | None = None  #: (H, W) uint8: non-zero pixels are never looked at
+    Parameters
+    ----------
+    camera : PinholeCamera
+        With a known tilt; it sees floor (see `sees_floor`).
+    seen_bearings : int
+        Number of bearings in view.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are never looked at.
+    """
 
-    @cached_property
-    def _rim(self) -> tuple[FloatArray, FloatArray]:
-        """Bearing off the optical axis' and slope (upwards) of the picture's rim, (N,) float64 each."""
-        width, height = self.camera.size_px
-        u, v = np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)
-        sides = [np.stack([np.full(height, side), v], axis=1) for side in (0.0, width - 1.0)]
-        ends = [np.stack([u, np.full(width, end)], axis=1) for end in (0.0, height - 1.0)]
-        ray = self.camera.pixel_to_ray(np.vstack([*sides, *ends, self._circle_px]))
-        ray = ray[np.isfinite(ray).all(axis=1)]
-        bearing = np.arctan2(ray[:, 1], ray[:, 0]) - (self.camera.pan_rad or 0.0)
-        level = np.hypot(ray[:, 0], ray[:, 1])
-        slope = ray[:, 2] / np.maximum(level, 1e-9)
-        return np.remainder(bearing + math.pi, math.tau) - math.pi, slope
-
-    @property
-    def _circle_px(self) -> FloatArray:
-        """(N, 2) float64: the part of a fisheye's own rim that lies in the picture."""
-        camera = self.camera
-        if not isinstance(camera, FisheyeCamera) or camera.usable_radius_px is None:
-            return np.empty((0, 2))
-        turn = np.linspace(0.0, math.tau, _AROUND, endpoint=False)
-        # a little inside, where rounding leaves it within the lens
-        radius = (1.0 - 1e-9) * camera.usable_radius_px[1] / camera.focal_px[0]
-        on_rim = camera.center_px + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1) * camera.focal_px
-        return np.asarray(on_rim[((on_rim >= 0) & (on_rim <= np.array(camera.size_px) - 1.0)).all(axis=1)])
+    def __init__(self, camera: PinholeCamera, seen_bearings: int = BEARINGS, mask: UInt8Array | None = None) -> None:
+        self.camera, self.seen_bearings, self.mask = camera, seen_bearings, mask
+        # the camera of the samples' tables; `camera` may be turned from it
+        self._made_for = camera
+        pan_rad, (bearing, slope) = camera.pan_rad or 0.0, _rim(camera)
+        # (M,) float64: the columns' slopes, negative on the floor
+        self._slopes = self._equal_steps(slope)
+        ahead = camera.ray_to_pixel(self._directions(pan_rad, self._slopes))
+        #: (M,) float64: how far up the picture the columns lie straight ahead, from 0
+        self.radius_px = read_only(np.append(0.0, np.cumsum(np.hypot(*np.diff(ahead, axis=0).T))))
+        #: distance between columns straight ahead, pixels
+        self.step_px = float(self.radius_px[-1]) / (COLUMNS - 1)
+        #: number of columns, from the nearest, that see floor
+        self.columns_in_use = int(np.count_nonzero(self._slopes < -1e-9))
+        #: (M,) float64: floor range of the columns from the camera's foot, metres; a kilometre from the horizon on
+        self.range_m = read_only(camera.height_m / np.maximum(-self._slopes, 1e-3 * camera.height_m))
+        #: (M,) float64: width on the floor of one pixel across the bearing, metres
+        self.across_m_per_px = read_only(np.hypot(self.range_m, camera.height_m) / camera.focal_px[0])
+        # (M,) float64: the columns' distance on the floor; NaN from the horizon on
+        self._distance_m = np.where(self._slopes < -1e-9, self.range_m, np.nan)
+        seen = bearing[slope < self._slopes[-1] + 1e-9]
+        #: angle between neighbouring bearings
+        self.row_step_rad = float(np.ptp(seen)) / seen_bearings
+        self._first_rad = float(seen.min()) + self.row_step_rad / 2 + pan_rad
+        #: first bearing and width of what is in view, robot frame: from twice the nearest range on without a gap
+        self.span_rad = self._find_span()
+        #: (H, W) uint8: 1 where no bilinear sample may be taken, (0, 0) without a mask
+        self.hidden_px = hidden_pixels(mask)
+        #: (K, M) uint8: 1 where a sample lies inside the frame and outside the mask, of a camera that is not turned.
+        #: Where a turn has moved one out, a neighbour's colour stands for its own: good enough to learn colours by.
+        self.valid = self._find_valid()
+        #: (K, M) uint8: 1 where a sample is `valid`; in a turned view, once a frame is sampled, where it is in that
+        self.shown = self.valid
+        #: number of samples in the nearest third of the columns that may be looked at, at least 1
+        self.near_count = max(1, int(np.count_nonzero(self.valid[:, : len(self.radius_px) // 3])))
+        #: (K,) float64, all NaN: of things that no bearing shows
+        self.no_edges_px = read_only(np.full(self.bearings, np.nan))
+        rays = self._directions(self.bearing_rad[:seen_bearings, None], self._slopes[None, :])
+        # (2, K, M) float32: u and v of the samples in view as the camera without distortion shows them
+        self._planes = np.ascontiguousarray(
+            np.moveaxis(camera.without_lens.ray_to_pixel(rays), -1, 0), dtype=np.float32
+        )
+        # the lens as `sample_turned` takes it
+        self._lens = lens_table(camera).astype(np.float32)
 
     def held(self, camera: PinholeCamera) -> FloorView:
         """Return the view of the same samples by the same camera, whose neck or body has turned a little.
@@ -94,46 +114,25 @@ class FloorView:
             As this one, at another orientation; at about the same pan, unless its foot is the robot's centre: else what
             is in view about the robot changes, too (see `panned`).
         """
-        before, other = self.camera, object.__new__(FloorView)
-        vars(other).update(self._prepared, camera=camera)
-        if (before.pan_rad or 0.0) != (camera.pan_rad or 0.0):
-            turn_rad = (camera.pan_rad or 0.0) - (before.pan_rad or 0.0)
-            (first, width), (row, step) = self.span_rad, self._rows_rad
-            for name in _OF_THE_PAN:
-                vars(other).pop(name, None)
-            vars(other).update(span_rad=(first + turn_rad, width), _rows_rad=(row + turn_rad, step))
-        if (before.tilt_rad, before.roll_rad) != (camera.tilt_rad, camera.roll_rad):
-            for name in _OF_THE_TURN:
-                vars(other).pop(name, None)
+        before, other = self.camera, copy(self)
+        other.camera = camera
+        turn_rad = (camera.pan_rad or 0.0) - (before.pan_rad or 0.0)
+        if turn_rad:
+            other._first_rad += turn_rad
+            other.span_rad = self.span_rad[0] + turn_rad, self.span_rad[1]
+        if _turn_of(before) != _turn_of(camera):
+            other.shown = self.valid
         return other
 
     def panned(self, camera: PinholeCamera) -> FloorView:
         """Return the view of the same samples by the same camera at another pan, wherever its foot is."""
         other = self.held(camera)
-        vars(other).pop("span_rad", None)
+        other.span_rad = other._find_span()
         return other
 
-    def drop_places(self) -> None:
-        """Drop `pixels` and `floor_m`, which are large, until somebody asks for them again."""
-        for name in ("pixels", "floor_m"):
-            vars(self).pop(name, None)
-
-    @property
-    def _prepared(self) -> dict[str, object]:
-        """All that has been worked out, with what every frame needs."""
-        for name in _OF_EVERY_FRAME:
-            getattr(self, name)
-        return vars(self)
-
-    @cached_property
-    def sees_floor(self) -> bool:
-        """Whether floor is in view that is near enough to be measured."""
-        return float(self._rim[1].min()) < -1.0 / _FARTHEST_HEIGHTS
-
-    @property
-    def _steepest_shown(self) -> float:
+    def _steepest_shown(self, rim_slope: FloatArray) -> float:
         """Slope of the nearest floor in view: the robot's own parts, which a mask hides, may fill a picture's end."""
-        steepest = float(self._rim[1].min())
+        steepest = float(rim_slope.min())
         if self.mask is None:
             return steepest
         v, u = np.nonzero(self.mask[::_MASK_STEP, ::_MASK_STEP] == 0)
@@ -141,12 +140,10 @@ class FloorView:
         slope = ray[:, 2] / np.maximum(np.hypot(ray[:, 0], ray[:, 1]), 1e-9)
         return max(steepest, float(np.nanmin(slope))) if np.isfinite(slope).any() else steepest
 
-    @cached_property
-    def _slopes(self) -> FloatArray:
-        """(M,) float64: the columns' slopes, negative on the floor, at equal steps in the picture straight ahead."""
-        rim = self._rim[1]
+    def _equal_steps(self, rim_slope: FloatArray) -> FloatArray:
+        """Slopes (M,) from the nearest floor to beyond the horizon, at equal steps in the picture straight ahead."""
         beyond = _BEYOND_HORIZON_PX / self.camera.focal_px[1]
-        low, high = max(self._steepest_shown, -_STEEPEST), min(float(rim.max()), beyond)
+        low, high = max(self._steepest_shown(rim_slope), -_STEEPEST), min(float(rim_slope.max()), beyond)
         dense = np.linspace(math.atan(low), math.atan(high), 1024)
         pan = self.camera.pan_rad or 0.0
         ahead = np.stack([np.cos(dense) * math.cos(pan), np.cos(dense) * math.sin(pan), np.sin(dense)], axis=1)
@@ -155,60 +152,17 @@ class FloorView:
         way = np.append(0.0, np.cumsum(np.nan_to_num(step)))
         return np.asarray(np.tan(np.interp(np.linspace(0.0, way[-1], COLUMNS), way, dense)))
 
-    @cached_property
-    def radius_px(self) -> FloatArray:
-        """(M,) float64: how far up the picture the columns lie straight ahead, from 0."""
-        pan = self.camera.pan_rad or 0.0
-        pixels = self.camera.ray_to_pixel(self._directions(pan, self._slopes))
-        return read_only(np.append(0.0, np.cumsum(np.hypot(*np.diff(pixels, axis=0).T))))
-
-    @cached_property
-    def step_px(self) -> float:
-        """Distance between columns straight ahead, pixels."""
-        return float(self.radius_px[-1]) / (COLUMNS - 1)
-
-    @cached_property
-    def columns_in_use(self) -> int:
-        """Number of columns, from the nearest, that see floor."""
-        return int(np.count_nonzero(self._slopes < -1e-9))
-
-    @cached_property
-    def range_m(self) -> FloatArray:
-        """(M,) float64: floor range of the columns from the camera's foot, metres; a kilometre from the horizon on."""
-        return read_only(self.camera.height_m / np.maximum(-self._slopes, 1e-3 * self.camera.height_m))
-
-    @cached_property
-    def across_m_per_px(self) -> FloatArray:
-        """(M,) float64: width on the floor of one pixel across the bearing, metres."""
-        return read_only(np.hypot(self.range_m, self.camera.height_m) / self.camera.focal_px[0])
-
-    @cached_property
-    def _rows_rad(self) -> tuple[float, float]:
-        """First bearing and the step between them."""
-        bearing, slope = self._rim
-        seen = bearing[slope < self._slopes[-1] + 1e-9]
-        step = float(np.ptp(seen)) / self.seen_bearings
-        return float(seen.min()) + step / 2 + (self.camera.pan_rad or 0.0), step
-
-    @property
-    def row_step_rad(self) -> float:
-        """Angle between neighbouring bearings."""
-        return self._rows_rad[1]
-
     @property
     def bearings(self) -> int:
         """Number K of rows, those that see nothing included."""
         return self.seen_bearings + _EMPTY_ROWS
 
-    @cached_property
+    @property
     def bearing_rad(self) -> FloatArray:
         """(K,) float64: bearings of the rows about the camera's foot, ascending."""
-        first, step = self._rows_rad
-        return read_only(first + step * np.arange(self.bearings))
+        return read_only(self._first_rad + self.row_step_rad * np.arange(self.bearings))
 
-    @cached_property
-    def span_rad(self) -> tuple[float, float]:
-        """First bearing and width of what is in view, robot frame: from twice the nearest range on without a gap."""
+    def _find_span(self) -> tuple[float, float]:
         pan, offset = self.camera.pan_rad or 0.0, np.array(self.camera.offset_m)
         ahead = self.range_m[: self._columns_measured, None] * [math.cos(pan), math.sin(pan)] + offset
         ranges = np.hypot(*ahead[self._is_shown(ahead)].T)
@@ -238,7 +192,7 @@ class FloorView:
         width, height = self.camera.size_px
         return np.asarray(((pixels >= 0) & (pixels <= (width - 1, height - 1))).all(axis=-1))
 
-    @cached_property
+    @property
     def _columns_measured(self) -> int:
         return max(1, int(np.count_nonzero(self._slopes < -1.0 / _FARTHEST_HEIGHTS)))
 
@@ -270,25 +224,17 @@ class FloorView:
         """Bearing and `radius_px` of a pixel that shows floor."""
         ((right, down),) = self.camera.pixel_slopes([pixel])
         x, y, z = (ahead - left * right - up * down for ahead, left, up in self.camera.camera_to_robot.tolist())
-        first = self._rows_rad[0]
-        turn = math.remainder(math.atan2(y, x) - first - math.pi / 2, math.tau) + math.pi / 2
-        return first + turn, float(np.interp(z / max(math.hypot(x, y), 1e-9), self._slopes, self.radius_px))
+        turn = math.remainder(math.atan2(y, x) - self._first_rad - math.pi / 2, math.tau) + math.pi / 2
+        return self._first_rad + turn, float(np.interp(z / max(math.hypot(x, y), 1e-9), self._slopes, self.radius_px))
 
-    @cached_property
-    def hidden_px(self) -> UInt8Array:
-        """(H, W) uint8: 1 where no bilinear sample may be taken, (0, 0) without a mask."""
-        if self.mask is None:
-            return np.empty((0, 0), dtype=np.uint8)
-        return np.asarray(cv2.dilate((self.mask > 0).astype(np.uint8), np.ones((3, 3), np.uint8)), dtype=np.uint8)
-
-    @cached_property
+    @property
     def pixels(self) -> FloatArray:
         """(K, M, 2) float64: the samples' places in the frame; NaN in rows that see nothing."""
         pixels = self.camera.ray_to_pixel(self._directions(self.bearing_rad[:, None], self._slopes[None, :]))
         pixels[self.seen_bearings :] = np.nan
         return read_only(pixels)
 
-    @cached_property
+    @property
     def floor_m(self) -> FloatArray:
         """(K, M, 2) float64: the samples' places on the floor, robot frame, metres; NaN from the horizon on."""
         return read_only(self._places_m(self._distance_m))
@@ -306,60 +252,31 @@ class FloorView:
 
     def _places_m(self, distance_m: FloatArray) -> FloatArray:
         """Floor places (K, N, 2) at distances (N,) or (K, N) along each bearing; NaN in rows that see nothing."""
-        rays = np.stack([np.cos(self.bearing_rad), np.sin(self.bearing_rad)], axis=1)
+        bearing = self.bearing_rad
+        rays = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
         floor = self.camera.offset_m + distance_m[..., None] * rays[:, None]
         floor[self.seen_bearings :] = np.nan
         return np.asarray(floor)
 
-    @cached_property
-    def _distance_m(self) -> FloatArray:
-        """(M,) float64: the columns' distance on the floor; NaN from the horizon on."""
-        return np.where(self._slopes < -1e-9, self.range_m, np.nan)
-
-    @cached_property
-    def shown(self) -> UInt8Array:
-        """(K, M) uint8: 1 where a sample is `valid`; in a turned view, once a frame is sampled, where it is in that."""
-        return self.valid
-
-    @cached_property
-    def valid(self) -> UInt8Array:
-        """(K, M) uint8: 1 where a sample lies inside the frame and outside the mask, of a camera that is not turned.
-
-        Where a turn has moved one out, a neighbour's colour stands for its own: good enough to learn colours by.
-        """
+    def _find_valid(self) -> UInt8Array:
+        pixels = self.pixels
         width, height = self.camera.size_px
-        u, v = self.pixels[..., 0], self.pixels[..., 1]
+        u, v = np.moveaxis(pixels, -1, 0)
         inside = (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
         if self.mask is not None:
-            rim = np.clip(np.nan_to_num(self.pixels), 0, (width - 1, height - 1))
+            rim = np.clip(np.nan_to_num(pixels), 0, (width - 1, height - 1))
             u, v = np.rint(np.moveaxis(rim, -1, 0)).astype(np.intp)
             hidden = self.mask[v, u] > 0
             # the 3 x 3 blur of the samples reaches one further in each direction
             inside &= cv2.dilate(hidden.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
-        valid = inside.astype(np.uint8)
+        valid: UInt8Array = inside.astype(np.uint8)
         valid.flags.writeable = False
         return valid
 
-    @cached_property
-    def _planes(self) -> Float32Array:
-        """(2, K, M) float32: u and v of the samples in view as `_camera_of_planes` without distortion shows them."""
-        ideal = self.camera.without_lens
-        directions = self._directions(self.bearing_rad[: self.seen_bearings, None], self._slopes[None, :])
-        return np.ascontiguousarray(np.moveaxis(ideal.ray_to_pixel(directions), -1, 0), dtype=np.float32)
-
-    @cached_property
-    def _lens(self) -> Float32Array:
-        """The lens as `sample_turned` takes it: `camera.lens_table` in float32."""
-        return lens_table(self.camera).astype(np.float32)
-
-    @cached_property
-    def _camera_of_planes(self) -> PinholeCamera:
-        return self.camera
-
-    @cached_property
+    @property
     def _homography(self) -> FloatArray:
         """(3, 3) float64: from pixels of `_planes` to this camera's without distortion, at the same pan."""
-        camera, known = self.camera, self._camera_of_planes
+        camera, known = self.camera, self._made_for
         before, after = _turn_of(known), _turn_of(camera)
         if before == after:
             return np.eye(3)
@@ -368,16 +285,6 @@ class FloorView:
         pixel = np.array([[cu, -fu, 0.0], [cv, 0.0, -fv], [1.0, 0.0, 0.0]])
         ray = np.array([[0.0, 0.0, 1.0], [-1.0 / fu, 0.0, cu / fu], [0.0, -1.0 / fv, cv / fv]])
         return np.asarray(pixel @ camera_rotation(0.0, *after).T @ camera_rotation(0.0, *before) @ ray)
-
-    @cached_property
-    def no_edges_px(self) -> FloatArray:
-        """(K,) float64, all NaN: of things that no bearing shows."""
-        return read_only(np.full(self.bearings, np.nan))
-
-    @cached_property
-    def near_count(self) -> int:
-        """Number of samples in the nearest third of the columns that may be looked at, at least 1."""
-        return max(1, int(np.count_nonzero(self.valid[:, : len(self.radius_px) // 3])))
 
     def sample(self, frame: UInt8Array) -> UInt8Array:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples.
@@ -388,9 +295,9 @@ class FloorView:
         nearest, samples = np.empty((seen, *shape), np.uint8), np.empty((self.bearings, *shape), np.uint8)
         shown = np.empty((self.bearings, COLUMNS), np.uint8)
         sample_turned(frame, self._planes, self._homography, self._lens, self.hidden_px, shown, nearest)
-        if _turn_of(self.camera) != _turn_of(self._camera_of_planes):
+        if _turn_of(self.camera) != _turn_of(self._made_for):
             shown.flags.writeable = False
-            vars(self)["shown"] = shown
+            self.shown = shown
         cv2.blur(nearest, (3, 3), dst=samples[:seen], borderType=cv2.BORDER_REPLICATE)
         samples[seen:] = 0
         return samples
@@ -398,3 +305,28 @@ class FloorView:
 
 def _turn_of(camera: PinholeCamera) -> tuple[float, float]:
     return camera.tilt_rad or 0.0, camera.roll_rad or 0.0
+
+
+def _rim(camera: PinholeCamera) -> tuple[FloatArray, FloatArray]:
+    """Bearing off the optical axis' and slope (upwards) of the picture's rim, (N,) float64 each."""
+    width, height = camera.size_px
+    u, v = np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)
+    sides = [np.stack([np.full(height, side), v], axis=1) for side in (0.0, width - 1.0)]
+    ends = [np.stack([u, np.full(width, end)], axis=1) for end in (0.0, height - 1.0)]
+    ray = camera.pixel_to_ray(np.vstack([*sides, *ends, _circle_px(camera)]))
+    ray = ray[np.isfinite(ray).all(axis=1)]
+    bearing = np.arctan2(ray[:, 1], ray[:, 0]) - (camera.pan_rad or 0.0)
+    level = np.hypot(ray[:, 0], ray[:, 1])
+    slope = ray[:, 2] / np.maximum(level, 1e-9)
+    return np.remainder(bearing + math.pi, math.tau) - math.pi, slope
+
+
+def _circle_px(camera: PinholeCamera) -> FloatArray:
+    """(N, 2) float64: the part of a fisheye's own rim that lies in the picture."""
+    if not isinstance(camera, FisheyeCamera) or camera.usable_radius_px is None:
+        return np.empty((0, 2))
+    turn = np.linspace(0.0, math.tau, _AROUND, endpoint=False)
+    # a little inside, where rounding leaves it within the lens
+    radius = (1.0 - 1e-9) * camera.usable_radius_px[1] / camera.focal_px[0]
+    on_rim = camera.center_px + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1) * camera.focal_px
+    return np.asarray(on_rim[((on_rim >= 0) & (on_rim <= np.array(camera.size_px) - 1.0)).all(axis=1)])

@@ -7,8 +7,8 @@ not. Counting floor samples per cell gives the same as the paper's AND with a te
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +23,6 @@ from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 # the paper's r_th: stricter than its 0.8, since the cells are smaller and specks are removed before: a box that reaches
 # into a cell blocks it
 FREE_RATIO = 0.9
-# what every frame needs, wherever the camera's neck turns it
-_OF_EVERY_FRAME = ("cell", "_cells")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +35,6 @@ class FreeSpace:
     range_m: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
 class FreeSpaceGrid:
     """The polar cells of one camera: I rings times J directions on the floor around the robot.
 
@@ -45,63 +42,62 @@ class FreeSpaceGrid:
     view, the range is 0. Its rings grow with the range, so that a range ends at the first blocked sample of its first
     blocked cell.
 
+    Parameters
+    ----------
+    view : PolarView or FloorView
+        The samples that fill the cells.
+    directions : int
+        Number J of directions, over a whole turn or over what is in view.
+    rings : int or tuple of float
+        Number I of rings between image radii of equal steps (the paper's choice; for a pinhole camera between ranges
+        of equal ratios), or the rings' own bounds, metres.
+    threshold : float
+        The paper's r_th: the fraction of a cell that must be floor.
+
     Raises
     ------
     ArgumentError
         If there are no directions or rings, the bounds do not increase, or the threshold is not within 0 to 1.
     """
 
-    view: PolarView | FloorView  #: the samples that fill the cells
-    directions: int = 80  #: number J of directions, over a whole turn or over what is in view
-    #: number I of rings between image radii of equal steps (the paper's choice; for a pinhole camera between ranges of
-    #: equal ratios), or the rings' own bounds, metres
-    rings: int | tuple[float, ...] = 20
-    threshold: float = FREE_RATIO  #: the paper's r_th: the fraction of a cell that must be floor
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        view: PolarView | FloorView,
+        directions: int = 80,
+        rings: int | tuple[float, ...] = 20,
+        threshold: float = FREE_RATIO,
+    ) -> None:
+        self.view, self.directions, self.rings, self.threshold = view, directions, rings, threshold
         require_at_least(self, 3, "directions")
-        if not 0 < self.threshold <= 1:
-            raise ArgumentError(f"threshold must be within 0 to 1, got {self.threshold}")
-        if isinstance(self.rings, int):
-            if self.rings < 1:
-                raise ArgumentError(f"rings must be at least 1, got {self.rings}")
-        elif len(self.rings) < 2 or not np.all(np.diff(self.rings) > 0) or self.rings[0] < 0:
-            raise ArgumentError(f"rings must be at least two increasing ranges in metres, got {list(self.rings)}")
-
-    @cached_property
-    def ring_bounds_m(self) -> FloatArray:
-        """(I + 1,) float64: floor ranges between which the rings lie, metres."""
-        if not isinstance(self.rings, int):
-            return read_only(self.rings)
-        return read_only(self.view.ring_bounds_m(self.rings, BODY_COLUMNS))
-
-    @cached_property
-    def bearing_rad(self) -> FloatArray:
-        """(J,) float64: the directions' middles in the robot frame, ascending, radians."""
-        first, width = self.view.span_rad
-        return read_only((np.arange(self.directions) + 0.5) * (width / self.directions) + first)
+        if not 0 < threshold <= 1:
+            raise ArgumentError(f"threshold must be within 0 to 1, got {threshold}")
+        if isinstance(rings, int):
+            if rings < 1:
+                raise ArgumentError(f"rings must be at least 1, got {rings}")
+        elif len(rings) < 2 or not np.all(np.diff(rings) > 0) or rings[0] < 0:
+            raise ArgumentError(f"rings must be at least two increasing ranges in metres, got {list(rings)}")
+        #: (I + 1,) float64: floor ranges between which the rings lie, metres
+        self.ring_bounds_m = read_only(view.ring_bounds_m(rings, BODY_COLUMNS) if isinstance(rings, int) else rings)
+        first, width = view.span_rad
+        #: (J,) float64: the directions' middles in the robot frame, ascending, radians
+        self.bearing_rad = read_only((np.arange(directions) + 0.5) * (width / directions) + first)
+        valid, floor_m = view.valid.copy(), view.floor_m
+        valid[:, :BODY_COLUMNS] = 0
+        #: (K, M) int32: each sample's cell, ring * J + direction; -1 outside all of them
+        self.cell = self.cells_of(floor_m, valid)
+        self._cells = self._free_cells(np.hypot(floor_m[..., 0], floor_m[..., 1]))
 
     def held(self, view: FloorView) -> FreeSpaceGrid:
         """Return the grid of a view that `FloorView.held` made of this one's."""
-        for name in _OF_EVERY_FRAME:
-            getattr(self, name)
-        other = object.__new__(FreeSpaceGrid)
-        bearing_rad = self.bearing_rad + ((view.camera.pan_rad or 0.0) - self._pan_rad)
-        bearing_rad.flags.writeable = False
-        vars(other).update(vars(self), view=view, bearing_rad=bearing_rad, _pan_rad=view.camera.pan_rad or 0.0)
+        other = copy(self)
+        turn_rad = (view.camera.pan_rad or 0.0) - self._pan_rad
+        other.view, other.bearing_rad = view, read_only(self.bearing_rad + turn_rad)
         return other
 
-    @cached_property
+    @property
     def _pan_rad(self) -> float:
         assert isinstance(self.view, FloorView)
         return self.view.camera.pan_rad or 0.0
-
-    @cached_property
-    def cell(self) -> Int32Array:
-        """(K, M) int32: each sample's cell, ring * J + direction; -1 outside all of them."""
-        valid = self.view.valid.copy()
-        valid[:, :BODY_COLUMNS] = 0
-        return self.cells_of(self.view.floor_m, valid)
 
     def cells_of(self, floor_m: FloatArray, valid: UInt8Array) -> Int32Array:
         """Cell (...,) int32 of floor points (..., 2) in the robot frame, metres; -1: none."""
@@ -122,15 +118,16 @@ class FreeSpaceGrid:
         cell.flags.writeable = False
         return cell
 
-    @cached_property
-    def _cells(self) -> free_ranges.FreeCells:
-        """The samples' cells, and the blocked samples that a free one may have; one that no sample sees hides none."""
+    def _free_cells(self, middle_m: FloatArray) -> free_ranges.FreeCells:
+        """Return the cells of samples at ranges (K, M), and the blocked samples that a free one may have.
+
+        One that no sample sees hides none.
+        """
         rings, shape = len(self.ring_bounds_m) - 1, (len(self.ring_bounds_m) - 1, self.directions)
         total = np.bincount(self.cell[self.cell >= 0], minlength=rings * self.directions).reshape(shape)
         needed = np.ceil(total * self.threshold - 1e-6)
         seen = (np.arange(1, rings + 1)[:, None] * (needed > 0)).max(axis=0)
-        middle = np.hypot(self.view.floor_m[..., 0], self.view.floor_m[..., 1])
-        near_m = (middle - 0.5 * np.diff(middle, axis=1, prepend=middle[:, :1])).astype(np.float32)
+        near_m = (middle_m - 0.5 * np.diff(middle_m, axis=1, prepend=middle_m[:, :1])).astype(np.float32)
         return free_ranges.FreeCells(
             self.cell,
             (total - needed).astype(np.int32),
@@ -180,41 +177,44 @@ class FloorMarkingSettings:
     max_obstacle_ratio: float = 0.55  #: a line is at most this part of an obstacle's width: a wider one may be a robot
 
 
-@dataclass(frozen=True, eq=False)
 class FloorMarking:
-    """Marks the samples that may be driven over: floor, and painted lines between floor."""
+    """Marks the samples that may be driven over: floor, and painted lines between floor.
 
-    view: PolarView | FloorView  #: the samples
-    line_width_m: float  #: width of the field's lines
-    #: a thing more than about half as wide as this is not taken for a line seen along its length
-    obstacle_width_m: float
-    settings: FloorMarkingSettings = FloorMarkingSettings()  #: widths of lines
+    Parameters
+    ----------
+    view : PolarView or FloorView
+        The samples.
+    line_width_m : float
+        Width of the field's lines.
+    obstacle_width_m : float
+        A thing more than about half as wide as this is not taken for a line seen along its length.
+    """
+
+    def __init__(
+        self,
+        view: PolarView | FloorView,
+        line_width_m: float,
+        obstacle_width_m: float,
+        settings: FloorMarkingSettings = FloorMarkingSettings(),
+    ) -> None:
+        self._view = view
+        line_m = settings.crossing_widths * line_width_m
+        per_column = np.maximum(np.gradient(view.range_m), 1e-6)
+        # the lens reaches over on both sides
+        per_row = view.range_m * view.row_step_rad
+        columns = np.ceil(line_m / per_column + 2 * settings.blur_px / view.step_px)
+        rows = np.ceil((line_m + 2 * settings.blur_px * view.across_m_per_px) / per_row) + 2
+        # but never as wide as a robot
+        rows = np.maximum(np.minimum(rows, np.floor(settings.max_obstacle_ratio * obstacle_width_m / per_row)), 1)
+        #: (M,) int32 each: the widest line at each column, in samples across and along the rows
+        self.widest_line = columns.astype(np.int32), rows.astype(np.int32)
+        self._none_known = np.full(view.bearings, -1)
 
     def held(self, view: FloorView) -> FloorMarking:
         """Return the marking of a view that `FloorView.held` made of this one's."""
-        for name in ("widest_line", "_none_known"):
-            getattr(self, name)
-        other = object.__new__(FloorMarking)
-        vars(other).update(vars(self), view=view)
+        other = copy(self)
+        other._view = view
         return other
-
-    @cached_property
-    def widest_line(self) -> tuple[Int32Array, Int32Array]:
-        """(M,) int32 each: the widest line at each column, in samples across and along the rows."""
-        settings, range_m = self.settings, self.view.range_m
-        line_m = settings.crossing_widths * self.line_width_m
-        per_column = np.maximum(np.gradient(range_m), 1e-6)
-        # the lens reaches over on both sides
-        per_row = range_m * self.view.row_step_rad
-        columns = np.ceil(line_m / per_column + 2 * settings.blur_px / self.view.step_px)
-        rows = np.ceil((line_m + 2 * settings.blur_px * self.view.across_m_per_px) / per_row) + 2
-        # but never as wide as a robot
-        rows = np.maximum(np.minimum(rows, np.floor(settings.max_obstacle_ratio * self.obstacle_width_m / per_row)), 1)
-        return columns.astype(np.int32), rows.astype(np.int32)
-
-    @cached_property
-    def _none_known(self) -> npt.NDArray[np.int64]:
-        return np.full(self.view.bearings, -1)
 
     def mark(
         self, samples: UInt8Array, llr: npt.NDArray[np.int8], outermost: npt.NDArray[np.int64] | None = None
@@ -233,6 +233,6 @@ class FloorMarking:
         if outermost is None:
             outermost = self._none_known
         out = np.empty(llr.shape, dtype=np.uint8)
-        view, is_ring = self.view, self.view.is_ring
+        view, is_ring = self._view, self._view.is_ring
         free_floor.passable(samples, llr, view.shown, *self.widest_line, view.columns_in_use, is_ring, outermost, out)
         return out

@@ -7,16 +7,15 @@ in the frame itself.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robocup_vision.arrays import FloatArray, Int32Array, Int64Array, UInt8Array, plain_frame, read_only
+from robocup_vision.arrays import FloatArray, UInt8Array, plain_frame, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.floor.unrolled import unroll
+from robocup_vision.perception.hidden_pixels import hidden_pixels
 
 BEARINGS = 160
 RADII = 72
@@ -26,33 +25,49 @@ BODY_COLUMNS = 2
 _FARTHEST_HEIGHTS = 40.0
 
 
-@dataclass(frozen=True, eq=False)
 class PolarView:
-    """Places of a frame's polar samples; one view for each camera."""
+    """Places of a frame's polar samples; one view for each camera.
 
-    camera: OmniCamera
-    bearings: int = BEARINGS  #: number K of bearings
-    mask: UInt8Array | None = None  #: (H, W) uint8: pixels where it is not zero are not used
+    Parameters
+    ----------
+    bearings : int
+        Number K of bearings.
+    mask : (H, W) uint8, optional
+        Pixels where it is not zero are not used.
+    """
 
-    @cached_property
-    def bearing_rad(self) -> FloatArray:
-        """(K,) float64: camera-frame bearings of the rows, from 0 counter-clockwise."""
-        return read_only(np.arange(self.bearings) * (math.tau / self.bearings))
-
-    @cached_property
-    def radius_px(self) -> FloatArray:
-        """(M,) float64: image radii of the columns, inside out."""
-        return read_only(np.linspace(*self.camera.usable_radius_px, RADII))
-
-    @cached_property
-    def step_px(self) -> float:
-        """Radial distance between columns, pixels."""
-        return float(self.radius_px[1] - self.radius_px[0])
-
-    @cached_property
-    def columns_in_use(self) -> int:
-        """Number of columns, from the innermost, on which the level camera sees floor."""
-        return int(np.count_nonzero(self.camera.floor_range.inverse_range_per_m(self.radius_px) > 0))
+    def __init__(self, camera: OmniCamera, bearings: int = BEARINGS, mask: UInt8Array | None = None) -> None:
+        self.camera, self.bearings, self.mask = camera, bearings, mask
+        #: (K,) float64: camera-frame bearings of the rows, from 0 counter-clockwise
+        self.bearing_rad = read_only(np.arange(bearings) * (math.tau / bearings))
+        #: (M,) float64: image radii of the columns, inside out
+        self.radius_px = read_only(np.linspace(*camera.usable_radius_px, RADII))
+        #: radial distance between columns, pixels
+        self.step_px = float(self.radius_px[1] - self.radius_px[0])
+        q = camera.floor_range.inverse_range_per_m(self.radius_px)
+        #: number of columns, from the innermost, on which the level camera sees floor
+        self.columns_in_use = int(np.count_nonzero(q > 0))
+        # a table may end before the usable radius does
+        #: (M,) float64: floor range of the columns, metres; a kilometre from the horizon on
+        self.range_m = read_only(1.0 / np.maximum(np.nan_to_num(q), 1e-3))
+        #: (M,) float64: width on the floor of one pixel across the bearing, metres
+        self.across_m_per_px = read_only(self.range_m / self.radius_px)
+        #: (K, M, 2) float64: the samples' places in the frame
+        self.pixels = read_only(camera.polar_to_pixel(self.bearing_rad[:, None], self.radius_px[None, :]))
+        #: (K, M, 2) float64: the samples' places on the floor, robot frame, metres; NaN from the horizon on
+        self.floor_m = read_only(camera.pixel_to_floor(self.pixels))
+        #: (H, W) uint8: 1 where no bilinear sample may be taken, (0, 0) without a mask
+        self.hidden_px = hidden_pixels(mask)
+        #: (K, M) uint8: 1 where a sample lies inside the frame and outside the mask
+        self.valid = self._find_valid()
+        #: number of samples in the nearest third of the columns that may be looked at, at least 1
+        self.near_count = max(1, int(np.count_nonzero(self.valid[:, : len(self.radius_px) // 3])))
+        width, height = camera.size_px
+        nearest = np.rint(self.pixels)
+        u, v = np.clip(nearest[..., 0], 0, width - 1), np.clip(nearest[..., 1], 0, height - 1)
+        #: (K, M) int32: each sample's nearest pixel, as an index into the frame's bytes. What lies beyond the frame is
+        #: as its edge is: the average must not darken the samples along it.
+        self.places = np.ascontiguousarray(3 * (v * width + u), dtype=np.int32)
 
     @property
     def is_ring(self) -> bool:
@@ -78,18 +93,6 @@ class PolarView:
         """Angle between neighbouring bearings."""
         return math.tau / self.bearings
 
-    @cached_property
-    def range_m(self) -> FloatArray:
-        """(M,) float64: floor range of the columns, metres; a kilometre from the horizon on."""
-        # a table may end before the usable radius does
-        q = np.nan_to_num(self.camera.floor_range.inverse_range_per_m(self.radius_px))
-        return read_only(1.0 / np.maximum(q, 1e-3))
-
-    @cached_property
-    def across_m_per_px(self) -> FloatArray:
-        """(M,) float64: width on the floor of one pixel across the bearing, metres."""
-        return read_only(self.range_m / self.radius_px)
-
     def to_pixel(self, bearing_rad: npt.ArrayLike, radius_px: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) of image radii on bearings."""
         return self.camera.polar_to_pixel(bearing_rad, radius_px)
@@ -99,16 +102,6 @@ class PolarView:
         u, v = pixel[0] - self.camera.center_px[0], pixel[1] - self.camera.center_px[1]
         return math.atan2(v if self.camera.mirrored else -v, u) + self.camera.heading_rad, math.hypot(u, v)
 
-    @cached_property
-    def pixels(self) -> FloatArray:
-        """(K, M, 2) float64: the samples' places in the frame."""
-        return read_only(self.camera.polar_to_pixel(self.bearing_rad[:, None], self.radius_px[None, :]))
-
-    @cached_property
-    def floor_m(self) -> FloatArray:
-        """(K, M, 2) float64: the samples' places on the floor, robot frame, metres; NaN from the horizon on."""
-        return read_only(self.camera.pixel_to_floor(self.pixels))
-
     def floor_at(self, columns: npt.NDArray[np.int64]) -> FloatArray:
         """Return `floor_m` of one sample of each bearing, (K, 2).
 
@@ -117,27 +110,14 @@ class PolarView:
         columns : (K,) int64
             The sample of each bearing; M where none, which has any place.
         """
-        return np.asarray(self.floor_m[self._every_bearing, np.minimum(columns, len(self.radius_px) - 1)])
-
-    @cached_property
-    def _every_bearing(self) -> Int64Array:
-        return np.arange(self.bearings)
-
-    @cached_property
-    def hidden_px(self) -> UInt8Array:
-        """(H, W) uint8: 1 where no bilinear sample may be taken, (0, 0) without a mask."""
-        if self.mask is None:
-            return np.empty((0, 0), dtype=np.uint8)
-        return np.asarray(cv2.dilate((self.mask > 0).astype(np.uint8), np.ones((3, 3), np.uint8)), dtype=np.uint8)
+        return np.asarray(self.floor_m[np.arange(self.bearings), np.minimum(columns, len(self.radius_px) - 1)])
 
     @property
     def shown(self) -> UInt8Array:
         """`valid`, as no frame shows these samples elsewhere."""
         return self.valid
 
-    @cached_property
-    def valid(self) -> UInt8Array:
-        """(K, M) uint8: 1 where a sample lies inside the frame and outside the mask."""
+    def _find_valid(self) -> UInt8Array:
         width, height = self.camera.size_px
         u, v = self.pixels[..., 0], self.pixels[..., 1]
         inside = (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
@@ -150,22 +130,6 @@ class PolarView:
         valid = inside.astype(np.uint8)
         valid.flags.writeable = False
         return valid
-
-    @cached_property
-    def places(self) -> Int32Array:
-        """(K, M) int32: each sample's nearest pixel, as an index into the frame's bytes.
-
-        What lies beyond the frame is as its edge is: the average must not darken the samples along it.
-        """
-        width, height = self.camera.size_px
-        nearest = np.rint(self.pixels)
-        u, v = np.clip(nearest[..., 0], 0, width - 1), np.clip(nearest[..., 1], 0, height - 1)
-        return np.ascontiguousarray(3 * (v * width + u), dtype=np.int32)
-
-    @cached_property
-    def near_count(self) -> int:
-        """Number of samples in the nearest third of the columns that may be looked at, at least 1."""
-        return max(1, int(np.count_nonzero(self.valid[:, : len(self.radius_px) // 3])))
 
     def sample(self, frame: UInt8Array) -> UInt8Array:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples.

@@ -13,7 +13,7 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.perception.balls.projection import PinholeBallProjection
-from robocup_vision.perception.floor_view import BEARINGS, FloorView
+from robocup_vision.perception.floor_view import BEARINGS, FloorView, sees_floor
 from robocup_vision.perception.free_space import FREE_RATIO, FloorMarking, FreeSpaceGrid
 
 # where the file leaves the tilt open, or the frame's mounting tells it: steps of tilt and roll, of which half moves a
@@ -55,12 +55,6 @@ class FloorTables:
         view = self.view.held(self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad))
         grid, marking = self.grid.held(view), self.marking.held(view)
         return FloorTables(held, view, grid, marking, self.balls.held(held, sway_std_rad))
-
-    def prepared(self) -> FloorTables:
-        """Work out what every frame needs, and drop what served only that; returns this."""
-        self.held(self.camera)
-        self.view.drop_places()
-        return self
 
     def panned(self, pan_rad: float) -> FloorTables:
         """Return the same for another pan, with what changes about the robot worked out again."""
@@ -128,7 +122,7 @@ class FloorTableCache:
         pan_rad = steps[0] * self._pan_step_rad if steps[0] else 0.0
         for other, made in self._made.items():
             if other[1:] == steps[1:]:
-                return None if made is None else made.panned(pan_rad).prepared()
+                return None if made is None else made.panned(pan_rad)
         file = self._camera
         camera = file.with_orientation(pan_rad, file.tilt_rad, file.roll_rad)
         if not file.known_orientation or any(steps[1:]):
@@ -138,14 +132,13 @@ class FloorTableCache:
             height_m = file.height_m * math.exp(_STEP_LOG * height)
             tilt_rad, roll_rad = (file.tilt_rad or 0.0) + _STEP_RAD * tilt, (file.roll_rad or 0.0) + _STEP_RAD * roll
             camera = camera.as_fitted(tilt_rad, roll_rad, height_m, focal_px)
-        view = FloorView(camera, max(BEARINGS, 2 * self._directions), self._mask)
-        if not view.sees_floor:
+        if not sees_floor(camera):
             return None
-        floor = FloorTables(
+        view = FloorView(camera, max(BEARINGS, 2 * self._directions), self._mask)
+        return FloorTables(
             camera,
             view,
             FreeSpaceGrid(view, self._directions, self._rings, self._free_ratio),
             FloorMarking(view, self._field.line_width_m, 2 * self._field.robot_radius_m),
             PinholeBallProjection(camera, self._field.ball_radius_m),
         )
-        return floor.prepared()
