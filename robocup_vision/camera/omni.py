@@ -88,7 +88,7 @@ class OmniCamera:
         about_y = np.array([[math.cos(ty), 0, math.sin(ty)], [0, 1, 0], [-math.sin(ty), 0, math.cos(ty)]])
         return read_only(about_y @ about_x)
 
-    @cached_property
+    @property
     def viewpoint_m(self) -> FloatArray:
         """(3,) float64: effective viewpoint in the robot frame, metres."""
         return read_only([*self.offset_m, self._height_or_one])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -46,17 +45,17 @@ class TracedLight:
     #: (N, 3) float32: BGR; 255 is a sensor's white, more is possible.
     light: Float32Array
 
-    @cached_property
+    @property
     def x_m(self) -> Float32Array:
         """(N,) float32: where they ended, field frame, metres."""
         return np.asarray(self.distance_m * self.directions[0] + np.float32(self.eye.x_m))
 
-    @cached_property
+    @property
     def y_m(self) -> Float32Array:
         """(N,) float32: where they ended, field frame, metres."""
         return np.asarray(self.distance_m * self.directions[1] + np.float32(self.eye.y_m))
 
-    @cached_property
+    @property
     def z_m(self) -> Float32Array:
         """(N,) float32: height at which they ended, metres."""
         return np.asarray(self.distance_m * self.rays.slope + np.float32(self.rays.height_m))

@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import AsyncIterator, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
-from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
@@ -150,7 +149,7 @@ def make_app(feed: Feed, controls: Controls, hosts: frozenset[str] | None) -> St
     from starlette.responses import PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute
 
-    pages = _Pages(feed, controls, hosts)
+    pages, shown = _Pages(feed, controls, hosts), page_files()
 
     async def show_page(request: HTTPConnection) -> Response:
         if not pages.is_expected_host(request):
@@ -164,20 +163,19 @@ def make_app(feed: Feed, controls: Controls, hosts: frozenset[str] | None) -> St
             "Cross-Origin-Opener-Policy": "same-origin",
             "Cache-Control": "no-store",
         }
-        return Response(page_files()[name], media_type=_MEDIA_TYPES[name.rpartition(".")[2]], headers=headers)
+        return Response(shown[name], media_type=_MEDIA_TYPES[name.rpartition(".")[2]], headers=headers)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         with pages.open():
             yield
 
-    files_beside = [Route(f"/{name}", show_page) for name in page_files() if name != _PAGE]
+    files_beside = [Route(f"/{name}", show_page) for name in shown if name != _PAGE]
     return Starlette(
         routes=[Route("/", show_page), *files_beside, WebSocketRoute("/live", pages.serve)], lifespan=lifespan
     )
 
 
-@cache
 def page_files() -> dict[str, str]:
     """Return the page, its style and its scripts by name."""
     folder = files("robocup_vision.live.page") / "web"

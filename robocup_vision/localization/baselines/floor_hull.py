@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -47,9 +46,15 @@ class HullSettings:
     max_range_ratio: float = 1.2  #: greatest range of floor, in lengths of the field
 
 
-@dataclass(frozen=True, eq=False)
 class HullFitter:
     """Fits the convex hull of a frame's floor to a field's walls.
+
+    Parameters
+    ----------
+    field : Field
+        Its floor must be bounded by walls or boards, and longer than wide.
+    mask : (H, W) uint8, optional
+        Non-zero pixels are not used.
 
     Raises
     ------
@@ -57,28 +62,26 @@ class HullFitter:
         If nothing bounds the floor, it has no principal axis, or the mask's size is not the camera's.
     """
 
-    field: Field  #: its floor must be bounded by walls or boards, and longer than wide
-    camera: OmniCamera
-    mask: UInt8Array | None = None  #: (H, W) uint8: non-zero pixels are not used
-    settings: HullSettings = HullSettings()
+    def __init__(
+        self,
+        field: Field,
+        camera: OmniCamera,
+        mask: UInt8Array | None = None,
+        settings: HullSettings = HullSettings(),
+    ) -> None:
+        require_bounded(field, "hull")
+        width, height = camera.size_px
+        if mask is not None and mask.shape != (height, width):
+            raise ArgumentError(f"mask must be ({height}, {width}), got {mask.shape}")
+        hull = cv2.convexHull(field.floor_polygon.astype(np.float32)).reshape(-1, 2)
+        model = _polygon_moments(hull.astype(np.float64))
+        assert model is not None  # a field has an area
+        if model.elongation < settings.min_elongation:
+            raise ArgumentError(f"method 'hull' needs a floor that is longer than wide, '{field.name}' is square")
+        self.field, self.camera, self.mask, self.settings = field, camera, mask, settings
+        self._model, self._walls, self._view = model, self._find_walls(), self._find_view()
 
-    def __post_init__(self) -> None:
-        require_bounded(self.field, "hull")
-        width, height = self.camera.size_px
-        if self.mask is not None and self.mask.shape != (height, width):
-            raise ArgumentError(f"mask must be ({height}, {width}), got {self.mask.shape}")
-        if self._model.elongation < self.settings.min_elongation:
-            raise ArgumentError(f"method 'hull' needs a floor that is longer than wide, '{self.field.name}' is square")
-
-    @cached_property
-    def _model(self) -> _Moments:
-        hull = cv2.convexHull(self.field.floor_polygon.astype(np.float32)).reshape(-1, 2)
-        moments = _polygon_moments(hull.astype(np.float64))
-        assert moments is not None  # a field has an area
-        return moments
-
-    @cached_property
-    def _walls(self) -> tuple[FloatArray, BoolArray]:
+    def _find_walls(self) -> tuple[FloatArray, BoolArray]:
         """Walls (W, 4), and which of them are side walls of goals (W,)."""
         walls = self.field.walls
         sides = [panel for goal in self.field.goals if goal.kind != "posts" for panel in goal.panels[[0, 2]]]
@@ -88,8 +91,7 @@ class HullFitter:
                 is_side |= np.abs(walls - way).max(axis=1) < 1e-6
         return walls, is_side
 
-    @cached_property
-    def _view(self) -> tuple[UInt8Array, UInt8Array]:
+    def _find_view(self) -> tuple[UInt8Array, UInt8Array]:
         """Pixels (H, W) where floor may be found, and those of them well inside that region: 1, else 0."""
         width, height = self.camera.size_px
         v, u = np.mgrid[:height, :width]
