@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.kernels.goal.fit import FitSamples
 from robocup_vision.kernels.lines.drawing import MARGIN, LinePen, draw_lines, stroke_table
 from robocup_vision.kernels.lines.drawn_light import AROUND, LitCarpet, compare_drawing, light_carpet
@@ -26,7 +26,6 @@ class DrawingSettings:
     """How lines are drawn and compared with the picture."""
 
     blur_px: float = 0.75  #: standard deviation of the drawn lines' blur: a small camera's optics and chip
-    max_gap_m: float = 0.07  #: greatest distance between neighbouring points of one line
     pixels_for_one: float = 25.0  #: number of pixels that count as one measurement: errors of neighbours are correlated
     #: steps to either side of a heading, and how often they are halved
     steps: int = 5
@@ -113,8 +112,8 @@ class LineDrawing:
         return float(((drawn[1] - drawn[0]) ** 2).sum()) / max(steepness, 1e-12)
 
 
-def line_pen(points: FloatArray, line_width_m: float, settings: DrawingSettings = DrawingSettings()) -> LinePen:
-    """Return lines to draw by points (N, 2) along them, one line after the other, field frame, metres."""
-    apart_m = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    starts = np.array([0, *(np.flatnonzero(apart_m > settings.max_gap_m) + 1), len(points)])
+def line_pen(
+    points: FloatArray, starts: Int64Array, line_width_m: float, settings: DrawingSettings = DrawingSettings()
+) -> LinePen:
+    """Return lines to draw by points (N, 2) along them, field frame, metres, and each line's first point, then N."""
     return LinePen(points, starts, float(line_width_m), stroke_table(settings.blur_px))

@@ -124,10 +124,10 @@ class GoalLines:
     def __init__(self, lines: LineMap, camera: PinholeCamera, settings: GoalLineSettings = GoalLineSettings()) -> None:
         self._settings, self._camera = settings, camera
         self._line_width_m = float(lines.field.line_width_m)
-        self._points, self._directions = along_lines(lines)
+        self._points, self._directions, starts = along_lines(lines)
         marks = settings.marks
         self._limits = MarkLimits(self._line_width_m, marks.spacing_px, marks.min_width_px)
-        self._pen = line_pen(self._points, self._line_width_m)
+        self._pen = line_pen(self._points, starts, self._line_width_m)
 
     def join(self, frame: UInt8Array, goal: Candidate, arc: GoalArc | None) -> list[CameraEstimate]:
         """Fit goal and lines together: candidate cameras, none where no lines are in view.
@@ -270,8 +270,8 @@ def misfit(model: GoalModel, of_goal: FitSamples, residual_px: FloatArray, p: Fl
     return float(squares.sum() + (((p - model.prior) * model.tightness) ** 2).sum())
 
 
-def along_lines(line_map: LineMap) -> tuple[FloatArray, FloatArray]:
-    """Points (N, 2) every 4 cm along a field's lines, and their directions (N, 2)."""
+def along_lines(line_map: LineMap) -> tuple[FloatArray, FloatArray, Int64Array]:
+    """Points (N, 2) every 4 cm along a field's lines, their directions (N, 2), and each line's first point, then N."""
     points, directions = [], []
     for x0, y0, x1, y1 in line_map.lines:
         length = math.hypot(x1 - x0, y1 - y0)
@@ -283,4 +283,5 @@ def along_lines(line_map: LineMap) -> tuple[FloatArray, FloatArray]:
         angle = start + np.sign(sweep) * np.arange(0.02, abs(sweep), 0.04 / radius)
         points.append(np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)]))
         directions.append(np.column_stack([-np.sin(angle), np.cos(angle)]))
-    return np.ascontiguousarray(np.vstack(points)), np.ascontiguousarray(np.vstack(directions))
+    starts = np.cumsum([0, *map(len, points)])
+    return np.ascontiguousarray(np.vstack(points)), np.ascontiguousarray(np.vstack(directions)), starts

@@ -124,8 +124,8 @@ def test_paint_may_be_washed_white_but_has_no_more_of_another_colour(sample):
 
 
 CONDITION = GOAL_CONDITIONS["mild_glare_208x160"]
-POINTS = along_lines(LineMap(FIELD))[0]
-PEN = line_pen(POINTS, FIELD.line_width_m)
+POINTS, _, STARTS = along_lines(LineMap(FIELD))
+PEN = line_pen(POINTS, STARTS, FIELD.line_width_m)
 
 
 @pytest.fixture(scope="module")
