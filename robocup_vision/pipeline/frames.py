@@ -144,7 +144,7 @@ class FramePipeline:
         """See `Vision.swapped_channels_nats`."""
         return self._channel_order.nats
 
-    def _on_floor(self, balls: tuple[Ball, ...], pose: Pose2 | None) -> tuple[Ball, ...]:
+    def on_floor(self, balls: tuple[Ball, ...], pose: Pose2 | None) -> tuple[Ball, ...]:
         """Return those of the balls that a known pose puts on the floor, where walls or boards bound it."""
         if not balls or pose is None or not self.field.is_bounded:
             return balls

@@ -119,7 +119,7 @@ class OmniPipeline(FramePipeline):
         located = perf_counter()
         robot = pose.pose if pose else None
         seen = BallFrame(frame, self.camera, self._ball_projection, table, near, t_s)
-        balls = self._on_floor(self._ball_finder.find(seen), robot)
+        balls = self.on_floor(self._ball_finder.find(seen), robot)
         balled = perf_counter()
         for ball in balls:
             self._ball_projection.clear(ball, self.polar, marks)
@@ -128,7 +128,7 @@ class OmniPipeline(FramePipeline):
         self._last_pose = robot
         self._channel_order.judge(
             lambda: balls,
-            lambda: self._on_floor(self._ball_finder.find_swapped(seen), robot),
+            lambda: self.on_floor(self._ball_finder.find_swapped(seen), robot),
             pose,
             lambda: self._goal_nats(pose, table),
         )

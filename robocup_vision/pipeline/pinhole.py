@@ -257,10 +257,10 @@ class PinholePipeline(FramePipeline):
 
         def find_own() -> tuple[Ball, ...]:
             is_by_color = self._ball_finder.is_by_color
-            return balls if is_by_color else self._on_floor(self._ball_finder.find_colored(seen), robot)
+            return balls if is_by_color else self.on_floor(self._ball_finder.find_colored(seen), robot)
 
         def find_swapped() -> tuple[Ball, ...]:
-            return self._on_floor(self._ball_finder.find_swapped(seen), robot)
+            return self.on_floor(self._ball_finder.find_swapped(seen), robot)
 
         self._channel_order.judge(
             find_own, find_swapped, pose, lambda: self._goal_nats(seen.frame, camera, table.colors, robot)
@@ -363,7 +363,7 @@ class PinholePipeline(FramePipeline):
             free_space = _none_free(floor.grid)
             ball_found = perf_counter()
         else:
-            balls = self._on_floor(self._ball_finder.find(seen), robot)
+            balls = self.on_floor(self._ball_finder.find(seen), robot)
             ball_found = perf_counter()
             llr = samples.llr.copy()
             dark_feet.doubt_beyond(samples.columns, int(self.edge_settings.certain_nats / LLR_PER_UNIT), llr)

@@ -311,7 +311,8 @@ class BuiltInPlayer:
                 None if self._talk is None else self._talk.role(pose, ball, senses.t_s),
             )
         )
-        plan = self._look_for_pose(plan, belief)
+        if self._pose_look is not None:
+            plan = self._pose_look.on_the_way(plan, belief, self._setup.attacks)
         self._intent, self._why = plan.intent, plan.why
         self._target = self._point_in_team(plan.target)
         if plan.keep_outs:
@@ -323,14 +324,6 @@ class BuiltInPlayer:
             at = pose.inverse().transform(ball)
             free_space = block_ball(free_space, (float(at[0]), float(at[1])), self._setup.field.ball_radius_m)
         return self._drive(plan, pose, free_space, senses.t_s)
-
-    def _look_for_pose(self, plan: Plan, robot: PoseEstimate) -> Plan:
-        """Return the plan with a heading that shows where the robot is, where that is unsure and no ball is close."""
-        look_rad = None if self._pose_look is None else self._pose_look.direction_rad(robot)
-        if look_rad is None or plan.close or plan.holding:
-            return plan
-        heading_rad = look_rad if self._setup.attacks > 0 else look_rad + math.pi
-        return dataclasses.replace(plan, heading_rad=heading_rad, looks=True)
 
     def _drive(self, plan: Plan, pose: Pose2, free_space: FreeSpace, t_s: float) -> Command:
         moving = self._moving(pose, t_s)

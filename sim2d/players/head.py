@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -28,6 +28,7 @@ from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 from robocup_vision.planning.gaze.goal_question import identified_goal
 from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, PoseGaze, PoseGazeSettings
 from robocup_vision.view import View
+from sim2d.players.plan import Plan
 from sim2d.robot_link import Point, RobotLimits
 
 
@@ -198,6 +199,13 @@ class PoseLook:
             return None
         x, y = min(ahead, key=lambda way: math.hypot(*way))
         return math.atan2(y, x)
+
+    def on_the_way(self, plan: Plan, robot: PoseEstimate, attacks: int) -> Plan:
+        """Return the plan of a robot that attacks so, with the heading to look there unless the ball is close."""
+        look_rad = self.direction_rad(robot)
+        if look_rad is None or plan.close or plan.holding:
+            return plan
+        return replace(plan, heading_rad=look_rad if attacks > 0 else look_rad + math.pi, looks=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,7 @@ class HullFitter:
         if mask is not None and mask.shape != (height, width):
             raise ArgumentError(f"mask must be ({height}, {width}), got {mask.shape}")
         hull = cv2.convexHull(field.floor_polygon.astype(np.float32)).reshape(-1, 2)
-        model = _polygon_moments(hull.astype(np.float64))
+        model = polygon_moments(hull.astype(np.float64))
         assert model is not None  # a field has an area
         if model.elongation < settings.min_elongation:
             raise ArgumentError(f"method 'hull' needs a floor that is longer than wide, '{field.name}' is square")
@@ -126,7 +126,7 @@ class HullFitter:
         points_m = self.camera.pixel_to_floor(corners_px)
         known = np.isfinite(points_m).all(axis=1)
         corners_px, points_m = corners_px[known], points_m[known]
-        moments = _polygon_moments(points_m)
+        moments = polygon_moments(points_m)
         if moments is None:
             return NotLocated("the floor in view encloses no area")
         columns, rows = np.rint(corners_px).astype(int).T
@@ -155,9 +155,7 @@ class HullFitter:
         normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
         return normal[nearest], (normal * start).sum(axis=1)[nearest], ~is_side[nearest]
 
-    def _fit(
-        self, points_m: FloatArray, weight: FloatArray, is_edge: BoolArray, moments: _Moments
-    ) -> _Fit | NotLocated:
+    def _fit(self, points_m: FloatArray, weight: FloatArray, is_edge: BoolArray, moments: Moments) -> _Fit | NotLocated:
         # the field's own centroid and axis seen from the robot's, eqs. 16-17; both frames are the paper's for its field
         pose = self._model.frame.compose(moments.frame.inverse())
         for _ in range(self.settings.iterations):
@@ -216,7 +214,7 @@ class HullLocalizer(FrameByFrame):
 
 
 @dataclass(frozen=True, slots=True)
-class _Moments:
+class Moments:
     """Centroid and principal axis as a frame, and the ratio of the standard deviations along and across the axis."""
 
     frame: Pose2
@@ -255,7 +253,7 @@ def _image_hull(floor: UInt8Array) -> FloatArray:
     return np.asarray(cv2.convexHull(ends.astype(np.int32)).reshape(-1, 2), dtype=np.float64)
 
 
-def _polygon_moments(corners: FloatArray) -> _Moments | None:
+def polygon_moments(corners: FloatArray) -> Moments | None:
     """Moments of a closed polygon (M, 2); None if it encloses no area."""
     if len(corners) < 3:
         return None
@@ -274,7 +272,7 @@ def _polygon_moments(corners: FloatArray) -> _Moments | None:
     spread = math.hypot(xx - yy, 2 * xy)
     across = max(xx + yy - spread, 1e-12)
     frame = Pose2(float(middle[0] + cx), float(middle[1] + cy), axis)
-    return _Moments(frame, math.sqrt((xx + yy + spread) / across))
+    return Moments(frame, math.sqrt((xx + yy + spread) / across))
 
 
 def _variance(residual_px: FloatArray) -> float:

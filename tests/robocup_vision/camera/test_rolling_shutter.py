@@ -9,9 +9,9 @@ import pytest
 from field_models import load_field
 from robocup_vision.camera import RollingShutter, camera_rotation, load_camera, save_camera
 from sim2d.match.setups import camera_for
-from sim2d.rendering.fast.forward import EyeInField
-from sim2d.robot_link import RobotLimits
-from sim2d.sensors.match_camera import MatchCamera
+from sim2d.rendering.fast.forward import EyeInField, ForwardFrames
+from sim2d.rendering.scene import Scene
+from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_ROOM, MATCH_SENSOR
 
 FIELD = load_field("four_legged_2007")
 READOUT_S = 0.02
@@ -22,7 +22,7 @@ EYE = EyeInField(-1.0, 0.3, CAMERA.height_m, 0.2, CAMERA.tilt_rad, 0.0)
 @pytest.fixture(scope="module")
 def draw():
     """Return a function that draws a frame without noise, of an eye that turns at some rate, rad/s."""
-    frames = MatchCamera(FIELD, CAMERA, RobotLimits(), np.random.default_rng(0))._frames
+    frames = ForwardFrames(Scene(FIELD, light=MATCH_LIGHT, room=MATCH_ROOM), CAMERA, MATCH_SENSOR)
 
     def frame(turn_rps):
         up = camera_rotation(EYE.heading_rad, EYE.tilt_rad, 0.0).T @ [0.0, 0.0, turn_rps * READOUT_S]

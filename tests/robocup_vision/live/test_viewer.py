@@ -1,8 +1,7 @@
 """`Viewer` in a robot's loop: the page's process shows what it is shown, and never stops the loop."""
 
 import json
-import os
-import signal
+import subprocess
 import time
 
 import cv2
@@ -15,6 +14,19 @@ from robocup_vision.live import Viewer
 from robocup_vision.live.page.picture import split_picture
 
 WAIT_S = 30.0
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """Return the processes that have been started."""
+    processes, start = [], subprocess.Popen
+
+    def kept(*arguments, **options):
+        processes.append(start(*arguments, **options))
+        return processes[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", kept)
+    return processes
 
 
 @pytest.fixture
@@ -78,12 +90,13 @@ def test_a_port_that_is_taken_is_named(viewer, vision):
         Viewer(vision, port=99999)
 
 
-def test_the_loop_goes_on_when_the_page_process_is_killed(vision, frames, capfd):
+def test_the_loop_goes_on_when_the_page_process_is_killed(started, vision, frames, capfd):
     viewer = Viewer(vision, port=0)
     view = vision.look(frames[0], t_s=0.0)
     viewer.show(frames[0], view)
-    os.kill(viewer._page._process.pid, signal.SIGKILL)
-    viewer._page._process.wait(WAIT_S)
+    (process,) = started
+    process.kill()
+    process.wait(WAIT_S)
     for _ in range(20):
         viewer.show(frames[0], view)
     viewer.say("nobody hears this")
@@ -92,10 +105,10 @@ def test_the_loop_goes_on_when_the_page_process_is_killed(vision, frames, capfd)
 
 
 @pytest.mark.slow
-def test_the_page_process_ends_with_the_robot(vision):
+def test_the_page_process_ends_with_the_robot(started, vision):
     """Only this finds a page's process that outlives its robot."""
     viewer = Viewer(vision, port=0)
-    process = viewer._page._process
+    (process,) = started
     viewer.close()
     assert process.returncode == 0
     viewer.close()

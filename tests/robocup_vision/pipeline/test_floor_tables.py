@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 from field_models import load_field
 from robocup_vision.camera import Mounting, PinholeCamera
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.methods import choose_method
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpaceGrid
 from robocup_vision.pipeline import floor_tables
 from robocup_vision.pipeline.floor_tables import FloorTableCache
-from robocup_vision.vision import Vision
+from robocup_vision.pipeline.frames import FrameOptions
+from robocup_vision.pipeline.pinhole import PinholePipeline
 
 FIELD = load_field("four_legged_2007")
 CAMERA = PinholeCamera(
@@ -112,7 +114,8 @@ def test_a_camera_that_looks_up_sees_no_floor():
 @pytest.fixture(scope="module")
 def pipeline():
     camera = PinholeCamera((320, 240), (300.0, 300.0), (159.5, 119.5), 0.2, tilt_rad=-0.3)
-    return Vision(load_field("ssl_2001"), camera, method="floor")._pipeline
+    options = FrameOptions(choose_method(camera, "floor"), None, None, 80, 20, "bgr")
+    return PinholePipeline(load_field("ssl_2001"), camera, options)
 
 
 @pytest.mark.parametrize(
@@ -129,4 +132,4 @@ def test_a_ball_stays_where_it_would_be_on_the_floor_one_standard_deviation_near
     robot = Pose2(0.0, 0.0, np.pi / 2 - np.arctan2(0.6, 0.8))
     x, y = (wall_m + beyond_m) * along
     ball = Ball(x, y, covariance, 100.0, 50.0)
-    assert bool(pipeline._on_floor((ball,), robot)) == is_kept
+    assert bool(pipeline.on_floor((ball,), robot)) == is_kept

@@ -19,6 +19,8 @@ from robocup_vision.messages.types import decode, encode
 from robocup_vision.recording import Recorder, RecorderSettings, Recording
 from robocup_vision.recording.log_reader import LogReader
 from robocup_vision.recording.loops import Changes, loop_kind
+from robocup_vision.recording.recorder import CallWriter
+from robocup_vision.recording.run import Run
 
 
 def test_frames_come_back_as_they_were(recorded: Path) -> None:
@@ -258,10 +260,10 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 def test_an_error_in_the_thread_reaches_the_loop(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path / "a.mcap", make_vision(), make_steering())
-    recorder._calls.add_messages(lambda: 1 // 0)  # type: ignore[arg-type, return-value]
+    calls = CallWriter(tmp_path / "a.mcap", Run.of(make_vision(), make_steering()))
+    calls.add_messages(lambda: 1 // 0)  # type: ignore[arg-type, return-value]
     with pytest.raises(RobocupVisionError, match="ZeroDivisionError"):
-        recorder.close()
+        calls.close()
     assert Recording(tmp_path / "a.mcap").span_s is None
 
 

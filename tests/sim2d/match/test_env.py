@@ -111,13 +111,16 @@ def test_nothing_is_known_without_frames():
 
 def test_goals_are_rewarded_and_the_end_truncates():
     env = image_env(seconds=4.0)
-    env.reset(seed=2)
-    rewards, shot = [], False
+    seen, _ = env.reset(seed=2)
+    rewards = []
     while env.agents:
-        if env._arena.state.phase == "play" and not shot:
-            env._arena.world.place_ball(1.3, 0.25, 2.0, 0.0)
-            shot = True
-        _, reward, terminated, truncated, infos = env.step({})
+        actions = {}
+        if seen["plus_0"]["kick_off"] == 0:
+            # one shoots as soon as it has the ball, the other goes out of the way
+            kick_mps = np.array([2.0 * seen["plus_0"]["ball_in_mouth"]], np.float32)
+            actions["plus_0"] = {**ONWARD, "velocity": np.array([0.8, 0.0, 0.0]), "kick_mps": kick_mps}
+            actions["minus_0"] = {**ONWARD, "velocity": np.array([0.0, 0.8, 0.0])}
+        seen, reward, terminated, truncated, infos = env.step(actions)
         rewards.append(reward["plus_0"])
         assert reward["minus_0"] == -reward["plus_0"]
         assert not any(terminated.values())
@@ -145,12 +148,13 @@ def test_a_head_has_a_pan():
     assert space["pan_rad"].high == pytest.approx(math.pi / 2)
     assert space["velocity"].high == pytest.approx([0.4, 0.4, 6.0])
     env.reset(seed=0)
-    drive(env, 4, {"plus_0": {**ONWARD, "pan_rad": np.array([0.3])}})
-    assert env._arena.state.robots[0].pan_rad == pytest.approx(0.3)
+    seen = drive(env, 4, {"plus_0": {**ONWARD, "pan_rad": np.array([0.3])}})["plus_0"]
+    assert seen["frame_pan_rad"] == pytest.approx(0.3)
     seen = drive(env, 1, {"plus_0": {**ONWARD, "pan_rad": np.array([-1.0])}})["plus_0"]
-    # on its way; what the joint tells is where the frame was taken
+    # on its way
     assert -1.0 < seen["frame_pan_rad"][0] < 0.3
-    assert seen["frame_pan_rad"] == pytest.approx(env._arena.state.robots[0].pan_rad)
+    seen = drive(env, 10, {"plus_0": {**ONWARD, "pan_rad": np.array([-1.0])}})["plus_0"]
+    assert seen["frame_pan_rad"] == pytest.approx(-1.0)
     slow = MatchEnv(load_field("four_legged_2007"), players=1, limits=RobotLimits(pan_limit_rad=0.5))
     assert slow.action_space("plus_0")["pan_rad"].high == pytest.approx(0.5)
     assert slow.observation_space("plus_0")["frame_pan_rad"].low == pytest.approx(-0.5)

@@ -12,6 +12,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.camera.files import load_camera
 from robocup_vision.recording import Recording
+from robocup_vision.recording.log_reader import LogReader
 from robocup_vision.recording.loops import Changes
 from robocup_vision.recording.replay import Differences, replay
 from sim2d.match.run import MatchPlan, MatchSummary, run_match
@@ -77,7 +78,7 @@ def test_another_field_or_camera_may_be_tried_but_no_method(recorded: MatchSumma
     recording = Recording(recorded.recordings[1])
     with pytest.raises(ArgumentError, match="has its own method"):
         next(replay(recording, Changes(method="floor")))
-    (tmp_path / "camera.toml").write_bytes(recording._log.attachments["camera.toml"])
+    (tmp_path / "camera.toml").write_bytes(LogReader(recorded.recordings[1]).attachments["camera.toml"])
     camera = load_camera(tmp_path / "camera.toml")
     moved = dataclasses.replace(camera, center_px=(camera.center_px[0] + 2.0, camera.center_px[1]))
     differences = Differences()

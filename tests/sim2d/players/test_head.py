@@ -32,7 +32,7 @@ from sim2d.players.head import (
     mirrored,
 )
 from sim2d.players.plan import Plan
-from sim2d.robot_link import PlayerSetup, RobotLimits
+from sim2d.robot_link import PlayerSetup, RobotLimits, Senses
 
 FIELD = load_field("four_legged_2007")
 CAMERA = PinholeCamera((208, 160), (192.0, 192.0), (103.5, 79.5), 0.185, tilt_rad=-0.2, roll_rad=0.0)
@@ -210,25 +210,26 @@ def test_on_a_field_without_lines_nothing_helps():
     assert PoseLook(bare).direction_rad(robot(0.1)) is None
 
 
-def player(attacks, field=POSE_LOOK_FIELD):
-    limits = setup_for(field).robot.limits
-    return BuiltInPlayer(PlayerSetup(field, camera_for(field), limits, attacks, 1, 2, 0))
-
-
 @pytest.mark.parametrize("attacks", [1, -1])
 def test_a_player_looks_there_on_its_way_unless_the_ball_is_close(attacks):
     way = Plan("search", (1.0, 0.0), 0.3)
-    looks = player(attacks)._look_for_pose(way, robot(0.1))
+    looks = PoseLook(POSE_LOOK_FIELD).on_the_way(way, robot(0.1), attacks)
     in_field_rad = math.atan2(0.5, -1.5)
     assert looks.looks
     assert math.remainder(
         looks.heading_rad - in_field_rad - (0.0 if attacks > 0 else math.pi), math.tau
     ) == pytest.approx(0.0)
     for near in (dataclasses.replace(way, close=True), dataclasses.replace(way, holding=True)):
-        assert player(attacks)._look_for_pose(near, robot(0.1)) == near
-    assert player(attacks)._look_for_pose(way, robot(0.01)) == way
+        assert PoseLook(POSE_LOOK_FIELD).on_the_way(near, robot(0.1), attacks) == near
+    assert PoseLook(POSE_LOOK_FIELD).on_the_way(way, robot(0.01), attacks) == way
 
 
-def test_a_head_is_turned_instead():
-    way = Plan("search", (1.0, 0.0), 0.3)
-    assert player(1, load_field("four_legged_2007"))._look_for_pose(way, robot(0.1)) == way
+@pytest.mark.parametrize(("pan_limit_rad", "turns"), [(0.0, True), (1.5, False)])
+def test_a_head_is_turned_instead_of_the_robot(pan_limit_rad, turns):
+    field = load_field("four_legged_2007")
+    camera, limits = camera_for(field), dataclasses.replace(setup_for(field).robot.limits, pan_limit_rad=pan_limit_rad)
+    player = BuiltInPlayer(PlayerSetup(field, camera, limits, 1, 1, 2, 0))
+    carpet = np.full((*camera.size_px[::-1], 3), (50, 130, 45), dtype=np.uint8)
+    # it waits for the kick-off, and knows its place to 5 cm
+    command = player.act(Senses(0.0, carpet, 0.0, Pose2(0.0, 0.0, 0.0), False, "kick_off", False, 0.0))
+    assert (command.turn_rps != 0.0) == turns

@@ -15,7 +15,7 @@ from field_models.errors import ArgumentError
 from robocup_vision import Vision
 from robocup_vision.camera import Hyperboloid, OmniCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.baselines.floor_hull import HullFitter, _polygon_moments
+from robocup_vision.localization.baselines.floor_hull import HullFitter, polygon_moments
 from robocup_vision.perception.color_table import build_color_table, learn_colors
 from robocup_vision.perception.polar_view import PolarView
 
@@ -133,7 +133,7 @@ def test_obstacles_at_the_walls_cost_little() -> None:
 def test_moments_of_a_rectangle(half_x: float, half_y: float, pose: Pose2) -> None:
     corners = pose.transform(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (half_x, half_y))
     for order in (corners, corners[::-1]):
-        moments = _polygon_moments(order)
+        moments = polygon_moments(order)
         assert moments is not None
         np.testing.assert_allclose(moments.frame.array[:2], pose.array[:2], atol=1e-9)
         assert moments.elongation == pytest.approx(max(half_x / half_y, half_y / half_x), rel=1e-6)

@@ -95,13 +95,16 @@ def test_who_sees_ahead_only_faces_its_way_until_it_is_nearly_there():
 
 
 def test_who_stands_by_its_target_is_not_stuck():
-    plan = Plan("keep", (0.05, 0.0), 0.0)
+    bearing_rad, here = HEMMED_IN.bearing_rad, Pose2(0.0, 0.0, 0.0)
+    open_behind = FreeSpace(bearing_rad, np.where(np.abs(bearing_rad) > 2.0, 2.0, 0.3))
     for away_m, escapes in ((0.05, False), (0.3, True)):
-        motion = Motion(LIMITS, np.random.default_rng(0))
+        motion, plan = Motion(LIMITS, np.random.default_rng(0)), Plan("keep", (away_m, 0.0), 0.0)
+        driven_mps = []
         for k in range(60):
-            motion.update(Pose2(0.0, 0.0, 0.0), k / 30)
-            motion.drive(replace(plan, target=(away_m, 0.0)), Pose2(0.0, 0.0, 0.0), HEMMED_IN, k / 30)
-        assert (motion._escape_until_s > 0.0) == escapes
+            motion.update(here, k / 30)
+            driven_mps.append(motion.drive(plan, here, open_behind, k / 30).forward_mps)
+        assert driven_mps[0] > 0.0
+        assert (min(driven_mps) < -0.5) == escapes
 
 
 def test_who_stands_aside_is_not_pushed_by_driving_on():
