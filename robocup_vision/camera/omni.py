@@ -17,6 +17,8 @@ from robocup_vision.geometry import Pose2
 
 # lengths and angles, see `camera.bounds`
 BOUNDED_KEYS = ("offset_m", "heading_rad", "tilt_rad", "viewpoint_height_m")
+# inverse ranges at which image radii are tabulated: their steps stay below a pixel
+_TABULATED = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +94,14 @@ class OmniCamera:
     def viewpoint_m(self) -> FloatArray:
         """(3,) float64: effective viewpoint in the robot frame, metres."""
         return read_only([*self.offset_m, self._height_or_one])
+
+    def tabulated_radius_px(self) -> tuple[float, FloatArray]:
+        """Return a step of the inverse range, 1/m, and the image radius (Q,) float64 at 0, 1, ... of it.
+
+        The last is the inner usable radius; NaN where the curve has none: a table does not reach the horizon.
+        """
+        q = np.linspace(0.0, float(self.floor_range.inverse_range_per_m(self.usable_radius_px[0])), _TABULATED)
+        return float(q[1]), self.floor_range.radius_px(q)
 
     def image_bearing_rad(self, pixels: npt.ArrayLike) -> FloatArray:
         """Bearing (...,) of pixels (..., 2) about the mirror axis in the camera frame, radians."""

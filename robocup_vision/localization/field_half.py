@@ -59,7 +59,6 @@ class GoalSideSettings:
     majority: float = 2  #: ratio to the votes of the other side from which they decide: clutter alone seldom reaches it
     #: difference in (B - R)/(B + G + R) from which two goals count as differently coloured
     min_hue_difference: float = 0.2
-    table_size: int = 1024  #: image radii tabulated over inverse range: their steps stay below a pixel
     channels: SwappedChannelsSettings = SwappedChannelsSettings()  #: when the goals show that red and blue are swapped
 
 
@@ -90,8 +89,7 @@ class GoalSide:
         self._points = goal_points(field)
         # a vote is a mean over 3 x 3 pixels
         self._hidden = hidden_pixels(mask)
-        inner = camera.usable_radius_px[0]
-        q = np.linspace(0.0, float(camera.floor_range.inverse_range_per_m(inner)), settings.table_size)
+        q_step, radius = camera.tabulated_radius_px()
         self._projection = plain(
             MirrorProjection(
                 np.array(camera.viewpoint_m),
@@ -100,9 +98,9 @@ class GoalSide:
                 camera.heading_rad,
                 camera.mirrored,
                 camera.usable_radius_px,
-                float(q[1]),
+                q_step,
                 # zero lies inside the usable radius, so points beyond a curve's end are not used
-                np.nan_to_num(camera.floor_range.radius_px(q)),
+                np.nan_to_num(radius),
             )
         )
 

@@ -116,11 +116,10 @@ class OutlineModel:
             np.sin(view.bearing_rad),
         )
         curve, (inner, outer) = camera.floor_range, camera.usable_radius_px
-        q = np.linspace(0.0, float(curve.inverse_range_per_m(inner)), 1024)
-        radius = curve.radius_px(q)
-        # a table does not reach the horizon: beyond its last range nothing is seen
+        q_step, radius = camera.tabulated_radius_px()
+        # beyond a table's last range nothing is seen
         #: step of the inverse range, and image radius (Q,) tabulated over it
-        self.radius_of_q = float(q[1]), np.where(np.isfinite(radius), radius, outer)
+        self.radius_of_q = q_step, np.where(np.isfinite(radius), radius, outer)
         radius = np.linspace(inner, outer, 512)
         # nothing on the field is farther away than its own length
         farthest_m = 1.2 * float(np.ptp(field.floor_polygon, axis=0).max())
