@@ -22,6 +22,7 @@ from robocup_vision.evaluation.detections import KindFigures
 from robocup_vision.files.csv_table import read_csv
 from robocup_vision.landmarks.mapping import run_files
 from robocup_vision.localization import evidence as pose_evidence
+from robocup_vision.localization.model_edges import weights
 from robocup_vision.mapping import sensor_model
 from robocup_vision.perception import color_table
 from robocup_vision.planning.gaze import goal_evidence
@@ -87,6 +88,8 @@ EXPECTED = {
     "goal evidence": keys_of(goal_evidence._EvidenceFile),
     "evidence.toml": keys_of(pose_evidence._EvidenceFile),
     "evidence.toml cue": keys_of(pose_evidence._Cue),
+    "edge evidence": keys_of(weights._EvidenceFile),
+    "edge evidence weights": keys_of(weights._Weights),
 }
 
 

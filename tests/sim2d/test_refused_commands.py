@@ -35,6 +35,7 @@ import pytest
         ("learn-goal-evidence --field ssl_2001 out.toml", "carry no pinhole camera"),
         ("learn-goal-evidence --count 1 .", ".: cannot be written ("),
         ("fit-evidence --odds 1 out.toml", "--odds must be above 1, got 1"),
+        ("fit-edge-evidence --cost 0 out.toml", "--cost must be positive, got 0"),
         ("fit-evidence --field msl_6x4 out.toml", "must have walls or boards"),
         ("sensors learn --out out.toml --cell 0", "--cell must be within 0 to 1 m"),
         ("sensors learn --out out.toml --range-height -1", "height_m must not be negative"),

@@ -19,10 +19,10 @@ from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.model_edges.evidence import log_weight
 from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
 from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.localization.model_edges.weights import default_edge_weights
 
 # chi-square with two degrees of freedom, 99.9 %
 _BENDS_CHI2 = 13.8
@@ -95,6 +95,7 @@ class _EdgeLocator:
         """Return what locates a camera as surely as it says, by lines so far away."""
         own = self.settings
         how = FinderSettings(max_range_m=range_m, nods=(), candidates=own.candidates, max_std_m=own.max_std_m)
+        weights = default_edge_weights()
         finder = EdgeFinder(EdgeFollower(self.field, camera, EdgeSettings().for_unconfirmed_frames()), how)
 
         def locate(frame: UInt8Array, near: Pose2 | None) -> tuple[float, Sighting] | None:
@@ -106,7 +107,7 @@ class _EdgeLocator:
                 return None
             # one picture determines the focal length by the camera's height; the joint fit uses all of them
             held = np.array([*answer.estimate.pose.array, *answer.camera_unknowns[:3], 0.0])
-            probability = 1.0 / (1.0 + math.exp(-log_weight(answer.evidence, how.candidates)))
+            probability = 1.0 / (1.0 + math.exp(-answer.evidence.log_odds_anywhere(weights)))
             return probability, Sighting(frame, held, follower.painted_edges)
 
         return locate

@@ -10,7 +10,7 @@ from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.cholesky import factor
 from robocup_vision.kernels.model_edges.bands import LineLook, line_points
 from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
-from robocup_vision.kernels.model_edges.posterior import covariance_with_prior, gained_nats, pose_alone, position_std
+from robocup_vision.kernels.model_edges.posterior import covariance_with_prior, pose_alone, position_std
 from robocup_vision.kernels.model_edges.refine import looked_for, moved, propose, refine
 from robocup_vision.kernels.model_edges.tables import (
     FOUND,
@@ -26,7 +26,7 @@ from robocup_vision.kernels.model_edges.tables import (
     Scene,
     UInt8Array,
 )
-from robocup_vision.kernels.model_edges.verdict import explained, judge
+from robocup_vision.kernels.model_edges.verdict import explained, judge, log_odds, log_std
 
 MODES = 5  # looked at before giving up
 NO_FIT = -1e9  # score of a mode that cannot be fitted
@@ -191,15 +191,7 @@ def _follow(
             for j in range(UNKNOWNS):
                 z[j] = modes[best, j]
             _assess(image, scene, prior, settings, spacing_px, buffers, fit, light, z)
-    if best_score == NO_FIT:
-        return False
-    if not covariance_with_prior(prior.root, buffers.information, fit.covariance):
-        return False
-    if not pose_alone(prior.root, z, buffers.information, buffers.gradient, fit.information, fit.gradient):
-        return False
-    fit.figures[11] = position_std(fit.information)
-    fit.figures[13] = gained_nats(prior.root, fit.covariance)
-    return True
+    return best_score > NO_FIT
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -214,16 +206,18 @@ def _assess(
     light: float,
     z: FloatArray,
 ) -> tuple[bool, float]:
-    """Refine a mode and weigh what speaks for it.
+    """Refine a mode and weigh it.
 
     Returns
     -------
     bool, float
-        Whether no other mode needs a look, and what the mode is worth among others; `NO_FIT` if it cannot be fitted.
+        Whether no other mode needs a look, and the mode's log odds; `NO_FIT` if it cannot be fitted.
     """
     figures, step = fit.figures, np.empty(UNKNOWNS)
     count, inliers, rms, ok = refine(image, scene, prior, settings, spacing_px, buffers, fit.carpet, light, z, step)
-    if not ok:
+    if not ok or not covariance_with_prior(prior.root, buffers.information, fit.covariance):
+        return False, NO_FIT
+    if not pose_alone(prior.root, z, buffers.information, buffers.gradient, fit.information, fit.gradient):
         return False, NO_FIT
     seen, missing, upright, hidden = judge(image, fit.carpet, settings, buffers, count, step)
     moved(prior, z, fit.unknowns)
@@ -238,22 +232,15 @@ def _assess(
     for j in range(UNKNOWNS):
         far += z[j] * z[j]
     figures[0], figures[1], figures[2], figures[3] = count, looked_for(buffers, count), seen, missing
-    figures[4] = upright
-    figures[5], figures[6], figures[7], figures[8], figures[9] = inliers, rms, far, number, right
-    figures[10] = hidden
-    figures[12] = _edges_found(buffers, count)
-    weights = settings.mode_weights
-    score = (
-        weights[0] * math.log(1.0 + inliers)
-        - weights[1] * missing / (seen + missing + 4.0)
-        - weights[2] * hidden / (upright + hidden + 4.0)
-        - weights[3] * (number - right) / (number + 4.0)
-        - weights[4] * far
-        - weights[5] * rms
-    )
-    clear = missing <= settings.clear_missing * seen and number - right <= 1.0 + settings.clear_unexplained * number
-    clear = clear and rms <= settings.clear_rms_px
-    return clear, score
+    figures[4], figures[5], figures[6] = inliers, rms, far
+    figures[7], figures[8] = number, right
+    figures[9], figures[10] = _edges_found(buffers, count), position_std(fit.information)
+    figures[11], figures[12] = upright, hidden
+    odds = log_odds(figures, settings.weights)
+    # an open position shows little, but nothing against the mode
+    if_fixed = odds + settings.weights[8] * (log_std(0.0) - log_std(figures[10]))
+    figures[13], figures[14] = odds, if_fixed
+    return if_fixed >= settings.sure_log_odds, odds
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -146,26 +146,6 @@ def _leave_out_rest(
 
 
 @compiled(fastmath=True, error_model="numpy")
-def gained_nats(root: FloatArray, covariance: FloatArray) -> float:
-    """Return how much less uncertain a pose is than its prior: half the logarithm of the determinants' ratio.
-
-    Parameters
-    ----------
-    root : (7, 7) float64
-        Of the prior, lower triangular.
-    covariance : (7, 7) float64
-        As `covariance_with_prior` gives it.
-    """
-    minors = 0.0
-    for i in range(POSE):
-        j, k = (i + 1) % POSE, (i + 2) % POSE
-        minors += covariance[0, i] * (covariance[1, j] * covariance[2, k] - covariance[1, k] * covariance[2, j])
-    volume = root[0, 0] * root[1, 1] * root[2, 2]
-    # a fit is at most as uncertain as its prior; rounding may say a little more
-    return max(math.log(volume) - 0.5 * math.log(max(minors, 1e-300)), 0.0)
-
-
-@compiled(fastmath=True, error_model="numpy")
 def position_std(information: FloatArray) -> float:
     """Return the greatest standard deviation of x and y, heading open, by an information matrix (3, 3); at most 9."""
     turn = max(information[2, 2], 1e-9)

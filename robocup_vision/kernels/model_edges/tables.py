@@ -157,11 +157,10 @@ class FollowSettings(NamedTuple):
         Of painted lines.
     point_stride : int
         Rows and columns between those that are read for line points.
-    mode_weights : (6,) float64
-        Weights by which modes are compared: of inliers, and against missing and hidden samples, line points left
-        unexplained, distance from the prior, and the inliers' root mean square.
-    clear_missing, clear_unexplained, clear_rms_px : float
-        Fractions, and inliers' root mean square, up to which no other mode is examined.
+    weights : (9,) float64
+        See `verdict.log_odds`.
+    sure_log_odds : float
+        From these on, were the position fixed, no other mode is examined.
     coarse_gates_px, fine_gates_px : (G,) float64
         Of the fit's steps.
     max_line_widths : float
@@ -184,10 +183,8 @@ class FollowSettings(NamedTuple):
     again_px: float
     line_width_m: float
     point_stride: int
-    mode_weights: FloatArray
-    clear_missing: float
-    clear_unexplained: float
-    clear_rms_px: float
+    weights: FloatArray
+    sure_log_odds: float
     coarse_gates_px: FloatArray
     fine_gates_px: FloatArray
     max_line_widths: float
@@ -262,11 +259,11 @@ class Fit(NamedTuple):
         Of that log-likelihood at the fit.
     carpet : (5,) or (8,) float64
         See `carpet_look`.
-    figures : (14,) float64
-        Samples, looked for, found, missing, found upright, inliers, their root mean square, prior's squared distance,
-        line points that a pose must explain, those explained, hidden upright, standard deviation of the position by the
-        measurements alone where it is greatest (m), how many edges of the field were found, and what the pose gained on
-        its prior (nats).
+    figures : (15,) float64
+        Samples, looked for, found, missing, inliers, their root mean square, prior's squared distance, line points that
+        a pose must explain, those explained, how many edges of the field were found, the standard deviation of the
+        position by the measurements alone where it is greatest (m), samples found above the floor, those hidden there,
+        the log odds by all of these, and by the same if the position were fixed.
     """
 
     unknowns: FloatArray

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled
@@ -172,3 +174,37 @@ def _is_silent(silent: FloatArray, lens: FloatArray, frame: FloatArray, u: float
         if begin <= end:
             return True
     return False
+
+
+@compiled(fastmath=True, error_model="numpy")
+def log_std(position_std_m: float) -> float:
+    """Return the logarithm of a standard deviation (m) within what an error of the camera and an open position have."""
+    return math.log(min(position_std_m, 1.0) + 0.01)
+
+
+@compiled(fastmath=True, error_model="numpy")
+def log_odds(figures: FloatArray, weights: FloatArray) -> float:
+    """Logarithm of the odds that a fit near a prior is right, as `localization.model_edges.evidence` defines them.
+
+    Parameters
+    ----------
+    figures : (15,) float64
+        See `Fit`.
+    weights : (9,) float64
+        Constant, then of the squared distance from the prior, the logarithm of the inliers, the fraction of missing
+        samples, that of hidden ones above the floor, that of line points left unexplained, the root mean square of the
+        residuals, the number of edges, and the logarithm of the position's standard deviation.
+    """
+    found, missing, inliers, rms, far = figures[2], figures[3], figures[4], figures[5], figures[6]
+    points, right, upright, hidden = figures[7], figures[8], figures[11], figures[12]
+    return float(
+        weights[0]
+        + weights[1] * far
+        + weights[2] * math.log(1.0 + inliers)
+        + weights[3] * missing / (found + missing + 4.0)
+        + weights[4] * hidden / (upright + hidden + 4.0)
+        + weights[5] * (points - right) / (points + 4.0)
+        + weights[6] * rms
+        + weights[7] * figures[9]
+        + weights[8] * log_std(figures[10])
+    )

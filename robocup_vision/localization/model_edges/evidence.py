@@ -1,8 +1,8 @@
 """Decides whether a frame confirms a pose, and weighs poses found without a prior against each other.
 
-Hidden samples are neutral on the floor, where robots stand before lines, and count a little against a pose higher up;
-missing ones count against it. The pose must explain the line points in view, and gain information on its prior. A
-fit that leaves a direction open is accepted where the other evidence suffices, with a covariance that says so.
+The logarithm of the odds that a pose is right is linear in what its fit finds, leaves unexplained and fixes. One set of
+weights serves fits near a prior and fits all over the field; how probable a pose is before a frame is seen, is told by
+a constant for each. Hidden samples are neutral, as others stand before lines; missing ones count against a pose.
 
 Many poses of a field explain a picture well. Their posterior is a conditional logit over all poses that were fitted,
 with one more outcome: the right pose is not among them.
@@ -11,33 +11,35 @@ with one more outcome: the right pose is not among them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
 from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.localization.model_edges.weights import EdgeWeights
 
 
 class Evidence(NamedTuple):
-    """Counts of samples and line points after a fit (see `kernels.model_edges.follow.Fit`)."""
+    """Counts of samples and line points after a fit (see `kernels.model_edges.tables.Fit`)."""
 
     samples: float
     looked_for: float
     found: float
     missing: float
-    found_upright: float
     inliers: float
     rms_px: float
     prior_distance2: float
     points: float
     explained: float
-    hidden_upright: float
-    position_std_m: float
     edges: float
-    gained_nats: float
+    position_std_m: float
+    found_upright: float
+    hidden_upright: float
+    log_odds: float  #: that the pose is right, near a prior
+    log_odds_if_fixed: float  #: the same if the frame also fixed the position
 
     @property
     def found_ratio(self) -> float:
@@ -52,27 +54,12 @@ class Evidence(NamedTuple):
         hidden_too = f" ({hidden:.0f} more are hidden)" if hidden >= 1 else ""
         return f"{places}{hidden_too}, {self.explained:.0f} of {self.points:.0f} line points are explained"
 
-    def log_odds(self, settings: EdgeSettings) -> float:
-        """Logarithm of the odds that the pose is right; see `EdgeSettings` for the weights' origin."""
-        return self._log_odds(settings, self._against(settings))[0]
-
-    def _log_odds(self, settings: EdgeSettings, against: float) -> tuple[float, float]:
-        """Logarithm of the odds, and the same without the penalty for an open position."""
-        s = settings
-        whatever_is_open = s.odds_at_all + s.odds_of_edge * self.edges - against
-        open_ = s.odds_against_open + s.odds_against_std * min(self.position_std_m, 0.5)
-        return whatever_is_open - max(open_ - s.odds_of_nat * self.gained_nats, 0.0), whatever_is_open
-
-    def _against(self, settings: EdgeSettings) -> float:
-        s = settings
-        return (
-            s.odds_against_missing * self.missing / (self.found + self.missing + 4.0)
-            + s.odds_against_hidden * self.hidden_upright / (self.found_upright + self.hidden_upright + 4.0)
-            + s.odds_against_unexplained * (self.points - self.explained) / (self.points + 4.0)
-            + s.odds_against_distance * self.prior_distance2
-            # with few inliers the residuals say less
-            + s.odds_against_rms * self.rms_px * min(self.inliers / s.min_inliers, 1.0)
-        )
+    def log_odds_anywhere(self, weights: EdgeWeights) -> float:
+        """Logarithm of the odds of a pose found without a prior to that none that was found is right."""
+        constant, of_distance2 = weights.near_prior[:2].tolist()
+        # a search's proposal is no evidence, and so the distance from it is none
+        terms = self.log_odds - constant - of_distance2 * self.prior_distance2
+        return float(weights.anywhere + weights.within_picture * terms)
 
 
 class Verdict(NamedTuple):
@@ -87,14 +74,11 @@ class Verdict(NamedTuple):
 def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.0) -> Verdict:
     """Weigh a fit, given the log odds that its prior is right by the frames before."""
     s, e = settings, evidence
-    against = e._against(s)
-    odds, whatever_is_open = e._log_odds(s, against)
+    odds = e.log_odds
+    # an open position shows little, but nothing against the pose
+    ratio = max(odds, min(e.log_odds_if_fixed, 0.0))
     if e.inliers < s.min_inliers:
-        ratio = min(s.odds_at_all / 2 - against, 0.0)
-    else:
-        ratio = max(odds, min(whatever_is_open, 0.0))
-    if e.inliers < (s.min_inliers if prior_log_odds <= 0.0 else s.min_inliers_followed):
-        return Verdict(f"only {e.inliers:.0f} of {e.looked_for:.0f} places on edges agree", ratio)
+        return Verdict(f"only {e.inliers:.0f} of {e.looked_for:.0f} places on edges agree", min(ratio, 0.0))
     if prior_log_odds > 0.0:
         odds = prior_log_odds + ratio
     if odds < 0.0:
@@ -106,44 +90,18 @@ def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.
 
 @dataclass(frozen=True, slots=True)
 class CandidateSettings:
-    """Weights of a fit's evidence in a conditional logit, and thresholds on the posterior."""
+    """Thresholds on the posterior of poses found without a prior."""
 
-    #: weight of the fraction missing where carpet shows instead
-    of_missing: float = -35.7
-    #: weight of the fraction found of all predicted samples: a pose that hides much explains little
-    of_found: float = 4.24
-    #: weight of the fraction of line points left unexplained
-    of_unexplained: float = -27.1
-    #: weight of the inliers' root mean square, pixels of a picture 208 wide: wrong poses leave larger residuals
-    of_rms: float = -5.79
-    #: weight of each edge of the field that is found
-    of_edge: float = 0.71
-    #: weight of the logarithm of the position's standard deviation, metres: a picture that fits everywhere shows little
-    of_std: float = -1.26
-    #: weight of the outcome that none is right
-    of_none: float = 6.76
-    #: smallest probability of a pose that is the answer alone, and of several together that are candidates
-    min_probability: float = 0.95
-    min_together: float = 0.98
+    #: smallest probability of a pose that is the answer alone, or of several together that are candidates
+    min_probability: float = 0.9
     max_candidates: int = 3
 
 
-def log_weight(evidence: Evidence, settings: CandidateSettings) -> float:
-    """Return the logarithm of a pose's weight among others, relative to that none is right."""
-    e, s = evidence, settings
-    return (
-        s.of_missing * e.missing / (e.found + e.missing + 4.0)
-        + s.of_found * e.found / (e.looked_for + 4.0)
-        + s.of_unexplained * (e.points - e.explained) / (e.points + 4.0)
-        + s.of_rms * e.rms_px
-        + s.of_edge * e.edges
-        + s.of_std * math.log(min(e.position_std_m, 1.0) + 0.01)
-        - s.of_none
-    )
+def posterior(log_weights: npt.ArrayLike) -> FloatArray:
+    """Return the probability of each pose, (N,) float64; the rest, up to 1, is the probability that none is right.
 
-
-def posterior(log_weights: Sequence[float]) -> FloatArray:
-    """Return the probability of each pose, (N,) float64; the rest, up to 1, is the probability that none is right."""
+    `log_weights` are the log odds of each pose to that none of them is right.
+    """
     weights = np.append(np.asarray(log_weights, dtype=np.float64), 0.0)
     weights = np.exp(weights - weights.max())
     return np.asarray(weights[:-1] / weights.sum())
@@ -151,10 +109,6 @@ def posterior(log_weights: Sequence[float]) -> FloatArray:
 
 def accepted(probabilities: FloatArray, settings: CandidateSettings) -> list[int]:
     """Return the indices of the accepted poses, the most probable first; none where none is probable enough."""
-    order = np.argsort(-probabilities)[: settings.max_candidates].tolist()
-    total = 0.0
-    for number, index in enumerate(order, 1):
-        total += float(probabilities[index])
-        if total >= (settings.min_probability if number == 1 else settings.min_together):
-            return [int(one) for one in order[:number]]
-    return []
+    order = np.argsort(-probabilities)[: settings.max_candidates]
+    (enough,) = np.nonzero(np.cumsum(probabilities[order]) >= settings.min_probability)
+    return [int(one) for one in order[: enough[0] + 1]] if len(enough) else []

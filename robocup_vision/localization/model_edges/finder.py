@@ -28,9 +28,10 @@ from robocup_vision.kernels.model_edges.sightings import (
 )
 from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights, with_walls
-from robocup_vision.localization.model_edges.evidence import CandidateSettings, accepted, log_weight, posterior
+from robocup_vision.localization.model_edges.evidence import CandidateSettings, accepted, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
+from robocup_vision.localization.model_edges.weights import default_edge_weights
 
 _AnyPose = TypeVar("_AnyPose", bound=Pose2)
 
@@ -58,8 +59,6 @@ class FinderSettings:
     likely: int = 16
     #: tilts that are searched where this gives no answer, in standard deviations of the sway
     nods: tuple[float, ...] = (-1.5, 1.5)
-    #: least inliers of a fit
-    min_inliers: int = 6
     #: greatest excess of missed line points over the best proposal's for a proposal to be fitted
     max_more_missed: float = 6.0
     #: greatest difference of a pose's log-likelihood after the first fit from the best one's
@@ -97,7 +96,7 @@ class FinderSettings:
     #: most line points, and their greatest range
     points: int = 60
     max_range_m: float = 6.0
-    #: weights that decide whether one of the poses is right
+    #: how probable answers must be
     candidates: CandidateSettings = CandidateSettings()
 
 
@@ -121,8 +120,7 @@ def for_walled_fields(field: Field) -> FinderSettings:
     The answer has a candidate for each corner; where halves look alike, for half of them, each with its half turn.
     """
     corners = _CORNERS if field.halves_differ else _CORNERS // 2
-    # no photograph of another thing has more than 0.05 together
-    candidates = CandidateSettings(min_together=0.9, max_candidates=corners)
+    candidates = CandidateSettings(max_candidates=corners)
     return replace(THOROUGH, fitted=24, weighed=12, repeated=4, end_weight=0.5, candidates=candidates)
 
 
@@ -175,7 +173,7 @@ class EdgeFinder:
         self._uprights = prepare_uprights(field, self._bank)
         self._sightings = np.zeros((MAX_SIGHTINGS, SIGHTING_COLUMNS))
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
-        self._candidates = replace(s.candidates, of_rms=s.candidates.of_rms / scale)
+        self._weights = default_edge_weights()
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         self._searched_m2rad = math.tau * float(np.prod(high - low))
         self._covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
@@ -327,43 +325,16 @@ class EdgeFinder:
     def judge(
         self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None
     ) -> FollowedCamera | NotLocated:
-        """Fit every proposed pose of the camera, and return those that the frame confirms: one, or a few candidates.
-
-        On a field whose halves look alike a pose stands for its half turn, too.
-        """
-        s, follower = self.settings, self.follower
-        self._is_same_frame = False
-        proposals = list(proposals)
-        if not proposals:
-            camera = follower.camera
-            horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(camera.tilt_rad or 0.0)
-            return NotLocated(
-                "no lines, goals or beacons stand out in this frame"
-                f" (the tilt puts the horizon at row {horizon:.0f} of {camera.size_px[1]})"
-            )
-        places = self._places(frame, proposals, near)
-        likes = [like for pose in places[: s.repeated] for like in self._likes(pose)]
-        places = self._first_apart([*places, *likes], len(places) + len(likes))
-        if not places:
-            tried = len(proposals)
-            return NotLocated(f"none of the {tried} likeliest poses has {s.min_inliers} places on edges in this frame")
-        if follower.field.shows_half:
-            # lines alone look alike from both halves, whichever of them was proposed
-            for pose in [one.half_turn() for one in places[: s.turned]]:
-                if not any(self._apart.is_one(pose, other) for other in places):
-                    places.append(pose)
-        answers: list[FollowedCamera] = []
-        likeliest = ""
-        for pose in places:
-            answer = self._settle(frame, pose)
-            likeliest = likeliest or (answer.reason if isinstance(answer, NotLocated) else answer.evidence.in_words)
-            if answer and not any(self._apart.is_one(answer.estimate.pose, other.estimate.pose) for other in answers):
-                answers.append(answer)
-        follower.forget()
+        """Fit every proposed pose of the camera, and return those that the frame confirms: one, or a few candidates."""
+        answers, why_none = self.fits(frame, proposals, near)
         if not answers:
-            return NotLocated(f"no pose on the field explains what is in view; by the likeliest: {likeliest}")
+            return NotLocated(why_none)
+        s = self.settings
         probabilities = posterior(
-            [log_weight(one.evidence, self._candidates) + self._log_prior(one.estimate.pose, near) for one in answers]
+            [
+                one.evidence.log_odds_anywhere(self._weights) + self._log_prior(one.estimate.pose, near)
+                for one in answers
+            ]
         )
         order = accepted(probabilities, s.candidates)
         if not order:
@@ -379,9 +350,47 @@ class EdgeFinder:
             seen = best_answer.evidence.in_words
             return NotLocated(f"what is in view leaves the position open by {open_m:.2f} m: {seen}")
         if len(order) == 1:
-            follower.resume(best_answer)
+            self.follower.resume(best_answer)
         others = tuple(answers[index].estimate.pose for index in order[1:])
         return best_answer.with_candidates(others)
+
+    def fits(
+        self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None
+    ) -> tuple[list[FollowedCamera], str]:
+        """Fit every proposed pose; return the distinct results that are compared, and the reason where there are none.
+
+        On a field whose halves look alike a pose stands for its half turn, too.
+        """
+        s, follower = self.settings, self.follower
+        self._is_same_frame = False
+        proposals = list(proposals)
+        if not proposals:
+            camera = follower.camera
+            horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(camera.tilt_rad or 0.0)
+            return [], (
+                "no lines, goals or beacons stand out in this frame"
+                f" (the tilt puts the horizon at row {horizon:.0f} of {camera.size_px[1]})"
+            )
+        places = self._places(frame, proposals, near)
+        likes = [like for pose in places[: s.repeated] for like in self._likes(pose)]
+        places = self._first_apart([*places, *likes], len(places) + len(likes))
+        if not places:
+            tried, least = len(proposals), follower.settings.min_inliers
+            return [], f"none of the {tried} likeliest poses has {least} places on edges in this frame"
+        if follower.field.shows_half:
+            # lines alone look alike from both halves, whichever of them was proposed
+            for pose in [one.half_turn() for one in places[: s.turned]]:
+                if not any(self._apart.is_one(pose, other) for other in places):
+                    places.append(pose)
+        answers: list[FollowedCamera] = []
+        likeliest = ""
+        for pose in places:
+            answer = self._settle(frame, pose)
+            likeliest = likeliest or (answer.reason if isinstance(answer, NotLocated) else answer.evidence.in_words)
+            if answer and not any(self._apart.is_one(answer.estimate.pose, other.estimate.pose) for other in answers):
+                answers.append(answer)
+        follower.forget()
+        return answers, f"no pose on the field explains what is in view; by the likeliest: {likeliest}"
 
     def _places(self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None) -> list[Pose2]:
         """Return the results of the proposals' fits, the likeliest first."""
@@ -389,9 +398,9 @@ class EdgeFinder:
         ends: list[tuple[float, Pose2]] = []
         for proposal in proposals:
             answer, evidence = self._fit(frame, proposal), follower.evidence
-            if answer and evidence.inliers >= s.min_inliers:
+            if answer and evidence.inliers >= follower.settings.min_inliers:
                 end = self._end(answer)
-                ends.append((log_weight(evidence, self._candidates) + self._log_prior(end, near), end))
+                ends.append((evidence.log_odds_anywhere(self._weights) + self._log_prior(end, near), end))
         ends.sort(key=lambda one: -one[0])
         likely = [pose for weight, pose in ends if weight > ends[0][0] - s.max_log_likelihood_drop]
         return self._first_apart(likely, s.weighed)

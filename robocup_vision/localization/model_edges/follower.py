@@ -42,6 +42,7 @@ from robocup_vision.kernels.model_edges.tables import (
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
 from robocup_vision.localization.model_edges.field_edges import field_edges, telling_features
 from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.localization.model_edges.weights import default_edge_weights
 
 _MAX_SAMPLES = 600
 _MAX_POINTS = 400
@@ -144,6 +145,7 @@ class EdgeFollower:
         self.camera = camera = smaller_camera(camera, reduction)
         self.settings = settings or EdgeSettings()
         self.edges = field_edges(field, self.settings.lines_end_m)
+        self._weights = default_edge_weights()
         self._telling = telling_features(self.edges) if field.shows_half else None
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
@@ -154,9 +156,7 @@ class EdgeFollower:
         near = self.numbers._replace(bent_ratio=0.0)
         # the odds by which places of a search are compared were found with every sample counted in full
         proposed = near._replace(stray_ratio=0.0)
-        # no other mode is near enough to cause large residuals
-        followed = near._replace(clear_rms_px=math.inf)
-        self._plain_numbers, self._proposed_numbers, self._followed_numbers = plain((self.numbers, proposed, followed))
+        self._plain_numbers, self._proposed_numbers, self._followed_numbers = plain((self.numbers, proposed, near))
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
         self._buffers = empty_buffers(_MAX_SAMPLES, _MAX_POINTS)
@@ -166,7 +166,7 @@ class EdgeFollower:
             np.zeros((3, 3)),
             np.zeros(3),
             np.zeros(LIT_CARPET if self.settings.in_sun_and_shade else CARPET),
-            np.zeros(14),
+            np.zeros(15),
         )
         focal_std = camera.focal_std_px / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         self._camera_prior = np.zeros((2, 4))
@@ -330,7 +330,7 @@ class EdgeFollower:
         """Continue from an answer: take its pose and orientation of the camera."""
         self._sway[0] = np.array(answer.camera_unknowns) - self._camera_prior[0]
         self._last_pose = answer.estimate.pose
-        self._log_odds = min(answer.evidence.log_odds(self.settings), self.settings.max_log_odds)
+        self._log_odds = min(answer.evidence.log_odds, self._weights.sure_log_odds)
 
     def _prior_log_odds(self, prior: PoseEstimate, dt_s: float) -> float:
         """Logarithm of the odds that a prior is right: the last answer's, where the prior may be that, moved on."""
@@ -402,7 +402,7 @@ class EdgeFollower:
         evidence = self.evidence
         if is_proposal:
             # which of a search's proposals is right, if any, is told by comparing them
-            reason, log_ratio = None, evidence.log_odds(self.settings)
+            reason, log_ratio = None, evidence.log_odds
         else:
             reason, log_ratio = weigh(evidence, self.settings, prior_log_odds)
         self._log_ratio = log_ratio
@@ -412,7 +412,7 @@ class EdgeFollower:
             self._last_pose = prior.pose if known else None
             self._log_odds = max(prior_log_odds + log_ratio, 0.0)
             return NotLocated(reason)
-        self._log_odds = min(prior_log_odds + log_ratio, self.settings.max_log_odds)
+        self._log_odds = min(prior_log_odds + log_ratio, self._weights.sure_log_odds)
         p = fit.unknowns.tolist()
         self._last_pose = pose = Pose2(p[0], p[1], p[2])
         np.subtract(self._fitted_camera, self._camera_prior[0], out=self._sway[0])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robocup_vision.kernels.model_edges.tables import FollowSettings
+from robocup_vision.localization.model_edges.weights import default_edge_weights
 
 DESIGN_WIDTH_PX = 208.0
 
@@ -53,41 +54,18 @@ class EdgeSettings:
     bent_ratio: float = 0.4
     #: hypotheses of which the mode is chosen
     hypotheses: int = 100
-    #: verdict: least number of inliers, and where the frames before support the prior: two may agree by chance
-    min_inliers: int = 12
-    min_inliers_followed: int = 3
+    #: least number of inliers: two may agree by chance
+    min_inliers: int = 3
     #: least samples found on edges that the field's other half lacks for a frame to show the half: two may agree by
     #: chance
     min_telling: int = 3
-    #: odds that a pose is right, by logistic regression on right and wrong priors: each edge found, fractions, squared
-    #: distance from the prior, residuals (px)
-    odds_at_all: float = 4.8
-    odds_of_edge: float = 0.17
-    odds_against_missing: float = 11.3
-    odds_against_hidden: float = 1.4
-    odds_against_unexplained: float = 8.0
-    odds_against_distance: float = 0.23
-    odds_against_rms: float = 2.95
-    #: modes near one prior are compared by the weights of what speaks against them and by the logarithm of the inliers
-    mode_of_inliers: float = 1.3
-    #: a picture that leaves the pose open agrees with wrong ones, too: greatest standard deviation of the position (m),
-    #: less the information gained on the prior (nats)
-    odds_against_open: float = 1.7
-    odds_against_std: float = 4.0
-    odds_of_nat: float = 0.2
-    #: bound and time constant of a frame's odds in those after it: errors of neighbouring frames are correlated
-    max_log_odds: float = 5.0
+    #: time constant of a frame's odds in those after it
     odds_memory_s: float = 0.5
     #: a frame with lower log-odds does not support the pose
     min_supporting_log_odds: float = 0.1
     #: greatest speeds of a robot and its head: a prior farther from the last answer does not continue it
     max_speed_mps: float = 4.0
     max_turn_radps: float = 10.0
-    #: fractions of missing samples and unexplained line points, and residuals (pixels of any picture), up to which no
-    #: other mode is examined: of fits that end at the truth six in seven leave smaller residuals
-    clear_missing: float = 0.08
-    clear_unexplained: float = 0.06
-    clear_rms_px: float = 0.35
     #: tilt and roll are forgotten with this time constant: a step takes about half a second
     attitude_memory_s: float = 0.12
     #: of tilt and roll where the camera file gives no `roll_std_rad`
@@ -121,6 +99,7 @@ class EdgeSettings:
 
     def for_width(self, width_px: int, line_width_m: float) -> FollowSettings:
         """Return the numbers for a picture of this width."""
+        weights = default_edge_weights()
         scale = width_px / DESIGN_WIDTH_PX
         grown = max(1.0, 1.0 + 0.33 * (scale - 1.0) / (640 / 208 - 1.0))
         spacing = self.spacing_px + (self.wide_spacing_px - self.spacing_px) * (scale - 1.0) / (640 / 208 - 1.0)
@@ -140,19 +119,8 @@ class EdgeSettings:
             again_px=self.again_px,
             line_width_m=line_width_m,
             point_stride=max(4, round(self.point_stride_px * scale)),
-            mode_weights=np.array(
-                [
-                    self.mode_of_inliers,
-                    self.odds_against_missing,
-                    self.odds_against_hidden,
-                    self.odds_against_unexplained,
-                    self.odds_against_distance,
-                    self.odds_against_rms,
-                ]
-            ),
-            clear_missing=self.clear_missing,
-            clear_unexplained=self.clear_unexplained,
-            clear_rms_px=self.clear_rms_px,
+            weights=weights.near_prior,
+            sure_log_odds=weights.sure_log_odds,
             coarse_gates_px=np.array([6.0, 4.0]) * grown,
             fine_gates_px=np.array([4.0, 3.0, 2.5]) * grown,
             max_line_widths=self.max_line_widths,

@@ -49,7 +49,7 @@ def test_wrong_numbers_are_refused_before_anything_is_read(
 NAMES = {
     "evaluate", "compare", "calibrate", "check", "live", "map", "fields", "import-boxes", "match", "tournament",
     "render", "render-goal", "render-hall", "sensors", "learn-goal-evidence", "fit-evidence",
-    "train-balls",
+    "fit-edge-evidence", "train-balls",
     "train-kinds",
 }  # fmt: skip
 

@@ -4,25 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.model_edges.follow import MODES
-from robocup_vision.localization.model_edges.evidence import (
-    CandidateSettings,
-    Evidence,
-    accepted,
-    log_weight,
-    posterior,
-    weigh,
-)
 from robocup_vision.localization.model_edges.field_edges import field_edges
 from robocup_vision.localization.model_edges.follower import EdgeFollower
-from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 STD = np.array([0.05, 0.05, math.radians(2.0)])
 
@@ -136,42 +125,6 @@ def test_a_prior_without_a_covariance_is_refused(fl_shot):
         follower.follow(fl_shot.frame, PoseEstimate(fl_shot.pose, np.zeros((3, 3)), 1.0, 0.0))
 
 
-def test_every_reason_to_refuse():
-    settings = EdgeSettings()
-    good = Evidence(100, 100, 80, 5, 20, 80, 0.3, 3.0, 40, 39, 5, 0.02, 6, 4.0)
-    assert weigh(good, settings).reason is None
-    assert "places on edges agree" in str(weigh(good._replace(inliers=5), settings).reason)
-    for against in ({"missing": 200}, {"explained": 10}, {"prior_distance2": 99.0}, {"rms_px": 2.5}):
-        assert "odds" in str(weigh(good._replace(**against), settings).reason)
-    # a frame that leaves a direction open is located where it tells more than its prior does
-    open_ = good._replace(position_std_m=5.0)
-    assert weigh(open_, settings).reason is None
-    assert "odds" in str(weigh(open_._replace(gained_nats=0.0), settings).reason)
-
-
-def test_the_frames_before_vouch_for_a_prior_that_a_frame_hardly_shows():
-    settings = EdgeSettings()
-    faint = Evidence(100, 100, 4, 0, 2, 4, 0.3, 3.0, 0, 0, 5, 0.5, 2, 0.5)
-    assert weigh(faint, settings).reason is not None
-    assert weigh(faint, settings, 3.0).reason is None
-    assert "places on edges agree" in str(weigh(faint._replace(found=2, inliers=2), settings, 3.0).reason)
-    # what contradicts the pose outweighs that
-    assert "odds" in str(weigh(faint._replace(prior_distance2=27.0, rms_px=2.0), settings, 3.0).reason)
-    assert "odds" in str(weigh(faint._replace(missing=30), settings, 3.0).reason)
-
-
-def test_a_frame_that_fixes_nothing_is_neutral():
-    settings = EdgeSettings()
-    open_ = Evidence(60, 60, 30, 0, 4, 30, 0.4, 3.0, 0, 0, 3, 0.9, 3, 0.1)
-    assert open_.log_odds(settings) < 0.0
-    assert weigh(open_, settings).log_likelihood_ratio == 0.0
-    few = open_._replace(found=3, inliers=3, position_std_m=9.0, edges=1)
-    assert weigh(few, settings).log_likelihood_ratio == 0.0
-    assert weigh(few._replace(prior_distance2=20.0), settings).log_likelihood_ratio < 0.0
-    assert weigh(open_._replace(missing=40), settings).log_likelihood_ratio < -3.0
-    assert weigh(open_._replace(position_std_m=0.02, gained_nats=4.0), settings).log_likelihood_ratio > 1.5
-
-
 def test_a_hidden_view_is_followed_on(fl_shot):
     follower = EdgeFollower(fl_shot.field, fl_shot.camera)
     # a robot that stands close before the camera leaves a strip of the picture
@@ -208,43 +161,3 @@ def test_every_field_has_its_edges(name):
     assert len(edges.silent) == sum(goal.net is not None for goal in field.goals)
     # the floor around it, in four parts
     assert len(field_edges(field, 0.3).silent) == len(edges.silent) + 4
-
-
-GOOD = Evidence(100, 100, 80, 0, 20, 80, 0.2, 3.0, 40, 40, 5, 0.02, 8, 4.0)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [{"missing": 8.0}, {"found": 50.0}, {"explained": 30.0}, {"rms_px": 0.6}, {"edges": 5.0}, {"position_std_m": 0.3}],
-)
-def test_what_speaks_against_a_pose_lowers_its_weight(change):
-    settings = CandidateSettings()
-    assert log_weight(GOOD._replace(**change), settings) < log_weight(GOOD, settings) - 0.5
-
-
-@given(st.lists(st.floats(-800.0, 800.0), max_size=8), st.floats(-5.0, 5.0))
-def test_probabilities_are_those_of_the_poses_and_of_none(weights, more):
-    found = posterior(weights)
-    assert found.shape == (len(weights),)
-    assert ((found >= 0.0) & (found <= 1.0)).all()
-    assert found.sum() <= 1.0 + 1e-12
-    for low, high in zip(np.argsort(weights)[:-1], np.argsort(weights)[1:], strict=True):
-        assert found[low] <= found[high]
-    # one more pose takes from all the others alike
-    joined = posterior([*weights, more])
-    assert (joined[:-1] <= found + 1e-12).all()
-
-
-def test_a_pose_as_likely_as_none_has_half():
-    np.testing.assert_allclose(posterior([0.0]), [0.5])
-    np.testing.assert_allclose(posterior([]), [])
-
-
-def test_one_is_the_answer_or_a_few_together():
-    settings = CandidateSettings(min_probability=0.9, min_together=0.95, max_candidates=3)
-    assert accepted(np.array([0.03, 0.93]), settings) == [1]
-    assert accepted(np.array([0.5, 0.02, 0.46]), settings) == [0, 2]
-    # 0.91 together is not enough of two, and a fourth is not asked
-    assert accepted(np.array([0.5, 0.41]), settings) == []
-    assert accepted(np.array([0.25, 0.25, 0.25, 0.25]), settings) == []
-    assert accepted(np.array([]), settings) == []

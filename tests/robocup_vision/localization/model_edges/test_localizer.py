@@ -305,7 +305,7 @@ def test_a_goal_is_found_from_cold_where_edges_alone_do_not_know(condition):
 
 @pytest.mark.parametrize(
     ("pose", "nod_rad"),
-    [(Pose2(1.0, -2.0, 1.15), 0.045), (Pose2(1.4, 0.0, -0.24), -0.038), (Pose2(-0.2, -0.1, -0.24), 0.04)],
+    [(Pose2(2.568, 0.087, 2.757), -0.0496), (Pose2(1.4, 0.0, -0.24), -0.038), (Pose2(-0.2, -0.1, -0.24), 0.04)],
 )
 def test_a_body_that_nods_is_searched_for_again(pose, nod_rad, take_shot, spl_shot, spl_finder):
     shot = take_shot("spl_2020", pose, nod_rad=nod_rad, camera=spl_shot.camera)

@@ -101,7 +101,7 @@ def test_no_floor_gives_no_pose(field, camera, vision):
 
 def test_masked_pixels_make_no_edge(field, camera):
     mask = np.zeros((240, 320), dtype=np.uint8)
-    mask[:, 160:] = 1
+    mask[:, 220:] = 1
     vision = Vision(field, camera, method="floor", mask=mask)
     frame = rendered(camera, field, INTO_A_CORNER)
     changed = frame.copy()

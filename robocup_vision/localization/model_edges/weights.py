@@ -1,0 +1,83 @@
+"""The weights of what a frame shows in the log odds of a pose, as a file holds them.
+
+They are data: `evidence.toml`, which `robocup-vision fit-edge-evidence` writes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from field_models.errors import FileError
+from field_models.toml_file import StrictStruct, load_toml
+from robocup_vision.arrays import FloatArray
+
+
+class _Weights(StrictStruct):
+    squared_distance: float
+    log_inliers: float
+    missing: float
+    hidden: float
+    unexplained: float
+    rms_px: float
+    edges: float
+    log_std_m: float
+
+
+#: what is weighed, in the order of `EdgeWeights`
+WEIGHTS = _Weights.__struct_fields__
+
+
+class _EvidenceFile(StrictStruct):
+    format: int
+    command: str
+    sets: list[str]
+    near_prior: float
+    anywhere: float
+    within_picture: float
+    sure_log_odds: float
+    weights: _Weights
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeWeights:
+    """What the log odds of a pose are made of."""
+
+    #: (9,) float64: of a fit near a prior, as `kernels.model_edges.verdict.log_odds` takes them
+    near_prior: FloatArray
+    anywhere: float  #: constant of a fit that begins anywhere, relative to that none of them is right
+    #: what multiplies its terms: poses of one picture are told apart better than those of several
+    within_picture: float
+    sure_log_odds: float  #: wrong fits hardly have more
+
+
+def load_edge_weights(path: str | Path | None = None) -> EdgeWeights:
+    """Read the fitted weights.
+
+    Parameters
+    ----------
+    path : str or Path, optional
+        A file of `robocup-vision fit-edge-evidence`; without it the one that comes with the package.
+
+    Raises
+    ------
+    FileError
+        If the file is missing or wrong.
+    """
+    where = Path(str(files(__package__) / "evidence.toml")) if path is None else Path(path)
+    described = load_toml(where, _EvidenceFile)
+    if described.format != 1:
+        raise FileError(where, "is not a format this version reads: must be 1", key="format", value=described.format)
+    near_prior = np.array([described.near_prior, *msgspec.structs.astuple(described.weights)])
+    return EdgeWeights(near_prior, described.anywhere, described.within_picture, described.sure_log_odds)
+
+
+@lru_cache(maxsize=1)
+def default_edge_weights() -> EdgeWeights:
+    """Return the weights that come with the package, read once."""
+    return load_edge_weights()
