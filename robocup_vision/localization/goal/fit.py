@@ -55,6 +55,9 @@ class GoalFitSettings:
 
     #: an edge sample nearer than this to the fit's edge agrees with it; a foot sample within twice that
     inlier_px: float = 0.5
+    #: weight of a foot sample beside an edge sample: feet alone separate the two branches of a plane's picture, and are
+    #: few
+    foot_weight: float = 3.0
     #: common error of a whole edge or foot, however many samples it has: paint, shading, posts that are no perfect
     #: cylinders
     edge_error_px: float = 0.075
@@ -145,11 +148,11 @@ class GoalFit:
 
 def agreement(samples: EdgeSamples, residual_px: FloatArray, settings: GoalFitSettings) -> float:
     """Score of a fit with these residuals (N + M,), see `GoalFit.score`."""
-    n, limit = len(samples.edge), settings.inlier_px
+    n, limit, weight = len(samples.edge), settings.inlier_px, settings.foot_weight
     score = np.maximum(0.0, 1.0 - (residual_px / limit) ** 2)
-    score[n:] = np.maximum(0.0, 1.0 - (residual_px[n:] / (2 * limit)) ** 2)
+    score[n:] = weight * np.maximum(0.0, 1.0 - (residual_px[n:] / (2 * limit)) ** 2)
     # a foot may be hidden: its absence counts less against the goal than its presence for it
-    return float(score.sum() / (int(samples.expected.sum()) + max(len(score) - n, len(FOOT_OFFSETS))))
+    return float(score.sum() / (int(samples.expected.sum()) + weight * max(len(score) - n, len(FOOT_OFFSETS))))
 
 
 def fit(

@@ -46,7 +46,7 @@ class MarkSettings:
     #: noise of one place; lines that look thinner than the width are fainter, and noisier in proportion
     sample_error_px: float = 0.4
     sharp_width_px: float = 0.5
-    line_error_px: float = 0.15  #: common error of all places on lines, and of all lines drawn: lens and paint
+    line_error_px: float = 0.045  #: common error of all places: lens and paint
     #: probability of seeing a line that is due, less where it looks thinner than the width
     seen_ratio: float = 0.8
     full_width_px: float = 0.35
@@ -169,7 +169,7 @@ class GoalLines:
         for k in Apart(self._settings.same_m / 2).first(places, len(fits)):
             _, line_fit, samples = fits[k]
             reach = self._settings.reach_on_arc_stds * math.sqrt(line_fit.covariance[HEADING, HEADING])
-            drawn = drawing.settle(model, samples, line_fit.unknowns, reach, self._settings.marks.line_error_px)
+            drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
             if drawn is not None:
                 moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
                 settled.append((drawn.likelihood, moved, samples))
