@@ -71,6 +71,10 @@ class GoalFitSettings:
     bloom_std_white_px: float = 0.7
     bloom_std_hue_px: float = 0.15
     built_error_m: float = 0.01  #: standard deviation of how white goals are built and placed
+    #: least standard deviations of the priors beside lines, which show height and focal length better than most camera
+    #: files
+    min_height_std_m: float = 0.02
+    min_log_focal_std: float = 0.02
     edges: EdgeSampleSettings = EdgeSampleSettings()
 
 
@@ -116,6 +120,14 @@ def goal_model(
     with np.errstate(divide="ignore"):
         weight = np.where(np.isinf(std), 0.0, 1.0 / np.maximum(std, 0.0) ** 2)
     return GoalModel(shape, IdealView(camera.focal_px, camera.center_px), prior, weight, settings)
+
+
+def beside_lines(model: GoalModel) -> GoalModel:
+    """Widen the priors on height and focal length where lines are fitted, too."""
+    weight = model.weight.copy()
+    weight[HEIGHT] = min(weight[HEIGHT], model.settings.min_height_std_m**-2)
+    weight[LOG_FOCAL] = min(weight[LOG_FOCAL], model.settings.min_log_focal_std**-2)
+    return replace(model, weight=weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,6 +254,9 @@ def refine(
     residual = residuals(model, samples, p)
     inlier = np.abs(residual[: len(samples.edge)]) < settings.inlier_px
     ratio = np.bincount(samples.edge[inlier], minlength=EDGES) / np.maximum(samples.expected, 4)
+    # an edge's common error grows with its samples' scatter: blur, compression and glare cause both
+    scatter = float(np.mean(residual[: len(samples.edge)][inlier] ** 2)) if inlier.any() else 0.0
+    information = information / max(1.0, scatter / settings.edge_error_px**2)
     return GoalFit(p, information, samples, residual, ratio, settings)
 
 

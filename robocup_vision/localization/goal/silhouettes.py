@@ -52,6 +52,7 @@ class SilhouetteSettings:
     max_bearing_rad: float = 0.2  #: bearings from a goal that looks small differ by no more
     blur_px: float = 0.8  #: blur before gradients are taken: no edge is sharper, but noise is
     edge_ratio: float = 4.0  #: ratio of an edge's gradient to the picture's median gradient
+    min_step: float = 4.0  #: least difference of an edge, grey levels over two pixels, whatever the picture
     #: fraction of a goal's silhouette with an edge exactly there, and in a neighbouring cell
     there_ratio: float = 0.45
     nearby_ratio: float = 0.35
@@ -162,7 +163,8 @@ class SilhouetteSearch:
         strongest_gradients(np.asarray(cv2.GaussianBlur(picture, (0, 0), s.blur_px), np.uint8), along, down)
         # every fourth pixel each way: the median of a picture needs no more
         square = along[::4, ::4] ** 2 + down[::4, ::4] ** 2
-        return Gradients(along, down, s.edge_ratio**2 * float(np.median(square)))
+        least = max(s.edge_ratio**2 * float(np.median(square)), s.min_step**2)
+        return Gradients(along, down, least)
 
     def edges(self, gradients: Gradients, cell_px: int = 1) -> Edges:
         """Mark edges in a picture of cells so wide."""

@@ -57,7 +57,7 @@ def test_boxes_before_lines_are_no_goal(name, index):
 
 @pytest.mark.parametrize("width", [0.4, 3.0])
 def test_what_clutter_shows_speaks_for_no_camera_on_the_whole(width):
-    settings = MarkSettings(seen_ratio=0.8, full_width_px=1.0, sample_error_px=0.5, clutter_ratio=0.3)
+    settings = MarkSettings(seen_ratio=0.8, full_width_px=1.0, spread_px=0.5, clutter_ratio=0.3)
     off = np.linspace(-8.0, 8.0, 8001)
     none = np.empty((1, 2))
 
