@@ -30,7 +30,7 @@ from robocup_vision.ssl.values.controller import (
 )
 from robocup_vision.ssl.values.simulation import Team
 
-WAIT_S = 5.0
+WAIT_S = 30.0
 OK = ControllerReply(ReplyStatus.OK)
 
 
