@@ -24,9 +24,9 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add(
         "--cost",
         type=float,
-        default=6.0,
+        default=5.0,
         metavar="C",
-        help="right poses refused that a wrong one is worth (default: 6)",
+        help="right poses refused that a wrong one is worth (default: 5)",
     )
     add("out", metavar="OUT.toml", help="file to write")
     parser.set_defaults(run=run_fit_edge_evidence)

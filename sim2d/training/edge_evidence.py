@@ -54,7 +54,7 @@ RIGHT_M, RIGHT_RAD = 0.1, math.radians(5.0)
 WRONG_RATIO = 2.0
 # of the fit's weights: without it separable samples would have infinite ones
 RIDGE = 1e-3
-_STEPS, _CONVERGED = 100, 1e-6
+_STEPS, _MAX_STEP, _CONVERGED = 100, 1.0, 1e-6
 # of wrong fits, those that have more than `sure_log_odds`
 _SURE_RATE = 1e-3
 
@@ -243,7 +243,7 @@ def _conditional_logit(choices: list[Choice], cost: FloatArray) -> tuple[FloatAr
     """
     size = choices[0].terms.shape[1]
     # the weights, and the logarithm of what multiplies them
-    unknowns, ridge = np.zeros(size + 1), RIDGE * np.diag([0.0, 0.0, *np.ones(size - 1)])
+    unknowns, ridge = np.zeros(size + 1), RIDGE * np.eye(size + 1)
     groups = list(_alike(choices, cost))
     for _ in range(_STEPS):
         gradient, hessian = ridge @ unknowns, ridge.copy()
@@ -264,6 +264,8 @@ def _conditional_logit(choices: list[Choice], cost: FloatArray) -> tuple[FloatAr
             flat = slopes.reshape(-1, size + 1)
             hessian += (flat.T * (each[:, None] * p).ravel()) @ flat - (mean.T * each) @ mean
         step = np.linalg.solve(hessian, gradient)
+        # far from the optimum of few choices the likelihood is no parabola
+        step *= min(1.0, _MAX_STEP / np.abs(step).max(initial=_MAX_STEP))
         unknowns -= step
         if np.abs(step).max() < _CONVERGED:
             break
