@@ -1,7 +1,8 @@
 """Fits the weights of `robocup_vision.localization.model_edges.weights` to rendered pictures and ones without a field.
 
 A picture is fitted near right and wrong priors, and searched without a prior. Each of these is one choice: which of the
-poses found is right, or none. A conditional logit gives all of them the same weights, but for two constants.
+poses found is right, or none. A conditional logit gives all of them the same weights, but for a constant each and for
+one factor by which they count more between the poses of a search.
 """
 
 from __future__ import annotations
@@ -230,8 +231,7 @@ def fit_choices(choices: list[Choice], cost: float) -> EdgeWeights:
     number = np.count_nonzero(near)
     cost_of = np.where(near, np.where(right, 0.5 * number / counts[0], 0.5 * cost * number / counts[1]), 1.0)
     weights, within_picture = _conditional_logit(choices, cost_of)
-    wrong = np.vstack([choice.terms for choice, is_near, is_right in zip(choices, near, right, strict=True)
-                       if is_near and not is_right])  # fmt: skip
+    wrong = np.vstack([choice.terms for choice, one in zip(choices, near & ~right, strict=True) if one])
     sure = max(float(np.quantile(wrong @ weights, 1.0 - _SURE_RATE)), 0.0)
     return EdgeWeights(np.delete(weights, 1), float(weights[1]), within_picture, sure)
 

@@ -2,7 +2,8 @@
 
 The logarithm of the odds that a pose is right is linear in what its fit finds, leaves unexplained and fixes. One set of
 weights serves fits near a prior and fits all over the field; how probable a pose is before a frame is seen, is told by
-a constant for each. Hidden samples are neutral, as others stand before lines; missing ones count against a pose.
+a constant for each. Hidden samples are neutral on the floor, where robots stand before lines, and count a little
+against a pose higher up; missing ones count against it.
 
 Many poses of a field explain a picture well. Their posterior is a conditional logit over all poses that were fitted,
 with one more outcome: the right pose is not among them.

@@ -42,7 +42,6 @@ from robocup_vision.kernels.model_edges.tables import (
 from robocup_vision.localization.model_edges.evidence import Evidence, weigh
 from robocup_vision.localization.model_edges.field_edges import field_edges, telling_features
 from robocup_vision.localization.model_edges.settings import EdgeSettings
-from robocup_vision.localization.model_edges.weights import default_edge_weights
 
 _MAX_SAMPLES = 600
 _MAX_POINTS = 400
@@ -145,7 +144,6 @@ class EdgeFollower:
         self.camera = camera = smaller_camera(camera, reduction)
         self.settings = settings or EdgeSettings()
         self.edges = field_edges(field, self.settings.lines_end_m)
-        self._weights = default_edge_weights()
         self._telling = telling_features(self.edges) if field.shows_half else None
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
@@ -330,7 +328,7 @@ class EdgeFollower:
         """Continue from an answer: take its pose and orientation of the camera."""
         self._sway[0] = np.array(answer.camera_unknowns) - self._camera_prior[0]
         self._last_pose = answer.estimate.pose
-        self._log_odds = min(answer.evidence.log_odds, self._weights.sure_log_odds)
+        self._log_odds = min(answer.evidence.log_odds, self.numbers.sure_log_odds)
 
     def _prior_log_odds(self, prior: PoseEstimate, dt_s: float) -> float:
         """Logarithm of the odds that a prior is right: the last answer's, where the prior may be that, moved on."""
@@ -412,7 +410,7 @@ class EdgeFollower:
             self._last_pose = prior.pose if known else None
             self._log_odds = max(prior_log_odds + log_ratio, 0.0)
             return NotLocated(reason)
-        self._log_odds = min(prior_log_odds + log_ratio, self._weights.sure_log_odds)
+        self._log_odds = min(prior_log_odds + log_ratio, self.numbers.sure_log_odds)
         p = fit.unknowns.tolist()
         self._last_pose = pose = Pose2(p[0], p[1], p[2])
         np.subtract(self._fitted_camera, self._camera_prior[0], out=self._sway[0])
