@@ -14,10 +14,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
+import msgspec
 import numpy as np
 
 from field_models.errors import FileError
@@ -30,6 +30,7 @@ from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.outline_model import OutlineFit
 from robocup_vision.perception.polar_view import PolarView
 
+PACKAGED = Path(__file__).with_name("evidence.toml")
 # a pose's log odds by the lines, computed only where the outline does not decide
 LineOdds = Callable[[Pose2], float]
 
@@ -45,19 +46,22 @@ def no_lines(pose: Pose2) -> float:
     return 0.0
 
 
+_LogOdds = Annotated[float, msgspec.Meta(gt=0)]
+
+
 class _Cue(StrictStruct):
     states: list[str]
-    correlation: float
+    correlation: Annotated[float, msgspec.Meta(ge=1)]
     right: list[list[float]]
     wrong: list[list[float]]
 
 
 class _EvidenceFile(StrictStruct):
-    format: int
+    format: Literal[1]
     command: str
     sets: list[str]
-    min_log_odds: float
-    sure_log_odds: float
+    min_log_odds: _LogOdds
+    sure_log_odds: _LogOdds
     outline: _Cue
     lines: _Cue
 
@@ -95,7 +99,7 @@ class PoseEvidence:
     sure_log_odds: float
 
 
-def load_evidence(path: str | Path | None = None) -> PoseEvidence:
+def load_evidence(path: str | Path = PACKAGED) -> PoseEvidence:
     """Read the fitted probabilities.
 
     Parameters
@@ -108,34 +112,25 @@ def load_evidence(path: str | Path | None = None) -> PoseEvidence:
     FileError
         If the file is missing or wrong.
     """
-    where = Path(str(files("robocup_vision.localization") / "evidence.toml")) if path is None else Path(path)
-    described = load_toml(where, _EvidenceFile)
-    if described.format != 1:
-        raise FileError(where, "is not a format this version reads: must be 1", key="format", value=described.format)
-    for key in ("min_log_odds", "sure_log_odds"):
-        value = getattr(described, key)
-        if not 0.0 < value < math.inf:
-            raise FileError(where, "must be positive", key=key, value=value)
+    described = load_toml(path, _EvidenceFile)
     return PoseEvidence(
-        _likelihoods(where, "outline", described.outline, OUTLINE_STATES),
-        _likelihoods(where, "lines", described.lines, LINE_STATES),
+        _likelihoods(path, "outline", described.outline, OUTLINE_STATES),
+        _likelihoods(path, "lines", described.lines, LINE_STATES),
         described.min_log_odds,
         described.sure_log_odds,
     )
 
 
-def _likelihoods(where: Path, name: str, cue: _Cue, states: tuple[str, ...]) -> Likelihoods:
+def _likelihoods(path: str | Path, name: str, cue: _Cue, states: tuple[str, ...]) -> Likelihoods:
     if tuple(cue.states) != states:
-        raise FileError(where, f"must be {list(states)}", key=f"{name}.states", value=cue.states)
-    if not 1.0 <= cue.correlation < math.inf:
-        raise FileError(where, "must be at least 1", key=f"{name}.correlation", value=cue.correlation)
+        raise FileError(path, f"must be {list(states)}", key=f"{name}.states", value=cue.states)
     for key, rows in (("right", cue.right), ("wrong", cue.wrong)):
         if len(rows) != CONDITIONS:
-            raise FileError(where, f"must have {CONDITIONS} rows", key=f"{name}.{key}", value=rows)
+            raise FileError(path, f"must have {CONDITIONS} rows", key=f"{name}.{key}", value=rows)
         for row in rows:
             if len(row) != len(states) or not min(row) > 0.0 or not abs(sum(row) - 1.0) < 1e-3:
                 problem = f"must hold {len(states)} probabilities above 0 that add up to 1"
-                raise FileError(where, problem, key=f"{name}.{key}", value=row)
+                raise FileError(path, problem, key=f"{name}.{key}", value=row)
     return Likelihoods.of(np.array(cue.right), np.array(cue.wrong), cue.correlation)
 
 

@@ -6,16 +6,16 @@ They are data: `evidence.toml`, which `robocup-vision fit-edge-evidence` writes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import numpy as np
 
-from field_models.errors import FileError
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import FloatArray
+
+PACKAGED = Path(__file__).with_name("evidence.toml")
 
 
 class _Weights(StrictStruct):
@@ -34,7 +34,7 @@ WEIGHTS = _Weights.__struct_fields__
 
 
 class _EvidenceFile(StrictStruct):
-    format: int
+    format: Literal[1]
     command: str
     sets: list[str]
     near_prior: float
@@ -56,7 +56,7 @@ class EdgeWeights:
     sure_log_odds: float  #: wrong fits hardly have more
 
 
-def load_edge_weights(path: str | Path | None = None) -> EdgeWeights:
+def load_edge_weights(path: str | Path = PACKAGED) -> EdgeWeights:
     """Read the fitted weights.
 
     Parameters
@@ -69,15 +69,6 @@ def load_edge_weights(path: str | Path | None = None) -> EdgeWeights:
     FileError
         If the file is missing or wrong.
     """
-    where = Path(str(files(__package__) / "evidence.toml")) if path is None else Path(path)
-    described = load_toml(where, _EvidenceFile)
-    if described.format != 1:
-        raise FileError(where, "is not a format this version reads: must be 1", key="format", value=described.format)
+    described = load_toml(path, _EvidenceFile)
     near_prior = np.array([described.near_prior, *msgspec.structs.astuple(described.weights)])
     return EdgeWeights(near_prior, described.anywhere, described.within_picture, described.sure_log_odds)
-
-
-@lru_cache(maxsize=1)
-def default_edge_weights() -> EdgeWeights:
-    """Return the weights that come with the package, read once."""
-    return load_edge_weights()

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -18,6 +18,7 @@ from field_models.errors import FileError
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import FloatArray, read_only
 
+PACKAGED = Path(__file__).with_name("goal_evidence.toml")
 # outcomes of a look: which goal it shows, or none
 POSITIVE, NEGATIVE, NOTHING = range(3)
 CORNERS = 4
@@ -26,17 +27,20 @@ CORNERS = 4
 _PSEUDO_COUNTS = np.array([0.5, 0.5, 1.0])
 
 
+_Count = Annotated[int, msgspec.Meta(ge=0)]
+
+
 class _Seen(StrictStruct):
     corners: int
-    counts: list[tuple[int, int, int]]
+    counts: list[tuple[_Count, _Count, _Count]]
 
 
 class _EvidenceFile(StrictStruct):
-    format: int
+    format: Literal[1]
     command: str
     width_px: list[float]
-    again_found: int
-    again_missed: int
+    again_found: _Count
+    again_missed: _Count
     seen: list[_Seen] = msgspec.field(default_factory=list)
 
 
@@ -69,7 +73,7 @@ class GoalEvidence:
         return cls(width_px, read_only(found), float(again))
 
 
-def load_goal_evidence(path: str | Path | None = None) -> GoalEvidence:
+def load_goal_evidence(path: str | Path = PACKAGED) -> GoalEvidence:
     """Read the learnt probabilities.
 
     Parameters
@@ -82,24 +86,17 @@ def load_goal_evidence(path: str | Path | None = None) -> GoalEvidence:
     FileError
         If the file is missing or wrong.
     """
-    where = Path(str(files("robocup_vision.planning.gaze") / "goal_evidence.toml")) if path is None else Path(path)
-    described = load_toml(where, _EvidenceFile)
-    if described.format != 1:
-        raise FileError(where, "is not a format this version reads: must be 1", key="format", value=described.format)
+    described = load_toml(path, _EvidenceFile)
     bounds = described.width_px
     if not bounds or any(high <= low for low, high in itertools.pairwise(bounds)) or bounds[0] <= 0:
-        raise FileError(where, "must be positive and ascending", key="width_px", value=bounds)
-    if min(described.again_found, described.again_missed) < 0:
-        raise FileError(where, "must not be negative", key="again_found", value=described.again_found)
+        raise FileError(path, "must be positive and ascending", key="width_px", value=bounds)
     counts = np.zeros((CORNERS + 1, len(bounds) + 1, 3))
     if sorted(row.corners for row in described.seen) != list(range(CORNERS + 1)):
         got = [row.corners for row in described.seen]
-        raise FileError(where, f"must be 0 to {CORNERS}, each once", key="seen.corners", value=got)
+        raise FileError(path, f"must be 0 to {CORNERS}, each once", key="seen.corners", value=got)
     for row in described.seen:
         if len(row.counts) != len(bounds) + 1:
             problem = f"must have {len(bounds) + 1} rows, one more than width_px"
-            raise FileError(where, problem, key=f"seen[{row.corners}].counts", value=row.counts)
-        if min(map(min, row.counts)) < 0:
-            raise FileError(where, "must not be negative", key=f"seen[{row.corners}].counts", value=row.counts)
+            raise FileError(path, problem, key=f"seen[{row.corners}].counts", value=row.counts)
         counts[row.corners] = row.counts
     return GoalEvidence.from_counts(tuple(bounds), counts, described.again_found, described.again_missed)

@@ -11,9 +11,9 @@ from field_models.errors import FileError
 from robocup_vision.kernels.model_edges.verdict import log_odds
 from robocup_vision.localization.model_edges.evidence import CandidateSettings, Evidence, accepted, posterior, weigh
 from robocup_vision.localization.model_edges.settings import EdgeSettings
-from robocup_vision.localization.model_edges.weights import default_edge_weights, load_edge_weights
+from robocup_vision.localization.model_edges.weights import load_edge_weights
 
-SETTINGS, WEIGHTS = EdgeSettings(), default_edge_weights()
+SETTINGS, WEIGHTS = EdgeSettings(), load_edge_weights()
 
 
 def changed(evidence, **change):
@@ -92,7 +92,7 @@ def test_a_frame_that_fixes_nothing_is_neutral():
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("format = 1", "format = 2", "'format': is not a format this version reads: must be 1, got 2"),
+        ("format = 1", "format = 2", "'format': is not a value that this version reads: must be 1, got 2"),
         ("edges = ", "ages = ", "ages"),
         ("near_prior = ", "near_prior = 'x' #", "near_prior"),
         ("missing = ", "missing = nan #", "missing"),

@@ -200,13 +200,13 @@ def test_counts_become_chances(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("format = 1", "format = 2", "key 'format': is not a format this version reads: must be 1, got 2"),
+        ("format = 1", "format = 2", "key 'format': is not a value that this version reads: must be 1, got 2"),
         ("width_px = [20.0]", "width_px = []", r"key 'width_px': must be positive and ascending, got \[\]"),
         ("width_px = [20.0]", "width_px = [20.0, 10.0]", "key 'width_px': must be positive and ascending"),
         ("width_px = [20.0]", "width_px = [20.0, 30.0]", r"key 'seen\[0\].counts': must have 3 rows"),
-        ("again_missed = 1", "again_missed = -1", "key 'again_found': must not be negative"),
+        ("again_missed = 1", "again_missed = -1", "key 'again_missed': must be at least 0, got -1"),
         ("corners = 2", "corners = 3", "key 'seen.corners': must be 0 to 4, each once"),
-        ("[[0, 0, 8], [2, 0, 4]]", "[[0, -1, 8], [2, 0, 4]]", r"key 'seen\[2\].counts': must not be negative"),
+        ("[[0, 0, 8], [2, 0, 4]]", "[[0, -1, 8], [2, 0, 4]]", r"key 'seen\[2\].counts\[0\]\[1\]': must be at least 0"),
         ('command = "by hand"', "", "key 'command': is missing"),
     ],
 )
