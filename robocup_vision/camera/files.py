@@ -17,7 +17,7 @@ from robocup_vision.camera.omni import BOUNDED_KEYS as OMNI_KEYS
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import BOUNDED_KEYS as PINHOLE_KEYS
 from robocup_vision.camera.pinhole import DISTORTION_LENGTHS, PinholeCamera
-from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.files.text_files import write_lines
 
 Camera: TypeAlias = Union[OmniCamera, PinholeCamera]  # noqa: UP007  (evaluated, on 3.10 too)
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -287,8 +287,7 @@ def save_camera(camera: Camera, path: str | Path) -> None:
         If the floor range is of a kind that camera files do not have.
     """
     lines = _pinhole_lines(camera) if isinstance(camera, PinholeCamera) else _omni_lines(camera)
-    with telling_write_errors(path):
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_lines(path, lines)
 
 
 def _pinhole_lines(camera: PinholeCamera) -> list[str]:

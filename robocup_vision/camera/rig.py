@@ -14,7 +14,7 @@ from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, read_toml
 from robocup_vision.camera.files import Camera, load_camera, save_camera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.files.text_files import write_lines
 
 # as long as the pose filter remembers how the robot moved; what is larger counts milliseconds
 _MAX_LATENCY_S = 1.0
@@ -131,8 +131,7 @@ def save_rig(rig: Rig, path: str | Path) -> None:
         save_camera(camera, Path(path).parent / name)
     listed = ", ".join(json.dumps(name) for name in names)
     lines = ["format = 1", f"cameras = [{listed}]", f"latency_s = {[float(one) for one in rig.latency_s]}"]
-    with telling_write_errors(path):
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_lines(path, lines)
 
 
 def load_camera_or_rig(path: str | Path) -> Camera | Rig:

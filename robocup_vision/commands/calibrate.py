@@ -84,8 +84,7 @@ def run_calibrate_omni(args: argparse.Namespace) -> int:
 
 
 def _write_overlays(result: OmniCalibration, field: Field, images: ImageFiles, out: Path) -> Path:
-    import cv2
-
+    from robocup_vision.files.images import write_png
     from robocup_vision.files.output_folder import telling_write_errors
     from robocup_vision.overlay import draw
     from robocup_vision.progress import progress
@@ -99,8 +98,7 @@ def _write_overlays(result: OmniCalibration, field: Field, images: ImageFiles, o
     for frame in progress(spread, len(spread), "overlays"):
         image = images[frame.index]
         vision.forget()
-        picture = draw(vision.look(image), image, vision)
-        cv2.imwrite(str(folder / f"{Path(frame.name).stem}.png"), picture)
+        write_png(folder / f"{Path(frame.name).stem}.png", draw(vision.look(image), image, vision))
     return folder
 
 

@@ -98,7 +98,7 @@ def _write_preview(colors: Colors, images: ImageFiles, path: Path) -> None:
     import numpy as np
 
     from field_models.errors import FrameError
-    from robocup_vision.files.output_folder import telling_write_errors
+    from robocup_vision.files.images import write_png
     from robocup_vision.perception.color_table import build_color_table
 
     table = build_color_table(colors)
@@ -113,7 +113,4 @@ def _write_preview(colors: Colors, images: ImageFiles, path: Path) -> None:
         both = np.hstack([frame, painted.astype(np.uint8)])
         scale = 2 * _PREVIEW_WIDTH / both.shape[1]
         rows.append(cv2.resize(both, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA if scale < 1 else 0))
-    ok, png = cv2.imencode(".png", np.vstack(rows))
-    assert ok
-    with telling_write_errors(path):
-        path.write_bytes(png.tobytes())
+    write_png(path, np.vstack(rows))

@@ -40,6 +40,7 @@ def run_compare(options: argparse.Namespace) -> int:
     from robocup_vision.evaluation.report import missing_packages
     from robocup_vision.files.image_folder import picture_folder
     from robocup_vision.files.output_folder import refuse_foreign_files, telling_write_errors
+    from robocup_vision.files.text_files import write_text
 
     missing = missing_packages()
     if missing:
@@ -52,7 +53,7 @@ def run_compare(options: argparse.Namespace) -> int:
     page = render_comparison(compared, pictures)
     with telling_write_errors(out):
         out.mkdir(parents=True, exist_ok=True)
-        (out / _NAME).write_text(page, encoding="utf-8")
+    write_text(out / _NAME, page)
     rows = figure_rows(compared)
     widths = [max(24, *(len(cell) for cell in column)) for column in zip(*rows, strict=True)]
     for label, *cells in (("", compared.first.name, compared.second.name, "difference"), *rows):

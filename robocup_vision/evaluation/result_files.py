@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from robocup_vision.evaluation.overlays import Crop
 from robocup_vision.evaluation.scoring import Figures, Row, pose_error
 from robocup_vision.evaluation.steering import SteerPlan
 from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.files.text_files import write_json, write_lines
 from robocup_vision.files.value_codec import ValueCodec
 
 RESULT_COLUMNS = (
@@ -195,7 +195,7 @@ def write_summary(
     """
     known: dict[str, object] = {"method": method, "left_out": left_out, "detections": figures_json(detections)}
     values = {key: known[key] if key in known else getattr(figures, key) for key in SUMMARY_KEYS}
-    path.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_json(path, values)
 
 
 def write_trajectory(path: Path, rows: Sequence[Row], times: Mapping[str, FrameTime] | None) -> None:
@@ -211,8 +211,8 @@ def write_trajectory(path: Path, rows: Sequence[Row], times: Mapping[str, FrameT
         t_s = float(index) if times is None else times[row.image].t_s
         qz, qw = math.sin(pose.theta_rad / 2), math.cos(pose.theta_rad / 2)
         # epoch seconds need all 17 digits of a float to keep their microseconds
-        lines.append(f"{t_s!r} {pose.x_m:.9g} {pose.y_m:.9g} 0 0 0 {qz:.9g} {qw:.9g}\n")
-    path.write_text("".join(lines), encoding="utf-8")
+        lines.append(f"{t_s!r} {pose.x_m:.9g} {pose.y_m:.9g} 0 0 0 {qz:.9g} {qw:.9g}")
+    write_lines(path, lines)
 
 
 @dataclass(frozen=True, slots=True)

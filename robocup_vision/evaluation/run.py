@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
-from field_models.errors import ArgumentError, FileError, RobocupVisionError
+from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.arguments import require_kind
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Dataset
@@ -44,6 +44,7 @@ from robocup_vision.evaluation.steering import SteerFigures, SteerPlan, steer_fi
 from robocup_vision.evaluation.truth_units import truth_units_note
 from robocup_vision.files.output_folder import refuse_foreign_files
 from robocup_vision.files.resume_file import ResumeFile
+from robocup_vision.files.text_files import write_text
 from robocup_vision.progress import progress
 from robocup_vision.workers import Workers, find_workers
 
@@ -238,23 +239,20 @@ def _write_files(
         if dataset.boxes is None
         else detection_figures([one for row in rows for one in row.detections], run.reported_kinds),
     )
-    try:
-        write_summary(
-            out / "summary.json",
-            summary.figures,
-            method=dataset.method,
-            left_out=dataset.left_out,
-            detections=summary.detections,
+    write_summary(
+        out / "summary.json",
+        summary.figures,
+        method=dataset.method,
+        left_out=dataset.left_out,
+        detections=summary.detections,
+    )
+    write_trajectory(out / "trajectory.tum", rows, dataset.times)
+    if page is not None:
+        found = report.Found(summary.detections, run.crops, run.crops_left_out)
+        text = report.render_report(
+            dataset, rows, summary.figures, notes, run.spread, run.worst.pictures, moments, found
         )
-        write_trajectory(out / "trajectory.tum", rows, dataset.times)
-        if page is not None:
-            found = report.Found(summary.detections, run.crops, run.crops_left_out)
-            text = report.render_report(
-                dataset, rows, summary.figures, notes, run.spread, run.worst.pictures, moments, found
-            )
-            page.write_text(text, encoding="utf-8", errors="backslashreplace")
-    except OSError as error:
-        raise FileError(error.filename or out, f"cannot be written ({error.strerror or error})") from None
+        write_text(page, text)
     return summary
 
 

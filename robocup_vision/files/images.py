@@ -20,6 +20,7 @@ from PIL import Image, UnidentifiedImageError
 
 from field_models.errors import FrameError
 from robocup_vision.arrays import UInt8Array
+from robocup_vision.files.output_folder import telling_write_errors
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
 # pictures of kinds that are not read
@@ -140,6 +141,20 @@ def read_mask(path: str | Path) -> UInt8Array:
     if set_pixels.ndim == 3:
         set_pixels = np.any(set_pixels[..., :3], axis=2)
     return np.where(set_pixels, 255, 0).astype(np.uint8)
+
+
+def write_png(path: Path, image: UInt8Array) -> None:
+    """Write an image without loss.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    encoded, data = cv2.imencode(".png", np.ascontiguousarray(image), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    assert encoded, "OpenCV encodes every (H, W, 3) uint8 array"
+    with telling_write_errors(path):
+        path.write_bytes(data.tobytes())
 
 
 def _decode(data: bytes, name: str) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:

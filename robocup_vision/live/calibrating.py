@@ -20,8 +20,10 @@ from field_models.catalog import field_names
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import OmniCamera, PinholeCamera, save_camera
+from robocup_vision.files.images import write_png
+from robocup_vision.files.text_files import write_lines
 from robocup_vision.live.handover.moment import Display, RobotSetup
-from robocup_vision.live.page.saving import new_folder, write_png
+from robocup_vision.live.page.saving import new_folder
 
 # a calibration takes two dozen frames of those there are; the robot should move between two of them
 MAX_FRAMES, _EVERY_S = 60, 0.5
@@ -151,7 +153,7 @@ class Calibrator:
         findings = [["camera", "ok", f"{path} is written"]]
         if self._setup.field.name in field_names():
             lines = ["format = 1", f'field = "{self._setup.field.name}"', 'camera = "camera.toml"', 'images = "images"']
-            (self._folder / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+            write_lines(self._folder / "dataset.toml", lines)
             dataset = load_dataset(self._folder)
             findings += [[found.subject, found.state, found.evidence] for found in check_dataset(dataset)]
         self._findings = findings

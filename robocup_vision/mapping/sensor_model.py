@@ -15,7 +15,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, load_toml
 from robocup_vision.arrays import BoolArray, Int8Array
-from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.files.text_files import write_lines
 from robocup_vision.kernels.mapping import occupancy as kernel
 
 DEFAULT_FILE = Path(__file__).parent / "sensors.toml"
@@ -136,8 +136,7 @@ def write_sensors(path: str | Path, sensors: Mapping[str, SensorModel], source: 
         lines.append(f"hit_if_occupied = {model.hit_if_occupied:.6g}  # P(O|E)")
         lines.append(f"hit_if_free = {model.hit_if_free:.6g}  # P(O|not E)")
         lines += [f"nearest_m = {model.nearest_m!r}", f"reach_m = {model.reach_m!r}"]
-    with telling_write_errors(path):
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_lines(path, lines)
 
 
 def default_sensors() -> dict[str, SensorModel]:

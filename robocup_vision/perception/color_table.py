@@ -23,7 +23,7 @@ from field_models.field import COLOR_NAMES, Field
 from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array, UInt16Array, read_only
 from robocup_vision.compiling.loops import plain
-from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.files.text_files import write_lines
 from robocup_vision.kernels.floor import colors as kernel
 from robocup_vision.kernels.goal.colors import GoalPalette
 from robocup_vision.perception.floor_color import (
@@ -358,5 +358,4 @@ def save_colors(colors: Colors, path: str | Path) -> None:
     for name in CLASS_NAMES[2:]:
         paint: PaintColor = getattr(colors, name)
         lines += ["", f"[{name}]", f"red_ratio = {paint.red_ratio}", f"blue_ratio = {paint.blue_ratio}"]
-    with telling_write_errors(path):
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_lines(path, lines)

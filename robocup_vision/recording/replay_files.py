@@ -5,16 +5,16 @@ from __future__ import annotations
 import csv
 import html
 import io
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from field_models.errors import FileError
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.plots import BLUE, GREY, INK, data_uri, new_figure
 from robocup_vision.evaluation.report import missing_packages
+from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.files.text_files import write_json, write_text
 from robocup_vision.recording.replay import Differences, ReplayedCall, Spread
 
 if TYPE_CHECKING:
@@ -61,17 +61,13 @@ def write_files(folder: Path, name: str, calls: Sequence[ReplayedCall], differen
     """
     notes = []
     missing = missing_packages()
-    try:
-        _write_csv(folder / "replay.csv", calls)
-        text = json.dumps(figures(differences), indent=2, allow_nan=False) + "\n"
-        (folder / "replay.json").write_text(text, encoding="utf-8")
-        if missing:
-            what = " and ".join(missing)
-            notes.append(f"no replay.html: {what} not installed (pip install 'robocup-vision[report]')")
-        else:
-            (folder / "replay.html").write_text(_page(name, calls, differences), encoding="utf-8")
-    except OSError as error:
-        raise FileError(error.filename or folder, f"cannot be written ({error.strerror or error})") from None
+    _write_csv(folder / "replay.csv", calls)
+    write_json(folder / "replay.json", figures(differences))
+    if missing:
+        what = " and ".join(missing)
+        notes.append(f"no replay.html: {what} not installed (pip install 'robocup-vision[report]')")
+    else:
+        write_text(folder / "replay.html", _page(name, calls, differences))
     return notes
 
 
@@ -114,7 +110,7 @@ def _row(outputs: Mapping[str, Any]) -> list[float | None]:
 
 def _write_csv(path: Path, calls: Sequence[ReplayedCall]) -> None:
     columns = (*_COLUMNS, *_COMMAND)
-    with path.open("w", encoding="utf-8", newline="") as stream:
+    with telling_write_errors(path), path.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         now = [f"replayed_{column}" for column in columns]
         writer.writerow(["number", "kind", "t_s", "same", *columns, *now])

@@ -37,10 +37,10 @@ def run_fit_edge_evidence(args: argparse.Namespace) -> int:
     """Fit and write; return the exit status."""
     import json
     import math
-    from pathlib import Path
 
     from field_models.errors import ArgumentError
-    from robocup_vision.files.output_folder import require_folder, telling_write_errors
+    from robocup_vision.files.output_folder import require_folder
+    from robocup_vision.files.text_files import write_lines
     from robocup_vision.localization.model_edges.weights import WEIGHTS
     from robocup_vision.progress import progress
     from sim2d.training.edge_evidence import draw_choices, fit_choices, picture_count, set_names
@@ -64,7 +64,6 @@ def run_fit_edge_evidence(args: argparse.Namespace) -> int:
         "[weights]",
         *(f"{name} = {weight:.3f}" for name, weight in zip(WEIGHTS, fitted.near_prior[1:].tolist(), strict=True)),
     ]
-    with telling_write_errors(args.out):
-        Path(args.out).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_lines(args.out, lines)
     print(f"evidence of {total} pictures in {args.out}")
     return 0

@@ -32,13 +32,13 @@ def run_fit_evidence(args: argparse.Namespace) -> int:
     """Fit and write; return the exit status."""
     import json
     import math
-    from pathlib import Path
 
     from field_models import load_field
     from field_models.errors import ArgumentError
     from robocup_vision import load_camera
     from robocup_vision.camera import OmniCamera
-    from robocup_vision.files.output_folder import require_folder, telling_write_errors
+    from robocup_vision.files.output_folder import require_folder
+    from robocup_vision.files.text_files import write_lines
     from robocup_vision.localization.evidence import LINE_STATES, OUTLINE_STATES
     from robocup_vision.progress import progress
     from sim2d.rendering.cameras import sekimori_camera
@@ -76,8 +76,7 @@ def run_fit_evidence(args: argparse.Namespace) -> int:
             f"right = {_rows(cue.right.tolist())}       # in clear and in rough conditions",
             f"wrong = {_rows(cue.wrong.tolist())}       # the best of clutter, and wrong places",
         ]
-    with telling_write_errors(args.out):
-        Path(args.out).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_lines(args.out, lines)
     print(f"evidence of {total} pictures in {args.out}")
     return 0
 

@@ -28,12 +28,11 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run_goal_evidence(args: argparse.Namespace) -> int:
     """Count and write; return the exit status."""
-    from pathlib import Path
-
     from field_models import load_field
     from field_models.errors import ArgumentError
     from robocup_vision.camera import PinholeCamera
-    from robocup_vision.files.output_folder import require_folder, telling_write_errors
+    from robocup_vision.files.output_folder import require_folder
+    from robocup_vision.files.text_files import write_lines
     from robocup_vision.progress import progress
     from sim2d.match.setups import camera_for
     from sim2d.sensors.goal_evidence import WIDTHS_PX, count_evidence
@@ -61,7 +60,6 @@ def run_goal_evidence(args: argparse.Namespace) -> int:
             *(f"    {row}," for row in rows),
             "]",
         ]
-    with telling_write_errors(args.out):
-        Path(args.out).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_lines(args.out, lines)
     print(f"{args.count} looks at the goals of {field.name} in {args.out}")
     return 0

@@ -121,10 +121,10 @@ def _play(
     from contextlib import closing
 
     from robocup_vision.files.resume_file import ResumeFile
+    from robocup_vision.files.text_files import write_json
     from robocup_vision.progress import progress
     from robocup_vision.workers import dask_workers, local_workers
     from sim2d.match.tournament import play_matches
-    from sim2d.report.match_figures import write_json
 
     # a process of its own even for one job: a player may end it
     workers = local_workers(args.jobs) if args.dask is None else dask_workers(args.dask)

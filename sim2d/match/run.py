@@ -9,7 +9,8 @@ from pathlib import Path
 from field_models import load_field
 from field_models.errors import ArgumentError
 from robocup_vision.camera import Rig
-from robocup_vision.files.output_folder import refuse_foreign_files, telling_write_errors, written_at_once
+from robocup_vision.files.output_folder import refuse_foreign_files, written_at_once
+from robocup_vision.files.text_files import write_json, write_text
 from robocup_vision.progress import progress
 from sim2d.match.disturbances import Disturbances
 from sim2d.match.match import Match, periods
@@ -18,7 +19,7 @@ from sim2d.match.setups import Camera, MatchSetup, RobotKind, setup_for
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import player_name
 from sim2d.report import html as match_report
-from sim2d.report.match_figures import MatchFigures, match_json, write_json
+from sim2d.report.match_figures import MatchFigures, match_json
 from sim2d.report.story import MatchStory
 from sim2d.report.video import MatchVideo
 from sim2d.robot_link import CONTROL_PERIOD_S, PlayerFactory
@@ -186,7 +187,6 @@ def _play(plan: MatchPlan, match: Match, out: Path, *, realtime: bool, record: b
         text = match_report.render_report(
             arena.field, plan.seed, figures, story, video_path, notes, recorded, video.poster
         )
-        with telling_write_errors(report):
-            report.write_text(text, encoding="utf-8")
+        write_text(report, text)
     recordings = () if recorders is None else recorders.paths
     return MatchSummary(figures, out, video_path, report, tuple(notes), recordings)

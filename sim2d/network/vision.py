@@ -8,13 +8,13 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from field_models import Field
-from field_models.errors import ArgumentError, FileError
+from field_models.errors import ArgumentError
 from robocup_vision.closing import Closing
 from robocup_vision.evaluation.result_files import prepare_folder
+from robocup_vision.files.images import write_png
 from robocup_vision.files.output_folder import telling_write_errors
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.ssl.field import geometry_from_field
@@ -249,9 +249,7 @@ class CameraImages(Closing):
                 continue
             camera = view.camera.camera_id
             name = f"camera{camera}_{number:06d}.png"
-            path = self.folder / name
-            if not cv2.imwrite(str(path), view.render(state, self._rng)):
-                raise FileError(path, "cannot be written")
+            write_png(self.folder / name, view.render(state, self._rng))
             self._rows.writerow([name, camera, number, repr(epoch_s + state.t_s)])
             self._file.flush()
             self.saved += 1

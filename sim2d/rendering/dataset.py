@@ -14,6 +14,7 @@ import cv2
 
 from robocup_vision.camera import Camera, save_camera
 from robocup_vision.files.output_folder import require_empty_folder, telling_write_errors, written_at_once
+from robocup_vision.files.text_files import write_lines
 from sim2d.rendering.random_scenes import Sample
 
 TRUTH_COLUMNS = ("image", "x_m", "y_m", "theta_rad", "ball_x_m", "ball_y_m")
@@ -129,7 +130,7 @@ def _write(
     lines = [] if command is None else [f"# made by: {' '.join(command.split())}"]
     lines += ["format = 1", f'field = "{field}"', 'camera = "camera.toml"', 'images = "images"']
     lines += ['truth = "truth.csv"', f'symmetry = "{symmetry}"']
-    (root / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_lines(root / "dataset.toml", lines)
     save_camera(camera, root / "camera.toml")
     count = 0
     with (root / "truth.csv").open("w", newline="", encoding="utf-8") as file:

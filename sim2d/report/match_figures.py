@@ -6,14 +6,11 @@ match.json holds no time and no machine: the same seed writes the same bytes.
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from robocup_vision.files.output_folder import telling_write_errors
 from sim2d.report.robot_figures import FaultFigures, RobotFigures, RobotLog
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.faults import BodyFault, Fault
@@ -144,19 +141,6 @@ def match_json(
     head = {"format": 1, "field": field, "players": players, "ours": ours, "theirs": theirs, "seed": seed}
     plain: dict[str, Any] = _plain({**head, "disturbances": list(disturbances), **values})
     return plain
-
-
-def write_json(path: Path, values: dict[str, Any]) -> None:
-    """Write JSON values.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
-    with telling_write_errors(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _plain(value: Any) -> Any:

@@ -10,8 +10,10 @@ import numpy as np
 
 from field_models.catalog import field_names
 from field_models.errors import ArgumentError, FileError, RobocupVisionError
-from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import save_camera
+from robocup_vision.files.images import write_png
+from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.files.text_files import write_lines
 from robocup_vision.live.handover.moment import Moment, RobotSetup
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.picture import split_picture
@@ -47,24 +49,22 @@ def save_moment(out: Path, setup: RobotSetup, moment: Moment) -> Path:
     if method in {known.name for known in METHODS if not known.needs_map}:
         lines.append(f'method = "{method}"')
     image = "000000.png"
-    try:
+    with telling_write_errors(out):
         folder = new_folder(out, "frame")
         (folder / "images").mkdir()
-        write_png(folder / "images" / image, moment.frame)
-        save_camera(camera, folder / "camera.toml")
-        if moment.colors is not None:
-            save_colors(moment.colors, folder / "colors.toml")
-            lines.append('colors = "colors.toml"')
-        (folder / "frames.csv").write_text(f"image,t_s\n{image},{moment.t_s!r}\n", encoding="utf-8")
-        lines.append('frames = "frames.csv"')
-        if moment.truth is not None:
-            x_m, y_m, theta_rad = moment.truth.array.tolist()
-            text = f"image,x_m,y_m,theta_rad\n{image},{x_m!r},{y_m!r},{theta_rad!r}\n"
-            (folder / "truth.csv").write_text(text, encoding="utf-8")
-            lines.append('truth = "truth.csv"')
-        (folder / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileError(error.filename or out, f"cannot be written ({error.strerror or error})") from None
+    write_png(folder / "images" / image, moment.frame)
+    save_camera(camera, folder / "camera.toml")
+    if moment.colors is not None:
+        save_colors(moment.colors, folder / "colors.toml")
+        lines.append('colors = "colors.toml"')
+    write_lines(folder / "frames.csv", ("image,t_s", f"{image},{moment.t_s!r}"))
+    lines.append('frames = "frames.csv"')
+    if moment.truth is not None:
+        x_m, y_m, theta_rad = moment.truth.array.tolist()
+        truth = ("image,x_m,y_m,theta_rad", f"{image},{x_m!r},{y_m!r},{theta_rad!r}")
+        write_lines(folder / "truth.csv", truth)
+        lines.append('truth = "truth.csv"')
+    write_lines(folder / "dataset.toml", lines)
     return folder
 
 
@@ -112,16 +112,3 @@ def new_folder(out: Path, name: str) -> Path:
             continue
         return folder
     raise FileError(out, f"holds {_MAX_FOLDERS} folders of this kind already")
-
-
-def write_png(path: Path, frame: UInt8Array) -> None:
-    """Write a frame without loss.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
-    """
-    encoded, data = cv2.imencode(".png", np.ascontiguousarray(frame), [cv2.IMWRITE_PNG_COMPRESSION, 3])
-    assert encoded, "OpenCV encodes every (H, W, 3) uint8 array"
-    path.write_bytes(data.tobytes())

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array, UInt8Array
 from robocup_vision.camera import PinholeCamera, save_camera
+from robocup_vision.files.images import write_png
+from robocup_vision.files.output_folder import telling_write_errors
+from robocup_vision.files.text_files import write_lines
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.mapping.run_files import CAMERAS, TrinocularRig
 from sim2d.rendering.hall.bustle import Bustle
@@ -85,7 +86,7 @@ def write_run(folder: str | Path, rig: TrinocularRig, frames: Iterable[HallFrame
 
     Raises
     ------
-    ArgumentError
+    FileError
         If it cannot be written.
     """
     run = Path(folder) / "run"
@@ -97,7 +98,7 @@ def write_run(folder: str | Path, rig: TrinocularRig, frames: Iterable[HallFrame
     save_camera(rig.right, run / "camera.toml")
     start = ", ".join(f"{v:.9f}" for v in poses[0].array)
     lines = [f"# made by: {command}", "format = 1", 'camera = "camera.toml"', f"baseline_m = {rig.baseline_m}"]
-    (run / "run.toml").write_text("\n".join([*lines, f"start = [{start}]"]) + "\n", encoding="utf-8")
+    write_lines(run / "run.toml", [*lines, f"start = [{start}]"])
     _write_truth(run / "truth.csv", poses)
 
 
@@ -113,19 +114,16 @@ def write_second_run(
     save_camera(camera, root / "camera.toml")
     lines = [f"# made by: {command}", "format = 1", f'field = "{field}"', 'camera = "camera.toml"']
     lines += ['method = "landmarks"', 'map = "../map.npz"', 'images = "images"', 'truth = "truth.csv"']
-    (root / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_lines(root / "dataset.toml", lines)
     _write_truth(root / "truth.csv", poses)
 
 
 def _write_image(path: Path, image: UInt8Array) -> None:
-    try:
+    with telling_write_errors(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"{path.parent} cannot be written ({error.strerror or error})") from None
-    if not cv2.imwrite(str(path), image):
-        raise ArgumentError(f"{path} cannot be written")
+    write_png(path, image)
 
 
 def _write_truth(path: Path, poses: Sequence[Pose2]) -> None:
     rows = [f"{k:04d}.png,{p.x_m:.6f},{p.y_m:.6f},{p.theta_rad:.6f}" for k, p in enumerate(poses)]
-    path.write_text("\n".join(["image,x_m,y_m,theta_rad", *rows]) + "\n", encoding="utf-8")
+    write_lines(path, ["image,x_m,y_m,theta_rad", *rows])

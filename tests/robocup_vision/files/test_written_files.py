@@ -5,10 +5,13 @@ from __future__ import annotations
 import errno
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from field_models.errors import FileError
+from robocup_vision.files.images import write_png
 from robocup_vision.files.output_folder import (
     refuse_foreign_files,
     require_folder,
@@ -16,6 +19,7 @@ from robocup_vision.files.output_folder import (
     written_at_once,
 )
 from robocup_vision.files.resume_file import ResumeFile
+from robocup_vision.files.text_files import write_json, write_lines, write_text
 
 OWN = ("figures.json", "robot_*.mcap")
 
@@ -119,6 +123,29 @@ def test_an_error_of_the_system_names_the_file_and_the_reason(tmp_path: Path) ->
     told = pytest.raises(FileError, match=r"out\.csv: cannot be written \(No such file or directory\)")
     with told, telling_write_errors(out):
         out.write_text("x")
+
+
+@pytest.mark.parametrize(
+    ("write", "value"),
+    [
+        (write_text, "x"),
+        (write_lines, ["x"]),
+        (write_json, {"x": 1}),
+        (write_png, np.zeros((2, 3, 3), np.uint8)),
+    ],
+)
+def test_a_writer_names_the_file_that_it_cannot_write(
+    tmp_path: Path, write: Callable[[Path, Any], None], value: Any
+) -> None:
+    write(tmp_path / "out", value)
+    assert (tmp_path / "out").stat().st_size > 0
+    with pytest.raises(FileError, match=r"absent/out: cannot be written \(No such file or directory\)"):
+        write(tmp_path / "absent" / "out", value)
+
+
+def test_a_name_that_is_no_text_can_be_written(tmp_path: Path) -> None:
+    write_lines(tmp_path / "out", ["a\udcff", "b"])
+    assert (tmp_path / "out").read_text() == "a\\udcff\nb\n"
 
 
 def test_other_errors_pass_through(tmp_path: Path) -> None:

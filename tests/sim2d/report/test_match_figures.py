@@ -1,12 +1,12 @@
 """Score, possession and events of a match, from states and events made by hand."""
 
-import math
+import json
 
 import pytest
 
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
-from sim2d.report.match_figures import MatchLog, match_json, write_json
+from sim2d.report.match_figures import MatchLog, match_json
 from sim2d.robot_link import Command, PlayerStatus, RobotLimits, Senses
 from sim2d.sensors.faults import BodyFault
 from sim2d.world.state import BallState, Event, RobotMoment, RobotState, WorldState
@@ -63,7 +63,7 @@ def test_being_carried_is_no_way_driven():
     assert [r.distance_m for r in log.figures.robots] == [0.0, 0.0]
 
 
-def test_the_file_holds_plain_numbers(tmp_path):
+def test_the_file_holds_plain_numbers():
     log = new_log()
     for index in range(3):
         log.add(state(index), (robot(index), robot(index, "ValueError: no" if index else "")))
@@ -73,7 +73,4 @@ def test_the_file_holds_plain_numbers(tmp_path):
     assert values["robots"][0]["median_error_m"] is None
     assert values["robots"][1]["stopped_s"] == 0.033333
     assert values["robots"][1]["stopped_reason"] == "ValueError: no"
-    path = tmp_path / "deep" / "match.json"
-    write_json(path, values | {"until": None})
-    assert path.read_text().endswith("\n")
-    assert not math.isnan(values["seconds"])
+    assert json.loads(json.dumps(values, allow_nan=False)) == values
