@@ -9,9 +9,12 @@ import math
 import numbers
 from pathlib import Path
 
+import numpy as np
+
 from field_models.catalog import load_field
-from field_models.errors import ArgumentError
+from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
+from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
@@ -173,6 +176,21 @@ def as_count(name: str, value: object, low: int, high: int) -> int:
     if whole > high:
         raise ArgumentError(f"{name} must be at most {high}, got {whole}")
     return whole
+
+
+def as_frame(value: object, size_px: tuple[int, int]) -> UInt8Array:
+    """Return a frame of width and height `size_px`.
+
+    Raises
+    ------
+    FrameError
+        If it is no colour image of 8 bits, or of another size.
+    """
+    shape = (size_px[1], size_px[0], 3)
+    if isinstance(value, np.ndarray) and value.dtype == np.uint8 and value.shape == shape:
+        return value
+    got = f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
+    raise FrameError(f"frame must be uint8 {shape} as the camera file says, got {got}")
 
 
 def _is_finite(value: object) -> bool:

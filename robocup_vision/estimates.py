@@ -132,3 +132,8 @@ class EdgePoints:
         state = np.array(self.state, dtype=np.uint8)
         state.flags.writeable = False
         object.__setattr__(self, "state", state)
+
+
+def pose_of(prior: PoseEstimate | Pose2 | None) -> Pose2 | None:
+    """Return a prior's pose alone."""
+    return prior.pose if isinstance(prior, PoseEstimate) else prior

@@ -31,7 +31,7 @@ from benchmarks.worlds.walks import STEP_S, WALKS, Walk, WalkFrame, walk
 from field_models import Field, load_field
 from robocup_vision import Vision
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.camera import PinholeCamera, RollingShutter
+from robocup_vision.camera import RollingShutter
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation.scoring import pose_error
 from robocup_vision.geometry import Pose2, compose_covariance
@@ -204,21 +204,12 @@ def cold(what: Walk, pitch: Field, frames: list[WalkFrame], table: Table, name: 
         table.row(title, number, *rates, wrong, *times, percent(goal), verdict(ok), max_ratio, verdict(is_fast))
 
 
-def enlarged(camera: PinholeCamera, factor: int) -> PinholeCamera:
-    """Return the camera whose frames are this many times larger."""
-    return replace(
-        camera,
-        size_px=(factor * camera.size_px[0], factor * camera.size_px[1]),
-        focal_px=(factor * camera.focal_px[0], factor * camera.focal_px[1]),
-        center_px=(factor * (camera.center_px[0] + 0.5) - 0.5, factor * (camera.center_px[1] + 0.5) - 0.5),
-    )
-
-
 def whole_look(
     what: Walk, pitch: Field, frames: list[WalkFrame], factor: int, table: Table, offset_m: tuple[float, float]
 ) -> None:
     """Time whole looks near a known pose, floor, ball and obstacles included; add a row."""
-    camera = replace(enlarged(what.camera, factor), offset_m=offset_m)
+    width, height = what.camera.size_px
+    camera = replace(what.camera.in_size((factor * width, factor * height)), offset_m=offset_m)
     vision, rng, covariance = Vision(pitch, camera), np.random.default_rng(0x17), np.diag(FOLLOWED_STD**2)
     took_s, units_s, located = [], [], 0
     for index, one in enumerate((frames[0], *frames)):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from robocup_vision.arguments import as_frame
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.landmarks.features import Features, check_frame, features_of
+from robocup_vision.landmarks.features import Features, features_of
 
 
 class OrbExtractor:
@@ -27,7 +28,7 @@ class OrbExtractor:
 
     def extract(self, frame: UInt8Array) -> Features:
         """Find the features of a frame, (H, W, 3) uint8 BGR; the descriptors' 256 bits as unit vectors."""
-        check_frame(frame, self.camera)
+        as_frame(frame, self.camera.size_px)
         keypoints, packed = self._orb.detectAndCompute(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), None)
         if packed is None:
             return features_of(self.camera, (), None)

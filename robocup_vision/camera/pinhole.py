@@ -240,6 +240,19 @@ class PinholeCamera:
         vars(other).update(focal_px=focal_px, height_m=height_m)
         return other
 
+    def in_size(self, size_px: tuple[int, int]) -> PinholeCamera:
+        """Return the camera that takes the same pictures in another width and height."""
+        if size_px == self.size_px:
+            return self
+        across, down = self.size_px[0] / size_px[0], self.size_px[1] / size_px[1]
+        return replace(
+            self,
+            size_px=size_px,
+            focal_px=(self.focal_px[0] / across, self.focal_px[1] / down),
+            center_px=((self.center_px[0] + 0.5) / across - 0.5, (self.center_px[1] + 0.5) / down - 0.5),
+            focal_std_px=self.focal_std_px / across,
+        )
+
     def sway_std_rad(self, usual_rad: float) -> tuple[float, float]:
         """Return the standard deviations of tilt and roll: what is told of them, or else that of a body that moves."""
         roll = usual_rad if self.roll_std_rad is None else self.roll_std_rad

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from field_models.errors import FrameError
+from robocup_vision.arguments import as_frame
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.landmarks.matching import Described, best_two
@@ -106,7 +106,7 @@ class SiftExtractor:
         FrameError
             If the frame has the wrong type, shape or size.
         """
-        check_frame(frame, self.camera)
+        as_frame(frame, self.camera.size_px)
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         if self.shrink > 1:
             width, height = self.camera.size_px
@@ -120,7 +120,7 @@ class SiftExtractor:
         Tiles around the places are put side by side into one small picture, up to `max_ratio` of the frame's area;
         keypoints near a tile's edge are dropped, for what is beyond it is not what the frame shows there.
         """
-        check_frame(frame, self.camera)
+        as_frame(frame, self.camera.size_px)
         tiles = _tiles(places_px, self.camera.size_px, max_ratio)
         if not tiles:
             return features_of(self.camera, (), None)
@@ -166,14 +166,6 @@ def _tiles(places_px: FloatArray, size_px: tuple[int, int], max_ratio: float) ->
         if len(tiles) >= most:
             break
     return tiles
-
-
-def check_frame(frame: UInt8Array, camera: PinholeCamera) -> None:
-    """Refuse a frame that is not an 8-bit colour image of the camera's size."""
-    width, height = camera.size_px
-    if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
-        got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
-        raise FrameError(f"frame must be uint8 of shape ({height}, {width}, 3), got {got}")
 
 
 def features_of(

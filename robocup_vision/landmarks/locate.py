@@ -16,7 +16,7 @@ import numpy.typing as npt
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.landmarks.fit import LandmarkPixels, fit_pose
 from robocup_vision.kernels.landmarks.matching import Described
@@ -164,13 +164,13 @@ class LandmarkPoseEstimator:
         """Locate the robot as `locate` does; return the landmarks found, too."""
         started = time.perf_counter()
         in_regions_s = 0.0
-        if self._regions is not None and prior is not None:
-            pose = prior.pose.array if isinstance(prior, PoseEstimate) else prior.array
-            expected = self._expect(pose, rng)
+        near = pose_of(prior)
+        if self._regions is not None and near is not None:
+            expected = self._expect(near.array, rng)
             extracting = time.perf_counter()
             features = self._regions.extract_near(frame, expected.pixels, self._settings.region_ratio)
             in_regions_s = time.perf_counter() - extracting
-            result = self._find(features, pose, expected, extracting - started)
+            result = self._find(features, near.array, expected, extracting - started)
             if result.pose:
                 result.timings_s["features"] = in_regions_s
                 return result
@@ -189,10 +189,9 @@ class LandmarkPoseEstimator:
         self, features: Features, prior: PoseEstimate | Pose2 | None = None, *, rng: np.random.Generator | None = None
     ) -> LandmarkMatch:
         """Locate the robot by features that are known already."""
-        result = None
-        if prior is not None:
-            pose = prior.pose if isinstance(prior, PoseEstimate) else prior
-            result = self._near(features, pose.array, rng)
+        result, near = None, pose_of(prior)
+        if near is not None:
+            result = self._near(features, near.array, rng)
             if result.pose:
                 return result
         started = time.perf_counter()

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from field_models.errors import ArgumentError
+from robocup_vision.arguments import as_frame
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.landmarks.features import check_frame
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator, LandmarkSettings
 from robocup_vision.landmarks.selection import Selection
@@ -132,7 +132,7 @@ class LandmarkVision:
             If the frame has another size or type.
         """
         started = time.perf_counter()
-        check_frame(frame, self.camera)
+        as_frame(frame, self.camera.size_px)
         if self._hidden is not None:
             frame = frame.copy()
             frame[self._hidden] = 0

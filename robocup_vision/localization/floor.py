@@ -17,7 +17,7 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.fit import Vector
 from robocup_vision.kernels.walls.hull import hull_moments
@@ -133,8 +133,7 @@ class OutlineFitter:
         fit = self.from_guess(radius_px)
         if fit is None:
             return None
-        most_m, found = self.settings.max_std_m, self.search.candidates(fit, radius_px)
-        fixed = [one for one in found if one.along_m <= most_m and self._is_place(one)]
+        fixed = [one for one in self.search.candidates(fit, radius_px) if self.is_fixed_place(one)]
         return Pose2(*min(fixed, key=lambda one: one.cost).pose) if fixed else self.first_guess(radius_px)
 
     def from_guess(self, radius_px: FloatArray) -> OutlineFit | None:
@@ -194,8 +193,8 @@ class OutlineFitter:
             A pose has both half-turn candidates, since the outline alone does not separate them.
         """
         settings = self.settings
-        if prior is not None:
-            start = prior.pose if isinstance(prior, PoseEstimate) else prior
+        start = pose_of(prior)
+        if start is not None:
             fit = self.from_prior(start, radius_px)
             if fit is None:
                 return self._too_little(radius_px)
@@ -228,6 +227,10 @@ class OutlineFitter:
     def _is_place(self, fit: OutlineFit) -> bool:
         """Whether a fit is a place on the field, however uncertain."""
         return math.isfinite(fit.along_m) and self.field.is_on_floor(*fit.pose[:2])
+
+    def is_fixed_place(self, fit: OutlineFit) -> bool:
+        """Whether a fit is a place on the field, and fixed in every direction."""
+        return fit.along_m <= self.settings.max_std_m and self._is_place(fit)
 
     def _is_sure(self, fit: OutlineFit, floor_column: Int64Array, line_odds: LineOdds) -> bool:
         by_outline, sure = self.weigh(fit, floor_column).log_odds, self.evidence.sure_log_odds
@@ -265,10 +268,10 @@ class OutlineFitter:
             return OutlineAnswer(NotLocated(_OPEN), _nothing(fit.predicted_px))
         return self._on_floor(fit, _estimate(fit))
 
-    def _judge_leaning(self, fit: OutlineFit, prior: PoseEstimate | Pose2) -> OutlineAnswer:
+    def _judge_leaning(self, fit: OutlineFit, prior: PoseEstimate | Pose2 | None) -> OutlineAnswer:
         """Answer by a body that may lean and its prior, whose covariance is a factor of the pose."""
         max_std_m = self.settings.camera.max_leaning_std_m
-        if isinstance(prior, Pose2):
+        if not isinstance(prior, PoseEstimate):
             return self._judge(fit, max_std_m)
         alone = _estimate(fit)
         both = fused(alone, dataclasses.replace(prior, candidates=(prior.pose,)))

@@ -8,7 +8,7 @@ from functools import cached_property
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEIGHT, LOG_FOCAL, ROLL, TILT
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
@@ -16,7 +16,6 @@ from robocup_vision.localization.localizer import (
     FrameByFrame,
     FrameEvidence,
     Localization,
-    pose_of,
 )
 from robocup_vision.localization.model_edges.follower import FollowedCamera
 from robocup_vision.localization.model_edges.tilt_finder import TiltFinder

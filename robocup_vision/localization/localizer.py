@@ -111,8 +111,3 @@ class FrameByFrame:
 
     def forget(self) -> None:
         """See `Localizer.forget`."""
-
-
-def pose_of(prior: PoseEstimate | Pose2 | None) -> Pose2 | None:
-    """Return a prior's pose alone."""
-    return prior.pose if isinstance(prior, PoseEstimate) else prior

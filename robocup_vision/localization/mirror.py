@@ -8,13 +8,13 @@ from functools import partial
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.evidence import LineEvidence, LineOdds, no_lines
 from robocup_vision.localization.field_half import GoalSide, nearer_half
 from robocup_vision.localization.floor import OutlineFitter
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
-from robocup_vision.localization.localizer import FrameEvidence, Localization, pose_of
+from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.polar_view import PolarView
 

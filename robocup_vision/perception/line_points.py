@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from field_models.errors import ArgumentError, FrameError
+from field_models.errors import ArgumentError
+from robocup_vision.arguments import as_frame
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array, plain_frame, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.floor_tone import ToneRules, learn_tone
@@ -192,10 +193,7 @@ class LineFinder:
             If the frame is not a BGR uint8 image of the camera's size.
         """
         width, height = self.camera.size_px
-        if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
-            got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
-            raise FrameError(f"frame must be uint8 ({height}, {width}, 3), got {got}")
-        frame = plain_frame(frame)
+        frame = plain_frame(as_frame(frame, (width, height)))
         smooth = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
         tone = self._tone(smooth)
         if tone is None:

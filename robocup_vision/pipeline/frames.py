@@ -12,15 +12,16 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from field_models.errors import ArgumentError, FrameError
+from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arguments import as_frame
 from robocup_vision.arrays import UInt8Array, plain_frame
 from robocup_vision.avoidance.recent_free_space import carry_free_space
-from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
+from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import free_ranges, polar
 from robocup_vision.localization.field_half import in_both_halves
-from robocup_vision.localization.localizer import Localization, pose_of
+from robocup_vision.localization.localizer import Localization
 from robocup_vision.localization.methods import Method
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.color_memory import ColorMemory
@@ -229,13 +230,8 @@ class FramePipeline:
 
     def checked(self, frame: UInt8Array) -> UInt8Array:
         """Return a frame of the right size and type as blue, green, red, black under the mask; else refuse it."""
-        width, height = self._size_px
-        if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8:
-            raise FrameError(f"frame must be a uint8 array, got {getattr(frame, 'dtype', type(frame).__name__)}")
-        if frame.shape != (height, width, 3):
-            raise FrameError(f"frame must be ({height}, {width}, 3) as the camera file says, got {frame.shape}")
         # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled again
-        plain = to_bgr(frame, self._options.channels)
+        plain = to_bgr(as_frame(frame, self._size_px), self._options.channels)
         if self._keep is None:
             return plain
         # masked pixels are black, so that no stage can read them

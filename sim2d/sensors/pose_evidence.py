@@ -117,14 +117,9 @@ class _Looker:
 
     def candidates(self, seen: FrameEvidence) -> list[OutlineFit]:
         """Return all fits that are places on the field."""
-        first = self.fitter.from_guess(seen.edge_px)
-        return (
-            [] if first is None else [f for f in self.fitter.search.candidates(first, seen.edge_px) if self.is_place(f)]
-        )
-
-    def is_place(self, fit: OutlineFit) -> bool:
-        """Whether a fit is a place on the field, and fixed in every direction."""
-        return fit.along_m <= self.fitter.settings.max_std_m and self.fitter.field.is_on_floor(*fit.pose[:2])
+        first, fitter = self.fitter.from_guess(seen.edge_px), self.fitter
+        found = [] if first is None else fitter.search.candidates(first, seen.edge_px)
+        return [fit for fit in found if fitter.is_fixed_place(fit)]
 
     def outline(self, fit: OutlineFit, seen: FrameEvidence) -> FloatArray:
         """Return the counts of the outline's states (6,)."""
@@ -183,7 +178,7 @@ def _add_field(
     half = np.array([fitter.field.length_m / 2, fitter.field.width_m / 2, math.pi])
     for start in rng.uniform(-half, half, (STARTS, 3)).tolist():
         fit = fitter.from_start(tuple(start), seen.edge_px)
-        if looker.is_place(fit) and not _is_within(fit, truth, WRONG_M, WRONG_RAD):
+        if fitter.is_fixed_place(fit) and not _is_within(fit, truth, WRONG_M, WRONG_RAD):
             samples.wrong_place.append(looker.sample(fit, seen))
     first = fitter.from_guess(seen.edge_px)
     near = [fitter.from_prior(Pose2(*at), seen.edge_px) for at in truth.array + rng.normal(0.0, PRIOR_STD, (PRIORS, 3))]

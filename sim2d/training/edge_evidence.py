@@ -74,24 +74,18 @@ def setups() -> Iterator[tuple[Field, PinholeCamera]]:
         made = CAMERAS[camera_name]()
         camera = made.cameras[0] if isinstance(made, Rig) else made
         assert isinstance(camera, PinholeCamera)
-        yield load_field(field_name), _in_size(camera, width_px)
-
-
-def _in_size(camera: PinholeCamera, width_px: int) -> PinholeCamera:
-    """Return the camera at the robot's centre, with pictures of this width."""
-    scale = width_px / camera.size_px[0]
-    size_px = (width_px, round(scale * camera.size_px[1]))
-    return dataclasses.replace(
-        camera,
-        size_px=size_px,
-        focal_px=(scale * camera.focal_px[0], scale * camera.focal_px[1]),
-        center_px=((size_px[0] - 1) / 2, (size_px[1] - 1) / 2),
-        offset_m=(0.0, 0.0),
-        pan_rad=0.0,
-        roll_rad=camera.roll_rad or 0.0,
-        roll_std_rad=camera.roll_std_rad or SWAY_STD_RAD,
-        height_std_m=max(camera.height_std_m, HEIGHT_STD_M),
-    )
+        # at the robot's centre, with pictures of this width
+        yield (
+            load_field(field_name),
+            dataclasses.replace(
+                camera.in_size((width_px, round(width_px / camera.size_px[0] * camera.size_px[1]))),
+                offset_m=(0.0, 0.0),
+                pan_rad=0.0,
+                roll_rad=camera.roll_rad or 0.0,
+                roll_std_rad=camera.roll_std_rad or SWAY_STD_RAD,
+                height_std_m=max(camera.height_std_m, HEIGHT_STD_M),
+            ),
+        )
 
 
 def picture_count(count: int) -> int:

@@ -214,7 +214,7 @@ def test_a_camera_that_does_not_confirm_what_another_found_is_left_out(fresh):
         (FrameError, "sequence of 4 frames", lambda v, f: v.look(f[:3])),
         (FrameError, "sequence of 4 frames, None where there is none, got a ndarray", lambda v, f: v.look(f[0])),
         (FrameError, "camera 2: frame must be .* are they in the order", lambda v, f: v.look((f[0], f[1], f[3], f[2]))),
-        (FrameError, "camera 1: frame must be a uint8 array", lambda v, f: v.look((f[0], 3, None, None))),
+        (FrameError, "camera 1: frame must be uint8 .* got int", lambda v, f: v.look((f[0], 3, None, None))),
         (ArgumentError, "one for each of its 4 frames, got 2", lambda v, f: v.look(f, t_s=(1.0, 2.0))),
         (ArgumentError, "no time for the frame of camera 1", lambda v, f: v.look(f, t_s=(1.0, None, 1.0, 1.0))),
         (ArgumentError, "fixed to the body", lambda v, f: v.look(f, pan_rad=0.1)),

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from field_models.errors import FrameError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points
@@ -69,7 +68,7 @@ class Observer:
     ) -> None:
         self.field, self._settings = field, settings
         prepare("mirror_field")
-        self._locate, self._size_px = locate, tuple(camera.size_px)
+        self._locate = locate
         by_outline = field.is_bounded and not locate
         self._vision = Vision(field, camera, method="floor" if by_outline else "field", mask=mask)
         self._finder = LineFinder(camera, field.line_width_m, mask)
@@ -84,9 +83,6 @@ class Observer:
         FrameError
             If the frame has another size or type than the camera says.
         """
-        if isinstance(frame, np.ndarray) and frame.ndim == 3 and frame.shape[1::-1] != self._size_px:
-            width, height = self._size_px
-            raise FrameError(f"is {frame.shape[1]}x{frame.shape[0]}, must be {width}x{height}")
         self._vision.forget()
         view = self._vision.look(frame)
         self.floor_ratio += (view.marks > 0).mean(axis=0)

@@ -17,11 +17,11 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.field_half import GoalSide
 from robocup_vision.localization.floor import require_bounded
-from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization, pose_of
+from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization
 from robocup_vision.localization.outline_model import paper_pixel_px
 from robocup_vision.perception.color_table import ColorTable
 

@@ -20,10 +20,10 @@ from field_models.errors import ArgumentError, RobocupVisionError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.estimates import NotLocated, PoseEstimate
+from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import GoalShape, goal_shape
-from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization, pose_of
+from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization
 from robocup_vision.perception.goal_region import hue_families, hue_masks
 
 GRID_M = 0.01  # paper, section 3.3 (1)

@@ -141,7 +141,8 @@ class EdgeFollower:
     ) -> None:
         self.field, self.file_camera, self.reduction = field, camera, reduction
         #: of the copies
-        self.camera = camera = smaller_camera(camera, reduction)
+        width, height = camera.size_px
+        self.camera = camera = camera.in_size((width // reduction, height // reduction))
         self.settings = settings or EdgeSettings()
         self.edges = field_edges(field, self.settings.lines_end_m)
         self._telling = telling_features(self.edges) if field.shows_half else None
@@ -431,18 +432,3 @@ class EdgeFollower:
         status = self._buffers.found.status[:count][self._telling[self._buffers.samples.feature[:count]]]
         found = int(np.count_nonzero(status == FOUND))
         return found >= self.settings.min_telling and 2 * found > int(np.count_nonzero(status != UNSEEN))
-
-
-def smaller_camera(camera: PinholeCamera, factor: int) -> PinholeCamera:
-    """Return the camera whose frames are this many times smaller."""
-    if factor == 1:
-        return camera
-    size_px = (camera.size_px[0] // factor, camera.size_px[1] // factor)
-    across, down = camera.size_px[0] / size_px[0], camera.size_px[1] / size_px[1]
-    return replace(
-        camera,
-        size_px=size_px,
-        focal_px=(camera.focal_px[0] / across, camera.focal_px[1] / down),
-        center_px=((camera.center_px[0] + 0.5) / across - 0.5, (camera.center_px[1] + 0.5) / down - 0.5),
-        focal_std_px=camera.focal_std_px / factor,
-    )

@@ -174,8 +174,11 @@ class EdgeLocalizer:
         if slipped and (not first or follower.state.log_odds > after.log_odds):
             return slipped, follower.edge_points_when_asked()
         follower.state = after
-        if first and slipped and not _may_be_one(slipped.estimate, near):
-            away_m, turn_rad = slipped.estimate.pose.error_to(near.pose)
+        if not first or not slipped:
+            return first, points
+        there = slipped.estimate
+        if not may_be_one(there.pose, near.pose, there.covariance + near.covariance):
+            away_m, turn_rad = there.pose.error_to(near.pose)
             place = f"a place {away_m:.2f} m and {math.degrees(turn_rad):.0f} degrees from the prior"
             return NotLocated(f"what is in view confirms {place} as well: {slipped.evidence.in_words}"), points
         return first, points
@@ -253,10 +256,6 @@ class EdgeLocalizer:
         if t_s is None or self._last_s is None or not t_s > self._last_s:
             return _USUAL_STEP_S
         return t_s - self._last_s
-
-
-def _may_be_one(estimate: PoseEstimate, other: PoseEstimate) -> bool:
-    return may_be_one(estimate.pose, other.pose, estimate.covariance + other.covariance)
 
 
 def _measurement(answer: FollowedCamera, robot_in_camera: Pose2, pan_std_rad: float) -> PoseEstimate:

@@ -141,7 +141,7 @@ def test_a_frame_that_cannot_be_used_is_said_and_the_next_one_is_used(node: Visi
     assert _status(node, 0.0).level == 2
     assert "encoding 'mono8' cannot be read" in _status(node, 0.0).message
     assert node.on_image(image_message(now.frame[::2, ::2], now.t_s, "camera"), 0.0) == []
-    assert "frame must be (220, 256, 3)" in _status(node, 0.0).message
+    assert "frame must be uint8 (220, 256, 3)" in _status(node, 0.0).message
     assert node.on_image(image_message(now.frame, now.t_s, "camera", "png"), 0.0)
     assert _status(node, 0.0).level == 0
 

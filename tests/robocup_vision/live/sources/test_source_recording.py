@@ -117,7 +117,7 @@ def test_motion_over_an_unusable_frame_is_not_lost(tmp_path: Path) -> None:
     script[1:2] = [small, FrameError("damaged")]
     summary = record_source(ScriptedSource(script), tmp_path / "run.mcap")
     assert (summary.frames, summary.unusable) == (2, 2)
-    assert "frame must be (220, 256, 3)" in summary.first_problem
+    assert "frame must be uint8 (220, 256, 3)" in summary.first_problem
     last = list(Recording(tmp_path / "run.mcap").frames())[-1]
     assert last.odometry is not None
     assert last.odometry.x_m == pytest.approx(0.02)
