@@ -29,6 +29,15 @@ def test_slopes_of_pixels_are_those_of_their_rays(camera: PinholeCamera):
     np.testing.assert_allclose(slopes, -rays[:, 1:] / rays[:, :1], rtol=1e-9, atol=1e-12)
 
 
+@given(pinholes(), st.tuples(st.integers(100, 900), st.integers(100, 900)))
+def test_a_picture_in_another_size_shows_the_same(camera: PinholeCamera, size_px: tuple[int, int]):
+    other = camera.in_size(size_px)
+    scale = np.array(size_px) / camera.size_px
+    pixels = pixels_of(camera)
+    scaled = (pixels + 0.5) * scale - 0.5
+    np.testing.assert_allclose(other.pixel_to_camera_ray(scaled), camera.pixel_to_camera_ray(pixels), atol=1e-7)
+
+
 @given(pinholes(), st.integers(0, 2**31))
 def test_projection_is_opencvs(camera: PinholeCamera, seed: int):
     rays = np.random.default_rng(seed).normal((1.0, 0.0, 0.0), (0.1, 0.25, 0.2), (40, 3))
