@@ -1,7 +1,6 @@
-"""Compiled loops: what NumPy and OpenCV cannot do in the time a frame has.
+"""Compiled loops for the computations that NumPy and OpenCV cannot do within a frame's time.
 
-Everything here is a plain function of arrays, one file per concept it serves. The wrappers that give the arrays meaning
-live beside that concept.
+They are plain functions of arrays, one file for each concept; the wrappers that give the arrays meaning live elsewhere.
 """
 
 from pathlib import Path

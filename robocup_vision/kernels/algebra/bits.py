@@ -1,4 +1,4 @@
-"""Compiled arithmetic on words of 64 bits, one for each sample or pixel."""
+"""Compiled bit operations on 64-bit words that hold one bit for each sample or pixel."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ NO_BITS, ONE, EVERY_BIT = np.uint64(0), np.uint64(1), ~np.uint64(0)
 TWO, THREE, FOUR, FIVE, SIX, SEVEN = (
     np.uint64(2), np.uint64(3), np.uint64(4), np.uint64(5), np.uint64(6), np.uint64(7)
 )  # fmt: skip
-# a one in each byte, and what brings the lowest bits of eight bytes, in a product, into the highest byte
+# eight bytes of value 1; a product with _GATHER moves the lowest bits of eight bytes into the highest byte
 _ONES, _GATHER, _HIGHEST = np.uint64(0x0101010101010101), np.uint64(0x0102040810204080), np.uint64(56)
-# the upper six bits of the product of a power of two and this number are different for each (de Bruijn)
+# de Bruijn number: the upper six bits of its products with the powers of two are all different
 _DE_BRUIJN = np.uint64(0x03F79D71B4CB0A89)
 _PLACES = np.empty(64, np.int64)
 for _bit in range(64):
@@ -22,13 +22,13 @@ for _bit in range(64):
 
 @compiled
 def lowest(bits: np.uint64) -> int:
-    """Return the place of the lowest bit that is set."""
+    """Return the index of the lowest bit that is set."""
     return int(_PLACES[((bits & (~bits + ONE)) * _DE_BRUIJN) >> np.uint64(58)])
 
 
 @compiled(inline="always")
 def four_bytes(values: UInt8Array, at: np.uint64) -> np.uint32:
-    """Return four bytes in a row as one number, the first one lowest; the compiler loads them at once."""
+    """Return four consecutive bytes as one number, the first one lowest; the compiler loads them at once."""
     return np.uint32(
         np.uint32(values[at])
         | np.uint32(values[at + ONE]) << np.uint32(8)
@@ -39,7 +39,7 @@ def four_bytes(values: UInt8Array, at: np.uint64) -> np.uint32:
 
 @compiled(inline="always")
 def eight_bytes(values: UInt8Array, at: np.uint64) -> np.uint64:
-    """Return eight bytes in a row as one number, as `four_bytes`."""
+    """Return eight consecutive bytes as one number, the first one lowest; the compiler loads them at once."""
     low = (
         np.uint64(values[at])
         | np.uint64(values[at + ONE]) << np.uint64(8)
@@ -57,7 +57,7 @@ def eight_bytes(values: UInt8Array, at: np.uint64) -> np.uint64:
 
 @compiled(inline="always")
 def eight_equal(values: UInt8Array, at: np.uint64, value: int) -> np.uint64:
-    """Return a bit for each of eight bytes in a row, whether it is a value; all of them are below 4."""
-    # so that the two lowest bits tell whether one differs
+    """Return one bit for each of eight consecutive bytes: whether it equals `value`. All bytes must be below 4."""
+    # bytes below 4 differ in their two lowest bits if at all
     other = eight_bytes(values, at) ^ (np.uint64(value) * _ONES)
     return np.uint64(((~(other | (other >> ONE)) & _ONES) * _GATHER) >> _HIGHEST)

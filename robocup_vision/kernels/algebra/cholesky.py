@@ -1,4 +1,4 @@
-"""Cholesky's way to solve and to invert the small positive definite systems that fits meet, in place."""
+"""Solution and inversion of small positive definite systems by Cholesky's factorisation, in place."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robocup_vision.compiling.loops import compiled
 
 @compiled
 def factor(matrix: FloatArray, n: int) -> bool:
-    """Cholesky factor of the leading (n, n) block, lower triangle, in place; False where it is not definite."""
+    """Factor the leading (n, n) block in place, lower triangle; returns False if it is not positive definite."""
     for j in range(n):
         for k in range(j):
             matrix[j, j] -= matrix[j, k] ** 2
@@ -26,7 +26,7 @@ def factor(matrix: FloatArray, n: int) -> bool:
 
 @compiled
 def substitute(lower: FloatArray, n: int, right: FloatArray) -> None:
-    """Solve with the factor that stands in the leading (n, n) block of `lower`, in place."""
+    """Solve in place with the factor in the leading (n, n) block of `lower`."""
     for i in range(n):
         for k in range(i):
             right[i] -= lower[i, k] * right[k]
@@ -39,7 +39,7 @@ def substitute(lower: FloatArray, n: int, right: FloatArray) -> None:
 
 @compiled
 def solve_symmetric(matrix: FloatArray, right: FloatArray) -> bool:
-    """Solve a small positive definite system in place; returns False where it is not definite."""
+    """Solve a small positive definite system in place; returns False if the matrix is not positive definite."""
     n = right.shape[0]
     if not factor(matrix, n):
         return False
@@ -49,7 +49,7 @@ def solve_symmetric(matrix: FloatArray, right: FloatArray) -> bool:
 
 @compiled
 def invert(matrix: FloatArray, inverse: FloatArray) -> bool:
-    """Write the inverse of a small positive definite matrix, which its factor replaces; False: it is not definite."""
+    """Write the inverse of a small positive definite matrix, overwritten by its factor; returns False on failure."""
     n = matrix.shape[0]
     if not factor(matrix, n):
         return False

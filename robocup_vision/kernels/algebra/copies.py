@@ -1,4 +1,4 @@
-"""Compiled loops that copy arrays: numba's ``a[:] = b`` compiles a message about shapes as well, half a second each."""
+"""Compiled copies of arrays, which compile half a second faster than numba's ``a[:] = b``."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from robocup_vision.compiling.loops import compiled
 
 @compiled
 def copy_vector(source: FloatArray, target: FloatArray) -> None:
-    """Copy a vector into one of its size."""
+    """Copy a vector into one of the same size."""
     for i in range(source.shape[0]):
         target[i] = source[i]
 
 
 @compiled
 def copy_matrix(source: FloatArray, target: FloatArray) -> None:
-    """Copy a matrix into one of its shape."""
+    """Copy a matrix into one of the same shape."""
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[i, j] = source[i, j]

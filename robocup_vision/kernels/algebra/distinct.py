@@ -1,4 +1,4 @@
-"""Compiled choice of poses that are places of their own."""
+"""Compiled choice of poses that are far enough apart to be different candidates."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from robocup_vision.compiling.loops import compiled
 
 @compiled
 def pick_distinct(poses: FloatArray, apart_m: float, apart_rad: float, twins: bool, picked: Int64Array) -> int:
-    """Pick poses that are no neighbours of those picked before.
+    """Pick poses that are not neighbours of a pose picked before.
 
     Parameters
     ----------
     poses : (N, 3) float64
-        x, y, theta, the best first; metres, radians.
+        x, y, theta in metres and radians, the best first.
     apart_m, apart_rad : float
-        Neighbours are nearer to each other than both.
+        Two poses are neighbours if they are closer than both.
     twins : bool
-        Whether a pose is a neighbour of another one's half turn about the origin, too.
+        Whether the neighbours of a pose's half turn about the origin count as its neighbours, too.
     picked : (M,) int64
         Filled with the indices of up to M poses.
 
     Returns
     -------
     int
-        How many.
+        Number of poses picked.
     """
     count = 0
     for n in range(poses.shape[0]):

@@ -1,8 +1,8 @@
 """A forward camera's lens in compiled code: slopes to distorted slopes, with derivatives, and pixels back to slopes.
 
-A lens is one row of numbers, whatever its model: `camera.lens_table` writes it. Its radial part is a table over the
-cosine of the angle off the axis. There g = (image radius) / sin(angle) is smooth for every model, on the axis as well.
-A slope is how far right or down a ray goes for each unit ahead.
+A lens is one row of numbers for all models, written by `camera.lens_table`. Its radial part is a table over the cosine
+of the angle off the axis, of g = (image radius) / sin(angle), which is smooth for every model, also on the axis.
+A ray's slopes are its components to the right and down, divided by its component ahead.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ import math
 from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.loops import compiled
 
-# places in the row: focal length and centre along u and v, the picture's size, whether the lens distorts, OpenCV's p1
-# and p2, the greatest squared slope, the picture's greatest slopes right and down
+# columns of the row; those before BENT are focal length and centre along u and v, and the picture's size. BENT: whether
+# the lens distorts. P1, P2: of OpenCV. MAX_SLOPE2: greatest squared slope. WIDE, TALL: greatest slopes right and down
 BENT, P1, P2, MAX_SLOPE2, WIDE, TALL = 6, 7, 8, 9, 10, 11
-# the cosine at which the table begins, its cells for each unit of cosine, and those of the inverse for each unit of
-# squared image radius
+# cosine at which the table begins, cells for each unit of cosine, and cells of the inverse for each unit of squared
+# image radius
 LOWEST_COSINE, PER_COSINE, PER_RADIUS2 = 12, 13, 14
-# then CELLS cells of a cubic of g; INVERSE_CELLS cells of cubics of the cosine, and of sin(angle) / (image radius)
+# a cell of the table holds a cubic of g; a cell of the inverse holds cubics of cosine and of sin(angle) / (image
+# radius)
 FORWARD, CELLS, INVERSE_CELLS = 15, 64, 128
 INVERSE = FORWARD + 4 * CELLS
 LENGTH = INVERSE + 8 * INVERSE_CELLS
@@ -26,7 +27,7 @@ LENGTH = INVERSE + 8 * INVERSE_CELLS
 
 @compiled(fastmath=True, error_model="numpy")
 def distorted(lens: FloatArray, a: float, b: float) -> tuple[float, float, float, float, float, float]:
-    """Distort slopes; also the derivative, row by row. Not for slopes beyond the greatest."""
+    """Return distorted slopes and their derivatives, row by row. The slopes must be within the greatest slope."""
     if lens[BENT] == 0.0:
         return a, b, 1.0, 0.0, 0.0, 1.0
     p1, p2 = lens[P1], lens[P2]
@@ -50,7 +51,7 @@ def distorted(lens: FloatArray, a: float, b: float) -> tuple[float, float, float
 
 @compiled(fastmath=True, error_model="numpy")
 def slopes_at(lens: FloatArray, u: float, v: float) -> tuple[float, float]:
-    """Return the slopes that a pixel shows, by the radial part of the lens alone."""
+    """Return the slopes of a pixel's ray. Tangential distortion is neglected."""
     x, y = (u - lens[2]) / lens[0], (v - lens[3]) / lens[1]
     if lens[BENT] == 0.0:
         return x, y

@@ -1,7 +1,7 @@
-"""A pinhole camera in compiled code: its axes, points of the field in its frame, and their ideal pixels.
+"""A pinhole camera in compiled code: its axes, and points of the field in its frame and as ideal pixels.
 
 Camera frame: x ahead along the optical axis, y left, z up. Ideal pixels are those of a lens without distortion.
-`camera.pinhole` holds the same for NumPy arrays.
+`camera.pinhole` has the same for NumPy arrays.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Axis = tuple[float, float, float]
 
 
 class PinholeView(NamedTuple):
-    """What the kernels need of a camera that a robot carries.
+    """The parameters of a robot's camera that the kernels need.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class PinholeView(NamedTuple):
 
 @compiled
 def camera_axes(pan_rad: float, tilt_rad: float, roll_rad: float) -> tuple[Axis, Axis, Axis]:
-    """Rows of R = Rz(pan) Ry(-tilt) Rx(roll), whose columns are the camera's axes: ahead, left and up."""
+    """Return the rows of R = Rz(pan) Ry(-tilt) Rx(roll), whose columns are the camera's axes ahead, left and up."""
     cp, sp = math.cos(pan_rad), math.sin(pan_rad)
     ct, st = math.cos(tilt_rad), math.sin(tilt_rad)
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)
@@ -49,14 +49,14 @@ def camera_axes(pan_rad: float, tilt_rad: float, roll_rad: float) -> tuple[Axis,
 
 @compiled
 def in_camera(rotation: tuple[Axis, Axis, Axis], x: float, y: float, z: float) -> Axis:
-    """Components ahead, left and up of a vector of the frame that `camera_axes` is given in."""
+    """Transform a vector into the camera frame: components ahead, left and up."""
     (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rotation
     return x * r00 + y * r10 + z * r20, x * r01 + y * r11 + z * r21, x * r02 + y * r12 + z * r22
 
 
 @compiled
 def point_in_camera(view: PinholeView, c: float, s: float, x: float, y: float, z: float) -> Axis:
-    """Camera frame of a point of the field.
+    """Return a point of the field in the camera frame.
 
     Parameters
     ----------
@@ -65,9 +65,9 @@ def point_in_camera(view: PinholeView, c: float, s: float, x: float, y: float, z
     c, s : float
         Cosine and sine of the robot's heading.
     x, y : float
-        The point less the robot's position, field frame, metres.
+        The point minus the robot's position, field frame, metres.
     z : float
-        Its height over the floor.
+        Its height above the floor.
     """
     turn, viewpoint = view.robot_to_camera, view.viewpoint_m
     px, py, pz = c * x + s * y - viewpoint[0], c * y - s * x - viewpoint[1], z - viewpoint[2]
@@ -82,5 +82,5 @@ def point_in_camera(view: PinholeView, c: float, s: float, x: float, y: float, z
 def ideal_pixel(
     fu: float, fv: float, cu: float, cv: float, ahead: float, left: float, up: float
 ) -> tuple[float, float]:
-    """Pixel u and v of a point of the camera frame; `ahead` must be positive."""
+    """Return the pixel (u, v) of a point of the camera frame; `ahead` must be positive."""
     return cu - fu * left / ahead, cv - fv * up / ahead

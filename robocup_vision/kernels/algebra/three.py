@@ -1,4 +1,4 @@
-"""Systems of three equations by cofactors: no LAPACK call in a loop over starts."""
+"""Systems of three equations by cofactors, which are faster in a loop than calls of LAPACK."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robocup_vision.compiling.loops import compiled
 
 @compiled
 def adjugate_3x3(matrix: FloatArray, out: FloatArray) -> float:
-    """Write the adjugate (3, 3) of a matrix (3, 3), its inverse times its determinant; return the determinant."""
+    """Write the adjugate (3, 3) of a matrix (3, 3), its inverse times its determinant; returns the determinant."""
     for i in range(3):
         for j in range(3):
             r0, r1, c0, c1 = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
@@ -32,7 +32,7 @@ def solve_3x3(matrix: FloatArray, right: FloatArray, work: FloatArray, out: Floa
     Returns
     -------
     bool
-        False, and no result, where the determinant is not positive.
+        False if the determinant is not positive; then `out` is not written.
     """
     determinant = adjugate_3x3(matrix, work)
     if not determinant > 0.0:

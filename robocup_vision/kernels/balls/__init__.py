@@ -1,1 +1,1 @@
-"""Compiled loops that find balls: blobs of a colour on the floor, what speaks for each, and balls with dark patches."""
+"""Compiled loops that find balls: coloured blobs on the floor, their likelihood ratios, and balls with dark patches."""

@@ -1,9 +1,6 @@
-"""Compiled search for small coloured blobs on the floor, about as large as a ball is there.
+"""Compiled search for coloured blobs on the floor that are about as large as a ball would be there.
 
-1. `_flood` gathers the pixels of the ball's colour around a seed.
-2. `_half_sizes` measures the blob along and across the ray from the camera's axis.
-
-`evidence.weigh_blobs` weighs each of them as a ball.
+`evidence.weigh_blobs` computes for each of them how likely it is a ball.
 """
 
 from __future__ import annotations
@@ -17,21 +14,21 @@ from robocup_vision.arrays import FloatArray, Int8Array, Int32Array, UInt8Array,
 from robocup_vision.compiling.loops import compiled
 
 NEVER = 2**31 - 1
-# a channel from here on is clipped, and its ratio to the others tells nothing
+# a channel of at least this level may be clipped, so that its ratio to the others is meaningless
 CLIPPED = 250
-# areas in units of the expected ones: smaller is a speck, larger is another thing; the size's evidence does the rest
+# bounds of a blob's area in units of the expected area; `evidence` weighs sizes between them
 _MIN_AREA_RATIO, _MAX_AREA_RATIO = 0.15, 2.2
-# so much of a blob unmixed is enough to measure it by
+# if this part of a blob consists of unmixed pixels, only these measure it
 _UNMIXED_RATIO = 0.5
-# what is known of a blob: centre, half sizes along and across the ray, sum of weights, whether the picture cuts it
+# columns of a blob: centre, half sizes along and across the ray, sum of weights, whether the picture's edge cuts it
 U, V, ALONG, ACROSS, TOTAL, CUT = range(6)
 COLUMNS = 6
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
-# a pixel of a blob in one whole number: shifts take it apart, a division would take as long as all else
+# a pixel in one integer, unpacked by shifts because divisions are slow
 ROW_BITS = 15
 COLUMN_MASK = 2**ROW_BITS - 1
 
-# B, G, R; scalars, as an array in a tuple costs more at each call than the test itself
+# B, G, R; tuples of scalars, because an array inside a tuple makes each call slower
 Bgr = tuple[float, float, float]
 
 
@@ -41,23 +38,23 @@ class BallColor(NamedTuple):
     Parameters
     ----------
     from_white, from_floor : (float, float, float)
-        Unit normals in B, G, R of the planes through black that part the ball's colour from white and from the floor.
+        Unit normals in B, G, R of the planes through black that separate the ball's colour from white and from floor.
     half_white : (float, float, float)
-        As `from_white`, half-way: what lies beyond is the ball, unmixed.
+        As `from_white`, half-way to the ball's colour: pixels beyond this plane are unmixed ball.
     plane_ratio, apart_rad : float
-        Where `from_white` lies on the way from white to the ball's colour, and how long that is.
+        Position of the plane `from_white` on the way from white to the ball's colour, and the angle between the two.
     min_hue : float
-        The dot product with `from_white` must exceed this: noise.
+        Noise level that the dot product with `from_white` must exceed.
     weak, middle : int
-        Channels in which the ball is darkest beside white, and in between.
+        Channels that the ball reflects least, relative to white, and second least.
     clipped_ratio : float
-        Where a channel is clipped, the weak one must be less than this times the middle one.
+        If a channel is clipped, the weak one must be less than this times the middle one.
     min_level : float
-        Darker pixels (sum of B, G, R) have no colour.
+        Pixels whose sum of B, G, R is lower have no reliable colour.
     sure : float
-        From this dot product with `from_floor` on a pixel is ball all over.
+        A pixel with at least this dot product with `from_floor` is entirely ball.
     min_signal : float
-        The sum of these dot products over a blob must reach this times the root of its area: more than noise gives.
+        The sum of these dot products over a blob must exceed this times the root of its area, as noise does not.
     """
 
     from_white: Bgr
@@ -75,20 +72,21 @@ class BallColor(NamedTuple):
 
 
 class BallSize(NamedTuple):
-    """How large a ball looks.
+    """The size of a ball in the image.
 
     Parameters
     ----------
     axis_u, axis_v : float
-        Pixel at which rays from the robot outwards start.
+        Pixel from which the rays from the robot outwards start.
     body_px : float
-        What is nearer to there shows the robot itself.
+        Pixels nearer to it show the robot itself.
     along_px, across_px : (R,) float64
-        Half the ball's size along and across the ray, by its distance from there in whole pixels; 0 where none can be.
+        Half the ball's size along and across the ray, by the distance from that pixel in whole pixels; 0: no ball
+        there.
     log_std : (R,) float64
-        Standard deviation of the size's logarithm there: by a camera that sways, and by shade.
+        Standard deviation of the logarithm of that size, from the camera's sway and from shade.
     shape_std : float
-        Of the logarithm of the ratio of both half sizes.
+        Standard deviation of the logarithm of the ratio of the two half sizes.
     """
 
     axis_u: float
@@ -108,17 +106,17 @@ class FloorTable(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory that lives over frames.
+    """Memory that is kept from frame to frame.
 
     Parameters
     ----------
     stamps : (H, W) int32
-        Pixels that carry a frame's first stamp or more have been visited in it; those that carry NEVER are not to be.
+        A frame has visited the pixels whose stamp is at least its first stamp. Pixels with NEVER are not visited.
     queue : (N,) int32
-        N >= H W: pixels of a blob, v 2^ROW_BITS + u.
+        Pixels of a blob as v 2^ROW_BITS + u; N >= H W.
     sums : (2, 6) float64
-        Of a blob's weights, of their offsets from the seed, u and v, and of the offsets' products uu, uv and vv: over
-        all pixels, and over the unmixed ones.
+        Sums of a blob's weights, of their offsets u and v from the seed, and of the products uu, uv and vv, over all
+        its pixels and over its unmixed ones.
     """
 
     stamps: Int32Array
@@ -136,22 +134,22 @@ def find_blobs(
     size: BallSize,
     out: FloatArray,
 ) -> tuple[int, int]:
-    """Find the blobs that may be balls.
+    """Find blobs that may be balls.
 
     Parameters
     ----------
     frame : (H, W, 3) uint8
         BGR.
     seeds : (N, 2) int32
-        Pixels (v, u) so dense that a ball anywhere covers one.
+        Pixels (v, u), so dense that a ball covers at least one wherever it is.
     scratch : Scratch
         Used and changed.
     first_stamp : int
         Greater than any stamp of the frame before.
     color, size
-        What a ball looks like.
+        Appearance of a ball.
     out : (M, COLUMNS) float64
-        Filled with the blobs; those beyond M are left out.
+        Filled with at most M blobs.
 
     Returns
     -------
@@ -159,7 +157,7 @@ def find_blobs(
         Number of blobs, and the last stamp used.
     """
     stamp, count, size_px = first_stamp, 0, (frame.shape[1], frame.shape[0])
-    # once for all: to reshape an array takes as long as the walk from a seed
+    # reshaped once, because reshaping takes as long as the walk from a seed
     pixels, stamps = frame.reshape(-1), scratch.stamps.reshape(-1)
     picked = np.empty(seeds.shape[0], np.int32)
     for i in range(_pick_hue(frame, seeds, color, picked)):
@@ -183,7 +181,7 @@ def find_blobs(
         cut, signal = _add_up(pixels, scratch, size_px, area, color, u0, v0)
         if signal < color.min_signal * math.sqrt(area):
             continue
-        # its shadow, glare and compression shift the rim of a mixed blob: what is unmixed says where it is
+        # shadow, glare and compression shift the rim of a blob that includes mixed pixels
         unmixed = scratch.sums[1, 0] >= _UNMIXED_RATIO * scratch.sums[0, 0]
         total, sum_u, sum_v, sum_uu, sum_uv, sum_vv = scratch.sums[1 if unmixed else 0]
         cu, cv = sum_u / total, sum_v / total
@@ -211,15 +209,15 @@ def find_blobs(
 
 @compiled
 def _pick_hue(frame: UInt8Array, seeds: Int32Array, color: BallColor, out: Int32Array) -> int:
-    """Write which seeds (N, 2) have the ball's hue, as far as single precision tells, and return their number.
+    """Write the indices of seeds (N, 2) that have the ball's hue in single precision, and return their number.
 
-    In three passes, of which none branches: colours are gathered, judged side by side, and the seeds written.
+    Three passes without branches, so that they vectorise: gather colours, test them, write the indices.
     """
     count, width = seeds.shape[0], frame.shape[1]
     flat = frame.reshape(-1)
     channels = np.empty((3, count), np.uint8)
     for n in range(count):
-        # unsigned: a signed index would be checked for being negative
+        # unsigned, because numba tests signed indices for negative ones
         at = np.uint64(3 * (seeds[n, 0] * width + seeds[n, 1]))
         channels[0, n], channels[1, n], channels[2, n] = flat[at], flat[at + ONE], flat[at + TWO]
     blue, green, red = channels[0], channels[1], channels[2]
@@ -245,7 +243,7 @@ def _pick_hue(frame: UInt8Array, seeds: Int32Array, color: BallColor, out: Int32
 
 @compiled(inline="always")
 def has_hue(color: BallColor, blue: float, green: float, red: float) -> bool:
-    """Whether a pixel has the ball's hue, however dark it is."""
+    """Whether a pixel has the ball's hue, at any brightness."""
     f, w = color.from_floor, color.from_white
     if f[0] * blue + f[1] * green + f[2] * red > 0.0:
         if w[0] * blue + w[1] * green + w[2] * red > color.min_hue:
@@ -255,7 +253,7 @@ def has_hue(color: BallColor, blue: float, green: float, red: float) -> bool:
 
 @compiled(inline="always")
 def _is_burnt_out(color: BallColor, blue: float, green: float, red: float) -> bool:
-    """Whether a pixel with a clipped channel may be a ball's: what is not clipped still has less of the weak one."""
+    """Whether a pixel with a clipped channel may be ball: its weak channel is still less than its middle one."""
     if blue < CLIPPED and green < CLIPPED and red < CLIPPED:
         return False
     weak = blue if color.weak == 0 else green if color.weak == 1 else red
@@ -267,9 +265,9 @@ def _is_burnt_out(color: BallColor, blue: float, green: float, red: float) -> bo
 def _touches(
     pixels: UInt8Array, stamps: Int32Array, width: int, no_hue: int, stamp: int, color: BallColor, u0: int, v0: int
 ) -> bool:
-    """Whether the ball's colour goes on from a seed, straight up or straight left, to an earlier flood.
+    """Whether the ball's colour continues from a seed, straight up or left, to a blob that was flooded before.
 
-    A thing that is too large has hundreds of seeds, and this tells of most in a few pixels that they are its rest.
+    A large object has hundreds of seeds. This test rejects most of them after a few pixels.
     """
     for side in range(2):
         most, step = (v0, width) if side == 0 else (u0, 1)
@@ -305,15 +303,15 @@ def _flood(
     v0: int,
     largest: float,
 ) -> tuple[bool, int]:
-    """Flood over the ball's colour from a seed, but no farther than a ball there could reach.
+    """Flood the ball's colour from a seed, up to an area that a ball there could have.
 
-    Pixels beside it that are not the ball's carry the stamp `no_hue` then, so that none is looked at twice.
+    Adjacent pixels of another colour get the stamp `no_hue`, so that none is tested twice.
 
     Returns
     -------
     tuple
-        Whether the blob is whole and alone (what touches an earlier flood is the rest of a thing that was too large),
-        and its area. Its pixels are in `scratch.queue`.
+        Whether the blob is complete and touches no earlier blob, which would have been too large; and its area. Its
+        pixels are in `queue`.
     """
     width, height = size_px
     queue[0] = (v0 << ROW_BITS) + u0
@@ -327,7 +325,7 @@ def _flood(
             nv = v + (1 if side == 2 else -1 if side == 3 else 0)
             if nu < 0 or nv < 0 or nu >= width or nv >= height:
                 continue
-            # unsigned: a signed index would be checked for being negative
+            # unsigned, because numba tests signed indices for negative ones
             at = np.uint64(nv * width + nu)
             seen = stamps[at]
             if seen == stamp or seen == no_hue or seen == NEVER:
@@ -350,11 +348,11 @@ def _flood(
 def _add_up(
     pixels: UInt8Array, scratch: Scratch, size_px: tuple[int, int], area: int, color: BallColor, u0: int, v0: int
 ) -> tuple[bool, float]:
-    """Fill the sums of a blob's pixels; returns whether it reaches the picture's edge, and its signal."""
+    """Fill the sums of a blob's pixels; returns whether it touches the picture's edge, and its signal."""
     (width, height), queue = size_px, scratch.queue
     f, h = color.from_floor, color.half_white
     per_sure = 1.0 / color.sure
-    # written out: sums in arrays would be stored and loaded at each pixel
+    # scalars, because sums in arrays would be stored and loaded at each pixel
     a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     p0, p1, p2, p3, p4, p5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     cut, signal = False, 0.0
@@ -362,7 +360,7 @@ def _add_up(
         u, v = queue[i] & COLUMN_MASK, queue[i] >> ROW_BITS
         at = THREE * np.uint64(v * width + u)
         b, g, r = float(pixels[at]), float(pixels[at + ONE]), float(pixels[at + TWO])
-        # a mixed pixel at the rim counts in part, a shaded or a burnt-out one inside as a whole
+        # mixed pixels at the rim count in part; shaded or clipped ones inside count fully
         value = f[0] * b + f[1] * g + f[2] * r
         burnt_out = _is_burnt_out(color, b, g, r)
         if value < color.sure and burnt_out:
@@ -382,7 +380,7 @@ def _add_up(
 
 @compiled
 def _half_sizes(ex: float, ey: float, uu: float, uv: float, vv: float) -> tuple[float, float]:
-    """Half sizes along and across a ray (ex, ey): an ellipse's second moments are a quarter of their squares."""
+    """Return half sizes along and across a ray (ex, ey): an ellipse's second moments are a quarter of their squares."""
     return (
         2.0 * math.sqrt(max(0.0, ex * ex * uu + 2 * ex * ey * uv + ey * ey * vv)),
         2.0 * math.sqrt(max(0.0, ey * ey * uu - 2 * ex * ey * uv + ex * ex * vv)),

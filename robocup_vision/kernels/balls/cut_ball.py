@@ -1,4 +1,4 @@
-"""Compiled fit of the whole ball of which a picture shows a part."""
+"""Compiled fit of a whole ball to the part of it that the picture shows."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.balls.blobs import BallSize
 
-# points over a disc, so many along its diameter, and how often it is moved until its part in the picture fits
+# sample points along the diameter of a disc, and iterations
 _ACROSS, _STEPS = 33, 12
 
 
@@ -15,27 +15,27 @@ _ACROSS, _STEPS = 33, 12
 def fit_cut_ball(
     u: float, v: float, width: int, height: int, size: BallSize
 ) -> tuple[float, float, float, int, float, float]:
-    """Fit the whole ball of which the picture shows a part: its part is moved onto the one that is seen.
+    """Fit a whole ball so that the centre of its part inside the picture agrees with the centre that was measured.
 
     Parameters
     ----------
     u, v : float
-        Centre of the part.
+        Measured centre of the part.
     width, height : int
-        Of the picture.
+        Size of the picture.
     size : BallSize
-        What a ball looks like; may be plain.
+        Size of a ball; may be a plain tuple.
 
     Returns
     -------
     u, v : float
         Centre of the whole ball.
     ratio : float
-        Of it that the picture shows.
+        Visible ratio of the ball.
     count : int
-        Points of it that the picture shows; 0: none.
+        Sample points that the picture shows; 0 if none.
     along, across : float
-        Half sizes of the part that it shows, along and across the ray to it: twice their standard deviations.
+        Half sizes of the visible part along and across the ray to it: twice its standard deviations.
     """
     size = BallSize(*size)
     center_u, center_v, ratio = u, v, 1.0
@@ -57,7 +57,7 @@ def fit_cut_ball(
                 if i * i + j * j > middle * middle:
                     continue
                 number += 1
-                # from the centre of the part, so that squares of small offsets are summed
+                # relative to the centre of the part, to avoid cancellation
                 x = center_u + i * along_u + j * across_u
                 y = center_v + i * along_v + j * across_v
                 if x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5:

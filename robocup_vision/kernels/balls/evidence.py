@@ -1,7 +1,7 @@
-"""Compiled judgement of blobs: how much more likely a ball looks like this than anything else of its colour.
+"""Compiled log-likelihood ratios of blobs: ball against any other object of the ball's colour.
 
-Each measurement adds its own log-likelihood ratio; none decides alone. What a ball does seldom (half hidden, touched by
-a thing of its colour) costs a bounded amount, so that the other measurements can outweigh it.
+Each measurement adds its own ratio. Mixtures with outliers bound what one measurement can cost, because a ball may be
+partly hidden or touch an object of its colour.
 """
 
 from __future__ import annotations
@@ -30,54 +30,51 @@ from robocup_vision.kernels.balls.blobs import (
     has_hue,
 )
 
-# places around a blob's rim, inside and outside
+# number of sample places around a blob's rim, inside and outside
 _AROUND = 16
-# outside places lie so many half sizes, and pixels, from the centre: just beyond the rim and its blur
+# outside places: half sizes and pixels from the centre, just beyond the rim and its blur
 _RIM_RATIO, _RIM_PX = 1.35, 2.0
-# inside places so many half sizes, less pixels
+# inside places: half sizes, minus pixels
 _IN_RATIO, _IN_PX = 0.8, 0.7
-# the floor around is looked for as far out as this, in expected half sizes
+# greatest distance at which the floor around is searched, in expected half sizes
 _MAX_REACH = 3.0
-# counts by which a dark pixel's hue is damped
+# added to the brightness, because the hue of dark pixels is noise
 _DARK = 10.0
 
 
 class BallEvidence(NamedTuple):
-    """What is expected of a ball, and of clutter of its colour.
+    """Distributions of the measurements of balls, and of clutter of the ball's colour.
 
-    Normal densities for a ball stand against flat ones for clutter; counts of places against binomial ones. The ratios
-    were measured on rendered balls and on photographs of other things.
+    Continuous measurements are normal for a ball and uniform for clutter. Counts of places are binomial for both.
 
     Parameters
     ----------
     outlier_ratio : float
-        How often a measurement tells nothing of a ball.
+        Probability that a measurement of a ball is an outlier.
     size_span, shape_span, fill_span : float
-        Width of clutter's flat densities: logarithms of the size, the slenderness, and of the filled part of the
-        ellipse.
+        Widths of the uniform densities: of the logarithms of size, slenderness and filled part of the ellipse.
     size_px, shape_px : float
         Errors of a blob's half sizes by whole pixels and blur.
     fill_std, fill_px : float
-        Of the logarithm of the filled part; the second by one over the half size, pixels.
+        Standard deviation of the logarithm of the filled part, and its increase by one over the half size, pixels.
     rim_pixels : float
-        So many neighbouring places count as one: they are not independent.
+        Number of neighbouring places that count as one independent place.
     inside_ball, inside_clutter : float
-        Ratio of places inside the rim that have the hue.
+        Probability that a place inside the rim has the hue.
     outside_ball, outside_clutter : float
-        Ratio of places outside that have it.
+        Probability that a place outside the rim has the hue.
     near_ball, near_clutter : float
-        Ratio of the places on the robot's side, where a ball stands, that show floor.
+        Probability that a place outside the rim on the robot's side shows floor.
     far_ball, far_clutter : float
-        The same beyond, where boards or robots may be.
+        The same on the far side, where boards or robots may be.
     clear_stds, clear_slope, murky_slope, min_clear, max_clear : float
-        A ball's hue differs from that around it by more than `clear_stds` times what differs there; nats for each
-        more, for each less, and their bounds. Of the balls of rendered frames 3 % differ by less, of things among
-        leaves every second one.
+        The contrast is the difference between the hues inside and outside, in units of the spread outside. `clear_stds`
+        is neutral; the slopes are nats for each unit above and below; the nats are clipped to the bounds.
     pure_slope, pure_ratio, max_pure : float
-        Nats for each unit by which the hue inside lies farther than `pure_ratio` on the way from white to the ball's
-        colour, and their bound: things in pale colours are common.
+        Nats for each unit by which the hue inside is farther than `pure_ratio` on the way from white to the ball's
+        colour, and their bound. Pale colours are common in clutter.
     hue_noise : float
-        Differences of hue as small as this are everywhere.
+        Spread of hues that noise alone causes.
     """
 
     outlier_ratio: float = 0.05
@@ -121,9 +118,9 @@ def find_and_weigh(
     blobs: FloatArray,
     ratios: FloatArray,
 ) -> tuple[int, int]:
-    """Join `find_blobs`, whose result it returns, and `weigh_blobs` in one call; fills `blobs` and `ratios`.
+    """Call `find_blobs`, whose result it returns, then `weigh_blobs`; fills `blobs` and `ratios`.
 
-    Its named tuples may be plain.
+    The named tuples may be plain ones.
     """
     scratch, color, size = Scratch(*scratch), BallColor(*color), BallSize(*size)
     table, evidence = FloorTable(*table), BallEvidence(*evidence)
@@ -143,7 +140,7 @@ def weigh_blobs(
     evidence: BallEvidence,
     out: FloatArray,
 ) -> None:
-    """Weigh each blob as a ball.
+    """Compute the log-likelihood ratio of each blob.
 
     Parameters
     ----------
@@ -152,9 +149,9 @@ def weigh_blobs(
     blobs : (N, COLUMNS) float64
         As `find_blobs` fills them.
     color, size, table
-        What a ball looks like, and what the floor looks like.
+        Appearance of a ball and of the floor.
     evidence : BallEvidence
-        What is expected.
+        Distributions of the measurements.
     out : (N,) float64
         Filled with the log-likelihood ratios, nats.
     """
@@ -169,14 +166,14 @@ def weigh_blobs(
         log_std, half_px = size.log_std[index], max(math.sqrt(a * t), 0.5)
         measured_px = max(math.sqrt(blob[ALONG] * blob[ACROSS]), 0.5)
         fill = math.log(blob[TOTAL] / (math.pi * blob[ALONG] * blob[ACROSS] + 1e-9) + 1e-9)
-        # an ellipse fills its moments' ellipse; the outline's pixels make it a little more
+        # an ellipse has a filled part of one; pixels of the outline add a little
         fill_std = evidence.fill_std + evidence.fill_px / measured_px
         llr += _normal_llr(min(fill + 0.03, 0.0), fill_std, evidence.fill_span, evidence.outlier_ratio)
         if blob[CUT] == 0.0:
             size_std = math.sqrt(log_std**2 + (evidence.size_px / half_px) ** 2)
             by_hue = math.log(measured_px / math.sqrt((a + 0.2) * (t + 0.2)))
             by_floor = math.log(max(_floor_distance(frame, blob, color, size, table), 0.1))
-            # glare and compression leave a part of a small ball its colour: the floor around it says how large it is
+            # glare and compression change the colour of a part of a small ball: the floor around it also gives its size
             by_hue = _normal_llr(by_hue, size_std, evidence.size_span, evidence.outlier_ratio)
             by_floor = _normal_llr(by_floor, size_std, evidence.size_span, evidence.outlier_ratio)
             llr += max(by_hue, by_floor - math.log(2.0))
@@ -188,20 +185,20 @@ def weigh_blobs(
 
 @compiled
 def _normal_llr(x: float, std: float, span: float, outliers: float) -> float:
-    """Return a normal density, with outliers, against a flat one over a span: log-likelihood ratio."""
+    """Log-likelihood ratio of a normal density with outliers against a uniform density over a span."""
     density = math.exp(-0.5 * (x / std) ** 2) / (std * math.sqrt(2.0 * math.pi))
     return math.log((1.0 - outliers) * density * span + outliers)
 
 
 @compiled
 def _count_llr(hits: int, places: int, ball: float, clutter: float) -> float:
-    """Return binomial against binomial: log-likelihood ratio."""
+    """Log-likelihood ratio of two binomial distributions."""
     return hits * math.log(ball / clutter) + (places - hits) * math.log((1.0 - ball) / (1.0 - clutter))
 
 
 @compiled
 def _hue_of(color: BallColor, blue: float, green: float, red: float) -> float:
-    """How far a colour lies towards the ball's from white: the sine of an angle."""
+    """Return how far a colour lies from white towards the ball's: the sine of an angle."""
     w = color.from_white
     length = math.sqrt(blue * blue + green * green + red * red + _DARK * _DARK)
     return float((w[0] * blue + w[1] * green + w[2] * red) / length)
@@ -217,7 +214,7 @@ def _rim_llr(
     evidence: BallEvidence,
     rim: FloatArray,
 ) -> float:
-    """Weigh what lies just inside and just outside the rim: hue inside, none outside, floor where the ball stands."""
+    """Log-likelihood ratio of the places inside and outside the rim: hue inside, no hue outside, floor around."""
     height, width = frame.shape[0], frame.shape[1]
     x, y = blob[U] - size.axis_u, blob[V] - size.axis_v
     radius = math.sqrt(x * x + y * y)
@@ -236,11 +233,11 @@ def _rim_llr(
             blue, green, red = float(frame[v, u, 0]), float(frame[v, u, 1]), float(frame[v, u, 2])
             hue = _hue_of(color, blue, green, red)
             inside += 1
-            # two clipped channels hide the hue
+            # with two clipped channels the hue is unknown
             if blue + green + red - max(blue, green, red) - min(blue, green, red) < CLIPPED:
                 unclipped += 1
                 hue_inside += hue
-            # single pixels are noisy: any lean to the ball's side will do
+            # single pixels are noisy: any hue on the ball's side counts
             if (hue > 0.0 and f[0] * blue + f[1] * green + f[2] * red > 0.0) or has_hue(color, blue, green, red):
                 hued += 1
         along = (_RIM_RATIO * blob[ALONG] + _RIM_PX) * cos
@@ -284,7 +281,7 @@ def _rim_llr(
     pure = color.plane_ratio + math.asin(min(max(hue_inside, -1.0), 1.0)) / color.apart_rad
     nats = evidence.pure_slope * (pure - evidence.pure_ratio)
     llr += min(max(nats, -evidence.max_pure), evidence.max_pure)
-    # quartiles: a line, a board or a robot beside the ball does not count as what differs there
+    # quartiles are robust against a line, a board or a robot beside the ball
     around = rim[:outside]
     sort(around)
     low, middle, high = around[outside // 4], around[outside // 2], around[(3 * outside) // 4]
@@ -296,7 +293,7 @@ def _rim_llr(
 
 @compiled
 def _floor_distance(frame: UInt8Array, blob: FloatArray, color: BallColor, size: BallSize, table: FloorTable) -> float:
-    """Distance from the centre at which floor begins, towards the robot and aside: median, in expected half sizes."""
+    """Median distance from the centre to the floor, towards the robot and aside, in expected half sizes."""
     height, width = frame.shape[0], frame.shape[1]
     x, y = blob[U] - size.axis_u, blob[V] - size.axis_v
     radius = math.sqrt(x * x + y * y)

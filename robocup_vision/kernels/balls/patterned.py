@@ -1,7 +1,7 @@
-"""Compiled search for balls with dark patches: round things that are not of the carpet's colour, on carpet.
+"""Compiled search for balls with dark patches: round objects that do not have the carpet's colour, on carpet.
 
-A disc of each size is laid over the picture in steps of a fraction of its radius. Inside it nearly nothing may be
-green; around it most must be, but for the lines, posts and other balls that it may touch.
+Discs of each size are tested in steps of a fraction of their radius. Nearly nothing inside a disc may be green. Most of
+its surroundings must be, except for lines, posts and other balls.
 """
 
 from __future__ import annotations
@@ -17,34 +17,35 @@ from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, eight_e
 from robocup_vision.kernels.balls.patterned_carpet import CARPET, NEUTRAL
 
 DIRECTIONS = 24
-# directions of a first look: three of them must part ball from carpet, which is half of the rim, and one may err
+# directions of a first test, of which three must agree: half a rim has four, and one may be wrong
 _ROUGH = 8
 _LAST = np.uint64(63)
-# columns of a found disc
+# columns of a disc
 U, V, RADIUS, AGREE, INSIDE, WHITE, DARK, CARPET_LEVEL, AROUND, SHOWN, COLUMNS = range(11)
-# radii, in those of the disc, at which it is looked for carpet all around
+# distances, in radii, at which carpet around a disc is counted
 _AROUND = (2.0, 3.0)
-# sine of the angle below the level from which on a rim is the ball's underside: lit by the carpet it is green as well
+# sine of the angle below which a rim is the ball's underside, which reflects the carpet
 _UNDERSIDE = 0.5
-# from this ratio of their radii on two discs at one place are two answers
+# discs at one place whose radii differ by this ratio are separate candidates
 _OTHER_SIZE = 1.3
 
 
 class DiscSearch(NamedTuple):
-    """Where rims are looked for, and what a disc must show.
+    """Sampling of rims, and bounds of what a disc must show.
 
     Parameters
     ----------
     inner, outer, beyond_px : float
-        Radii of the samples within and beyond the rim, in radii; pixels added to the outer one: the picture's blur.
+        Radii of the samples inside and outside the rim, in radii; pixels added to the outer one for the picture's blur.
     steps : float
-        Of a radius, between places.
+        Step between places, in radii.
     min_inside, min_agree : float
-        Of the samples within, those that are not carpet; of the directions shown, those that part ball from carpet.
+        Least ratio of inner samples that are not carpet; least ratio of visible directions that are ball inside and
+        carpet outside.
     apart : float
-        Of two discs of about one size, nearer than so many radii, one is kept.
+        Of two discs of similar size that are closer than this number of radii, one is kept.
     max_dark, min_dark : float
-        Of the white, what a dark patch has at most; of the disc, what must be dark.
+        Level of a dark patch, at most, relative to the white; least ratio of a disc that is dark.
     """
 
     inner: float
@@ -62,9 +63,9 @@ class DiscSearch(NamedTuple):
 def measure_disc(
     kinds: UInt8Array, directions: FloatArray, u: float, v: float, radius: float, search: DiscSearch
 ) -> tuple[int, int, float]:
-    """Return how many directions part ball from carpet at a rim, how many are shown, and the ratio of ball inside.
+    """Return the numbers of directions that are ball inside and carpet outside, and that are visible; ratio of ball.
 
-    Where the underside is of the carpet's colour, it speaks neither for a ball nor against it.
+    Places of the underside that have the carpet's colour are not counted.
     """
     height, width = kinds.shape
     agree, shown, inside, count = 0, 0, 0, 0
@@ -93,16 +94,16 @@ def measure_disc(
 
 @compiled
 def _offsets(directions: FloatArray, radius: float, search: DiscSearch, width: int, out: Int64Array) -> int:
-    """Write how far a disc's places are from its middle in a flattened frame, and return how many pixels they reach.
+    """Write the offsets of a disc's samples in a flattened frame, and return the disc's reach in pixels.
 
     Parameters
     ----------
     directions, radius, search
-        As those of `measure_disc`.
+        As in `measure_disc`.
     width : int
-        Of the frame.
+        Width of the frame.
     out : (3, DIRECTIONS) int64
-        Result: within the rim, half-way to the middle, and beyond the rim.
+        Filled: inside the rim, half-way to the middle, and outside the rim.
     """
     away = search.inner * radius, 0.5 * radius, search.outer * radius + search.beyond_px
     for i in range(3):
@@ -114,7 +115,7 @@ def _offsets(directions: FloatArray, radius: float, search: DiscSearch, width: i
 
 @compiled
 def _measure_within(kinds: UInt8Array, directions: FloatArray, at: int, offsets: Int64Array) -> tuple[int, int, float]:
-    """Measure as `measure_disc` does, where all places are in the frame: of a flattened one, about a pixel of it."""
+    """Measure as `measure_disc` does a disc that is completely inside a frame, which is flattened; `at`: its middle."""
     agree, shown, inside = 0, 0, 0
     for k in range(len(directions)):
         near = kinds[np.uint64(at + offsets[0, k])]
@@ -129,9 +130,9 @@ def _measure_within(kinds: UInt8Array, directions: FloatArray, at: int, offsets:
 
 @compiled
 def _bits(kinds: UInt8Array, kind: int, outside: np.uint64, words: int, beyond: int) -> UInt64Array:
-    """Return a bit for each pixel, whether it is of a kind: rows of words, and `beyond` words outside on both sides.
+    """Return a bit for each pixel, whether it is of a kind: rows of words, padded on both sides by `beyond`.
 
-    The row after the last is outside, too.
+    The padding and one more row at the bottom are `outside`.
     """
     height, width = kinds.shape
     flat = kinds.reshape(-1)
@@ -157,7 +158,7 @@ def _bits(kinds: UInt8Array, kind: int, outside: np.uint64, words: int, beyond: 
 
 @compiled
 def _beside(bits: UInt64Array, row: int, word: int, offset: int) -> np.uint64:
-    """Return the bits so many pixels to the right of those of a word: that many words to the side are kept, no more."""
+    """Return the bits of a word that is shifted to the right by `offset` pixels; the padding must be that wide."""
     at, shift = word + (offset >> 6), np.uint64(offset & 63)
     return np.uint64((bits[row, at] >> shift) | ((bits[row, at + 1] << ONE) << (_LAST - shift)))
 
@@ -171,9 +172,9 @@ def find_discs(
     search: DiscSearch,
     out: FloatArray,
 ) -> int:
-    """Write the discs that may be balls into `out` (N, COLUMNS), and return how many.
+    """Write the discs that may be balls into `out` (N, COLUMNS), and return their number.
 
-    Places side by side are tried together, a bit for each: few are left to be measured.
+    Bit operations test 64 neighbouring places together, so that few are left to be measured.
 
     Parameters
     ----------
@@ -182,9 +183,9 @@ def find_discs(
     directions : (DIRECTIONS, 2) float64
         Unit vectors.
     radii : (R,) float64
-        That are tried, px.
+        Radii to test, px.
     row_radii : (H, 2) float64
-        Least and greatest radius of a disc whose middle is in a row.
+        Least and greatest radius of a disc whose middle is in each row.
     search : DiscSearch
         Where rims are looked for.
     out : (N, COLUMNS) float64
@@ -193,7 +194,7 @@ def find_discs(
     search = DiscSearch(*search)
     height, width = kinds.shape
     found = 0
-    # what lies beyond the picture may be ball, but shows no carpet
+    # outside the picture there may be ball, but no carpet
     words = (width + 63) // 64
     beyond = (int(search.outer * radii.max() + search.beyond_px) + 64) // 64 if len(radii) else 1
     ball = _bits(kinds, variable(NEUTRAL), EVERY_BIT, words, beyond)
@@ -221,7 +222,7 @@ def find_discs(
             above, below = v - near if v >= near else height, v + near if v + near < height else height
             for word in range(words):
                 at = word + beyond
-                # the middle and most of its surroundings are ball
+                # the middle and at least three of its four neighbours must be ball
                 here = places[word] & ball[v, at]
                 if here == NO_BITS:
                     continue
@@ -262,14 +263,14 @@ def find_discs(
 def best_discs(
     kinds: UInt8Array, level: UInt8Array, directions: FloatArray, search: DiscSearch, found: FloatArray, out: FloatArray
 ) -> int:
-    """Keep the best of like discs that lie over each other, fit place and size, measure patches; return how many.
+    """Keep the best of similar discs that overlap, fit its place and size, measure its patches; return the number kept.
 
     Parameters
     ----------
     kinds : (H, W) uint8
         From `patterned_carpet.classify`.
     level : (H, W) uint8
-        Green: what is carpet in part is no darker.
+        Green, in which carpet is not dark.
     directions : (DIRECTIONS, 2) float64
         Unit vectors.
     search : DiscSearch
@@ -280,7 +281,7 @@ def best_discs(
         Filled.
     """
     search = DiscSearch(*search)
-    # the rim, the inside, and a little for size: a disc within a ball agrees nearly as well
+    # prefers larger discs slightly, because a disc within a ball agrees nearly as well
     score = np.empty(len(found))
     for n in range(len(found)):
         score[n] = found[n, AGREE] + found[n, INSIDE] + 0.003 * found[n, RADIUS]
@@ -292,7 +293,7 @@ def best_discs(
         tried[n, U], tried[n, V], tried[n, RADIUS] = found[best, U], found[best, V], found[best, RADIUS]
         for m in range(len(score)):
             far = search.apart * max(found[m, RADIUS], tried[n, RADIUS])
-            # a ball and the line it touches look like a larger one: what its place says decides between them
+            # a ball and the line that it touches look like a larger ball: other sizes stay, for later tests to decide
             size = max(found[m, RADIUS], tried[n, RADIUS]) / min(found[m, RADIUS], tried[n, RADIUS])
             if score[m] >= 0.0 and size < _OTHER_SIZE:
                 if math.hypot(found[m, U] - tried[n, U], found[m, V] - tried[n, V]) < far:
@@ -312,7 +313,7 @@ def best_discs(
 
 @compiled
 def _refine(kinds: UInt8Array, directions: FloatArray, search: DiscSearch, start: FloatArray, out: FloatArray) -> None:
-    """Write the best of the discs around one, a little moved, smaller or larger, into a row."""
+    """Write the best disc near a start, over small changes of place and size."""
     best = -1.0
     for k in range(5):
         radius = start[2] * (0.9 + 0.055 * k)
@@ -331,7 +332,7 @@ def _refine(kinds: UInt8Array, directions: FloatArray, search: DiscSearch, start
 def _surroundings(
     kinds: UInt8Array, level: UInt8Array, directions: FloatArray, row: FloatArray, search: DiscSearch
 ) -> tuple[float, float]:
-    """Return the mean level of the carpet at a disc's rim, and the ratio of carpet farther around."""
+    """Return the mean level of the carpet at a disc's rim, and the ratio of carpet farther out."""
     height, width = kinds.shape
     near = search.outer * row[RADIUS] + search.beyond_px
     total, count, carpet, shown = 0.0, 0, 0, 0

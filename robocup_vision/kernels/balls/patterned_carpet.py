@@ -1,4 +1,4 @@
-"""Compiled measures that the search for patterned balls begins with: the frame's carpet, and what may be ball."""
+"""Compiled statistics of the carpet's colour, and classification of pixels, for the search for patterned balls."""
 
 from __future__ import annotations
 
@@ -10,20 +10,19 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.order import quantiles
 
-# what a pixel may be of
+# classes of pixels
 CARPET, NEUTRAL, COLORED = 0, 1, 2
-# weight of the blue: it says less than the red, for a white ball on carpet in warm light is yellow
+# the blue weighs less than the red, because a white ball in warm light is yellow
 BLUE_WEIGHT = 3 / 20
-# a pixel's noise, added to its level before the logarithm is taken
+# noise of a pixel, added to its level before the logarithm is taken
 NOISE_COUNTS = 8.0
-# added to the sum of the channels: the darker a pixel, the less its hue says
+# added to the sum of the channels, because the hue of a dark pixel is noise
 DARK_COUNTS = 30.0
-# logarithms beyond which a pixel is coloured: red beside green, blue beside green
+# logarithms of red and blue relative to green, beyond which a pixel is coloured
 _MAX_RED, _MAX_BLUE = 0.6, 0.4
-# pixels from one that is looked at to the next, along rows and columns: at least so many, and so many in a wide row,
-# for a few thousand tell quartiles to a hundredth of what carpet varies
+# sampling step in pixels, and samples in a row of a wide frame: a few thousand samples suffice for quartiles
 STRIDE, PER_ROW = 4, 80
-# radii from a ball's middle, within which pixels are looked at
+# reach of the pixels that are used, in radii from a ball's middle
 BEYOND = 4.0
 
 
@@ -31,19 +30,20 @@ BEYOND = 4.0
 def measure_carpet(
     blurred: UInt8Array, first: int, logs: FloatArray, max_hue: float, min_green: float, scratch: FloatArray
 ) -> tuple[float, float, float, float, float, float]:
-    """Return how much of a frame's lower part is carpet, quartiles of its hue, median greenness and green.
+    """Return the ratio of carpet in a frame's lower part, quartiles of its hue, and medians of greenness and green.
 
     Parameters
     ----------
     blurred : (H, W, 3) uint8
         Blue, green and red.
     first : int
-        Row that the lower part begins with.
+        First row of the lower part.
     logs : (256,) float64
-        Logarithm of each level, with the noise of a dark pixel added to it.
+        Logarithm of each level plus `NOISE_COUNTS`.
     max_hue, min_green : float
-        Below this hue and above this greenness a pixel may be carpet: see `classify`.
+        A pixel with less hue and more greenness may be carpet: see `classify`.
     scratch : (4, N) float64
+        Room for one more than the number of sampled pixels.
         Room for as many pixels as are looked at, and one more.
     """
     height, width, _ = blurred.shape
@@ -63,41 +63,40 @@ def measure_carpet(
                 count += 1
     if count == 0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    told = np.empty(5)
-    quantiles(hues[:count], np.array((0.25, 0.5, 0.75)), scratch[3], told[:3])
-    quantiles(greens[:count], np.array((0.5,)), scratch[3], told[3:4])
-    quantiles(levels[:count], np.array((0.5,)), scratch[3], told[4:])
-    return count / number, told[0], told[1], told[2], told[3], told[4]
+    statistics = np.empty(5)
+    quantiles(hues[:count], np.array((0.25, 0.5, 0.75)), scratch[3], statistics[:3])
+    quantiles(greens[:count], np.array((0.5,)), scratch[3], statistics[3:4])
+    quantiles(levels[:count], np.array((0.5,)), scratch[3], statistics[4:])
+    return count / number, statistics[0], statistics[1], statistics[2], statistics[3], statistics[4]
 
 
 @compiled(error_model="numpy")
 def classify(
     blurred: UInt8Array, first: int, hue: float, green: float, level: float, levels: UInt8Array, kinds: UInt8Array
 ) -> None:
-    """Say of each pixel whether it may be carpet or ball, from a row on.
+    """Classify each pixel from a row on.
 
-    Nothing in the loop branches or is looked up, so that several pixels are told at once.
+    The loop has neither branches nor tables, so that it vectorises.
 
     Parameters
     ----------
     blurred : (H, W, 3) uint8
         Blue, green and red.
     first : int
-        The row. Those before it are `COLORED`.
+        The row. Pixels above it are `COLORED`.
     hue : float
-        The carpet's pixels have less: logarithm of red by green, and `BLUE_WEIGHT` times that of blue by green, with
-        `NOISE_COUNTS` added to each.
+        Carpet has less: log(red / green) + `BLUE_WEIGHT` log(blue / green), with `NOISE_COUNTS` added to each level.
     green : float
-        And more of this: twice the green less red and blue, by their sum and `DARK_COUNTS`.
+        Carpet has more: (2 green - red - blue) / (red + green + blue + `DARK_COUNTS`).
     level : float
-        And their green is at least this: black in the carpet's reflected light is as green as carpet, but darker.
+        Carpet has at least this green. Black patches that reflect the carpet are as green, but darker.
     levels : (H, W) uint8
-        Filled with the green, from that row on.
+        Filled with the green channel, from that row on.
     kinds : (H, W) uint8
         Filled with `CARPET`, `NEUTRAL` or `COLORED`.
     """
     height, width, _ = blurred.shape
-    # powers in the place of logarithms: the 20th of red by green times the third of blue by green
+    # the hue's exponential to the 20th power, because powers are faster than logarithms
     most, least, dark = np.float32(math.exp(20.0 * hue)), np.float32(green), np.float32(level)
     max_red, max_blue = np.float32(math.exp(_MAX_RED)), np.float32(math.exp(_MAX_BLUE))
     noise, counts, three = np.float32(NOISE_COUNTS), np.float32(DARK_COUNTS), np.float32(3.0)
@@ -106,7 +105,7 @@ def classify(
         for u in range(width):
             kinds[v, u] = COLORED
     for v in range(first, height):
-        # channels apart, a row at a time
+        # one array for each channel of a row, so that the next loop vectorises
         row, greens = blurred[v].reshape(-1), levels[v]
         for u in range(width):
             blues[u], greens[u], reds[u] = row[3 * u], row[3 * u + 1], row[3 * u + 2]
@@ -117,7 +116,7 @@ def classify(
             squared = red * red
             fifth = squared * squared * red
             tenth = fifth * fifth
-            # black patches are as green as grey is, or nearly; white in warm light is as red as it is green
+            # carpet differs from black patches, which are nearly grey, and from white in warm light, as red as green
             is_carpet = (
                 (g >= dark)
                 & (three * g - total > least * (total + counts))

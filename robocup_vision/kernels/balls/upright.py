@@ -1,4 +1,4 @@
-"""Compiled look above and below a blob: bands of beacons and posts go on there, balls do not."""
+"""Compiled test above and below a blob: the bands of beacons and posts continue there, balls do not."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.balls.blobs import Bgr, FloorTable
 
-# above and below a blob, in half sizes and pixels from its middle: beyond its rim and blur; and so far aside
+# distances of the rows above and below a blob, and of the outer places, from its middle: half sizes and pixels
 _ABOVE_RATIO, _BESIDE_RATIO, _BEYOND_PX = 1.35, 1.35, 2.0
-# places in a row: within the blob's width, and with those beside it
+# places in a row: those within the blob's width, and all
 _WITHIN, _PLACES = 3, 5
 
 
@@ -24,22 +24,23 @@ def count_upright(
     min_step: float,
     spreads: float,
 ) -> int:
-    """Count the ways, up and down, in which something as wide as a blob goes on: of one colour, which is no floor's.
+    """Count the directions, up and down, in which an object of the blob's width continues in a colour other than floor.
 
     Parameters
     ----------
     frame : (H, W, 3) uint8
         BGR.
     middle : (float, float)
-        The blob's, u and v.
+        Middle of the blob, u and v.
     halves : (float, float)
         Its half sizes upwards and aside, pixels.
     up : (float, float)
         Unit vector in the picture.
     table : FloorTable
-        What floor looks like; may be plain.
+        Floor colours; may be a plain tuple.
     min_step, spreads : float
-        To both sides colours differ by more than so many levels, and by more than so many times what differs in it.
+        The colours on both sides must differ by more than this number of levels plus this multiple of the spread
+        inside.
     """
     table = FloorTable(*table)
     colors, found = np.empty((_PLACES, 3)), 0
@@ -55,9 +56,9 @@ def count_upright(
 def _read_row(
     frame: UInt8Array, middle: tuple[float, float], half_px: float, up: tuple[float, float], out: FloatArray
 ) -> bool:
-    """Write mean colours (5, 3) of three by three pixels at places in a row: three within, two to the sides.
+    """Write mean colours (5, 3) of 3 x 3 pixels in a row: three places within the blob's width, two beside it.
 
-    Returns whether all lie in the picture.
+    Returns whether all places are in the picture.
     """
     height, width, _ = frame.shape
     beside = _BESIDE_RATIO * half_px + _BEYOND_PX
@@ -88,7 +89,7 @@ def _is_floor(colors: FloatArray, table: FloorTable) -> bool:
 
 @compiled
 def _differs(inner: FloatArray, outer: FloatArray, min_step: float, spreads: float) -> bool:
-    """Whether all outer colours differ from the mean of the inner ones by more than these do."""
+    """Whether all outer colours differ from the mean of the inner colours by more than the inner ones do."""
     count = len(inner)
     blue, green, red = inner[:, 0].sum() / count, inner[:, 1].sum() / count, inner[:, 2].sum() / count
     spread, apart = 0.0, np.inf

@@ -1,1 +1,1 @@
-"""Compiled loops that read the floor: colours, edges, free range, ball."""
+"""Compiled loops for the floor: its colours, edges and free range, and objects on it."""

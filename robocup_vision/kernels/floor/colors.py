@@ -1,4 +1,4 @@
-"""Compiled loops over the colours of the floor: its likelihood table, and what a frame says of the light on it."""
+"""Compiled table of the floor's colour likelihoods, and measurement of the light on the floor."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int8Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 
-# rows of a density's numbers by brightness: R/G, B/G, inverse covariance (red, mixed, blue), logarithm of its peak, and
-# of the floor what R and B off these ratios count towards a purer colour, in standard deviations
+# parameters of a density at each brightness: R/G, B/G, inverse covariance (red, mixed, blue), logarithm of its peak,
+# and for the floor the components of a direction towards purer colours, in standard deviations
 RED, BLUE, RED_RED, RED_BLUE, BLUE_BLUE, PEAK, PURER_RED, PURER_BLUE = range(8)
-# steps of brightness a count
+# steps of brightness in one count
 FINE = 8.0
 
 
 @compiled(inline="always")
 def _log_ratio(blue: float, green: float, red: float, floor: FloatArray, white: FloatArray, least: float) -> float:
-    """Return the floor's log-likelihood ratio of a colour, nats; any number up to `least` where it is no more."""
+    """Return the floor's log-likelihood ratio of a colour, nats; inexact if it is at most `least`."""
     s = min(int((red + 2 * green + blue) / 4 * FINE + 0.5), floor.shape[1] - 1)
     d_red, d_blue = red - floor[RED, s] * green, blue - floor[BLUE, s] * green
     purer = max(floor[PURER_RED, s] * d_red + floor[PURER_BLUE, s] * d_blue, 0.0)
@@ -28,7 +28,7 @@ def _log_ratio(blue: float, green: float, red: float, floor: FloatArray, white: 
         + floor[BLUE_BLUE, s] * d_blue * d_blue
         - purer * purer
     )
-    # most colours are none of the floor's
+    # returns early for most colours, which are not floor
     if value <= least:
         return float(value)
     d_red, d_blue = red - white[RED, s] * green, blue - white[BLUE, s] * green
@@ -42,7 +42,7 @@ def _log_ratio(blue: float, green: float, red: float, floor: FloatArray, white: 
 
 @compiled
 def log_ratios(colors: FloatArray, floor: FloatArray, white: FloatArray, out: FloatArray) -> None:
-    """Write the floor's log-likelihood ratios (N,) of colours (3, N), blue, green and red; see `tabulate`."""
+    """Write the floor's log-likelihood ratios (N,) of colours (3, N) in blue, green, red; see `tabulate`."""
     for n in range(out.shape[0]):
         out[n] = _log_ratio(colors[0, n], colors[1, n], colors[2, n], floor, white, -np.inf)
 
@@ -63,13 +63,13 @@ def tabulate(
     Parameters
     ----------
     blue, green, red : (32,), (64,), (32,) float64
-        Counts that the bins stand for.
+        Levels at the centres of the bins.
     floor, white : (8, S), (6, S) float64
-        Numbers of their densities relative to any colour's, at brightnesses of 1 / `FINE` counts.
+        Parameters of the densities relative to that of any colour, at brightnesses of 1 / `FINE` counts.
     clip, unit : float
-        Nats beyond which the ratio is cut, and those of one unit of the table.
+        Bound of the ratio, and one unit of the table, nats.
     out : (65536,) int8
-        Filled: blue bins first, then green, then red.
+        Filled, in the order blue, green, red.
     """
     at = 0
     for b in range(blue.shape[0]):
@@ -91,7 +91,7 @@ def light_on_floor(
     ratios: FloatArray,
     sunny_ratio: float,
 ) -> tuple[int, float, float, float]:
-    """Measure how bright, and of which hue, what is surely floor is.
+    """Measure brightness and hue of the samples that are certainly floor.
 
     Parameters
     ----------
@@ -99,21 +99,21 @@ def light_on_floor(
     llr : (K, M) int8
         The floor's log-likelihood ratio, 0 where not valid.
     sure : int
-        Least ratio.
+        Least ratio of a sample that is used.
     row_stride : int
-        Every so many rows are looked at.
+        Step between the rows that are used.
     step_of_sum : (1021,) uint8
         Brightness step of each R + 2 G + B.
     ratios : (2, L) float64
-        R/G and B/G that the floor is expected to have in each step of brightness.
+        Expected R/G and B/G of the floor at each step of brightness.
     sunny_ratio : float
-        Ratio of the floor that is darker than its sunny part.
+        Ratio of the floor that is darker than its sunlit part.
 
     Returns
     -------
     tuple
-        Number of samples; brightness of the sunny part, in steps, the middle of the first step being 0; logarithms of
-        R/G and of B/G, off what is expected.
+        Number of samples; brightness of the sunlit part, in steps, 0 at the middle of the first step; differences of
+        log(R/G) and log(B/G) from those expected.
     """
     steps = ratios.shape[1]
     counts = np.zeros(steps, np.int64)
@@ -135,7 +135,7 @@ def light_on_floor(
     wanted, darker, level = sunny_ratio * number, 0, steps - 0.5
     for step in range(steps):
         if darker + counts[step] > wanted:
-            # in the darkest step nothing tells where
+            # the darkest step is open-ended, so nothing is interpolated in it
             level = step + ((wanted - darker) / counts[step] - 0.5 if step > 0 else 0.5)
             break
         darker += counts[step]

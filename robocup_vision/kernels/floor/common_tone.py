@@ -1,4 +1,4 @@
-"""Compiled choice of the carpet's tone among those that colours around a robot have."""
+"""Compiled choice of the carpet's tone among the common tones around a robot."""
 
 from __future__ import annotations
 
@@ -9,25 +9,24 @@ import numpy as np
 from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.loops import compiled
 
-# width of the bins in which logarithms of R/G and B/G are counted
+# width of the histogram bins of log(R/G) and log(B/G)
 _BIN = 0.08
-# tones that cover so much, by what the commonest one covers, may be the carpet's
+# least frequency of a tone that may be the carpet's, relative to the most frequent tone
 _MIN_COMMON = 0.25
 
 
 @compiled
 def greenest_common_tone(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tuple[float, float]:
-    """Return the greenest of the tones that are nearly as common as the commonest: logarithms of R/G and B/G.
+    """Return the greenest of the tones that are nearly as frequent as the most frequent one: log(R/G) and log(B/G).
 
-    A robot at the carpet's edge sees the hall's floor as near as the carpet: of tones that both cover much around it
-    the carpet is the greener one, under any light.
+    At the carpet's edge the hall's floor may cover more of the view. The carpet is the greener one under any light.
 
     Parameters
     ----------
     log_red, log_blue, weight : (N,) float64
-        Logarithms of R/G and B/G of the colours, and how much each of them covers; N > 0.
+        Logarithms of R/G and B/G of the colours, and the area that each covers; N > 0.
     """
-    # a bin more on each side, as a tone is a bin with its neighbours, and a border of zeros around them
+    # a tone is a bin with its eight neighbours; the histogram has a border of zeros
     row0, column0 = math.floor(log_red.min() / _BIN) - 1, math.floor(log_blue.min() / _BIN) - 1
     rows, columns = math.floor(log_red.max() / _BIN) - row0 + 2, math.floor(log_blue.max() / _BIN) - column0 + 2
     covered, around = np.zeros((rows + 2, columns + 2)), np.zeros((rows, columns))

@@ -1,8 +1,7 @@
-"""Compiled loops that find the foot and the sides of dark things among blurred floor samples.
+"""Compiled loops that find the feet and sides of dark objects in blurred floor samples.
 
-A sample that shows part floor and part black has the floor's colour: black adds nothing to it. By colour alone, the
-floor goes on until hardly any of it is left in a sample, so that black boards stand too far away. The foot lies where
-brightness is half way between the floor before it and what is behind it.
+A mixture of floor and black has the floor's hue, so that by colour the floor seems to extend too far under black
+objects. The foot is where brightness is half-way between the floor in front and the object behind.
 """
 
 from __future__ import annotations
@@ -14,10 +13,10 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.bits import NO_BITS
 from robocup_vision.kernels.floor.free_floor import BLOCKED, FLOOR, LINE
 
-# columns over which an edge is spread: by the averages over 3 x 3 samples, by the lens, and by motion
+# columns over which averaging, lens and motion blur an edge
 SPREAD = 4
-# darker than this part of the floor that lies so many columns before it, at most, is shade or a black body: the shade
-# of a body deepens towards its foot
+# less than this ratio of the brightest floor within FADE columns in front is shadow or a black body; the columns are
+# several because the shadow of a body deepens towards its foot
 DARK_RATIO, FADE = 0.4, 12
 
 
@@ -28,7 +27,7 @@ def _brightness(samples: UInt8Array, k: int, m: int) -> int:
 
 @compiled
 def _half_way(samples: UInt8Array, valid: UInt8Array, k: int, last: int) -> float:
-    """Return the brightness half way between floor up to column `last` and what lies behind; 0: no edge."""
+    """Return the brightness half-way between floor up to column `last` and what is behind; 0 without an edge."""
     columns = samples.shape[1]
     if last + 2 >= columns or not valid[k, last + 1] or not valid[k, last + 2]:
         return 0.0
@@ -41,31 +40,31 @@ def _half_way(samples: UInt8Array, valid: UInt8Array, k: int, last: int) -> floa
 
 @compiled
 def block_dark_feet(samples: UInt8Array, valid: UInt8Array, columns_in_use: int, marks: UInt8Array) -> None:
-    """Block the floor samples before something blocked that show less than half floor.
+    """Block the floor samples in front of blocked ones that show less than half floor.
 
     Parameters
     ----------
     samples : (K, M, 3) uint8
         Colours.
     valid : (K, M) uint8
-        Non-zero where a sample may be looked at.
+        Non-zero for samples that may be used.
     columns_in_use : int
         Columns below the horizon.
     marks : (K, M) uint8
-        What the samples show, FLOOR turned to BLOCKED where it is so.
+        Marks of the samples, in which FLOOR is changed to BLOCKED.
     """
     columns, words = marks.shape[1], (columns_in_use + 7) // 8
     begins = np.zeros(8 * words, np.bool_)
     eights = begins.view(np.uint64)
     for k in range(len(marks)):
         row = marks[k]
-        # told of a whole row without branches; what is blocked below lies before where the next thing begins
+        # a whole row without branches; blocking below changes only samples in front of later feet
         for m in range(1, columns_in_use):
             begins[m] = (row[m] == BLOCKED) & (row[m - 1] == FLOOR)
         for word in range(words):
             if eights[word] == NO_BITS:
                 continue
-            # written out, not called: a call takes longer than all that it does
+            # not a function, because the call would take longer than its work
             for m in range(8 * word, 8 * word + 8):
                 if not begins[m] or m + 1 >= columns or not valid[k, m] or not valid[k, m + 1]:
                     continue
@@ -81,21 +80,21 @@ def block_dark_feet(samples: UInt8Array, valid: UInt8Array, columns_in_use: int,
 
 @compiled
 def block_dark_bodies(samples: UInt8Array, valid: UInt8Array, columns_in_use: int, marks: UInt8Array) -> None:
-    """Block dark stretches of the floor's hue that go over into something that is no floor.
+    """Block dark stretches of the floor's hue that lead to something blocked.
 
-    A black body on a green carpet has the hue of what it mirrors: by colour it is floor in a deep shadow. But behind a
-    shadow the lit floor goes on, and above a body's foot the rest of it follows, or the horizon.
+    A black body on a green carpet reflects it and looks like floor in a deep shadow. But a shadow ends at lit floor,
+    whereas a body's foot is followed by the rest of it or the horizon.
 
     Parameters
     ----------
     samples : (K, M, 3) uint8
         Colours.
     valid : (K, M) uint8
-        Non-zero where a sample may be looked at.
+        Non-zero for samples that may be used.
     columns_in_use : int
         Columns below the horizon.
     marks : (K, M) uint8
-        What the samples show, FLOOR and LINE turned to BLOCKED where it is so.
+        Marks of the samples, in which FLOOR and LINE are changed to BLOCKED.
     """
     for k in range(len(marks)):
         row = marks[k]
@@ -105,7 +104,7 @@ def block_dark_bodies(samples: UInt8Array, valid: UInt8Array, columns_in_use: in
                 m += 1
                 continue
             lit, first, here = 0, m, _brightness(samples, k, m)
-            # most samples are not even darker than the brightest so far
+            # returns early for most samples
             if here >= DARK_RATIO * brightest:
                 brightest = max(brightest, here)
                 m += 1
@@ -136,22 +135,22 @@ def block_dark_bodies(samples: UInt8Array, valid: UInt8Array, columns_in_use: in
 def foot_px(
     samples: UInt8Array, valid: UInt8Array, columns: Int64Array, radius_px: FloatArray, step_px: float, out: FloatArray
 ) -> None:
-    """Find where floor ends on each bearing, between samples.
+    """Find the end of the floor on each bearing between samples.
 
     Parameters
     ----------
     samples : (K, M, 3) uint8
         Colours.
     valid : (K, M) uint8
-        Non-zero where a sample may be looked at.
+        Non-zero for samples that may be used.
     columns : (K,) int64
-        Outermost sample of floor by its colour; -1 where none.
+        Outermost sample of floor by colour; -1 if there is none.
     radius_px : (M,) float64
-        How far up the picture the columns lie.
+        Image radius of the columns.
     step_px : float
         Distance between columns.
     out : (K,) float64
-        Filled with the foot, as `radius_px`: half a step behind the sample, or nearer, where what is behind is darker.
+        Filled with the foot's image radius: half a step behind the sample, or nearer if a dark object follows.
     """
     for k in range(len(columns)):
         last = columns[k]
@@ -173,10 +172,10 @@ def foot_px(
 
 @compiled
 def doubt_beyond(columns: Int64Array, certain: int, llr: Int8Array) -> None:
-    """Take back what little speaks for floor beyond the outermost floor (K,) of each bearing; -1: none is known."""
+    """Set uncertain ratios beyond the outermost floor (K,) of each bearing to zero; -1 if there is no floor."""
     for k in range(len(llr)):
         if columns[k] >= 0:
             row = llr[k, columns[k] + 1 :]
-            # written in any case: without branches several are done at once
+            # always written, so that the loop vectorises
             for m in range(len(row)):
                 row[m] = row[m] if (row[m] <= 0) | (row[m] >= certain) else 0

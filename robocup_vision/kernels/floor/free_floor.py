@@ -1,4 +1,4 @@
-"""Compiled loops over the polar samples: what may be driven over."""
+"""Compiled marking of the polar samples that can be driven over."""
 
 from __future__ import annotations
 
@@ -40,24 +40,23 @@ def passable(
     ----------
     samples : (K, M, 3) uint8
     llr : (K, M) int8
-        Floor likelihood ratio; positive is floor.
+        The floor's log-likelihood ratio; positive is floor.
     valid : (K, M) uint8
-        Samples that are not valid interrupt nothing and count as nothing.
+        Samples that are not valid are ignored.
     line_columns, line_rows : (M,) int32
-        Widest line at each column, in samples across and along the rows.
+        Greatest width of a line at each column, in samples along and across the bearing.
     columns_in_use : int
         Columns below the horizon.
     is_ring : bool
-        Whether the last row is next to the first. Where it is not, the last two rows are not valid.
+        Whether the last row is adjacent to the first. Otherwise the last two rows are not valid.
     outermost : (K,) int64
-        Column of the outermost floor of each bearing: beyond it all is blocked. -1: not known.
+        Column of the outermost floor of each bearing, beyond which all is blocked; -1 if not known.
     out : (K, M) uint8
         Filled with BLOCKED, FLOOR or LINE.
     """
     rows, columns = llr.shape
     words = (columns + 63) // 64
-    # a bit for each sample, so that one operation tells of 64 samples whether anything is to be done: floor by colour,
-    # what is not blocked so far, and what counts
+    # one bit for each sample, so that one operation tests 64 samples: floor by colour, not blocked so far, and valid
     floor, free, shown = np.zeros((3, rows, words + 2), np.uint64)
     for k in range(rows):
         for m in range(columns):
@@ -68,7 +67,7 @@ def passable(
             for bit in range(min(64, columns_in_use - first)):
                 is_floor |= np.uint64(llr[k, first + bit] > 0) << np.uint64(bit)
                 counts |= np.uint64(valid[k, first + bit] != 0) << np.uint64(bit)
-            # a word before the first and one after the last stay empty
+            # the first and the last word stay empty
             floor[k, word + 1], free[k, word + 1], shown[k, word + 1] = is_floor, is_floor, counts
     _clear_blur(samples, floor, shown, columns_in_use, outermost, free, out)
     _clear_single(shown, columns_in_use, free, out)
@@ -80,13 +79,13 @@ def passable(
 
 @compiled
 def _outward(row: UInt64Array, word: int, by: np.uint64) -> np.uint64:
-    """Return the bits of a word's samples as they stand `by` columns farther out."""
+    """Return the bits of a word's samples moved outwards by a number of columns."""
     return np.uint64((row[word] << by) | (row[word - 1] >> (ALL - by)))
 
 
 @compiled
 def _inward(row: UInt64Array, word: int, by: np.uint64) -> np.uint64:
-    """Return the bits of a word's samples as they stand `by` columns farther in."""
+    """Return the bits of a word's samples moved inwards by a number of columns."""
     return np.uint64((row[word] >> by) | (row[word + 1] << (ALL - by)))
 
 
@@ -109,14 +108,14 @@ def _clear_blur(
     free: UInt64Array,
     out: UInt8Array,
 ) -> None:
-    """Make floor of what is bright only by the samples' blur, and of specks of three by three samples at most.
+    """Mark specks of at most 3 x 3 samples, and samples that are bright only by blur, as floor.
 
-    The blur spreads what is bright over the floor beside it by a sample; what is dark hardly colours its neighbours.
+    Blur spreads bright colours over one adjacent sample; dark ones hardly change their neighbours.
     """
     rows, columns = len(floor), samples.shape[1]
     flat = samples.reshape(-1)
     for k in range(rows):
-        # a negative index counts from the end: the remainder of a division takes longer than all else in a row
+        # negative indices instead of a remainder, which would take longer than the rest of a row
         here, right, right2, left, left2 = (
             floor[k],
             floor[k - 1],
@@ -124,7 +123,7 @@ def _clear_blur(
             floor[k + 1 - rows],
             floor[k + 2 - rows],
         )
-        # floor beside it may reach farther than its own
+        # floor of neighbouring bearings may extend farther
         end = 0
         for step in range(-2, 3):
             reach = outermost[k + step - rows if step > 0 else k + step]
@@ -145,7 +144,7 @@ def _clear_blur(
                 bit = lowest(doubtful)
                 one = ONE << np.uint64(bit)
                 doubtful &= ~one
-                # of the floor beside it that is two samples wide, the first there is
+                # compared with the nearest sample of floor that is two samples wide
                 away = to_right if on_right & one else to_left
                 away = 2 if on_outer & one else away
                 away = -2 if on_inner & one else away
@@ -157,7 +156,7 @@ def _clear_blur(
 
 @compiled
 def _mark(bits: np.uint64, kind: int, k: int, word: int, free: UInt64Array, out: UInt8Array) -> None:
-    """Mark samples of a word that are not blocked."""
+    """Mark samples of a word as not blocked."""
     free[k, word] |= bits
     while bits != NO_BITS:
         out[k, 64 * (word - 1) + lowest(bits)] = kind
@@ -166,7 +165,7 @@ def _mark(bits: np.uint64, kind: int, k: int, word: int, free: UInt64Array, out:
 
 @compiled
 def _clear_single(shown: UInt64Array, columns_in_use: int, free: UInt64Array, out: UInt8Array) -> None:
-    """Make floor of single blocked samples among floor: they are noise, for what stands there would hide more."""
+    """Mark single blocked samples among floor as floor: an object would block more than one."""
     rows = len(free)
     for k in range(rows):
         here, above, below = free[k], free[k - 1], free[k + 1 - rows]
@@ -186,20 +185,20 @@ def _mark_lines_along(
     has_line: BoolArray,
     out: UInt8Array,
 ) -> None:
-    """Mark bright stripes between floor on one bearing that are no longer than a line is wide."""
+    """Mark bright stripes between floor along a bearing that are not longer than a line is wide."""
     for k in range(len(free)):
         first = begin = -1
         for word in range(1, free.shape[1] - 1):
             if first < 0 and free[k, word] != NO_BITS:
                 first = 64 * (word - 1) + lowest(free[k, word])
-            # what is not blocked, and is blocked one column before
+            # samples that are not blocked behind a blocked one
             ends = free[k, word] & ~_outward(free[k], word, ONE)
             if word == 1:
                 ends &= ~ONE
             while ends != NO_BITS:
                 m = 64 * (word - 1) + lowest(ends)
                 ends &= ends - ONE
-                # the robot stands on the floor: what lies under its rim, or the picture's, is bounded by floor
+                # samples under the robot's or the picture's border count as floor, because the robot stands on it
                 if begin < 0:
                     begin = 0
                     while not valid[k, begin] and begin < m:
@@ -235,15 +234,15 @@ def _mark_lines_across(
     has_line: BoolArray,
     out: UInt8Array,
 ) -> None:
-    """Mark bright stripes between floor on one ring that are no wider than a line.
+    """Mark bright stripes between floor across bearings that are not wider than a line.
 
-    Where two lines meet, what lies between is bounded by line; it must still be whiter than the floor.
+    Where two lines meet, the samples between may border on line instead, but must still be whiter than the floor.
     """
     rows = len(free)
     visited = free.copy()
     k = 0
-    # once round and a little further, so that a line across row 0 of a ring is closed, too, and that the first rows are
-    # told by floor that the others show, where none lies before them
+    # rows are visited once and a little further, so that a ring's lines across row 0 are closed, and the first rows are
+    # compared with floor of later rows if there is none before them
     for step in range(1, rows + line_rows[0] + 1):
         begin = 0 if is_ring or step < rows else rows
         before, k = k, k + 1 if k + 1 < rows else 0
@@ -253,7 +252,7 @@ def _mark_lines_across(
                 bit = lowest(ends)
                 one, m = ONE << np.uint64(bit), 64 * (word - 1) + bit
                 ends &= ends - ONE
-                # rows are counted back, not divided: that takes longer than all that is done with them
+                # rows are counted instead of using a remainder, which would take longer than the rest
                 last, row = step - 1, before
                 while last >= begin and out[row, m] == BLOCKED and step - last <= line_rows[m] + 1:
                     last, row = last - 1, row - 1 if row > 0 else rows - 1
@@ -283,7 +282,7 @@ def _mark_lines_across(
 
 @compiled
 def _ends_blocked(marks: UInt8Array, columns_in_use: int) -> bool:
-    """Whether any line of a bearing has something blocked, or not seen, just behind it; without branches."""
+    """Whether a line of a bearing has a blocked sample just behind it; without branches."""
     ends = False
     for m in range(columns_in_use - 1):
         ends |= (marks[m] == LINE) & (marks[m + 1] == BLOCKED)
@@ -294,10 +293,10 @@ def _ends_blocked(marks: UInt8Array, columns_in_use: int) -> bool:
 def _block_corners(
     valid: UInt8Array, line_columns: Int32Array, columns_in_use: int, has_line: BoolArray, out: UInt8Array
 ) -> None:
-    """Block the lines that lead up to something blocked.
+    """Block lines that lead to something blocked.
 
-    A bright corner that points at the robot is no wider than a line at first, over the depth at which a right angle
-    has opened to that width.
+    A bright corner that points at the robot starts narrower than a line. A right angle reaches a line's width over half
+    that depth.
     """
     for k in range(out.shape[0]):
         if not has_line[k] or not _ends_blocked(out[k], columns_in_use):
@@ -326,9 +325,9 @@ def clear_ball(
     radius_px: FloatArray,
     marks: UInt8Array,
 ) -> None:
-    """Mark the blocked samples on a ball and its shadow as BALL: within an ellipse about (row, image radius).
+    """Mark the blocked samples of a ball and its shadow as BALL, within an ellipse in (row, image radius).
 
-    It reaches so far towards the robot, and so far beyond the centre. In a ring the last row is next to the first.
+    Its half axes in image radius are `near_px` and `far_px`. In a ring the last row is adjacent to the first.
     """
     rows = marks.shape[0]
     for m in range(radius_px.shape[0]):
@@ -344,5 +343,5 @@ def clear_ball(
 
 @compiled
 def _level(flat: UInt8Array, at: np.uint64) -> int:
-    """Return the sum of three bytes: how bright a colour is."""
+    """Return the brightness of a colour, as the sum of three bytes."""
     return int(np.int64(flat[at]) + flat[at + ONE] + flat[at + TWO])

@@ -1,4 +1,4 @@
-"""Compiled loops over marked floor: how much of each cell is free."""
+"""Compiled measurement of the free range in each direction."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from robocup_vision.kernels.floor.free_floor import BLOCKED
 
 
 class FreeCells(NamedTuple):
-    """The samples' cells, I rings by J directions, and when a cell is free.
+    """The samples' cells, I rings by J directions, and the bounds for free cells.
 
     Parameters
     ----------
     cell : (K, M) int32
-        Index of each sample's cell, ring * J + direction; -1: none.
+        Index of each sample's cell, ring * J + direction; -1 if it belongs to none.
     allowed : (I, J) int32
-        Blocked samples that a cell may have and still be free.
+        Greatest number of blocked samples in a free cell.
     seen : (J,) int64
-        Rings of each direction up to the last one that any sample sees.
+        Number of rings in each direction up to the last one with valid samples.
     bounds_m : (I + 1,) float64
-        Ranges between which the rings lie.
+        Boundaries of the rings.
     near_m : (K, M) float32
-        Range of each sample's near rim, metres.
+        Range of each sample's near edge, metres.
     first_m : (J,) float64
-        Range in each direction from which on each of its bearings is in view, metres.
+        Range in each direction beyond which all its bearings are visible, metres.
     is_ring : bool
-        Whether the samples lie all around the robot, and from its body on. Then neither of the last two is used.
+        Whether the samples surround the robot and begin at its body; then `near_m` and `first_m` are not used.
     """
 
     cell: Int32Array
@@ -51,10 +51,10 @@ class FreeCells(NamedTuple):
 
 @compiled
 def measure_ranges(passable_mask: UInt8Array, valid: UInt8Array, cells: FreeCells, range_m: FloatArray) -> None:
-    """Measure how far the floor is free in each direction: up to its first cell that is not.
+    """Measure the range of free floor in each direction, up to its first cell that is not free.
 
-    In a view that is no ring samples lie far apart along a direction: within that cell the floor is free up to the
-    nearest blocked sample. What stands where the floor comes into view may stand anywhere nearer: the range is 0.
+    If the view is no ring, samples are far apart along a direction; then the floor within that cell is free up to the
+    nearest blocked sample. If that sample is where the floor comes into view, the obstacle may be nearer: range 0.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def measure_ranges(passable_mask: UInt8Array, valid: UInt8Array, cells: FreeCell
     valid : (K, M) uint8
         Samples that are not valid block nothing.
     cells : FreeCells
-        Of the samples.
+        Cells of the samples.
     range_m : (J,) float64
         Filled, metres.
     """
@@ -70,7 +70,7 @@ def measure_ranges(passable_mask: UInt8Array, valid: UInt8Array, cells: FreeCell
     count, nearest = np.zeros(rings * directions, np.int32), np.full(rings * directions, np.inf, np.float32)
     flat, counts = passable_mask.reshape(-1), valid.reshape(-1)
     cell, near_m = cells.cell.reshape(-1), cells.near_m.reshape(-1)
-    # most samples are floor: only the others are counted
+    # eight samples at once, because most are floor
     for first in range(0, len(flat), 8):
         if first + 8 <= len(flat):
             blocked = eight_equal(flat, np.uint64(first), BLOCKED)

@@ -1,7 +1,6 @@
-"""Compiled joining of the steps from a frame to the floor's outline and marks.
+"""All steps from a frame to the floor's outline and marks in one compiled call.
 
-One call for five steps: between calls the arguments are unpacked, and Python's lock is handed on, which costs as much
-as a step, and more where another thread waits for it.
+Separate calls would unpack the arguments and release Python's lock each time, which costs as much as a step.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from robocup_vision.kernels.floor.unrolled import unroll
 
 
 class OutlineRules(NamedTuple):
-    """Where samples lie and what counts as floor: the same for all frames of a camera.
+    """Sample places and bounds, the same for all frames of a camera.
 
     Parameters
     ----------
     valid, hidden : (K, M), (H, W) or (0, 0) uint8
-        As `outer_boundary` and `radial_edges` take them.
+        As in `outer_boundary` and `radial_edges`.
     center_u, center_v, step_u, step_v
         As in `Rays`.
     radius_px : (M,) float64
@@ -33,9 +32,9 @@ class OutlineRules(NamedTuple):
     column_step_px, half_width : float
         As in `EdgeSearch`.
     certain, gap, min_strip : int
-        As `outer_boundary` takes them.
+        As in `outer_boundary`.
     line_columns, line_rows, columns_in_use
-        As `passable` takes them.
+        As in `passable`.
     """
 
     valid: UInt8Array
@@ -70,16 +69,16 @@ def read_floor(
     edge_px: FloatArray,
     marks: UInt8Array,
 ) -> tuple[float, int]:
-    """Unroll a frame, look its samples up in a colour table, and go on as `outline_floor`.
+    """Unroll a frame, classify its samples, and find the floor by `outline_floor`.
 
     Parameters
     ----------
     frame, places
-        As `unroll` takes them.
+        As in `unroll`.
     packing, floor_llr, ring_columns
-        As `classify` takes them.
+        As in `classify`.
     rules, min_contrast
-        As `outline_floor` takes them.
+        As in `outline_floor`.
     samples, llr : (K, M, 3) uint8, (K, M) int8
         Filled by `unroll` and `classify`.
     outermost, edge_px, marks
@@ -88,7 +87,7 @@ def read_floor(
     Returns
     -------
     (float, int)
-        What `classify` and `outline_floor` return.
+        Results of `classify` and `outline_floor`.
     """
     rules = OutlineRules(*rules)
     unroll(frame, places, samples)
@@ -107,18 +106,18 @@ def outline_floor(
     edge_px: FloatArray,
     marks: UInt8Array,
 ) -> int:
-    """Find the outermost floor of each bearing and its edge, and mark what may be driven over.
+    """Find the outermost floor of each bearing and its edge, and mark what can be driven over.
 
     Parameters
     ----------
     frame : (H, W, 3) uint8
         BGR.
     samples : (K, M, 3) uint8
-        The frame unrolled.
+        The unrolled frame.
     llr : (K, M) int8
-        The samples' floor likelihood ratios.
+        The floor's log-likelihood ratios of the samples.
     rules : OutlineRules
-        Of the camera.
+        Rules of the camera.
     min_contrast : float
         Smallest colour difference (counts) that is an edge.
     outermost, edge_px, marks : (K,) int64, (K,) float64, (K, M) uint8

@@ -1,4 +1,4 @@
-"""Compiled loops over a frame's polar samples: colours, and the floor's outline."""
+"""Compiled classification of a frame's polar samples, and search for the outermost floor."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def classify(
     ring_columns: int,
     out: Int8Array,
 ) -> float:
-    """Look samples up in a colour table; 0 where not valid.
+    """Look up samples in a colour table.
 
     Parameters
     ----------
@@ -37,7 +37,12 @@ def classify(
     ring_columns : int
         Number of innermost columns whose mean is returned.
     out : (K, M) int8
-        Filled with the likelihood ratios.
+        Filled with the floor's log-likelihood ratios; 0 where not valid.
+
+    Returns
+    -------
+    float
+        Mean ratio over the innermost columns.
     """
     rows, columns = valid.shape
     ring, count = 0, 0
@@ -45,7 +50,7 @@ def classify(
         for m in range(columns):
             index = packing[0, samples[k, m, 0]] + packing[1, samples[k, m, 1]] + packing[2, samples[k, m, 2]]
             out[k, m] = floor_llr[index]
-        # not asked between the look-ups, of which each waits for memory
+        # a loop of its own, because the look-ups wait for memory
         for m in range(columns):
             out[k, m] = out[k, m] if valid[k, m] else np.int8(0)
         for m in range(ring_columns):
@@ -58,21 +63,21 @@ def classify(
 def outer_boundary(llr: Int8Array, valid: UInt8Array, certain: int, gap: int, min_strip: int, out: Int64Array) -> None:
     """Find the outermost floor sample of each bearing.
 
-    Floor is five samples in a row, or three in a row on three neighbouring bearings (a far strip of floor is thin but
-    long), whose mean reaches `certain`. From there a strip of floor behind a painted line still counts: two samples,
-    not more than `gap` samples on, whose sum reaches `min_strip`.
+    Floor begins at five samples in a row whose mean reaches `certain`, or at three in a row on each of three
+    neighbouring bearings, because a far strip of floor is thin but long. From there it continues over gaps of at most
+    `gap` samples, such as painted lines, to two samples whose sum reaches `min_strip`.
 
-    Writes out (K,) int64: its column, or -1 where a bearing has no floor, or where what follows cannot be seen.
+    Fills `out` (K,) with columns; -1: no floor, or the samples behind it are not valid.
     """
     rows, columns = llr.shape
-    # the last row before the first, and the first after the last
+    # with the last row above the first, and the first below the last
     three, five = np.empty((rows + 2, columns), np.int16), np.empty((rows, columns), np.int16)
     begins = np.empty((rows, columns), np.bool_)
     _add_runs(llr.reshape(-1), three[1:-1].reshape(-1), five.reshape(-1))
     for m in range(columns):
         three[0, m], three[rows + 1, m] = three[rows, m], three[1, m]
     for k in range(rows):
-        # runs do not reach back into the row before
+        # the sums of the first two columns contain samples of the row above
         five[k, 0], five[k, 1] = -(2**15), -(2**15)
     flat, count = three.reshape(-1), rows * columns
     before, here, after = flat[:count], flat[columns : columns + count], flat[2 * columns :]
@@ -99,9 +104,8 @@ def outer_boundary(llr: Int8Array, valid: UInt8Array, certain: int, gap: int, mi
 
 @compiled
 def _add_runs(llr: Int8Array, three: Int16Array, five: Int16Array) -> None:
-    """Add up three samples in a row from each on, and with the two before them five; all rows in one loop."""
+    """Write sums of three consecutive samples from each on, and of five around the first; all rows in one loop."""
     last = llr.shape[0] - 2
-    # what the ends of rows lack is not asked for
     three[:2], three[last:], five[:2], five[last:] = 0, 0, 0, 0
     for i in range(np.uint64(last)):
         three[i] = np.int16(llr[i]) + np.int16(llr[i + B1]) + np.int16(llr[i + B2])
@@ -113,7 +117,7 @@ def _add_runs(llr: Int8Array, three: Int16Array, five: Int16Array) -> None:
 def _find_runs(
     before: Int16Array, here: Int16Array, after: Int16Array, five: Int16Array, certain: int, out: BoolArray
 ) -> None:
-    """Tell where floor begins: by the sums of three and of five samples there, and of three on both sides."""
+    """Write where floor begins: by the sums of three samples there and on both neighbouring bearings, and of five."""
     least, least_around, least_five = np.int16(2 * certain), np.int16(9 * certain), np.int16(5 * certain)
     for i in range(np.uint64(out.shape[0])):
         around = np.int16(before[i] + here[i] + after[i])

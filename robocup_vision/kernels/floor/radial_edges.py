@@ -1,4 +1,4 @@
-"""Edges along lines of sight in a mirror camera's frame, to a fraction of a pixel."""
+"""Sub-pixel edges along the bearings of a mirror camera's frame."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from robocup_vision.arrays import (
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.bits import eight_bytes
 
-# bilinear weights are whole numbers of 1/ONE pixel, as in OpenCV: integers all the way are twice as fast
+# bilinear weights are integers in units of 1/ONE pixel, as in OpenCV, because integer arithmetic is twice as fast
 ONE = 32
 Size = tuple[int, int]
 Pair = tuple[float, float]
-# a level from which a channel may be clipped
+# a channel of at least this level may be clipped
 SATURATED = 245
 # bits of the sum of two samples in 1/ONE^2
 TWO_SAMPLES_BITS = 11
-# samples about an edge on each line of sight, and half the width of the smooth step, pixels
+# samples around an edge on each line of sight, and half the width of the fitted step, pixels
 EDGE_SAMPLES, STEP_HALF_PX = 5, 1.75
 BYTE, NEXT_PIXEL = np.uint64(255), np.uint64(24)
 
@@ -37,11 +37,11 @@ class Rays(NamedTuple):
     Parameters
     ----------
     center_u, center_v : float
-        Pixel that they start from.
+        Pixel from which they start.
     step_u, step_v : (K,) float64
         Image direction of each bearing.
     start_px : (K,) float64
-        Image radius of the last floor sample; NaN: no edge is located.
+        Image radius of the last floor sample; NaN if no edge is to be located.
     """
 
     center_u: float
@@ -52,7 +52,7 @@ class Rays(NamedTuple):
 
 
 class EdgeSearch(NamedTuple):
-    """How edges are located.
+    """Parameters of the search for edges.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class EdgeSearch(NamedTuple):
     half_width : float
         Angle between neighbouring lines of sight, radians.
     min_contrast : float
-        Smallest colour difference (counts) that is an edge.
+        Least colour difference of an edge, counts.
     """
 
     column_step_px: float
@@ -71,32 +71,32 @@ class EdgeSearch(NamedTuple):
 
 @compiled
 def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: EdgeSearch, out: FloatArray) -> None:
-    """Locate the edge between two colours along each bearing to a fraction of a pixel.
+    """Locate the edge between two colours along each bearing with sub-pixel precision.
 
-    Around the coarse edge the frame is sampled every pixel along the bearing. The steepest place splits the samples
-    into an inner and an outer colour; what counts from there on is the projection on their difference, on three
-    neighbouring lines of sight, to which the edge is fitted as a smooth step. A cast, a shadow or the floor's own
-    brightness so cannot bias it; channels that the outer side drives into saturation would, and are left out.
+    The frame is sampled every pixel along the bearing around the coarse edge. The steepest place divides the samples
+    into an inner and an outer colour. A smooth step is fitted to the samples of three neighbouring lines of sight,
+    projected onto the difference of the two colours, so that colour casts and shadows do not bias it. Channels that
+    are saturated on the outer side would bias it and are not used.
 
     Parameters
     ----------
     frame : (H, W, 3) uint8
         BGR.
     hidden : (H, W) uint8, or (0, 0)
-        Non-zero where no bilinear sample may be taken: a bearing that needs one has no edge.
+        Non-zero where no bilinear sample may be taken; a bearing that needs one has no edge.
     rays : Rays
         K bearings.
     search : EdgeSearch
-        How they are searched.
+        Parameters of the search.
     out : (K,) float64
-        Filled with the edge's image radius, NaN where there is none.
+        Filled with the edge's image radius; NaN if there is none.
     """
-    # blur takes the last sample that looks like floor about a column and a pixel inside the edge
+    # blur puts the last sample of floor colour about a column and a pixel inside the edge
     span = int(math.ceil(search.column_step_px + 1.0))
     reach = span + 3
     size_px = frame.shape[1], frame.shape[0]
     center = rays.center_u, rays.center_v
-    # Each step is taken on all bearings before the next, side by side wherever it is arithmetic alone.
+    # each step is computed for all bearings before the next, so that arithmetic vectorises
     bearings = rays.start_px.shape[0]
     which, near = np.empty(bearings, np.int64), np.empty(bearings)
     step_u, step_v = np.empty(bearings), np.empty(bearings)
@@ -123,11 +123,11 @@ def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: Edge
     _find_steps(profile, near, reach - span, reach + span, search.min_contrast, gain, edge, signal[2], base, rise)
     offset = np.empty(count)
     for n in range(count):
-        # edges beside are sampled from two pixels before on
+        # the neighbouring lines are sampled from two pixels inside the edge on
         offset[n] = near[n] + int(edge[n] - near[n] + 0.5) - edge[n]
         near[n] = edge[n] - 2.0
     aside_u, aside_v = np.empty(count), np.empty(count)
-    # arrays of their own: loops over parts of arrays are not known to be contiguous, and not taken side by side
+    # separate arrays, because slices are not known to be contiguous and do not vectorise
     places, parts = np.empty((EDGE_SAMPLES, count), np.int32), np.empty((2, EDGE_SAMPLES, count), np.int32)
     colors = np.empty((3, EDGE_SAMPLES, count), np.int32)
     for side in range(2):
@@ -147,7 +147,7 @@ def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: Edge
 
 @compiled
 def _is_inside(size_px: Size, center: Pair, step: Pair, near: float, far: float, half_width: float) -> bool:
-    """Whether the picture shows all that is sampled on a bearing between two radii."""
+    """Whether all samples of a bearing between two radii are inside the picture."""
     (width, height), (center_u, center_v), (step_u, step_v) = size_px, center, step
     aside = half_width * far + 1.0
     left = center_u + min((near - 5) * step_u, far * step_u) - aside
@@ -167,9 +167,9 @@ def _place_samples(
     places: Int32Array,
     parts: Int32Array,
 ) -> None:
-    """Write where samples lie, one pixel apart from a radius on: the pixel, and how far to the next ones beside it.
+    """Write the pixels and sub-pixel offsets of samples that are one pixel apart, from a radius on.
 
-    Fills places (S, N), indices v W + u, and parts (2, S, N), across and down, in 1/ONE pixels.
+    Fills places (S, N), indices v W + u, and parts (2, S, N), offsets to the right and down in 1/ONE pixels.
     """
     for i in range(places.shape[0]):
         for n in range(places.shape[1]):
@@ -182,7 +182,7 @@ def _place_samples(
 
 @compiled
 def _see(hidden: UInt8Array, places: Int32Array, width: int, seen: BoolArray) -> None:
-    """Clear `seen` (N,) of bearings of which a sample is hidden."""
+    """Clear `seen` (N,) for bearings with a hidden sample."""
     if hidden.shape[0] == 0:
         return
     for i in range(places.shape[0]):
@@ -192,7 +192,7 @@ def _see(hidden: UInt8Array, places: Int32Array, width: int, seen: BoolArray) ->
 
 @compiled(inline="always")
 def _weights(across: np.int32, down: np.int32) -> tuple[np.int32, np.int32, np.int32, np.int32]:
-    """Return the bilinear weights of a pixel, the one beside it and the two below, in 1/ONE^2."""
+    """Return bilinear weights of a pixel, of the one to its right and of the two below, in 1/ONE^2."""
     both = across * down
     below, beside = ONE * down - both, ONE * across - both
     return ONE * (ONE - across) - below, beside, below, both
@@ -200,11 +200,11 @@ def _weights(across: np.int32, down: np.int32) -> tuple[np.int32, np.int32, np.i
 
 @compiled
 def _gather_pairs(frame: UInt8Array, places: Int32Array, here: UInt64Array, below: UInt64Array) -> None:
-    """Fill (N,) each: the bytes from a place on, those of a pixel and the one beside it, and the same a row below."""
+    """Fill (N,) each with the bytes of a pixel and the one to its right, and of the two below."""
     flat = frame.reshape(-1)
     row = np.uint64(3 * frame.shape[1])
     for n in range(np.uint64(places.shape[0])):
-        # unsigned: a signed index would be checked for being negative at every access
+        # unsigned, because numba tests signed indices for negative ones
         at = np.uint64(3 * places[n])
         here[n], below[n] = eight_bytes(flat, at), eight_bytes(flat, at + row)
 
@@ -213,7 +213,7 @@ def _gather_pairs(frame: UInt8Array, places: Int32Array, here: UInt64Array, belo
 def _mix_pairs(
     here: UInt64Array, below: UInt64Array, across: Int32Array, down: Int32Array, shift: np.uint64, out: Int32Array
 ) -> None:
-    """Fill one channel's values (N,), in 1/ONE^2: its byte begins at a bit of the pairs."""
+    """Fill one channel's values (N,), in 1/ONE^2; `shift` is the first bit of its byte in the pairs."""
     beside = shift + NEXT_PIXEL
     for n in range(np.uint64(out.shape[0])):
         w00, w01, w10, w11 = _weights(across[n], down[n])
@@ -227,7 +227,7 @@ def _mix_pairs(
 
 @compiled
 def _sample_colors(frame: UInt8Array, places: Int32Array, parts: Int32Array, colors: Int32Array) -> None:
-    """Fill colors (3, S, N) with the channels at the places, in 1/ONE^2: loaded one by one, then mixed side by side."""
+    """Fill colors (3, S, N) with the channels at the places, in 1/ONE^2; only the mixing vectorises."""
     here, below = np.empty(places.size, np.uint64), np.empty(places.size, np.uint64)
     _gather_pairs(frame, places.reshape(-1), here, below)
     for c in range(3):
@@ -236,7 +236,7 @@ def _sample_colors(frame: UInt8Array, places: Int32Array, parts: Int32Array, col
 
 @compiled
 def _weigh(colors: Int32Array, gain: Int32Array, out: Int32Array) -> None:
-    """Fill out (S, N) with colours (3, S, N), weighed by the gains (3, N) of their channels."""
+    """Fill out (S, N) with colours (3, S, N) weighted by the gains (3, N) of their channels."""
     for i in range(out.shape[0]):
         for n in range(out.shape[1]):
             out[i, n] = gain[0, n] * colors[0, i, n] + gain[1, n] * colors[1, i, n] + gain[2, n] * colors[2, i, n]
@@ -255,10 +255,10 @@ def _find_steps(
     base: FloatArray,
     rise: FloatArray,
 ) -> None:
-    """Find the steepest place of each profile (3, S, N), and weigh its channels.
+    """Find the steepest place of each profile (3, S, N), and weight its channels.
 
-    Fills the channels' gains (3, N), the edge's radius (N,), the weighed samples (EDGE_SAMPLES, N) about it, and the
-    signal before it and its rise (N,): 0 where the contrast is too small.
+    Fills the channels' gains (3, N), the edge's radius (N,), the weighted samples (EDGE_SAMPLES, N) around it, and the
+    signal inside it and its rise (N,); the rise is 0 if the contrast is too small.
     """
     _, samples, count = profile.shape
     steepest, at = np.empty(count, np.float32), np.empty(count, np.int32)
@@ -286,26 +286,26 @@ def _find_steps(
     _weigh(profile, gain, weighed)
     for n in range(count):
         place, last_place = middle[n], samples - 1
-        before = weighed[max(place - 3, 0), n] + weighed[max(place - 2, 0), n]
-        behind = weighed[min(place + 2, last_place), n] + weighed[min(place + 3, last_place), n]
+        inside = weighed[max(place - 3, 0), n] + weighed[max(place - 2, 0), n]
+        outside = weighed[min(place + 2, last_place), n] + weighed[min(place + 3, last_place), n]
         for i in range(-2, 3):
             signal[i + 2, n] = weighed[min(max(place + i, 0), last_place), n]
-        base[n] = 0.5 * before
-        rise[n] = 0.5 * behind - base[n]
+        base[n] = 0.5 * inside
+        rise[n] = 0.5 * outside - base[n]
 
 
 @compiled
 def _weigh_channels(beside: Int32Array, min_contrast2: float, gain: Int32Array, contrast2: FloatArray) -> None:
-    """Weigh channels by how they distinguish both sides of the steepest sample, the middle one of `beside` (7, 3, N).
+    """Weight channels by their difference across the steepest sample, which is the middle one of `beside` (7, 3, N).
 
-    Fills the gains (3, N), and the squared contrasts (N,): where that is too small, both with zeros.
+    Fills the gains (3, N) and the squared contrasts (N,), with zeros if the contrast is too small.
     """
     full = SATURATED * 2 * ONE * ONE
     for n in range(contrast2.shape[0]):
         outer0 = beside[6, 0, n] + beside[5, 0, n]
         outer1 = beside[6, 1, n] + beside[5, 1, n]
         outer2 = beside[6, 2, n] + beside[5, 2, n]
-        # a power of two: shifted, as a division of whole numbers takes ten times as long
+        # shifted, because a division of integers takes ten times as long
         step0 = (outer0 - beside[0, 0, n] - beside[1, 0, n]) >> TWO_SAMPLES_BITS
         step1 = (outer1 - beside[0, 1, n] - beside[1, 1, n]) >> TWO_SAMPLES_BITS
         step2 = (outer2 - beside[0, 2, n] - beside[1, 2, n]) >> TWO_SAMPLES_BITS
@@ -323,7 +323,7 @@ def _weigh_channels(beside: Int32Array, min_contrast2: float, gain: Int32Array, 
 
 @compiled(inline="always")
 def _weighed(beside: Int32Array, gain: Int32Array, i: int, n: int) -> int:
-    """Return a sample by the gains of its channels."""
+    """Return a sample weighted by the gains of its channels."""
     return int(gain[0, n] * beside[i, 0, n] + gain[1, n] * beside[i, 1, n] + gain[2, n] * beside[i, 2, n])
 
 
@@ -337,7 +337,7 @@ def _shift_to_middle(
     edge: FloatArray,
     middle: Int32Array,
 ) -> None:
-    """Fill the edges' radii (N,), half-way between both sides by the slope there, and the samples next to them (N,)."""
+    """Fill the radii (N,) where the signal is half-way between both sides, and the nearest samples (N,)."""
     for n in range(edge.shape[0]):
         low, here, high = (
             _weighed(beside, gain, 1, n), _weighed(beside, gain, 3, n), _weighed(beside, gain, 5, n)
@@ -351,18 +351,18 @@ def _shift_to_middle(
 
 @compiled(error_model="numpy")
 def _fit_steps(signal: Int32Array, offset: FloatArray, base: FloatArray, rise: FloatArray, shift: Float32Array) -> None:
-    """Fit a smooth step to the samples (3, EDGE_SAMPLES, N) of three lines of sight; writes its shift (N,), pixels.
+    """Fit a smooth step to the samples (3, EDGE_SAMPLES, N) of three lines of sight; writes its shift, pixels.
 
     Parameters
     ----------
     signal : (3, EDGE_SAMPLES, N) int32
         The third line of sight is the bearing itself.
     offset : (N,) float64
-        Where the bearing's own samples lie off the edge, pixels.
+        Offset of the bearing's own samples from the edge, pixels.
     base, rise : (N,) float64
-        Signal inside, and how much more it is outside.
+        Signal inside, and its increase to the outside.
     shift : (N,) float32
-        Result.
+        Filled.
     """
     count = shift.shape[0]
     first, per_rise = np.zeros((2, count), np.float32), np.empty(count, np.float32)

@@ -1,7 +1,7 @@
-"""Compiled loops that group what blocks the floor into things that stand on it.
+"""Compiled loops that group the blocked places on the floor into objects that stand on it.
 
-All of them go by the foot of what blocks a bearing: the sample where it begins. A column is a step of the samples along
-a bearing; how far apart two of them lie on the floor is the error of a range.
+An object's foot on a bearing is the first blocked sample. A column is a step of the samples along a bearing; the floor
+distance between two columns is the error of a range.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from robocup_vision.arrays import BoolArray, FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.floor.free_floor import BLOCKED
 
-# in each byte of a word of eight marks its lowest and its highest bit
+# lowest and highest bit of each byte of a word of eight marks
 EACH_BYTE, HIGH_BITS = np.uint64(0x0101010101010101), np.uint64(0x8080808080808080)
-# part of the floor behind a thing of its least height that must not be seen: the rest may be noise
+# least ratio of the floor behind an object that is blocked; the rest may be noise
 HIDDEN_RATIO = 0.9
-# bearings over which the samples' averages, lens and motion spread a thing's side
+# bearings over which averaging, lens and motion blur an object's side
 SIDE_BEARINGS = 3
-# columns over which a sample's average and its lens spread a foot, and half a column to the last sample of floor
+# columns over which averaging and lens blur a foot, and half a column to the last sample of floor
 AVERAGED_COLUMNS = 2.5
-# standard deviations of the pose by which a foot may be off
+# bound of a foot's error due to the pose, in standard deviations
 POSE_SIGMAS = 2.0
-# what a bearing is known to show: nothing yet, a thing, where the floor ends, or floor as far as it is in view
+# states of a bearing: unknown, an object, the end of the floor, or floor up to the end of view
 _UNKNOWN, _THING, _END, _FREE = 0, 1, 2, 3
-# how a stretch ends: the floor goes on behind it, it goes on itself, or that is hidden
+# ends of a group of bearings: floor behind it is visible, it continues gradually, or it is hidden
 _STANDS_OUT, _GOES_ON, _HIDDEN = 0, 1, 2
 
 
 class FieldFeet(NamedTuple):
-    """Where a field's own stands on the floor, field frame, metres.
+    """Feet of the field's own walls and goals on the floor, field frame, metres.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class FieldFeet(NamedTuple):
 
 @compiled(error_model="numpy", inline="always")
 def _beside(k: int, step: int, count: int, is_ring: bool) -> int:
-    """Return the bearing `step` beside another; -1: there is none."""
+    """Return the index of the bearing `step` beside another; -1 if there is none."""
     beside = k + step
     if is_ring:
         return beside % count
@@ -63,7 +63,7 @@ def _beside(k: int, step: int, count: int, is_ring: bool) -> int:
 
 @compiled(inline="always")
 def _has_blocked(eight: np.uint64) -> bool:
-    """Whether any of eight marks is BLOCKED, 0: the first such byte borrows from the bit above it."""
+    """Whether any of eight marks is BLOCKED, which is 0: the first zero byte borrows from the bit above it."""
     return bool((eight - EACH_BYTE) & ~eight & HIGH_BITS)
 
 
@@ -78,26 +78,24 @@ def blocked_feet(
     height_m: float,
     out: Int64Array,
 ) -> None:
-    """Find the nearest sample of each bearing where something stands: it hides the floor behind itself.
-
-    Paint hides nothing: floor is seen behind it.
+    """Find the nearest sample of each bearing where an object stands: unlike paint, it hides the floor behind itself.
 
     Parameters
     ----------
     marks : (K, M) uint8
-        What the samples show.
+        Marks of the samples.
     shown : (K, M) uint8
-        Samples that are not shown count as nothing.
+        Zero for samples that are not used.
     range_m : (M,) float64
-        Of the columns.
+        Range of each column.
     first_column, columns_in_use : int
-        Columns that are looked at.
+        First column to use, and end of the columns.
     eye_m : float
         Height of the viewpoint.
     height_m : float
-        Things that are not so high are left out.
+        Least height of an object.
     out : (K,) int64
-        Filled with the column; where nothing stands with M plus the last column that is shown.
+        Filled with the column; without an object M plus the last column that is shown.
     """
     bearings, columns = marks.shape
     beyond = np.full(columns, columns_in_use)
@@ -117,7 +115,7 @@ def blocked_feet(
         m = first_column
         while m < columns_in_use - 1:
             at = k * columns + m
-            # most of a row is floor: eight samples at once
+            # eight samples at once, because most are floor
             if at % 8 == 0 and m + 8 <= columns_in_use and not _has_blocked(eights[at // 8]):
                 m += 8
                 continue
@@ -136,25 +134,25 @@ def blocked_feet(
 def drop_narrow(
     columns: Int64Array, range_m: FloatArray, columns_in_use: int, width_m: float, step_rad: float, is_ring: bool
 ) -> None:
-    """Move back feet that are narrower than a width to where what stands there is wide enough; in place.
+    """Move feet of narrow objects back to where the blocked floor is wide enough; in place.
 
-    Specks, thin posts and paint before a thing are narrow. It is an opening of the nearness along the bearings, by a
-    width that is the same on the floor at every range, and never less than two bearings.
+    This removes specks, thin posts and paint. It is a morphological opening of nearness over the bearings, by a width
+    that is the same on the floor at every range, and at least two bearings.
 
     Parameters
     ----------
     columns : (K,) int64
-        Of the feet; M or more where there is none.
+        Columns of the feet; M or more if there is none.
     range_m : (M,) float64
-        Of the columns.
+        Range of each column.
     columns_in_use : int
-        Columns that are looked at.
+        End of the columns.
     width_m : float
-        On the floor, across the bearings.
+        Least width on the floor, across the bearings.
     step_rad : float
         Angle between bearings.
     is_ring : bool
-        Whether the last bearing is next to the first.
+        Whether the last bearing is adjacent to the first.
     """
     count, none = len(columns), len(range_m)
     before, order = columns.copy(), np.argsort(columns)
@@ -178,7 +176,7 @@ def drop_narrow(
             else:
                 waiting[narrow], narrow = k, narrow + 1
         kept = narrow
-        # nothing changes before the next foot unless one waits
+        # nothing changes before the next foot unless one is waiting
         m = m + 1 if kept or due == count else max(m + 1, before[order[due]])
         if kept == 0 and due == count:
             break
@@ -195,27 +193,27 @@ def is_of_field(
     robot: tuple[float, float, float],
     field: FieldFeet,
 ) -> bool:
-    """Whether a foot is the field's own: of walls, boards, goals, beacons, or where the floor is sure to end.
+    """Whether a foot belongs to the field's own walls, boards, goals or beacons, or the floor may end there.
 
     Parameters
     ----------
     x_m, y_m : float
         The foot, robot frame.
     error_m : float
-        How far it may lie from there, along its bearing.
+        Its greatest error along its bearing.
     offset_m : (float, float)
-        The camera's foot, robot frame.
+        The camera's position in the robot frame.
     robot : (float, float, float)
         x, y, heading of the robot, field frame.
     field : FieldFeet
-        The field's own.
+        Feet of the field's own walls and goals.
     """
     if not math.isfinite(error_m):
         return True
     ahead, left = x_m - offset_m[0], y_m - offset_m[1]
-    # the floor may end a little behind the foot
-    behind = error_m / max(math.sqrt(ahead * ahead + left * left), 1e-9)
-    far_x, far_y = x_m + ahead * behind, y_m + left * behind
+    # tested at the far end of the error
+    far_ratio = error_m / max(math.sqrt(ahead * ahead + left * left), 1e-9)
+    far_x, far_y = x_m + ahead * far_ratio, y_m + left * far_ratio
     c, s = math.cos(robot[2]), math.sin(robot[2])
     if not _is_inside(robot[0] + c * far_x - s * far_y, robot[1] + s * far_x + c * far_y, field.floor):
         return True
@@ -235,7 +233,7 @@ def _is_inside(x: float, y: float, corners_m: FloatArray) -> bool:
 
 @compiled(error_model="numpy")
 def _is_at_goal(x: float, y: float, error_m: float, field: FieldFeet) -> bool:
-    """Whether a place is a panel's, post's, beacon's or net's within an error."""
+    """Whether a place belongs to a panel, post, beacon or net within an error."""
     for n in range(len(field.panels)):
         x0, y0, x1, y1 = field.panels[n]
         dx, dy = x1 - x0, y1 - y0
@@ -264,7 +262,7 @@ def _reach_aside(
     state: Int64Array,
     is_ring: bool,
 ) -> tuple[int, int]:
-    """Return how many bearings what stands at one goes on to one side, and how it ends."""
+    """Return the number of further bearings on one side that belong to an object, and how it ends there."""
     count, taken, last_m = len(range_m), variable(0), range_m[k]
     while taken < count - 1:
         beside = _beside(k, way * (taken + 1), count, is_ring)
@@ -285,7 +283,7 @@ def _reach_aside(
         beside = _beside(k, way * (taken + step), count, is_ring)
         if beside >= 0 and (explained[beside] or range_m[beside] > last_m + jump_m):
             return taken, _STANDS_OUT
-        # the floor is in view no farther than that
+        # floor is visible up to there only
         if beside >= 0 and state[beside] == _FREE:
             end = _HIDDEN
     return taken, end
@@ -306,46 +304,46 @@ def find_things(
     field: FieldFeet,
     out: FloatArray,
 ) -> int:
-    """Group the feet of neighbouring bearings into things, the nearest first.
+    """Group the feet of neighbouring bearings into objects, the nearest first.
 
-    A thing reaches from its nearest foot to feet that lie up to a robot's radius behind it. On at least one side it
-    stands out before what is behind: the next feet are farther by half a radius, or the field's own. What goes on
-    gradually is a wall, a board or the end of a carpet. A side may be hidden by a nearer thing or by the picture's rim;
-    both may only where a pose tells what is the field's own.
+    An object extends from its nearest foot to feet that are up to a robot's radius farther. On at least one side the
+    next feet must be farther by half a radius, or the field's own; what continues gradually is a wall, a board or the
+    end of the carpet. The other side may be hidden by a nearer object or the picture's border. Both may be hidden only
+    if a pose is known, which identifies the field's own.
 
     Parameters
     ----------
     columns : (K,) int64
-        Of the feet; M and more as `blocked_feet` writes them.
+        Columns of the feet, as `blocked_feet` writes them.
     places_m : (K, 2) float64
         The feet, robot frame.
     column_m : (M,) float64
-        Range of the columns from the camera's foot; a foot's error is the step to the next one.
+        Range of the columns from the camera's foot; a foot's error is the distance to the next column.
     columns_in_use : int
-        Columns that see floor.
+        End of the columns that show floor.
     radius_m : float
-        Of a robot. What is narrower than half a robot is no thing; what is farther than where the error of a range is
-        as large as a robot is left out.
+        Radius of a robot. Objects must be at least that wide. Feet are not used where the error of a range is larger
+        than twice this.
     step_rad : float
         Angle between bearings.
     is_ring : bool
-        Whether the last bearing is next to the first.
+        Whether the last bearing is adjacent to the first.
     offset_m : (float, float)
-        The camera's foot, robot frame.
+        The camera's position in the robot frame.
     robot : (float, float, float)
         x, y, heading of the robot, field frame.
     covariance : (3, 3) float64
-        Of that; (0, 0) where no pose is known.
+        Covariance of that pose; (0, 0) if no pose is known.
     field : FieldFeet
-        The field's own.
+        Feet of the field's own walls and goals.
     out : (K, 6) float64
-        Filled with x and y of each thing's middle, its width, the bearing and range of its middle, and the step between
+        Filled with x and y of each object's middle, its width, bearing and range of its middle, and the step between
         samples at its nearest foot.
 
     Returns
     -------
     int
-        How many things.
+        Number of objects.
     """
     count, found, is_located = len(columns), variable(0), len(covariance) > 0
     range_m, error_m, explained = np.full(count, np.inf), np.full(count, np.inf), np.zeros(count, np.bool_)
@@ -358,7 +356,7 @@ def find_things(
             range_m[k] = column_m[seen] if 0 <= seen < columns_in_use - 1 else np.inf
             continue
         range_m[k] = column_m[m]
-        # a step farther out than the last column is the horizon
+        # beyond the last column is the horizon
         error_m[k] = column_m[m + 1] - column_m[m] if m + 1 < columns_in_use else np.inf
         if is_located:
             variance = covariance[0, 0] + covariance[1, 1] + covariance[2, 2] * range_m[k] ** 2

@@ -1,4 +1,4 @@
-"""A frame's samples by a pinhole camera that is tilted and rolled a little from where their places are known."""
+"""Compiled sampling of a pinhole camera's frame after a small change of tilt and roll."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Arr
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.lens import BENT, CELLS, FORWARD, LOWEST_COSINE, MAX_SLOPE2, P1, P2, PER_COSINE
 
-# added to a number of a few digits and taken off again it rounds it to the nearest whole one
+# adding and subtracting this rounds a small float32 to an integer
 _ROUNDS = np.float32(1.5 * 2**23)
 
 
@@ -22,36 +22,35 @@ def sample_turned(
     valid: UInt8Array,
     out: UInt8Array,
 ) -> None:
-    """Map ideal pixels by a homography, and by the lens into the frame; write the colours of the nearest pixels there.
+    """Map ideal pixels by a homography and the lens into the frame; write the colours of the nearest pixels.
 
-    Places are worked out a row before its colours are fetched: nothing there branches, and u and v lie apart, so that
-    several are worked out at once.
+    Places of a whole row are computed before its colours are fetched, without branches, so that this vectorises.
 
     Parameters
     ----------
     frame : (H, W, 3) uint8
-        What lies beyond is moved to its rim.
+        Places outside are moved to its border.
     planes : (2, K, M) float32
-        u and v as a lens without distortion shows them; NaN where there is none: that becomes 0.
+        Ideal pixels u and v; NaN is treated as 0.
     homography : (3, 3) float64
-        Of u, v, 1.
+        Maps (u, v, 1).
     lens : (L,) float32
         `camera.lens_table` of the camera.
     hidden : (H, W) uint8
-        Non-zero pixels show the robot itself: places behind it take the colour of the next one nearer in their row, the
-        nearest ones that of the first that is not hidden. (0, 0): none.
+        Non-zero pixels show the robot itself. A hidden place takes the colour of the next one nearer in its row; those
+        at the near end take that of the first place that is not hidden. (0, 0) if nothing is hidden.
     valid : (N, M) uint8
-        N >= K. Result: 1 where a place lies in the frame, and not behind the robot itself.
+        N >= K. Filled: 1 where a place is inside the frame and not hidden.
     out : (K, M, 3) uint8
-        Result.
+        Filled.
     """
-    # in variables: what is written might be the homography's memory, for all the compiler knows
+    # scalars, because the compiler must assume that the output overlaps the homography
     a, b, c = np.float32(homography[0, 0]), np.float32(homography[0, 1]), np.float32(homography[0, 2])
     d, e, f = np.float32(homography[1, 0]), np.float32(homography[1, 1]), np.float32(homography[1, 2])
     g, h, i = np.float32(homography[2, 0]), np.float32(homography[2, 1]), np.float32(homography[2, 2])
     height, width = frame.shape[:2]
     right, low, none, one = np.float32(width - 1), np.float32(height - 1), np.float32(0.0), np.float32(1.0)
-    behind = np.float32(np.nan)
+    nan = np.float32(np.nan)
     across = np.int32(3 * width)
     flat = frame.reshape(-1)
     rows, columns = planes.shape[1:]
@@ -62,7 +61,7 @@ def sample_turned(
         for m in range(columns):
             u, v = planes[0, k, m], planes[1, k, m]
             scale = g * u + h * v + i
-            by_scale = one / scale if scale > none else behind
+            by_scale = one / scale if scale > none else nan
             us[m], vs[m] = (a * u + b * v + c) * by_scale, (d * u + e * v + f) * by_scale
         if lens[BENT] != none:
             _distort(us, vs, lens)
@@ -78,7 +77,7 @@ def sample_turned(
         if hidden.size > 0:
             _avoid(hidden.reshape(-1), at, valid[k])
         for m in range(columns):
-            # unsigned: a signed index would be checked for being negative at every access
+            # unsigned, because numba tests signed indices for negative ones
             place = np.uint32(at[m])
             out[k, m, 0] = flat[place]
             out[k, m, 1] = flat[place + np.uint32(1)]
@@ -87,7 +86,7 @@ def sample_turned(
 
 @compiled(error_model="numpy")
 def _distort(us: Float32Array, vs: Float32Array, lens: Float32Array) -> None:
-    """Move ideal pixels to where a lens shows them, in place; those beyond its end to the end."""
+    """Distort ideal pixels in place; those beyond the lens' greatest slope are moved there."""
     fu, fv, cu, cv = lens[0], lens[1], lens[2], lens[3]
     p1, p2, farthest, one, two = lens[P1], lens[P2], lens[MAX_SLOPE2], np.float32(1.0), np.float32(2.0)
     lowest, per_cosine, last = lens[LOWEST_COSINE], lens[PER_COSINE], np.float32(CELLS - 1)
@@ -99,7 +98,7 @@ def _distort(us: Float32Array, vs: Float32Array, lens: Float32Array) -> None:
         r2 = x * x + y * y
         cosine = one / np.sqrt(one + r2)
         place = (cosine - lowest) * per_cosine
-        # not a number where the ray lies behind: the first cell keeps it so
+        # NaN, of a ray behind the camera, stays NaN in the first cell
         cell = np.uint32(place if place < last else last) if place > np.float32(0.0) else np.uint32(0)
         t, at = place - np.float32(cell), np.uint32(FORWARD) + np.uint32(4) * cell
         three = lens[at + np.uint32(3)]
@@ -111,7 +110,7 @@ def _distort(us: Float32Array, vs: Float32Array, lens: Float32Array) -> None:
 
 @compiled
 def _avoid(hidden: UInt8Array, at: Int32Array, valid: UInt8Array) -> None:
-    """Replace, in place, the offsets of hidden pixels in a row (three a pixel) by those of neighbours: not valid."""
+    """Replace offsets of hidden pixels in a row (three for each pixel) by those of neighbours, and clear `valid`."""
     for m in range(len(at)):
         if hidden[at[m] // 3]:
             valid[m] = 0

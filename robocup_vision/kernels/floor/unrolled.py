@@ -1,6 +1,6 @@
 """Compiled loop that unrolls a frame into blurred polar samples.
 
-OpenCV would take three calls, each of which writes and reads all samples, and hands Python's lock on and back.
+It replaces three calls of OpenCV, each of which reads and writes all samples and releases Python's lock.
 """
 
 from __future__ import annotations
@@ -11,30 +11,30 @@ from robocup_vision.arrays import Int32Array, UInt8Array, UInt16Array
 from robocup_vision.compiling.loops import compiled
 
 ONE, TWO, THREE, SIX = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(6)
-# a ninth of up to 9 x 255 + 4 in whole numbers: the error of the factor stays below half of the next step
+# division by nine of sums up to 9 x 255 + 4 by an integer product and a shift, exact in this range
 NINTH, BITS = np.uint32(7282), np.uint32(16)
 HALF = np.uint16(4)
 
 
 @compiled
 def unroll(frame: UInt8Array, places: Int32Array, out: UInt8Array) -> None:
-    """Take the pixels at given places, and average each with its neighbours.
+    """Sample pixels at given places, and average each sample with its neighbours.
 
-    Beyond the first and last row and column lies what mirrors the row and column beside them, as in `cv2.blur`.
+    At the borders samples are mirrored, as in `cv2.blur`.
 
     Parameters
     ----------
     frame : (H, W, 3) uint8
     places : (K, M) int32
-        Each sample's index, 3 (v W + u), at least two rows and columns.
+        Index 3 (v W + u) of each sample; at least two rows and columns.
     out : (K, M, 3) uint8
-        Filled with the rounded averages over 3 x 3 samples.
+        Filled with rounded averages over 3 x 3 samples.
     """
     pixels = frame.reshape(-1)
     rows, columns = places.shape
     width = 3 * columns
     line = np.empty(width + 6, np.uint8)
-    # sums over neighbouring columns; before the first row and after the last what mirrors those beside them
+    # sums over three columns, with a mirrored row above and below
     sums = np.empty((rows + 2, width), np.uint16)
     for k in range(rows):
         for m in range(columns):
@@ -54,14 +54,14 @@ def unroll(frame: UInt8Array, places: Int32Array, out: UInt8Array) -> None:
 
 @compiled
 def _add_columns(line: UInt8Array, out: UInt16Array) -> None:
-    """Add each channel of three neighbouring samples."""
+    """Add each channel of three adjacent samples."""
     for i in range(np.uint64(out.shape[0])):
         out[i] = np.uint16(line[i]) + np.uint16(line[i + THREE]) + np.uint16(line[i + SIX])
 
 
 @compiled
 def _average(before: UInt16Array, here: UInt16Array, after: UInt16Array, out: UInt8Array) -> None:
-    """Divide the sums of three rows by nine, rounded; all rows in one loop, which leaves no short ends."""
+    """Divide the sums of three rows by nine, rounded; all rows in one loop."""
     for i in range(np.uint64(out.shape[0])):
         total = np.uint16(before[i] + here[i] + after[i] + HALF)
         out[i] = np.uint8((np.uint32(total) * NINTH) >> BITS)

@@ -1,4 +1,4 @@
-"""Compiled pose fit to a few landmarks' pixels, and the greedy choice of the most informative ones."""
+"""Compiled pose fit to the pixels of landmarks, and greedy choice of the most informative landmarks."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robocup_vision.kernels.algebra.pinhole import PinholeView, ideal_pixel, poi
 
 
 class LandmarkPixels(NamedTuple):
-    """Landmarks and where a frame shows them.
+    """Landmarks and their pixels in a frame.
 
     Parameters
     ----------
@@ -32,12 +32,12 @@ class LandmarkPixels(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """What `linearise` writes of one landmark.
+    """A landmark's pixel linearised by the pose.
 
     Parameters
     ----------
     pixel : (2,) float64
-        Where the pose puts it.
+        Predicted pixel.
     jacobian : (2, 3) float64
         Derivative of the pixel by the pose.
     weight : (2, 2) float64
@@ -58,7 +58,7 @@ def linearise(
     std_px: float,
     out: Linearised,
 ) -> bool:
-    """Write a landmark's pixel, its derivative by the pose and its inverse covariance.
+    """Write a landmark's predicted pixel, its derivative by the pose and its inverse covariance.
 
     Parameters
     ----------
@@ -137,13 +137,13 @@ def fit_pose(
     start : (3,) float64
         Pose to start from.
     matches : LandmarkPixels
-        N landmarks, with the pixels' own noise.
+        N landmarks with their pixels.
     widths : (I,) float64
-        Of the weights in each iteration, standard deviations.
+        Widths of the weight function in each iteration, standard deviations.
     bound : float
-        Squared distances up to this are inliers.
+        Greatest squared Mahalanobis distance of an inlier.
     pose, squared : (3,), (N,) float64
-        Written: the pose and the squared Mahalanobis distances there.
+        Filled with the pose and the squared Mahalanobis distances there.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def _whitened(
     success: FloatArray,
     rows: FloatArray,
 ) -> Int64Array:
-    """Write the landmarks' derivatives (N, 2, 3) in standard deviations, by their chance; return those in view."""
+    """Write whitened derivatives (N, 2, 3), weighted by the landmarks' probabilities; return the visible landmarks."""
     out = Linearised(np.empty(2), np.empty((2, 3)), np.empty((2, 2)))
     jacobian, weight = out.jacobian, out.weight
     seen = np.empty(positions_m.shape[0], dtype=np.int64)
@@ -225,7 +225,7 @@ def most_informative(
     information: FloatArray,
     count: int,
 ) -> Int64Array:
-    """Choose landmarks greedily: each adds the most to the log determinant of the pose's information.
+    """Choose landmarks greedily, each of which increases the log determinant of the pose's information most.
 
     Parameters
     ----------
@@ -236,16 +236,16 @@ def most_informative(
     positions_m, covariances, std_px : (N, 3), (N, 3, 3), (N,) float64
         The landmarks in the field frame, and the noise of their pixels.
     success : (N,) float64
-        Chance that each is observed: what it would add counts by as much.
+        Probability that each is observed, by which its information is multiplied.
     information : (3, 3) float64
-        What is known of the pose beforehand.
+        Prior information of the pose.
     count : int
-        At most this many.
+        Greatest number of landmarks to choose.
 
     Returns
     -------
     (K,) int64
-        In the order chosen.
+        Indices in the order of choice.
     """
     total = positions_m.shape[0]
     rows = np.zeros((total, 2, 3))

@@ -1,4 +1,4 @@
-"""Compiled look-up of a map's views in a camera's frustum, over the columns of a floor plan."""
+"""Compiled look-up of a map's views inside a camera's frustum, by the cells of a floor plan."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from robocup_vision.kernels.algebra.pinhole import PinholeView, ideal_pixel, poi
 
 
 class FloorPlan(NamedTuple):
-    """Views of landmarks, sorted by the column of a floor plan that they stand in.
+    """Views of landmarks, sorted by the cell of a floor plan in which they are.
 
     Parameters
     ----------
     positions_m, bearings_rad : (E, 3), (E,) float64
-        Of the views: place of the landmark, and line of sight it was seen along.
+        Position of each view's landmark, and the line of sight along which it was seen.
     starts : (C + 1,) int64
-        First view of each column, rows of y one after another.
+        First view of each cell, in rows of y.
     columns : (int, int)
         Number along x and along y.
     corner_m : (2,) float64
-        Of the floor plan.
+        Corner of the floor plan.
     cell_m : float
-        Side of a column.
+        Side of a cell.
     """
 
     positions_m: FloatArray
@@ -36,7 +36,7 @@ class FloorPlan(NamedTuple):
 
 
 class InView(NamedTuple):
-    """What `views_in_frustum` writes, of each view found: its number, (E,), pixel (E, 2) and depth (E,)."""
+    """Views found by `views_in_frustum`: index (E,), pixel (E, 2) and depth (E,)."""
 
     number: Int64Array
     pixels: FloatArray
@@ -53,7 +53,7 @@ def views_in_frustum(
     view_reach_rad: float,
     out: InView,
 ) -> int:
-    """Write which views are in the image and were seen from about this side; return how many.
+    """Write the views that are in the image and were seen from a similar direction; return their number.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def views_in_frustum(
     plan : FloorPlan
         The map's views.
     reach_m : float
-        Farthest distance looked up.
+        Greatest distance.
     view_reach_rad : float
         Largest angle between a view's bearing and the line of sight.
     out : InView
@@ -76,7 +76,7 @@ def views_in_frustum(
     c, s = math.cos(pose[2]), math.sin(pose[2])
     ex = pose[0] + c * viewpoint[0] - s * viewpoint[1]
     ey = pose[1] + s * viewpoint[0] + c * viewpoint[1]
-    # the optical axis on the floor
+    # projection of the optical axis onto the floor
     ax, ay = c * turn[0, 0] - s * turn[0, 1], s * turn[0, 0] + c * turn[0, 1]
     level = math.sqrt(ax * ax + ay * ay)
     half = math.atan(math.hypot(size_px[0], size_px[1]) / min(view.focal_px[0], view.focal_px[1]))
@@ -94,7 +94,7 @@ def views_in_frustum(
             away = math.sqrt(mx * mx + my * my)
             if away > reach_m + cell_m:
                 continue
-            # a level camera sees nothing behind itself; one that looks steeply up or down may
+            # only a camera that looks steeply up or down may see something behind itself
             if level > 0.8 and away > 2 * cell_m:
                 aside = math.acos(min(max((ax * mx + ay * my) / (level * away), -1.0), 1.0))
                 if aside > half + math.asin(min(cell_m / away, 1.0)):

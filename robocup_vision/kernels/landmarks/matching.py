@@ -1,4 +1,4 @@
-"""Compiled matching of expected landmarks with an image's features, landmark by landmark."""
+"""Compiled matching of expected landmarks with the features of an image."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from robocup_vision.compiling.loops import compiled
 
 
 class Described(NamedTuple):
-    """What matching needs of landmarks or features.
+    """Descriptors, pixels and sizes of landmarks or features.
 
     Parameters
     ----------
     descriptors : (N, D) float32
         Unit vectors.
     pixels : (N, 2) float64
-        Where each is, or is expected.
+        Measured or expected pixels.
     size_px : (N,) float64
         Diameter.
     """
@@ -33,21 +33,21 @@ class Described(NamedTuple):
 def best_two(
     landmarks: Described, features: Described, gate_px: tuple[float, float], size_ratio: float
 ) -> tuple[Int64Array, Float32Array, Float32Array]:
-    """Find each landmark's nearest and second nearest descriptor in a window around where it is expected.
+    """Find the nearest and second nearest descriptor of each landmark, in a window around its expected pixel.
 
     Parameters
     ----------
     landmarks, features : Described
         N landmarks, M features.
     gate_px : (float, float)
-        Half the window along u and v.
+        Half sizes of the window along u and v.
     size_ratio : float
-        Diameters may differ by this factor.
+        Greatest ratio of their diameters.
 
     Returns
     -------
     (N,) int64, (N,) float32, (N,) float32
-        The nearest, its inner product and that of the second nearest; -1 where there is none.
+        Index of the nearest, its inner product and that of the second nearest; products are -1 if there is none.
     """
     first, second = landmarks.descriptors, features.descriptors
     count, length = first.shape[0], first.shape[1]

@@ -1,7 +1,7 @@
-"""Field lines drawn as a pinhole camera shows them: thinner than a pixel, blurred, light adding up where they meet.
+"""Compiled drawing of field lines as a pinhole camera shows them, anti-aliased and blurred; light adds up at crossings.
 
-Drawings have a margin of `MARGIN` pixels around the picture, so that no stroke need be cut. They are zero where nothing
-is drawn, and those who use one clear the rows that hold paint.
+Drawings have a margin of `MARGIN` pixels around the picture, so that no stroke is cut. They are zero before drawing,
+and the caller clears the rows with paint.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ _PARTS = 64  # of a pixel, for which strokes are made in advance
 
 
 class LinePen(NamedTuple):
-    """What is drawn, and how.
+    """Lines, their width and the table of strokes.
 
     Parameters
     ----------
     points : (N, 2) float64
-        Along the lines, one line after the other, field frame, metres.
+        Points along the lines, one line after the other, field frame, metres.
     starts : (L + 1,) int64
-        Each line's first point, and N.
+        Index of each line's first point, and N.
     width_m : float
-        Of the paint.
+        Width of the paint.
     strokes : (P, 5) float32
         See `stroke_table`.
     """
@@ -44,12 +44,12 @@ class LinePen(NamedTuple):
 
 
 def stroke_table(blur_px: float) -> Float32Array:
-    """Make light (65, 5) in five pixels of strokes from half a pixel left to half a pixel right of the middle one.
+    """Return the light (65, 5) in five pixels of strokes that are -1/2 to 1/2 pixel off the middle one.
 
     Parameters
     ----------
     blur_px : float
-        Standard deviation of the picture's blur, the pixel's own size included.
+        Standard deviation of the picture's blur, including the pixel's own size.
     """
     off = np.arange(_PARTS + 1)[:, None] / _PARTS - 0.5
     at = np.arange(-_REACH, _REACH + 1)
@@ -58,7 +58,7 @@ def stroke_table(blur_px: float) -> Float32Array:
 
 @compiled(fastmath={"contract"})
 def _draw_stroke(strokes: Float32Array, u: float, v: float, weight: float, drawing: Float32Array) -> None:
-    """Add one stroke at a place in the drawing, margin included, at least `_REACH` pixels inside it."""
+    """Add one stroke to a drawing, at least `_REACH` pixels inside it; coordinates include the margin."""
     iu, iv = int(u + 0.5), int(v + 0.5)
     at_u, at_v = (u - iu + 0.5) * _PARTS, (v - iv + 0.5) * _PARTS
     ku, kv = min(max(int(at_u), 0), _PARTS - 1), min(max(int(at_v), 0), _PARTS - 1)
@@ -82,18 +82,18 @@ def _draw_stroke(strokes: Float32Array, u: float, v: float, weight: float, drawi
 
 @compiled
 def draw_lines(pen: LinePen, view: FloatArray, p: FloatArray, first_row: int, drawing: Float32Array) -> tuple[int, int]:
-    """Draw lines into a picture of the fraction of paint in each pixel, 0 to 1.
+    """Draw lines: add the fraction of paint in each pixel, 0 to 1.
 
     Parameters
     ----------
     pen : LinePen
-        What and how.
+        Lines and strokes.
     view, p
         See `kernels.goal.picture.predict_goal`.
     first_row : int
-        Of the image, that the picture begins with.
+        Row of the image with which the picture begins.
     drawing : (H + 2 MARGIN, W + 2 MARGIN) float32
-        Where paint is added.
+        Picture to which paint is added.
 
     Returns
     -------
@@ -131,7 +131,7 @@ def draw_lines(pen: LinePen, view: FloatArray, p: FloatArray, first_row: int, dr
                 or min(v, from_v) > height
             ):
                 continue
-            # seen width, from a step across on the floor at the segment's end
+            # width in the image, by a step across the line on the floor at the segment's end
             dx, dy = points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]
             length_m = math.hypot(dx, dy)
             nx, ny = -dy / length_m, dx / length_m

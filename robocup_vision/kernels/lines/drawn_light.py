@@ -1,4 +1,4 @@
-"""Drawn lines compared with the light of the carpet: with how much brighter each pixel is than the carpet nearby."""
+"""Compiled comparison of drawn lines with the light of the carpet, relative to the mean light nearby."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _SUMS = {"reassoc", "nsz", "contract"}
 
 
 class LitCarpet(NamedTuple):
-    """What a drawing is compared with, (H, W) float32 each.
+    """Light of the carpet with which drawings are compared, (H, W) float32 each.
 
     Parameters
     ----------
     on : (H, W) float32
         1 on carpet, else 0.
     share : (H, W) float32
-        Of a sum over the square around a pixel that makes it a mean over the carpet there.
+        Factor that makes a sum over the square around a pixel a mean over the carpet in it.
     light : (H, W) float32
-        Light over that of the carpet nearby, 0 off the carpet.
+        Light minus the mean light of the carpet nearby; 0 off the carpet.
     """
 
     on: Float32Array
@@ -35,7 +35,7 @@ class LitCarpet(NamedTuple):
 
 @compiled
 def _reflected(at: int, count: int) -> int:
-    """Index of a place beyond a row of at least `MARGIN` + 1, reflected about its end."""
+    """Return an index beyond the end of a row of at least `MARGIN` + 1 pixels, reflected about that end."""
     if at < 0:
         return -at
     return at if at < count else 2 * (count - 1) - at
@@ -53,7 +53,7 @@ def _add_light(
 
 @compiled
 def light_carpet(frame: UInt8Array, carpet: UInt8Array, lit: LitCarpet) -> tuple[int, float]:
-    """Measure the light of a carpet over that of the carpet nearby.
+    """Measure the light of a carpet relative to the mean nearby.
 
     Parameters
     ----------
@@ -62,12 +62,12 @@ def light_carpet(frame: UInt8Array, carpet: UInt8Array, lit: LitCarpet) -> tuple
     carpet : (H, W) uint8
         Non-zero on carpet; H is greater than `MARGIN`.
     lit : LitCarpet
-        Result.
+        Filled.
 
     Returns
     -------
     (int, float)
-        Pixels of carpet, and the sum of the squared light.
+        Number of pixels of carpet, and the sum of their squared light.
     """
     height, width = carpet.shape
     counts, lights = np.zeros(width + 2 * MARGIN, np.int32), np.zeros(width + 2 * MARGIN, np.int32)
@@ -132,9 +132,9 @@ def _sum_row(level: Float32Array, light: Float32Array) -> tuple[float, float]:
 def _level_next(
     carpet: LitCarpet, drawing: Float32Array, row: int, begin: int, sums: Float32Array, level: Float32Array
 ) -> None:
-    """Levels (W,) of a drawing over the mean nearby, in the row after the one before, from row `begin` on.
+    """Write the levels (W,) of a drawing relative to the mean nearby, of the next row; `begin` is the first row.
 
-    `sums` (W + 2 MARGIN,) goes on from row to row.
+    `sums` (W + 2 MARGIN,) is updated from row to row.
     """
     on = carpet.on
     height, width = on.shape
@@ -155,25 +155,25 @@ def _level_next(
 def compare_drawing(
     carpet: LitCarpet, pen: LinePen, view: FloatArray, p: FloatArray, first_row: int, drawing: Float32Array
 ) -> tuple[float, float]:
-    """Draw all lines, less the mean nearby, and sum the drawing's squares, and its products with the light.
+    """Draw all lines relative to the mean nearby; sum the squares of the drawing and its products with the light.
 
     Parameters
     ----------
     carpet : LitCarpet
-        What the drawing is compared with.
+        Light of the carpet.
     pen, view, p, first_row, drawing
         See `draw_lines`; the drawing is zero before and after.
 
     Returns
     -------
     (float, float)
-        Squares, and products.
+        Sum of squares, and sum of products.
     """
     top, bottom = draw_lines(pen, view, p, first_row, drawing)
     height, width = carpet.on.shape
     sums, level = np.empty(width + 2 * MARGIN, np.float32), np.empty(width, np.float32)
     own, both = 0.0, 0.0
-    # rows of the picture: of the drawing, less its margin, and as far as the square reaches
+    # rows of the picture that the square around a stroke reaches
     begin = max(0, top - 2 * MARGIN)
     for row in range(begin, min(height, bottom)):
         _level_next(carpet, drawing, row, begin, sums, level)

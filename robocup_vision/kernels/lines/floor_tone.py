@@ -1,4 +1,4 @@
-"""Compiled learning of the floor's tone from the pixels nearest to the robot, before lines are looked for on it."""
+"""Compiled estimate of the floor's tone from the pixels nearest to the robot, for the search for lines."""
 
 from __future__ import annotations
 
@@ -12,31 +12,32 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.order import quantiles
 from robocup_vision.kernels.floor.common_tone import greenest_common_tone
 
-# smallest logarithm of a ratio R/G or B/G, with a minus: one that is smaller counts as this
+# logarithms of R/G and B/G are clipped at minus this
 _SPAN = 2.0
-# of a tone's logarithms before it is measured, as a standard deviation
+# standard deviation of a tone's logarithms before it has been measured
 _FIRST_SPREAD = 0.08
-# burnt out, and dark, channels tell no ratio
+# levels from which a channel is clipped, and below which its ratio is unreliable
 _BRIGHTEST, _DARKEST = 250, 3
-# but that it is smaller than that, in a vivid green: one so bright, and twice as bright as the others
+# green of a vivid green, in which dark red or blue is allowed because its logarithm is clipped anyway
 _VIVID = _DARKEST * math.exp(_SPAN)
 
 
 class ToneRules(NamedTuple):
-    """What a floor's tone may be.
+    """Bounds of a floor's tone.
 
     Parameters
     ----------
     min_samples : int
-        Pixels of a tone that determine it.
+        Least number of pixels of a tone.
     stds : float
         Largest deviation of a floor colour from the floor's tone, in robust standard deviations.
     min_spread : float
-        Least standard deviation of a tone's logarithm: quantisation of a dark floor.
+        Least standard deviation of a tone's logarithm, due to quantisation of a dark floor.
     dark_ratio, bright_ratio : float
-        Darkest and brightest floor, of the nearest floor's median green: deep shadow and a spot of light.
+        Green of the darkest and brightest floor, in deep shadow and in a spot of light, divided by the median green of
+        the nearest floor.
     slack : float
-        Grey levels a channel may leave the tone's ratios by: sensor noise, which weighs more the darker the floor is.
+        Sensor noise, in grey levels, by which a channel may leave the tone's ratios.
     """
 
     min_samples: int = 50
@@ -49,7 +50,7 @@ class ToneRules(NamedTuple):
 
 @compiled(error_model="numpy")
 def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Float32Array) -> bool:
-    """Learn the floor's colour.
+    """Estimate the floor's tone.
 
     Parameters
     ----------
@@ -60,16 +61,16 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
     rules : ToneRules
         May be plain.
     tone : (7,) float32
-        Result, as `floor_mask_by_tone` takes it.
+        Filled, as in `floor_mask_by_tone`.
 
     Returns
     -------
     bool
-        False, and no result, where too few pixels are of one tone.
+        False, and `tone` is not written, if too few pixels have one tone.
     """
     known = ToneRules(*rules)
     flat, count = frame.reshape(-1), 0
-    # logarithms of R/G and B/G, G, R and B
+    # rows: logarithms of R/G and B/G, then G, R and B
     seen = np.empty((5, near.shape[0]))
     for n in range(near.shape[0]):
         at = 3 * near[n]
@@ -102,14 +103,14 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
             spread[i] = max(around, known.min_spread)
             if mode[i] - known.stds * spread[i] > -_SPAN:
                 continue
-            # a channel so dark that its ratio is cut off varies by counts
+            # the spread of a channel whose ratio is clipped is measured in levels
             ratio = math.exp(mode[i])
             _pick_off(seen[3 + i, :count], seen[2, :count], ratio, is_member, members)
             _, around = _middle_and_spread(members[:chosen], scratch)
             spread[i] = max(spread[i], around / (ratio * usual[0]))
     for i in range(2):
         least, most = mode[i] - known.stds * spread[i], mode[i] + known.stds * spread[i]
-        # grey is no carpet whose own tone is clear of it
+        # the bound towards grey is half-way, unless the tone's own spread reaches farther
         most = min(most, max(0.5 * mode[i], mode[i] + 2.0 * spread[i]))
         tone[2 * i], tone[2 * i + 1] = math.exp(least) if least > -_SPAN else 0.0, math.exp(most)
     tone[4], tone[5], tone[6] = known.dark_ratio * usual[0], known.bright_ratio * usual[0], known.slack
@@ -118,13 +119,13 @@ def learn_tone(frame: UInt8Array, near: Int64Array, rules: ToneRules, tone: Floa
 
 @compiled(inline="always")
 def _log_ratio(channel: int, green: int) -> float:
-    """Return the logarithm of a channel's ratio to green, no less than the least that is counted."""
+    """Return the logarithm of a channel's ratio to green, clipped at -`_SPAN`."""
     return max(math.log(max(channel, 1) / green), -_SPAN)
 
 
 @compiled
 def _middle_and_spread(values: FloatArray, scratch: FloatArray) -> tuple[float, float]:
-    """Return the median of some values and their robust standard deviation; they are overwritten."""
+    """Return the median of values and their robust standard deviation; overwrites the values."""
     half, median = np.full(1, 0.5), np.empty(1)
     quantiles(values, half, scratch, median)
     middle = median[0]
@@ -136,7 +137,7 @@ def _middle_and_spread(values: FloatArray, scratch: FloatArray) -> tuple[float, 
 
 @compiled
 def _pick(values: FloatArray, chosen: BoolArray, out: FloatArray) -> None:
-    """Write the chosen ones of some values side by side."""
+    """Write the chosen values consecutively."""
     count = 0
     for n in range(values.shape[0]):
         if chosen[n]:
@@ -146,7 +147,7 @@ def _pick(values: FloatArray, chosen: BoolArray, out: FloatArray) -> None:
 
 @compiled
 def _pick_off(channel: FloatArray, green: FloatArray, ratio: float, chosen: BoolArray, out: FloatArray) -> None:
-    """Write how far the chosen values of a channel are off a ratio of green, side by side."""
+    """Write the differences of the chosen values of a channel from a ratio of green, consecutively."""
     count = 0
     for n in range(channel.shape[0]):
         if chosen[n]:

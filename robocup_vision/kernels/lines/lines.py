@@ -1,4 +1,4 @@
-"""Compiled loops over the lines of a field: the nearest ones, and poses scored and refined by them."""
+"""Compiled distances to the lines of a field, and scoring and refinement of poses by them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robocup_vision.arrays import FloatArray, Int32Array, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.three import solve_3x3
 
-# `within2` of `nearest_line` where every line counts, however far
+# value of `within2` in `nearest_line` that sets no bound
 ANYWHERE2 = 1e30
 
 
@@ -19,9 +19,9 @@ ANYWHERE2 = 1e30
 def nearest_line(
     x: float, y: float, lines: FloatArray, arcs: FloatArray, within2: float
 ) -> tuple[float, float, float, int]:
-    """Nearest point of the field's lines and arcs: distance, unit normal (from the line towards the point), index.
+    """Return distance, unit normal (from the line towards the point) and index of the nearest line or arc.
 
-    Where none is nearer than the root of `within2`, that is the distance, and the index -1.
+    If none is closer than the root of `within2`, the distance is that root and the index -1.
     """
     best, foot_x, foot_y, index = within2, 0.0, 0.0, -1
     for i in range(lines.shape[0]):
@@ -29,7 +29,7 @@ def nearest_line(
         dx, dy = lines[i, 2] - x0, lines[i, 3] - y0
         length2 = dx * dx + dy * dy
         aside = (x - x0) * dy - (y - y0) * dx
-        # no part of a line is nearer than its continuation
+        # a line is never closer than its continuation
         if aside * aside >= best * length2 > 0.0:
             continue
         t = ((x - x0) * dx + (y - y0) * dy) / length2 if length2 > 0.0 else 0.0
@@ -41,7 +41,7 @@ def nearest_line(
     for j in range(arcs.shape[0]):
         cx, cy, radius, start, sweep = arcs[j, 0], arcs[j, 1], arcs[j, 2], arcs[j, 3], arcs[j, 4]
         away = math.sqrt((x - cx) * (x - cx) + (y - cy) * (y - cy))
-        # no part of an arc is nearer than its circle
+        # an arc is never closer than its circle
         if (away - radius) * (away - radius) >= best:
             continue
         if sweep < 0.0:
@@ -50,7 +50,7 @@ def nearest_line(
         if sweep < 2.0 * math.pi:
             past = (angle - start) % (2.0 * math.pi)
             if past > sweep:
-                # beyond the arc: the nearer of its two ends
+                # outside the sweep: the nearer end
                 angle = start + sweep if past - sweep < 2.0 * math.pi - past else start
         fx, fy = cx + radius * math.cos(angle), cy + radius * math.sin(angle)
         d2 = (x - fx) * (x - fx) + (y - fy) * (y - fy)
@@ -61,7 +61,7 @@ def nearest_line(
         return distance, 0.0, 0.0, index
     if distance > 1e-9:
         return distance, (x - foot_x) / distance, (y - foot_y) / distance, index
-    # on the line itself: any unit vector across it
+    # a point on the line: any unit normal
     if index < lines.shape[0]:
         dx, dy = lines[index, 2] - lines[index, 0], lines[index, 3] - lines[index, 1]
         length = math.sqrt(dx * dx + dy * dy)
@@ -76,7 +76,7 @@ def nearest_line(
 
 @compiled
 def nearest_lines(points: FloatArray, lines: FloatArray, arcs: FloatArray) -> tuple[FloatArray, FloatArray, Int64Array]:
-    """Nearest field line of each point (N, 2).
+    """Find the nearest field line of each point (N, 2).
 
     Returns distance (N,), unit normal (N, 2) from the line towards the point, and index (N,): lines first, then arcs.
     """
@@ -90,12 +90,12 @@ def nearest_lines(points: FloatArray, lines: FloatArray, arcs: FloatArray) -> tu
 
 
 class DistanceTable(NamedTuple):
-    """Distances to the nearest line, tabulated.
+    """Table of distances to the nearest line.
 
     Parameters
     ----------
     values : (H, W) uint8
-        By cells of y and x.
+        Distances in cells, rows along y.
     origin_m : (float, float)
         Middle of the first cell, metres.
     cell_m : float
@@ -111,7 +111,7 @@ class DistanceTable(NamedTuple):
 
 
 class PoseGrid(NamedTuple):
-    """Poses on a grid, in cells of a table.
+    """Grid of poses, in cells of a table.
 
     Parameters
     ----------
@@ -120,9 +120,9 @@ class PoseGrid(NamedTuple):
     first : (int, int)
         Cell of the first position, x and y.
     step : int
-        Between positions.
+        Step between positions.
     size : (int, int)
-        How many positions along x and y.
+        Number of positions along x and y.
     """
 
     headings: FloatArray
@@ -133,10 +133,10 @@ class PoseGrid(NamedTuple):
 
 @compiled
 def score_pose_grid(points: FloatArray, distances: DistanceTable, grid: PoseGrid) -> Int32Array:
-    """Sum the tabulated distances of points seen from every pose of a grid. Returns (K, count_y, count_x) int32.
+    """Sum the tabulated distances of points at every pose of a grid. Returns (K, count_y, count_x) int32.
 
-    Positions are first + i * step in cells of the table, so that a pose only shifts the points' cells. Points that fall
-    outside the table count as far.
+    Positions are first + i * step in cells of the table, so that a position only shifts the points' cells. Points
+    outside the table have the distance `far`.
     """
     table, (origin_x, origin_y), cell, far = distances
     headings, (first_x, first_y), step, (count_x, count_y) = grid
@@ -170,7 +170,7 @@ def refine_line_poses(
     arcs: FloatArray,
     scales_m: FloatArray,
 ) -> FloatArray:
-    """Gauss-Newton of several poses by point-to-line distances with a Cauchy loss that narrows step by step.
+    """Refine poses by Gauss-Newton on point-to-line distances with a Cauchy loss whose scale decreases.
 
     Parameters
     ----------
@@ -179,9 +179,9 @@ def refine_line_poses(
     points : (N, 2) float64
         Line points in the robot frame, metres.
     noise_m, weight : (N,) float64
-        What each point is uncertain by on the floor, added to the loss's scale in quadrature, and its weight.
+        Standard deviation of each point on the floor, added in quadrature to the loss's scale, and its weight.
     lines, arcs : (L, 4), (M, 5) float64
-        Of the field.
+        Lines and arcs of the field.
     scales_m : (T,) float64
         Scale of the loss at each step.
 

@@ -1,4 +1,4 @@
-"""Compiled fit of a pose to white line points: all steps in one call."""
+"""Compiled fit of a pose to white line points."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SeenPoints(NamedTuple):
     floor_m, floor_per_px : (N, 2), (N, 2, 2) float64
         As in `LinePoints`.
     lines, arcs : (L, 4), (A, 5) float64
-        Of the field.
+        Lines and arcs of the field.
     """
 
     floor_m: FloatArray
@@ -33,18 +33,18 @@ class SeenPoints(NamedTuple):
 
 
 class PointRows(NamedTuple):
-    """Line points measured against the nearest lines in the image.
+    """Residuals of line points against the nearest lines, in the image.
 
     Parameters
     ----------
     residual : (N,) float64
-        Distances, px, never negative.
+        Unsigned distances, px.
     jacobian : (N, 3) float64
         Their derivatives by x, y and theta.
     normal_px : (N, 2) float64
         Unit normals in the image, from the line towards the point.
     nearest : (N,) int64
-        Which line or arc.
+        Index of the nearest line or arc.
     """
 
     residual: FloatArray
@@ -54,7 +54,7 @@ class PointRows(NamedTuple):
 
 
 class PointFitRules(NamedTuple):
-    """As `LineFitSettings` says; see there."""
+    """Settings of the fit; see `LineFitSettings`."""
 
     min_noise_px: float
     max_steps: int
@@ -63,7 +63,7 @@ class PointFitRules(NamedTuple):
 
 @compiled(error_model="numpy")
 def measure_points(unknowns: FloatArray, seen: SeenPoints, rows: PointRows) -> None:
-    """Measure line points from a pose.
+    """Compute residuals and derivatives of line points at a pose.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def measure_points(unknowns: FloatArray, seen: SeenPoints, rows: PointRows) -> N
     seen : SeenPoints
         The points.
     rows : PointRows
-        Result.
+        Filled.
     """
     c, s = math.cos(unknowns[2]), math.sin(unknowns[2])
     for n in range(rows.residual.shape[0]):
@@ -94,7 +94,7 @@ def measure_points(unknowns: FloatArray, seen: SeenPoints, rows: PointRows) -> N
 
 @compiled(error_model="numpy")
 def spread_px(residual: FloatArray, within_px: float, scratch: FloatArray) -> float:
-    """Robust standard deviation of unsigned residuals (N,), from those within twice a bound; scratch: (2, N + 1)."""
+    """Robust standard deviation of unsigned residuals (N,), of those within twice a bound; scratch: (2, N + 1)."""
     count = 0
     for e in residual:
         if e <= 2.0 * within_px:
@@ -109,7 +109,7 @@ def spread_px(residual: FloatArray, within_px: float, scratch: FloatArray) -> fl
 
 @compiled(error_model="numpy")
 def loss_of(residual: FloatArray, weight: FloatArray, scale_px: float) -> float:
-    """Sum what a fit with these weights (N,) makes least."""
+    """Return the robust cost that a fit with these weights (N,) minimises."""
     total = 0.0
     for n in range(residual.shape[0]):
         square = residual[n] * residual[n]
@@ -126,27 +126,27 @@ def fit_points(
     rules: PointFitRules,
     rows: PointRows,
 ) -> float:
-    """Fit unknowns to line points by Gauss-Newton, taking in ever fewer that lie off.
+    """Fit unknowns to line points by Gauss-Newton with a robust scale that decreases.
 
     Parameters
     ----------
     unknowns : (3,) float64
-        In: where to start. Out: what was found.
+        In: start. Out: result.
     seen : SeenPoints
         N points.
     weights : (N,) float64
-        Of the points.
+        Weights of the points.
     start_px : float
-        Residuals well beyond this are ignored from the first step on.
+        Robust scale of the first step; residuals far above it have no influence.
     rules : PointFitRules
-        May be plain.
+        Settings; may be a plain tuple.
     rows : PointRows
-        Result: from what was found.
+        Filled with the residuals at the result.
 
     Returns
     -------
     float
-        Residuals well beyond this were ignored, px; NaN where the points do not fix the unknowns.
+        Robust scale of the last step, px; NaN if the points do not determine the unknowns.
     """
     known = PointFitRules(*rules)
     count, size = rows.residual.shape[0], unknowns.shape[0]
@@ -168,10 +168,10 @@ def fit_points(
             ratio = rows.residual[n] / scale
             robust = weight[n] / (1.0 + ratio * ratio) ** 2
             for i in range(size):
-                told = robust * rows.jacobian[n, i]
-                step[i] -= told * rows.residual[n]
+                weighted = robust * rows.jacobian[n, i]
+                step[i] -= weighted * rows.residual[n]
                 for j in range(i + 1):
-                    hessian[i, j] += told * rows.jacobian[n, j]
+                    hessian[i, j] += weighted * rows.jacobian[n, j]
         trace = 0.0
         for i in range(size):
             trace += hessian[i, i]
@@ -207,7 +207,7 @@ def fit_points(
 
 @compiled
 def _copy_rows(rows: PointRows, out: PointRows) -> None:
-    """Copy what was measured, loop by loop."""
+    """Copy residuals, derivatives, normals and indices."""
     copy_vector(rows.residual, out.residual)
     copy_vector(rows.jacobian.reshape(-1), out.jacobian.reshape(-1))
     copy_vector(rows.normal_px.reshape(-1), out.normal_px.reshape(-1))

@@ -1,4 +1,4 @@
-"""Compiled loops over white lines in a picture: the floor, how wide a line looks, and the ridges that are one."""
+"""Compiled detection of line points: the floor's mask, the expected width of a line, and ridges of that width."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _DIAGONAL = math.sqrt(0.5)
 
 @compiled
 def least_of_red_and_blue(frame: UInt8Array, least: UInt8Array) -> None:
-    """Set (H, W) uint8 to the lesser of each pixel's red and blue, of (H, W, 3) uint8: of carpet both are dark."""
-    # by places in one row: loops over three indices are not vectorised
+    """Set (H, W) uint8 to the lesser of each pixel's red and blue, in which carpet is dark, of (H, W, 3) uint8."""
+    # flat, because loops over three indices do not vectorise
     flat, out = frame.reshape(-1), least.reshape(-1)
     for i in range(out.shape[0]):
         out[i] = min(flat[3 * i], flat[3 * i + 2])
@@ -25,8 +25,8 @@ def least_of_red_and_blue(frame: UInt8Array, least: UInt8Array) -> None:
 def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, cell_bits: int, tone: Float32Array) -> UInt8Array:
     """Mark the pixels that have the floor's tone. Returns (H, W) uint8 of 0 and 1.
 
-    seen has an entry for each cell of 2 to the power of cell_bits pixels to a side; tone is (7,): least and greatest
-    R/G, B/G and G, then the slack of each channel in grey levels.
+    seen is non-zero for the cells to use, of 2^cell_bits pixels to a side. tone is (7,): least and greatest R/G, B/G
+    and G, then the slack of each channel in grey levels.
     """
     height, width = smooth.shape[:2]
     out = np.zeros((height, width), dtype=np.uint8)
@@ -41,7 +41,7 @@ def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, cell_bits: int, ton
                 is_any |= shown[x] != 0
         if not is_any:
             continue
-        # without branches many pixels are compared at a time
+        # without branches, so that the loop vectorises
         pixels, marks = smooth[y].reshape(-1), out[y]
         for x in range(width):
             b, g, r = np.float32(pixels[3 * x]), np.float32(pixels[3 * x + 1]), np.float32(pixels[3 * x + 2])
@@ -56,20 +56,20 @@ def floor_mask_by_tone(smooth: UInt8Array, seen: UInt8Array, cell_bits: int, ton
 def line_widths(
     floor_m: FloatArray, seen: UInt8Array, line_width_m: float, range_px: tuple[float, float], width_units: UInt16Array
 ) -> None:
-    """Work out how wide a line looks that is crossed along the axes of `line_ridge_points`.
+    """Compute the width of a line in the image if it is crossed along each axis of `line_ridge_points`.
 
     Parameters
     ----------
     floor_m : (R, C, 2) float64
-        Where cells of the picture show the floor, robot frame, in metres over pixels from cell to cell.
+        Floor positions of the cells, robot frame, in metres divided by the pixels from cell to cell.
     seen : (R, C) uint8
-        Cells that are looked at.
+        Non-zero for cells to use.
     line_width_m : float
-        Of the paint, in the same unit.
+        Width of the paint, in the same unit.
     range_px : (float, float)
-        Narrower and wider ones are left out.
+        Bounds of the widths that are used.
     width_units : (4, R, C) uint16
-        Results, 1/16 px; 0 where not to be looked at.
+        Filled with the widths, 1/16 px; 0 for cells that are not used.
     """
     rows, columns = seen.shape
     for y in range(rows):
@@ -88,7 +88,7 @@ def line_widths(
                 continue
             scale = line_width_m / area
             for k in range(4):
-                # along the line: across the axis
+                # direction of the line, across the axis
                 du, dv = (0.0, 1.0) if k == 0 else ((-_DIAGONAL, _DIAGONAL) if k == 1 else (-1.0, 0.0))
                 if k == 3:
                     du, dv = -_DIAGONAL, -_DIAGONAL
@@ -112,9 +112,9 @@ def _half_crossing(whiteness: UInt8Array, x: int, y: int, dx: int, dy: int, reac
 
 @compiled
 def _stretches(reach_px: UInt8Array, found: Int64Array) -> int:
-    """Find the cells of a row (4, C) side by side of one reach, other than 0, along each axis.
+    """Find runs of cells with the same non-zero reach in a row (4, C), along each axis.
 
-    found (4 * C, 4) is the result: axis, reach, first cell, and the one after the last. Returns how many there are.
+    Fills found (4 * C, 4) with axis, reach, first cell and the one after the last. Returns the number of runs.
     """
     count = variable(0)
     for k in range(4):
@@ -140,9 +140,9 @@ def _mark_ridges(
     level: UInt8Array,
     may_be: UInt8Array,
 ) -> None:
-    """Mark in may_be (W,), a bit an axis, what has neither side brighter than level (W,) in a row, and floor on one.
+    """Mark pixels of a row in may_be (W,), one bit for each axis: both sides at most level (W,), floor on one side.
 
-    Of a stretch, see `_stretches`, many pixels are compared at a time.
+    The pixels of a stretch, see `_stretches`, are compared in one vectorised loop.
     """
     height, width = whiteness.shape
     for i in range(stretches.shape[0]):
@@ -175,7 +175,7 @@ def line_ridge_points(
     threshold: int,
     limit: int,
 ) -> FloatArray:
-    """Find ridges as wide as a line should be, with floor beside them.
+    """Find ridges that have the width of a line, with floor beside them.
 
     Parameters
     ----------
@@ -186,18 +186,18 @@ def line_ridge_points(
     width_units : (4, R, C) uint16
         Expected width along the axes (1, 0), (1, 1), (0, 1), (-1, 1), in 1/16 px.
     reach_px : (4, R, C) uint8
-        Steps along each axis to the floor beside such a line; 0 where not to be looked at.
+        Steps along each axis to the floor beside such a line; 0 for cells that are not used.
     cell_bits : int
-        Of both: pixels to a side of each cell, as a power of two.
+        Size of the cells of both: 2^cell_bits pixels to a side.
     threshold : int
-        Least height of a ridge over both its sides, grey levels.
+        Least height of a ridge above both sides, grey levels.
     limit : int
-        At most so many points are returned.
+        Greatest number of points.
 
     Returns
     -------
     (N, 4) float64
-        Sub-pixel u, v, contrast (height over the floor's G) and 1 for floor on both sides, 0 for one.
+        Sub-pixel u, v, contrast (height divided by the floor's G), and 1 for floor on both sides, 0 for one.
     """
     height, width = whiteness.shape
     out = np.empty((limit, 4))
@@ -208,7 +208,7 @@ def line_ridge_points(
     for y in range(height):
         row = y >> cell_bits
         if y == row << cell_bits:
-            # above the horizon nothing is looked at
+            # nothing to do in rows above the horizon
             shown = _stretches(reach_px[:, row], stretches)
         if shown == 0:
             continue
@@ -229,11 +229,11 @@ def line_ridge_points(
                 dy = 0 if k == 0 else 1
                 xa, ya, xb, yb = x + reach * dx, y + reach * dy, x - reach * dx, y - reach * dy
                 rise = value - max(np.int64(whiteness[ya, xa]), np.int64(whiteness[yb, xb]))
-                # a pixel that is darker than the threshold has been compared with 0
+                # `_mark_ridges` clipped the level of dark pixels at 0
                 if rise < threshold:
                     continue
                 two = np.int64(floor[ya, xa]) + np.int64(floor[yb, xb])
-                # a ridge with floor on both sides goes before a higher one with floor on one
+                # floor on both sides has priority over height
                 if two < best_two or (two == best_two and rise <= best):
                     continue
                 best, best_axis, best_reach, best_two = rise, k, reach, two

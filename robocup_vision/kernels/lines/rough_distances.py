@@ -1,4 +1,4 @@
-"""Compiled loop that counts samples near lines by a table of how far these are."""
+"""Compiled count of samples near field lines, with a table of distances for rejection."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ def count_marks_near_lines(
     distances: DistanceTable,
     far_m: float,
 ) -> int:
-    """Count the samples of a mark that a line is nearer to than so much.
+    """Count the samples of one mark that are closer to a line than a bound.
 
     Parameters
     ----------
     marks : (K, M) uint8
-        What samples show.
+        Marks of the samples.
     mark : int
-        Which of them count.
+        The mark to count.
     floor_m : (K, M, 2) float64
-        Where they lie, robot frame, metres.
+        Positions of the samples, robot frame, metres.
     near_m : (M,) float64
-        How near a line must be in each column; none is nearer than 0.
+        Bound on the distance in each column; 0 excludes the column.
     pose : (float, float, float)
         x, y, theta of the robot.
     lines, arcs : (L, 4), (M, 5) float64
-        Of the field.
+        Lines and arcs of the field.
     distances, far_m : DistanceTable, float
-        The table of a `LineMap`, and the distance, metres, that its value `far` stands for: what it puts so far off
-        is not measured.
+        The table of a `LineMap`, and the distance, metres, of its value `far`. Samples that are too far by the table
+        are not measured exactly.
     """
     table, (origin_x, origin_y), cell, far = distances
     rows, columns = table.shape
     c, s = math.cos(pose[2]), math.sin(pose[2])
-    # values are rounded, and a point may lie in its cell's corner
+    # rounding of the values, and half the diagonal of a cell
     per_m, slack = far / far_m, 0.501 + (far / far_m) * math.sqrt(0.501) * cell
     count = 0
     for k in range(marks.shape[0]):

@@ -1,4 +1,4 @@
-"""Compiled loops that compare a range profile with earlier ones, seen again from a candidate pose."""
+"""Compiled registration of a range profile with earlier ones, predicted from a candidate pose."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, solve_symmetric, substitute
 
-# rows of the present profile, (3, J): inverse range at bearing j * 2 pi / J (1/m, NaN where none), its variance, and
-# its change from one bearing to the next
+# rows of the present profile, (3, J): inverse range at bearing j * 2 pi / J (1/m, NaN if none), its variance, and its
+# change from one bearing to the next
 VALUE, VARIANCE, SLOPE = range(3)
-# columns of an earlier profile, (M, 4): the points (NaN where none) in the frame of the pose sought, m; the variance of
-# their range as measured then, and of how far what stands there may have moved since, along each axis; m^2
+# columns of an earlier profile, (M, 4): points (NaN if none) in the frame of the pose to estimate, m; variance of their
+# measured range, and of the displacement of the object there since then along each axis, m^2
 X, Y, RANGE_VARIANCE, MOVED_VARIANCE = range(4)
-# fewer blocks than this cannot contradict a pose of three unknowns
+# three unknowns can fit fewer blocks than this exactly
 _MIN_BLOCKS = 4
-# neighbours are of one thing if they differ by less than this ratio of their inverse range, beyond their noise
+# neighbours belong to one object if their inverse ranges differ by less than this ratio, beyond their noise
 _STEP_RATIO = 0.1
 
 
 class Rules(NamedTuple):
-    """How profiles are compared.
+    """Settings of the comparison of profiles.
 
-    min_inlier_ratio : an earlier profile is used if at least this ratio of what could be compared is within the gate.
-    worth : independent measurements a bearing; below 1 where bearings have been smoothed over their neighbours.
-    block : the errors of this many neighbouring bearings may be one.
+    min_inlier_ratio : least ratio of the comparable bearings within the gate for an earlier profile to be used.
+    worth : independent measurements for each bearing; below 1 if bearings have been smoothed over their neighbours.
+    block : number of neighbouring bearings whose errors may be identical.
     """
 
     min_inlier_ratio: float
@@ -40,7 +40,7 @@ class Earlier(NamedTuple):
     """Earlier profiles.
 
     points : (k, M, 4) float64, see the columns' names.
-    thing : (k, M) int64, which thing each point lies on; those of one are next to each other (and around the end).
+    thing : (k, M) int64, object of each point; the points of one object are adjacent, cyclically.
     """
 
     points: FloatArray
@@ -48,7 +48,7 @@ class Earlier(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What is known of the pose without the profiles: (3,) x, y, phi, and (3, 3) the inverse of its covariance."""
+    """Prior pose without the profiles: (3,) x, y, phi, and (3, 3) the inverse of its covariance."""
 
     pose: FloatArray
     information: FloatArray
@@ -68,7 +68,7 @@ class Sums(NamedTuple):
 
 @compiled
 def _is_step(one: float, other: float, variance: float) -> bool:
-    """Whether two neighbouring inverse ranges (1/m), NaN for none, lie on different things."""
+    """Whether two neighbouring inverse ranges (1/m), NaN for none, belong to different objects."""
     return not abs(one - other) < 3.0 * math.sqrt(2.0 * variance) + _STEP_RATIO * other
 
 
@@ -76,13 +76,13 @@ def _is_step(one: float, other: float, variance: float) -> bool:
 def smooth(
     inverse: FloatArray, variance: FloatArray, reach: int, value: FloatArray, spread: FloatArray, slope: FloatArray
 ) -> None:
-    """Fit a straight wall through each direction's neighbours that lie on the same thing.
+    """Fit a straight wall through each direction's neighbours that belong to the same object.
 
-    In inverse range a straight wall is a cos(angle) + b sin(angle), whatever its distance; b, the slope, is fitted too.
+    In inverse range a straight wall is a cos(angle) + b sin(angle), whatever its distance.
 
-    inverse, variance : (J,) inverse range, 1/m, NaN where none; and its variance.
-    reach : neighbours on either side that may take part.
-    value, spread, slope : (J,); written: 1/m, its variance, and 1/m per step; NaN where `inverse` is, or stands alone.
+    inverse, variance : (J,) inverse range, 1/m, NaN if none; and its variance.
+    reach : greatest number of neighbours on either side.
+    value, spread, slope : (J,); written: 1/m, its variance, and 1/m for each step; NaN for single directions.
     """
     count = inverse.shape[0]
     step_rad = math.tau / count
@@ -96,7 +96,7 @@ def smooth(
             last = middle
             for step in range(1, reach + 1):
                 near = inverse[(j + side * step) % count]
-                # noise from one direction to the next is far smaller than a step in depth
+                # noise between neighbours is far smaller than a step in depth
                 if _is_step(near, last, variance[j]):
                     break
                 last = near
@@ -107,7 +107,7 @@ def smooth(
                 c += cos * near
                 s += sin * near
         size = cc * ss - cs * cs
-        # one direction alone has no slope: it is mostly an edge between two things
+        # a single direction has no slope; usually it is an edge between two objects
         if ss > 0.0:
             value[j] = (ss * c - cs * s) / size
             slope[j] = (cc * s - cs * c) / size * step_rad
@@ -116,15 +116,15 @@ def smooth(
 
 @compiled
 def part(inverse: FloatArray, variance: FloatArray, thing: Int64Array) -> int:
-    """Give numbers to the things seen: neighbouring directions with no step in depth between them.
+    """Assign numbers to the objects: runs of neighbouring directions without a step in depth.
 
-    inverse, variance : (J,) inverse range, 1/m, NaN where none; and its variance.
-    thing : (J,); written: numbers from 0; -1 where there is nothing.
+    inverse, variance : (J,) inverse range, 1/m, NaN if none; and its variance.
+    thing : (J,); written: numbers from 0; -1 without a range.
 
-    Returns how many there are.
+    Returns the number of objects.
     """
     count = inverse.shape[0]
-    # begin at a gap, so that no thing is cut in two at direction 0
+    # start at a step, so that no object is divided at direction 0
     first = 0
     for j in range(count):
         if _is_step(inverse[j - 1], inverse[j], variance[j]):
@@ -144,7 +144,7 @@ def part(inverse: FloatArray, variance: FloatArray, thing: Int64Array) -> int:
 
 @compiled
 def widths(points: FloatArray, thing: Int64Array, width: FloatArray) -> None:
-    """How wide each thing is: the diagonal of the box around its points (M, 2 or more); `width` (T,) is written, m."""
+    """Write the width (T,) of each object, m: the diagonal of the box around its points (M, 2 or more)."""
     low, high = np.full((len(width), 2), math.inf), np.full((len(width), 2), -math.inf)
     for m in range(len(thing)):
         if thing[m] >= 0:
@@ -164,14 +164,13 @@ def _add_block(
     slope: FloatArray,
     scatter: FloatArray,
 ) -> None:
-    """Add the information of one block of neighbouring bearings on the pose; the thing there may have moved.
+    """Add the information of one block of neighbouring bearings about the pose, given that the object may have moved.
 
-    A thing that moves looks like a robot that moves the other way, so its own displacement, of variance
-    `moved_variance` (m^2) along x and along y, has the columns of the pose's x and y; integrated out, it leaves
-    N - N_t^T (N_tt + I / m^2)^-1 N_t of the block's normal matrix N.
+    The object's displacement, of variance `moved_variance` (m^2) along x and y, has the same derivatives as the pose's
+    x and y. Marginalised, it leaves N - N_t^T (N_tt + I / m^2)^-1 N_t of the block's normal matrix N.
 
-    own_normal, own_slope : (3, 3) and (3,) as if the thing stood still; cleared.
-    normal, slope, scatter : (3, 3), (3,) and (3, 3); added to; the last takes the slope's square.
+    own_normal, own_slope : (3, 3) and (3,) for an object at rest; cleared.
+    normal, slope, scatter : (3, 3), (3,) and (3, 3); added to; `scatter` takes the slope's outer product.
     """
     xx, xy, yy = 0.0, 0.0, 0.0
     if moved_variance > 0.0:
@@ -182,7 +181,7 @@ def _add_block(
     for a in range(3):
         by_x = own_normal[a, 0] * xx + own_normal[a, 1] * xy
         by_y = own_normal[a, 0] * xy + own_normal[a, 1] * yy
-        # the two columns by which the displacement enters are read until the end
+        # own_normal is not changed before the end of the loop
         own_slope[a] -= by_x * left_x + by_y * left_y
         slope[a] += own_slope[a]
         for b in range(3):
@@ -205,17 +204,17 @@ def compare(
     nearest: FloatArray,
     sums: Sums,
 ) -> tuple[float, int, int, int]:
-    """Difference of a profile from one earlier profile seen from a pose: one i of Miura's eq. 1.
+    """Compare a profile with one earlier profile from a pose: the term of one i in Miura's eq. 1.
 
     present, past : (3, J) and (M, 4), see the rows' and columns' names.
-    thing : (M,) which thing an earlier point lies on; those of one are next to each other (and around the end).
+    thing : (M,) object of each earlier point; the points of one object are adjacent, cyclically.
     pose : (3,) x, y, phi.
-    gate : differences over this many standard deviations are skipped.
+    gate : differences of more standard deviations are outliers.
     nearest : (J,) scratch.
     sums : added to.
 
-    Returns the sum of squared normalised differences, and how many bearings were counted, how many could have been,
-    and how many blocks they made.
+    Returns the sum of squared normalised differences, the numbers of inlier and of comparable bearings, and the number
+    of blocks.
     """
     worth, block = rules.worth, rules.block
     normal, slope, scatter = sums
@@ -248,7 +247,7 @@ def compare(
             continue
         spread = present[VARIANCE, j] + past[m, RANGE_VARIANCE] / (squared * squared)
         limit = gate * math.sqrt(spread)
-        # what a nearer thing of the earlier profile hides is not seen again
+        # hidden by a nearer object of the earlier profile
         if nearest[j] - seen > limit:
             continue
         comparable += 1
@@ -279,28 +278,28 @@ def compare(
 
 @compiled
 def excess(normal: FloatArray, scatter: FloatArray, information: FloatArray, blocks: int) -> float:
-    """Return how many times larger than stated the errors are, by the blocks' disagreement; at least 1.
+    """Return the factor, at least 1, by which the errors exceed their stated variance, from the blocks' scatter.
 
-    normal, information : (3, 3) information on the pose by the bearings, and without them.
-    scatter : (3, 3) the blocks' slopes squared and added up: as large as `normal` if their errors are as stated and
-    independent of each other.
+    normal, information : (3, 3) information about the pose from the bearings, and from the prior.
+    scatter : (3, 3) sum of the outer products of the blocks' slopes; its expectation is `normal` if the errors are as
+    stated and independent.
     """
-    whole, claims, shows = np.empty((3, 3)), np.empty(3), np.empty(3)
+    whole, expected_column, observed_column = np.empty((3, 3)), np.empty(3), np.empty(3)
     for a in range(3):
         for b in range(3):
             whole[a, b] = normal[a, b] + information[a, b]
     if not factor(whole, 3):
         return 1.0
-    claimed, shown = 0.0, 0.0
+    expected, observed = 0.0, 0.0
     for a in range(3):
         for b in range(3):
-            claims[b], shows[b] = normal[b, a], scatter[b, a]
-        substitute(whole, 3, claims)
-        substitute(whole, 3, shows)
-        claimed += claims[a]
-        shown += shows[a]
-    # three blocks' worth of disagreement has gone into the pose
-    return max(1.0, shown / max(claimed, 1e-12) * blocks / (blocks - 3.0))
+            expected_column[b], observed_column[b] = normal[b, a], scatter[b, a]
+        substitute(whole, 3, expected_column)
+        substitute(whole, 3, observed_column)
+        expected += expected_column[a]
+        observed += observed_column[a]
+    # the fit of three unknowns reduces the degrees of freedom by three
+    return max(1.0, observed / max(expected, 1e-12) * blocks / (blocks - 3.0))
 
 
 @compiled(inline="always")
@@ -314,14 +313,14 @@ def difference(
     normal: FloatArray,
     slope: FloatArray,
 ) -> tuple[float, int, float]:
-    """Miura's Diff(x, y, phi), with its normal matrix and its gradient, over k earlier profiles.
+    """Compute Miura's Diff(x, y, phi), its normal matrix and its gradient, over k earlier profiles.
 
-    information : (3, 3) what is known of the pose without the profiles.
-    normal, slope : (3, 3) and (3,); overwritten. They are the mean over profiles of the mean over bearings, each
-    profile by its `excess`, times the largest number of bearings that one of them gave: all have the same noise of the
-    present profile, and together weigh as one of them does.
+    information : (3, 3) prior information about the pose.
+    normal, slope : (3, 3) and (3,); overwritten. Means over profiles of means over bearings, divided by the profile's
+    `excess`, times the largest number of inliers of one profile: the profiles share the present profile's noise, so
+    that together they have the information of one.
 
-    Returns Diff, how many profiles were used, and the ratio of all that could be compared which agrees.
+    Returns Diff, the number of profiles used, and the inlier ratio over all comparable bearings.
     """
     one, nearest = Sums(np.empty((3, 3)), np.empty(3), np.empty((3, 3))), np.empty(present.shape[1])
     normal[:] = 0.0
@@ -363,12 +362,11 @@ def refine(
     rules: Rules,
     normal: FloatArray,
 ) -> tuple[int, float]:
-    """Gauss-Newton on `difference` and the prediction, one step a gate; moves `pose` (3,) and leaves its `normal`.
+    """Refine `pose` (3,) by Gauss-Newton on `difference` and the prior, one step for each gate; writes `normal`.
 
-    prediction : the pose by odometry.
+    prediction : prior pose from odometry.
 
-    Returns how many profiles were used at the last step, and the ratio of bearings that agreed then; 0 profiles where
-    at some step none could be used.
+    Returns the number of profiles used in the last step, and the inlier ratio there; 0 profiles if a step had none.
     """
     slope, matrix = np.empty(3), np.empty((3, 3))
     predicted, information = prediction
@@ -391,7 +389,7 @@ def refine(
 
 @compiled
 def search(present: FloatArray, points: FloatArray, poses: FloatArray, gate: float) -> int:
-    """Which of the candidate poses (N, 3) lets most of the points (P, 4) agree; of equals, the first."""
+    """Return the first of the candidate poses (N, 3) with the most inliers among the points (P, 4)."""
     bearings = present.shape[1]
     per_rad = bearings / math.tau
     best, most = 0, -1

@@ -1,4 +1,4 @@
-"""Compiled loops of free ranges grown by the robot: the profile that its centre, taken as a point, may move in."""
+"""Compiled growing of free ranges by the robot's radius: the profile in which its centre can move as a point."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 
-# Bins of the grown profile (0.45 to 0.9 degrees) and the groups of them over which trajectories take long steps.
-# Constants of the compiler, because a division by them is then a shift.
+# bins of the grown profile (0.45 to 0.9 degrees), and coarser groups of them for long steps along trajectories;
+# constants, so that the compiler divides by shifts
 BINS = 512
 FINE = 128
 COARSE = 32
 
 
 class Sectors(NamedTuple):
-    """What each of J bearings stands for: halfway to its neighbours.
+    """Sectors of J bearings, each of which extends half-way to its neighbours.
 
     Parameters
     ----------
     units : (J, 4) float64
         Unit vectors (x, y) of the lower and the upper edge.
     bins : (J, 4) int64
-        Profile bins of the edges; whether the lower and the upper neighbour follow without a gap.
+        Profile bins of the edges, and whether the lower and the upper neighbour follow without a gap.
     """
 
     units: FloatArray
@@ -39,7 +39,7 @@ class Profile(NamedTuple):
     edges : (BINS + 1, 2) float64
         Unit vectors of the bins' edges.
     ranges : (BINS,) float64
-        Metres; inf where nothing is ever touched.
+        Metres; inf if nothing is ever touched.
     fine, coarse : (FINE,), (COARSE,) float64
         Smallest range over each group of bins and its two neighbours.
     """
@@ -52,8 +52,8 @@ class Profile(NamedTuple):
 
 @compiled(error_model="numpy")
 def profile_bin(x: float, y: float) -> int:
-    """Bin of the direction (x, y)."""
-    # The diamond angle grows with the bearing as atan2 does, at the price of one division.
+    """Return the bin of the direction (x, y)."""
+    # the diamond angle increases with the bearing and needs only one division
     along = y / (abs(x) + abs(y))
     if x < 0.0:
         along = 2.0 - along
@@ -65,10 +65,10 @@ def profile_bin(x: float, y: float) -> int:
 
 @compiled(error_model="numpy")
 def measure_sectors(bearing: FloatArray, sectors: Sectors) -> bool:
-    """Give each bearing (J,), radians, its sector; False where the bearings do not ascend within one turn.
+    """Compute the sector of each bearing (J,), radians; returns False if they do not ascend within one turn.
 
-    `sectors` is written. A gap of more than 1.5 times the smallest spacing belongs to nobody (a camera that does not
-    see all around): there a sector reaches half the smallest spacing, and the rest is unseen.
+    In a gap of more than 1.5 times the smallest spacing, a sector extends by half the smallest spacing; the rest of the
+    gap is unseen.
     """
     count = bearing.shape[0]
     turn = 2.0 * np.pi
@@ -97,25 +97,25 @@ def measure_sectors(bearing: FloatArray, sectors: Sectors) -> bool:
 
 @compiled(error_model="numpy")
 def _widen(lows: FloatArray, count: int, out: FloatArray) -> None:
-    """Smallest of each of the first `count` values and its two neighbours around the turn."""
+    """Write the smallest of each of the first `count` values and its two neighbours, cyclically."""
     for k in range(count):
         out[k] = min(lows[k], min(lows[k - 1 if k > 0 else count - 1], lows[k + 1 if k + 1 < count else 0]))
 
 
 @compiled(error_model="numpy")
 def grow_profile(range_m: FloatArray, sectors: Sectors, radius_m: float, profile: Profile) -> float:
-    """Fill the grown profile: per bin the smallest centre range at which a disc touches a sector's arc or its shadow.
+    """Fill the grown profile: for each bin the least range of the centre at which a disc touches a sector or its end.
 
     Parameters
     ----------
     range_m : (J,) float64
-        Metres; NaN is unseen: its own bins become 0 and nothing grows from it.
+        Metres; NaN is unseen: its own bins become 0, and nothing grows from it.
     sectors : Sectors
         From `measure_sectors`.
     radius_m : float
-        The robot's.
+        Radius of the robot.
     profile : Profile
-        Its edges are read, the rest is written.
+        Edges are read, the rest is written.
 
     Returns
     -------
@@ -125,7 +125,7 @@ def grow_profile(range_m: FloatArray, sectors: Sectors, radius_m: float, profile
     count = range_m.shape[0]
     ranges = profile.ranges
     squared = radius_m * radius_m
-    # Bins that no sector covers are unseen; -1 marks them until all sectors are in.
+    # bins that no sector covers are unseen; marked by -1 at first
     ranges[:] = -1.0
     for k in range(count):
         index = sectors.bins[k, 0]
@@ -152,7 +152,7 @@ def grow_profile(range_m: FloatArray, sectors: Sectors, radius_m: float, profile
         for side in range(2):
             if sectors.bins[k, 2 + side] == 1:
                 other = range_m[(k + 1) % count] if side == 1 else range_m[k - 1]
-                # A nearer neighbour holds this end point in its own shadow.
+                # this end point is behind the nearer neighbour
                 if other <= range_m[k]:
                     continue
             x = reach * sectors.units[k, 2 * side]

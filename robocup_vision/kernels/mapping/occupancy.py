@@ -1,4 +1,4 @@
-"""Compiled loops of the free-space map: the evidence of each cell by a range profile, and the free ranges."""
+"""Compiled loops of the free-space map: evidence of a range profile for each cell, and free ranges."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from robocup_vision.arrays import BoolArray, Float32Array, FloatArray, Int8Array, Int32Array
 from robocup_vision.compiling.loops import compiled
 
-# evidence of a cell: none; a hit (the paper's event O); crossed (not O)
+# evidence for a cell: none; a hit (the paper's event O); crossed (not O)
 SILENT, HIT, CROSSED = 0, 1, 2
 _TURN = 2.0 * math.pi
-# bearings closer together than this join without a gap, radians
+# cones closer together than this join without a gap, radians
 _JOINED_RAD = 1e-9
 
 
@@ -36,8 +36,8 @@ class ProfileArrays(NamedTuple):
     """A range profile in the sensor's frame.
 
     bearing, lower, upper : (J,) float64, middle and edges of each bearing's cone, ascending within one turn, radians.
-    range_m, depth_m : (J,) float64; an obstacle stands between range and range + depth; a NaN range is no measurement.
-    hit : (J,) bool, whether there is an obstacle; else the floor is free as far as the range.
+    range_m, depth_m : (J,) float64; obstacles extend from range to range + depth; a NaN range is no measurement.
+    hit : (J,) bool, whether there is an obstacle at the range; otherwise the floor is free up to the range.
     """
 
     bearing: FloatArray
@@ -50,9 +50,9 @@ class ProfileArrays(NamedTuple):
 
 @compiled
 def _span(dx: float, dy: float, half: float) -> tuple[float, float, float, float, float]:
-    """Nearest and farthest range of a cell, direction of its middle, and its lowest and highest direction from that.
+    """Return nearest and farthest range of a cell, direction of its middle, and lowest and highest direction from that.
 
-    For a middle (dx, dy) at least a whole cell away: nearer, the cell has no span.
+    The middle (dx, dy) must be at least one cell away.
     """
     ax, ay = abs(dx), abs(dy)
     short_x, short_y = max(ax - half, 0.0), max(ay - half, 0.0)
@@ -68,7 +68,7 @@ def _span(dx: float, dy: float, half: float) -> tuple[float, float, float, float
 
 @compiled
 def _first_cone(direction: float, lower: FloatArray, upper: FloatArray) -> tuple[int, float]:
-    """Cone that holds a direction, or, in a gap, the next one; and the angle from the direction to where it begins."""
+    """Return the cone that contains a direction, or the next one after a gap, and the angle from there to its start."""
     offset = (direction - lower[0]) % _TURN
     first, last = 0, lower.shape[0]
     while last - first > 1:
@@ -87,21 +87,21 @@ def _first_cone(direction: float, lower: FloatArray, upper: FloatArray) -> tuple
 def gather_evidence(
     sensor: SensorInGrid, profile: ProfileArrays, nearest_m: float, reach_m: float, discs: FloatArray, out: Int8Array
 ) -> None:
-    """Write the evidence of each cell by one range profile: HIT, CROSSED or, without evidence, SILENT.
+    """Write the evidence of one range profile for each cell: HIT, CROSSED or SILENT.
 
-    A cell is hit by a bearing whose ray has its end in it, or in whose cone its middle lies at that range; it is
-    crossed if the cones of all bearings that touch it end beyond its farthest corner.
+    A cell is hit by a bearing whose ray ends in it, or whose cone contains its middle at that range. It is crossed if
+    the cones of all bearings that touch it end beyond its farthest corner.
 
     Parameters
     ----------
     sensor : SensorInGrid
-        Where the cells and the sensor are.
+        Grid and pose of the sensor.
     profile : ProfileArrays
-        Its measurement.
+        Measurement of the sensor.
     nearest_m, reach_m : float
         Ranges between which the sensor measures.
     discs : (D, 3) float64
-        x, y, radius in the map's frame: cells that touch one are left out.
+        x, y, radius in the map's frame; cells that touch a disc get no evidence.
     out : (N, N) int8, written
         First index along x.
     """
@@ -110,7 +110,7 @@ def gather_evidence(
     count, size = bearing.shape[0], out.shape[0]
     half = 0.5 * cell_m
     out[:] = SILENT
-    # beyond the end of the longest ray nothing is hit or crossed
+    # no cell beyond the longest ray is hit or crossed
     longest = 0.0
     for k in range(count):
         if range_m[k] > 0.0:
@@ -133,7 +133,7 @@ def gather_evidence(
             k, begin = _first_cone(middle + low - theta_rad, lower, upper)
             width = high - low
             crossed, is_hit = begin <= 0.0, False
-            # each bearing whose cone touches the cell, and where from the cell's lowest direction it begins
+            # each cone that touches the cell; `begin` is its start relative to the cell's lowest direction
             for _ in range(count):
                 if begin > width:
                     break
@@ -165,7 +165,7 @@ def gather_evidence(
 
 @compiled
 def _chord(dx: float, dy: float, half: float, c: float, s: float) -> tuple[float, float]:
-    """Where a ray from the origin along (c, s) enters and leaves the cell about (dx, dy); enter > leave: it misses."""
+    """Return where a ray from the origin along (c, s) enters and leaves a cell at (dx, dy); enter > leave is a miss."""
     enter, leave = 0.0, np.inf
     if c != 0.0:
         a, b = (dx - half) / c, (dx + half) / c
@@ -182,7 +182,7 @@ def _chord(dx: float, dy: float, half: float, c: float, s: float) -> tuple[float
 
 @compiled
 def _touches(x: float, y: float, half: float, discs: FloatArray) -> bool:
-    """Whether the cell about (x, y) touches one of the discs."""
+    """Whether the cell at (x, y) touches one of the discs."""
     for d in range(discs.shape[0]):
         ax = max(abs(discs[d, 0] - x) - half, 0.0)
         ay = max(abs(discs[d, 1] - y) - half, 0.0)
@@ -200,7 +200,7 @@ def add_evidence(
     log_odds: Float32Array,
     observations: Int32Array,
 ) -> None:
-    """Apply Bayes' rule in each cell with evidence: add to its log-odds, within +-`max_odds`, and count it."""
+    """Apply Bayes' rule to each cell with evidence: add to its log-odds, clipped at +-`max_odds`, and count it."""
     for i in range(evidence.shape[0]):
         for j in range(evidence.shape[1]):
             if evidence[i, j] == SILENT:
@@ -214,16 +214,16 @@ def add_evidence(
 def free_ranges(
     sensor: SensorInGrid, lower: FloatArray, upper: FloatArray, nearest_m: float, is_free: BoolArray, out: FloatArray
 ) -> None:
-    """Range of each cone to the first cell that touches it and is not free, or to the map's end.
+    """Compute the range of each cone to the first cell that touches it and is not free, or to the map's end.
 
     Parameters
     ----------
     sensor : SensorInGrid
-        Where the cells and the sensor are.
+        Grid and pose of the sensor.
     lower, upper : (J,) float64
         Edges of each cone, sensor frame, ascending within one turn, radians.
     nearest_m : float
-        Cells that reach nearer than this are ignored.
+        Cells with a point nearer than this are ignored.
     is_free : (N, N) bool
     out : (J,) float64, written
         Metres.

@@ -1,7 +1,7 @@
-"""Compiled times to contact of many commands at once: `trajectories.contact_time`, side by side in lanes.
+"""Compiled times to contact of many commands: `trajectories.contact_time` in parallel lanes.
 
-A lane that has ended takes the next command, so that few long trajectories do not hold up the many short ones. Loops
-over lanes have no branches and look nothing up in tables while they write: the processor takes eight lanes at once.
+A lane that has ended takes the next command, so that few long trajectories do not delay many short ones. The loops over
+lanes have neither branches nor look-ups, so that they vectorise.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from robocup_vision.kernels.mapping.grown_profile import BINS, COARSE, FINE, Pro
 from robocup_vision.kernels.motion.trajectories import COARSE_SIN, COARSE_TAN, FINE_SIN, FINE_TAN, Pair
 
 LANES = 16
-# of each command: velocity now and commanded, until when it is looked at, the greater speed and its inverse, when the
-# command is reached, what is pushed per second, the shortest step
+# rows of a command: velocity now and commanded, end of the horizon, the greater speed and its inverse, time at which
+# the command is reached, change of velocity per second as a ratio, shortest step
 VX, VY, TX, TY, END, FASTEST, SLOWNESS, SETTLE, PUSH, LEAST = range(10)
-# the same, and how far it is: last free moment (inf: no contact), moment that is looked at, whether it goes on
+# and its state: last free time (inf: no contact), present time, whether it is still running
 FREE, TIME, RUNS = range(10, 13)
 COMMAND = 13
-# place and velocity at that moment, and the profile there
+# place and velocity at that time, and the profile there
 X, Y, NOW_X, NOW_Y, RANGE, NEAR_COARSE, NEAR_FINE = range(13, 20)
 ROWS = 20
 PER_COARSE, PER_FINE = np.uint32(BINS // COARSE), np.uint32(BINS // FINE)
@@ -41,14 +41,14 @@ def contact_times(
     smallest: float,
     out: FloatArray,
 ) -> None:
-    """Fill out (N,) with what `contact_time` returns of each command.
+    """Fill out (N,) with `contact_time` of each command.
 
     Parameters
     ----------
     start, acceleration, step_m, profile, smallest
-        As `contact_time` takes them.
+        As in `contact_time`.
     velocities, targets : (2, N) float64
-        Velocity now, and the one commanded, m/s.
+        Present and commanded velocity, m/s.
     horizons : (N,) float64
         Seconds.
     out : (N,) float64
@@ -132,7 +132,7 @@ def _sure_time(
 
 @compiled(error_model="numpy", inline="always")
 def _step(start: Pair, profile: Profile, smallest: float, lanes: FloatArray, bins: UInt32Array) -> int:
-    """Look at each lane's moment, and go on to its next one; returns how many lanes go on."""
+    """Test each lane at its time, and advance it; returns the number of lanes still running."""
     for n in range(LANES):
         t, settle = lanes[TIME, n], lanes[SETTLE, n]
         v_x, v_y, target_x, target_y = lanes[VX, n], lanes[VY, n], lanes[TX, n], lanes[TY, n]
@@ -180,7 +180,7 @@ def _step(start: Pair, profile: Profile, smallest: float, lanes: FloatArray, bin
 
 @compiled(error_model="numpy")
 def _bracket(start: Pair, apart_m: float, profile: Profile, commands: FloatArray, out: FloatArray) -> None:
-    """Halve the time between the last free moment and the contact of each command until the way between is short."""
+    """Bisect the time between the last free time and the contact of each command until the way between is short."""
     lanes, bins = np.zeros((ROWS, LANES)), np.zeros(LANES, np.uint32)
     count = out.shape[0]
     for first in range(0, count, LANES):
@@ -197,7 +197,7 @@ def _bracket(start: Pair, apart_m: float, profile: Profile, commands: FloatArray
 
 @compiled(error_model="numpy", inline="always")
 def _halve(start: Pair, apart_m: float, profile: Profile, lanes: FloatArray, bins: UInt32Array) -> int:
-    """Look half-way between the last free moment and the contact of each lane; returns how many were far apart."""
+    """Bisect once in each lane; returns the number of lanes that were not finished."""
     for n in range(LANES):
         t, settle = 0.5 * (lanes[FREE, n] + lanes[TIME, n]), lanes[SETTLE, n]
         v_x, v_y, target_x, target_y = lanes[VX, n], lanes[VY, n], lanes[TX, n], lanes[TY, n]
@@ -206,7 +206,7 @@ def _halve(start: Pair, apart_m: float, profile: Profile, lanes: FloatArray, bin
         is_settling = t < settle
         x = start[0] + v_x * t + gained * dv_x if is_settling else start[0] + target_x * t - lost * dv_x
         y = start[1] + v_y * t + gained * dv_y if is_settling else start[1] + target_y * t - lost * dv_y
-        # where there is no contact, half-way is at no time
+        # without a contact the time is infinite
         is_known = t < np.inf
         lanes[X, n] = math.sqrt(x * x + y * y)
         bins[n] = _bin(x if is_known else 0.0, y if is_known else 0.0)

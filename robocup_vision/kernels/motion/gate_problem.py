@@ -1,7 +1,7 @@
 """Compiled search of the gate problem's AND/OR tree (Miura 2004, section 5) by branch and bound: the next viewpoint.
 
-Beliefs are joint masses over the gap's width, not normalised: a branch's probability is the sum of its masses, so costs
-are sums and no division is needed.
+Beliefs are joint masses over the gap's width, not normalised: the probability of a branch is the sum of its masses, so
+that costs are sums without division.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.compiling.loops import compiled
 
-# actions at a node, besides the viewpoints' numbers
+# actions at a node besides the indices of viewpoints
 DETOUR = -1
 PASS = -2
 
 
 class GateProblem(NamedTuple):
-    """A gate problem in numbers.
+    """Parameters of a gate problem.
 
-    first_wide : from this cell of the width on, the gap is wide enough.
-    likelihood : (N, K, W) float64, probability of each of K measurements at each viewpoint, by the width.
-    move : (N, N) float64, seconds between viewpoints, never more than by way of a third.
-    look : seconds of a look.
-    passing, failing, detour : (N,) float64, seconds to the target: through a gap that is wide enough; by a gap that
-    turns out too narrow, and back round it, never less than the detour; by the detour.
-    confirmed : probability from which a gap may be passed.
+    first_wide : first cell of the width at which the gap is wide enough.
+    likelihood : (N, K, W) float64, probability of each of K measurements at each viewpoint, given the width.
+    move : (N, N) float64, seconds between viewpoints, which satisfy the triangle inequality.
+    look : duration of a look, seconds.
+    passing, failing, detour : (N,) float64, seconds to the target: through a gap that is wide enough; by a gap that is
+    too narrow, and back, never less than the detour; by the detour.
+    confirmed : least probability at which a gap may be passed.
     """
 
     first_wide: int
@@ -43,7 +43,7 @@ class GateProblem(NamedTuple):
 
 @compiled(error_model="numpy")
 def stop_cost(wide: float, narrow: float, passing: float, failing: float, detour: float, confirmed: float) -> float:
-    """Least cost, weighted by mass, without a further look: the detour, or the gap if it is confirmed."""
+    """Return the least cost, weighted by mass, without a further look: the detour, or the gap if it is confirmed."""
     cost = (wide + narrow) * detour
     if wide >= confirmed * (wide + narrow):
         cost = min(cost, wide * passing + narrow * failing)
@@ -59,24 +59,24 @@ def search(
     problem: GateProblem,
     counted: npt.NDArray[np.int64],
 ) -> tuple[float, int]:
-    """Return the least expected cost from here, weighted by mass, and what to do first; exact if below `limit`.
+    """Return the least expected cost, weighted by mass, and the first action; exact if below `limit`.
 
     Parameters
     ----------
     belief : (H + 1, W) float64, row `depth` read, later rows written
         Joint masses of the width's cells, ascending.
     depth, place : int
-        Looks taken so far, of H; the viewpoint the robot is at.
+        Looks taken so far, of H; present viewpoint.
     limit : float
-        A cost that can be had otherwise: results not below it need not be exact.
+        Cost of an alternative; results not below it need not be exact.
     problem : GateProblem
         The problem.
     counted : (1,) int64, written
-        Grows by the number of beliefs evaluated: one for each class of measurement at each viewpoint tried.
+        Incremented by the number of beliefs evaluated: one for each class of measurement at each viewpoint tested.
 
-    With the width known after the next look, the cost would be m = move + look + the better of gap and detour if it is
-    wide, the detour if not. No branch costs less. So viewpoints are tried in the order of that bound, and one is given
-    up as soon as the costs of its classes so far and the bounds of the others exceed the best.
+    If the next look revealed the width, the cost would be move + look + the better of gap and detour for a wide gap, or
+    the detour for a narrow one. This is a lower bound of each branch. Viewpoints are tested in its order, and one is
+    given up as soon as the costs of its classes so far and the bounds of the others exceed the best cost.
     """
     first_wide, likelihood, move, look, passing, failing, detour, confirmed = problem
     width_count = belief.shape[1]

@@ -1,4 +1,4 @@
-"""Compiled trajectories against discs that move: when the robot, as predicted, comes too near to where they will be."""
+"""Compiled times of contact between a predicted trajectory and moving discs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLUMNS = 8
 
 @compiled(error_model="numpy")
 def _keep_off_m(moving: FloatArray, k: int, t: float) -> float:
-    """Distance, metres, that the robot's centre keeps from the middle of disc k, t seconds from now."""
+    """Return the distance, metres, that the robot's centre keeps from disc k, t seconds from now."""
     spread = math.sqrt(moving[k, 5] * moving[k, 5] + moving[k, 6] * moving[k, 6] * t * t)
     return float(moving[k, 4] + min(spread, moving[k, 7]))
 
@@ -34,23 +34,23 @@ def moving_contact_time(
     step_m: float,
     moving: FloatArray,
 ) -> float:
-    """Return the last moment, seconds after `begin`, before the trajectory comes too near to a disc; inf: it does not.
+    """Return the last free time, seconds after `begin`, before the trajectory comes too near to a disc; inf if never.
 
     Parameters
     ----------
     start, velocity, target, acceleration
-        As those of `predict_position`.
+        As in `predict_position`.
     begin : float
         Seconds from now until the trajectory begins.
     horizon : float
         Length of the trajectory, seconds.
     step_m : float
-        Distances are sampled so finely, by the greatest speed at which the two can approach.
+        Sample distance at the greatest closing speed.
     moving : (M, 8) float64
-        Of each disc: x, y (m) and velocity x, y (m/s) now; the distance to keep when both places are known; what is
-        added to it for doubt: of the place (m), of the velocity (m/s), and at most (m).
+        For each disc x, y (m) and velocity x, y (m/s) now; the distance to keep between exactly known places; standard
+        deviations of place (m) and velocity (m/s), and the greatest margin for both (m).
 
-    Where the robot is too near to begin with, it may leave: then it must not come nearer.
+    A robot that is too near at the beginning may leave, but must not come nearer.
     """
     own = math.sqrt(max(velocity[0] ** 2 + velocity[1] ** 2, target[0] ** 2 + target[1] ** 2))
     first = np.inf
@@ -71,7 +71,7 @@ def moving_contact_time(
             if gap < 0.0:
                 first = min(free, t)
                 break
-            # until then they cannot meet, however they drive
+            # no contact is possible before
             free = t + gap / closing
             t = min(t + max(gap / closing, least), until)
             x, y = predict_position(start, velocity, target, acceleration, t)
@@ -92,9 +92,9 @@ def moving_contact_then_stop(
     step_m: float,
     moving: FloatArray,
 ) -> float:
-    """Do the same for a trajectory that is carried on for some seconds and then braked, until the robot stands.
+    """Return the same for a trajectory that is followed for some seconds and then braked to rest.
 
-    What meets a standing robot is no contact of its own. Other parameters as in `moving_contact_time`.
+    A disc that hits a robot at rest is not counted. Other parameters as in `moving_contact_time`.
     """
     t = moving_contact_time(start, velocity, target, acceleration, begin, carried, step_m, moving)
     if t < np.inf:

@@ -1,4 +1,4 @@
-"""Compiled path following: the controller's command, and the clearance on its way from an uncertain pose."""
+"""Compiled path following: the controller's command, and the clearance along the path from an uncertain pose."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from robocup_vision.kernels.motion.trajectories import predict_position, predict
 
 Pair = tuple[float, float]
 
-# back on the path, metres; and when it is given up, seconds
+# distance, metres, at which the robot is back on the path; and time, seconds, after which the return is given up
 _BACK_M, _LATEST_S = 0.01, 3.0
-# how late, at the most, the robot obeys when it comes to rest
+# greatest delay of the robot when it comes to rest
 _LATE_S = 0.1
 
 
 class Start(NamedTuple):
-    """Where a robot is estimated to be, and how it moves.
+    """Estimated state of a robot.
 
-    place, velocity, pending : m; m/s; and the command it obeys till the next, m/s.
+    place, velocity, pending : m; m/s; and the command that it obeys until the next one, m/s.
     covariance : (3, 3) float64 of its pose.
     """
 
@@ -33,9 +33,9 @@ class Start(NamedTuple):
 
 
 class Following(NamedTuple):
-    """How a robot follows a path: speed, m/s; how far ahead it aims, m; its limits and periods, SI units.
+    """Parameters of path following: speed, m/s; look-ahead distance, m; limits and periods, SI units.
 
-    until_look : until the next look, s; odometry : errors along and aside as ratios of the way.
+    until_look : time until the next look, s; odometry : errors along and across the motion as ratios of its length.
     """
 
     speed: float
@@ -69,7 +69,7 @@ def nearest_on_path(path: FloatArray, place: Pair) -> tuple[float, float, float]
 
 @compiled(error_model="numpy")
 def point_on_path(path: FloatArray, arc: float) -> Pair:
-    """Return the path's point at this arc length; beyond its ends, the end."""
+    """Return the path's point at an arc length, clipped to its ends."""
     left = max(arc, 0.0)
     for k in range(path.shape[0] - 1):
         dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
@@ -82,17 +82,14 @@ def point_on_path(path: FloatArray, arc: float) -> Pair:
 
 @compiled(error_model="numpy")
 def follow(path: FloatArray, place: Pair, speed: float, ahead_m: float, acceleration: float) -> Pair:
-    """Return the velocity to command, m/s: towards the path's point `ahead_m` further on, to rest at its end.
-
-    The frame is the path's.
-    """
+    """Return the velocity to command, m/s, path frame: to the path's point `ahead_m` further on, to rest at its end."""
     arc, _, length = nearest_on_path(path, place)
     x, y = point_on_path(path, arc + ahead_m)
     dx, dy = x - place[0], y - place[1]
     away = math.sqrt(dx * dx + dy * dy)
     if away < 1e-9:
         return 0.0, 0.0
-    # to rest where the path ends: v late + v^2 / (2 a) = what is left
+    # stop at the path's end: v late + v^2 / (2 a) = remaining distance
     left = max(length - arc, away) if arc + ahead_m >= length else length - arc
     allowed = min(speed, acceleration * (math.sqrt(_LATE_S * _LATE_S + 2.0 * left / acceleration) - _LATE_S))
     return allowed * dx / away, allowed * dy / away
@@ -102,7 +99,7 @@ def follow(path: FloatArray, place: Pair, speed: float, ahead_m: float, accelera
 def drive(
     place: Pair, velocity: Pair, pending: Pair, target: Pair, acceleration: float, dead_time: float, period: float
 ) -> tuple[Pair, Pair]:
-    """Return place and velocity a period later: the command before is obeyed for the dead time, then the new one."""
+    """Return place and velocity after a period: the old command is obeyed during the dead time, then the new one."""
     late = min(dead_time, period)
     place = predict_position(place, velocity, pending, acceleration, late)
     velocity = predict_velocity(velocity, pending, acceleration, late)
@@ -112,10 +109,10 @@ def drive(
 
 @compiled(error_model="numpy")
 def spread(covariance: FloatArray, odometry: Pair, moved: Pair) -> tuple[float, float, float]:
-    """Return the covariance (xx, xy, yy), square metres, of the place after a move by odometry.
+    """Return the covariance (xx, xy, yy), square metres, of the place after a motion by odometry.
 
-    covariance : (3, 3) float64 of the pose before; odometry : errors as fractions of the way, along and aside; moved :
-    m.
+    covariance : (3, 3) float64 of the pose before; odometry : errors as fractions of the way, along and across;
+    moved : m.
     """
     dx, dy = moved
     along, aside = odometry[0] * odometry[0], odometry[1] * odometry[1]
@@ -128,7 +125,7 @@ def spread(covariance: FloatArray, odometry: Pair, moved: Pair) -> tuple[float, 
 
 @compiled(error_model="numpy")
 def _toward(disc: FloatArray, place: Pair, spread_m2: tuple[float, float, float]) -> tuple[float, float]:
-    """Return (distance, m, variance along it, m2) to a disc, from a place of this covariance (xx, xy, yy)."""
+    """Return (distance, m, variance along it, m2) to a disc from a place with covariance (xx, xy, yy)."""
     dx, dy = disc[0] - place[0], disc[1] - place[1]
     away = max(math.sqrt(dx * dx + dy * dy), 1e-9)
     ux, uy = dx / away, dy / away
@@ -144,7 +141,7 @@ def _turned(vector: Pair, angle: float) -> Pair:
 
 @compiled(error_model="numpy")
 def _allowances(discs: FloatArray, start: Start, sigmas: float) -> FloatArray:
-    """(M,) metres: who is nearer than allowed already may go on if it gets no nearer: what is missing now is given."""
+    """Return (M,), metres, by which each disc is already too near: such a robot may go on if it gets no nearer."""
     given = np.empty(discs.shape[0])
     now = (start.covariance[0, 0], start.covariance[0, 1], start.covariance[1, 1])
     for m in range(discs.shape[0]):
@@ -157,7 +154,7 @@ def _allowances(discs: FloatArray, start: Start, sigmas: float) -> FloatArray:
 def _clearance_until_look(
     path: FloatArray, start: Start, way: Following, discs: FloatArray, given: FloatArray, sigmas: float
 ) -> tuple[float, int, Pair, Pair, Pair]:
-    """Roll out the way until the next look and a stop; return (clearance, disc), and place, velocity, command then."""
+    """Simulate the motion until the next look and a stop; return (clearance, disc), place, velocity, command then."""
     least, which = np.inf, -1
     here, moving, obeyed = start.place, start.velocity, start.pending
     steps = max(1, int(round(way.until_look / way.period)))
@@ -192,9 +189,9 @@ def _clearance_of_return(
     sigmas: float,
     best: tuple[float, int],
 ) -> tuple[float, int]:
-    """Roll out the return to the path and a stop; return the least clearance and its disc, or `best` if less.
+    """Simulate the return to the path and a stop; return the least clearance and its disc, or `best` if that is less.
 
-    worst : place, velocity and command at the look, at an end of the error ellipse's axis; far : that axis, m.
+    worst : place, velocity and command at the look, at the end of an axis of the error ellipse; far : that axis, m.
     """
     least, which = best
     place, moving, obeyed = worst
@@ -208,7 +205,7 @@ def _clearance_of_return(
         step += 1
         for m in range(discs.shape[0]):
             away, variance = _toward(discs[m], place, (0.0, 0.0, 0.0))
-            # deviations add up by squares, and the roll-out has the pose's
+            # variances add up; the part of the pose is already in the simulated start
             more = sigmas * (math.sqrt(far * far + variance) - far)
             clear = away - discs[m, 2] - more + given[m]
             if clear < least:
@@ -222,27 +219,26 @@ def _clearance_of_return(
 def min_clearance(
     path: FloatArray, start: Start, way: Following, discs: FloatArray, sigmas: float
 ) -> tuple[float, int]:
-    """Return the least clearance, metres, to a disc at this speed, and which disc that is (-1: there is none).
+    """Return the least clearance, metres, to a disc at this speed, and the index of that disc (-1 without discs).
 
     Parameters
     ----------
     path : (P, 2) float64
-        What is followed, m.
+        The path, m.
     start : Start
-        Where the robot is estimated to be, and how it moves.
+        Estimated state of the robot.
     way : Following
-        How it follows the path.
+        Parameters of path following.
     discs : (M, 6) float64
-        x, y, radius and the robot's, and the covariance (xx, xy, yy) of the centre.
+        x, y, sum of the radii of disc and robot, and the covariance (xx, xy, yy) of the centre.
     sigmas : float
-        How many standard deviations count.
+        Number of standard deviations of the errors to keep clear of.
 
-    Two parts; once it is negative, no more is looked at. Until the next look the robot relies on its odometry: the
-    controller's way is rolled out from where it is thought to be, and then a stop at once, which is done if no speed is
-    safe from there; each disc must be `sigmas` deviations of the error by then away. At the look it may turn out to be
-    at the worst point of its error ellipse (Miura 2004, section 6.2), and turned as that point of the pose's ellipsoid
-    is: from the ends of both axes the controller's return to the path is rolled out, and the stop after it. What error
-    the look leaves is the next plan's concern: it can still stop.
+    Stops at the first negative clearance. Until the next look the robot relies on odometry: the motion is simulated
+    from its estimated place, followed by a stop, and each disc must be `sigmas` standard deviations of the error away.
+    At the look the robot may be at the worst point of its error ellipse (Miura 2004, section 6.2), with the heading
+    error that is correlated with that point: from the ends of both axes the return to the path is simulated, followed
+    by a stop. The error after the look is left to the next plan, which can still stop.
     """
     if discs.shape[0] == 0:
         return np.inf, -1
@@ -253,7 +249,7 @@ def min_clearance(
     covariance = start.covariance
     dx, dy = viewpoint[0] - start.place[0], viewpoint[1] - start.place[1]
     xx, xy, yy = spread(covariance, way.odometry, (dx, dy))
-    # how the error of heading goes along with that of the place
+    # covariance of the heading's error with that of the place
     turned_x, turned_y = covariance[0, 2] - dy * covariance[2, 2], covariance[1, 2] + dx * covariance[2, 2]
     middle, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
     longer = math.sqrt(half * half + xy * xy)

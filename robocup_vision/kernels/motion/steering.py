@@ -1,4 +1,4 @@
-"""Compiled choice of a command: trajectories tried over the grown profile, and the memory of a way round."""
+"""Compiled choice of a velocity command: trajectories are tested in the grown profile, and detours are remembered."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ Outcome = tuple[int, int, float, float]
 
 
 class Motion(NamedTuple):
-    """How the robot moves: its velocity now, and the command that it obeys during the dead time; m/s."""
+    """Present velocity of the robot, and the command that it obeys during the dead time; m/s."""
 
     velocity: Pair
     pending: Pair
 
 
 class Target(NamedTuple):
-    """Where it shall go.
+    """Target of the motion.
 
     Parameters
     ----------
     bearing, distance : float
-        Radians; metres, inf when unknown, or when the target does not lie in that direction.
+        Radians; metres, inf if unknown or if the target is not in that direction.
     turn : float
-        `steer`: the detour, radians to the left of the target's bearing. `choose_direction`: -1, 0 or 1, the side to
-        which it rather turns.
+        In `steer` the detour, radians to the left of the target's bearing; in `choose_direction` the preferred side,
+        -1, 0 or 1.
     """
 
     bearing: float
@@ -51,13 +51,13 @@ class Rules(NamedTuple):
     speed, acceleration, dead_time : float
         m/s, m/s^2, s.
     period, threshold, step_m : float
-        Between two commands, s; the paper's T_th, negative: derived; sample distance.
+        Interval of commands, s; the paper's T_th, derived if negative; sample distance.
     levels : int
-        How many speeds are tried, each half of the one before.
+        Number of speeds that are tested, each half of the one before.
     use_velocity : bool
-        False: the present velocity is taken to be each direction's own.
+        If false, the present velocity is assumed to equal the tested one.
     away_rad, other_side_rad, max_detour_rad : float
-        Of detours.
+        Bounds of detours.
     """
 
     speed: float
@@ -74,7 +74,7 @@ class Rules(NamedTuple):
 
 
 class Directions(NamedTuple):
-    """What is tried.
+    """Directions that are tested.
 
     Parameters
     ----------
@@ -90,16 +90,16 @@ class Directions(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """What is seen.
+    """Free ranges of a view.
 
     Parameters
     ----------
     bearing, range_m : (J,) float64
         Radians; metres.
     known_bearing : (J,) float64, written
-        The bearings that `sectors` were measured for.
+        Bearings to which `sectors` belongs.
     sectors : Sectors
-        Written where the bearings have changed.
+        Written if the bearings have changed.
     """
 
     bearing: FloatArray
@@ -109,7 +109,7 @@ class Scan(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Where a new command finds the robot after the dead time, and when it touches something before that; m, m/s, s."""
+    """State at the end of the dead time, and the time of a contact before that; m, m/s, s."""
 
     position: Pair
     velocity: Pair
@@ -118,16 +118,16 @@ class Start(NamedTuple):
 
 @compiled(error_model="numpy")
 def unwind(detour: float, way_m: float, radius_m: float) -> float:
-    """Return what is left of a detour (radians, signed) after a way driven: it turns back in an arc of this radius."""
+    """Return the rest of a detour (radians, signed) after driving back on an arc of the radius for some way."""
     left = max(abs(detour) - way_m / radius_m, 0.0)
     return math.copysign(left, detour)
 
 
 @compiled(error_model="numpy")
 def _coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, moving: FloatArray) -> Start:
-    """Predict the dead time: what happens before the new command is obeyed, no choice can change.
+    """Predict the motion during the dead time, which the new command cannot change.
 
-    Parameters as those of `choose_direction`.
+    Parameters as in `choose_direction`.
     """
     here = (0.0, 0.0)
     velocity, pending = motion.velocity, motion.pending
@@ -139,18 +139,18 @@ def _coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, movi
 
 
 class Commands(NamedTuple):
-    """Velocities that are tried, and what each of them meets; those beyond the ones tried are not used.
+    """Velocities to test and their contacts; the columns beyond the tested number are not used.
 
     Parameters
     ----------
     direction : (J,) int64
-        Index of each one's direction.
+        Index of the direction of each.
     velocities : (2, J) float64
         m/s.
     times, needed : (J,) float64, written
-        When it meets something, and when it may at the earliest; seconds from now.
+        Time of the first contact, and the least time of a safe one; seconds from now.
     meets : (J,) float64, written
-        When it meets what moves, seconds from the end of the dead time.
+        Time of contact with a moving disc, seconds from the end of the dead time.
     """
 
     direction: Int64Array
@@ -171,7 +171,7 @@ def _try_commands(
     moving: FloatArray,
     commands: Commands,
 ) -> None:
-    """Predict the first `tried` of the commands, all of this speed (m/s): Steps 3 and 4 of the paper.
+    """Predict the first `tried` commands, all of one speed (m/s): Steps 3 and 4 of the paper.
 
     Fills their `times`, `needed` and `meets`.
     """
@@ -200,7 +200,7 @@ def _try_commands(
     for n in range(tried):
         target = targets[0, n], targets[1, n]
         settle = math.sqrt((target[0] - velocity[0]) ** 2 + (target[1] - velocity[1]) ** 2) / acceleration
-        # safe where it can be carried out to its end, or given up at the next decision, and then stopped
+        # safe if it can be executed completely, or given up at the next decision, and then stopped
         carried = settle + dead_time + period
         meets[n] = min(
             moving_contact_then_stop(position, velocity, target, acceleration, dead_time, carried, step_m, moving),
@@ -211,7 +211,7 @@ def _try_commands(
 
 @compiled(error_model="numpy")
 def _passes_target(start: Start, target: Pair, speed: float, t: float, distance: float, rules: Rules) -> bool:
-    """Whether a contact at t, on the way straight to a target at a distance, lies beyond it and the stop after it."""
+    """Whether a contact at time t, straight towards a target, is beyond the target and the stopping distance."""
     if not (distance < np.inf and t >= rules.dead_time):
         return False
     if rules.use_velocity:
@@ -233,9 +233,9 @@ def _latest_contact(
     smallest: float,
     moving: FloatArray,
 ) -> Outcome:
-    """Return what to do where no direction is safe: brake, or, where that touches, the command with the latest contact.
+    """Return the outcome if no direction is safe: brake, or, if that touches, the command with the latest contact.
 
-    Parameters and result as those of `choose_direction`.
+    Parameters and result as in `choose_direction`.
     """
     here = (0.0, 0.0)
     acceleration, dead_time, step_m = rules.acceleration, rules.dead_time, rules.step_m
@@ -246,7 +246,7 @@ def _latest_contact(
         latest = dead_time + contact_time(position, velocity, here, acceleration, stop, step_m, profile, smallest)
         meets = moving_contact_time(position, velocity, here, acceleration, dead_time, stop, step_m, moving)
         latest = min(latest, dead_time + meets)
-    # Contacts closer together than the resolution count as one; braking then touches more softly.
+    # contacts within the resolution count as equal, because braking touches more softly
     latest += 0.1 * step_m / max(speed, math.hypot(motion.velocity[0], motion.velocity[1]), step_m)
     chosen = -1
     for j in range(directions.angles.shape[0]):
@@ -265,33 +265,33 @@ def choose_direction(
     smallest: float,
     moving: FloatArray,
 ) -> Outcome:
-    """Predict every direction (paper's Steps 3-4) and choose (Step 5); `Steering` explains the rule.
+    """Predict every direction (paper's Steps 3 and 4) and choose one (Step 5); see `Steering` for the rule.
 
     Parameters
     ----------
     motion : Motion
-        Of the robot.
+        Motion of the robot.
     wanted : Target
-        Bearing that is wanted, distance, and side to which it rather turns.
+        Wanted bearing, distance and preferred side.
     rules : Rules
         Limits and settings.
     directions : Directions
-        What is tried; their times to contact are written.
+        Directions to test; their times to contact are written.
     profile, smallest
         From `grow_profile`.
     moving : (M, 8) float64
-        As `moving_contact_time` takes it.
+        As in `moving_contact_time`.
 
     Returns
     -------
     outcome : int
-        0 a safe direction, 1 brake, 2 no way to brake without contact: the command with the latest contact.
+        0 a safe direction, 1 brake, 2 the command with the latest contact, if even braking touches.
     index : int
         The direction; -1 for braking.
     speed : float
         m/s.
     turned : float
-        Radians, to the left, from the wanted bearing to the direction, within [-pi, pi).
+        Angle from the wanted bearing to the direction, radians to the left, within [-pi, pi).
     """
     speed = rules.speed
     count = directions.angles.shape[0]
@@ -318,7 +318,7 @@ def choose_direction(
     )
     for level in range(rules.levels):
         slower = speed * 0.5**level
-        # At best it goes straight there; and a direction no nearer to it is not worth the lower speed.
+        # no slower speed can make more progress than its own; directions that are no nearer are not tested at it
         if slower <= progress:
             break
         tried = 0
@@ -360,11 +360,10 @@ def steer(
     profile: Profile,
     moving: FloatArray,
 ) -> Outcome:
-    """Join the steps in one call; the sectors are measured again only when the bearings have changed.
+    """Run all steps in one call; the sectors are measured only if the bearings have changed.
 
-    Takes the target with the detour, and returns what `choose_direction` does, but last the detour to be handed in next
-    time; outcome -1 where the bearings do not ascend within one turn. `radius_m`: the robot's. Its named tuples may be
-    plain.
+    Takes the target with the detour, and returns the result of `choose_direction` with the new detour as last value;
+    outcome -1 if the bearings do not ascend within one turn. `radius_m` is the robot's. The named tuples may be plain.
     """
     motion, target, rules, directions = Motion(*motion), Target(*target), Rules(*rules), Directions(*directions)
     profile = Profile(*profile)
@@ -388,13 +387,13 @@ def steer(
     side = 0.0 if detour == 0.0 else math.copysign(1.0, detour)
     speed = rules.speed
     if abs(detour) > rules.away_rad:
-        # away from the target no faster than it can turn within its own length: else it overshoots every corner
+        # slow enough to turn within its own length, so that it does not overshoot corners
         speed = min(speed, math.sqrt(rules.acceleration * 2.0 * radius_m))
     slower = Rules(
         speed, rules.acceleration, rules.dead_time, rules.period, rules.threshold, rules.step_m, rules.levels,
         rules.use_velocity, rules.away_rad, rules.other_side_rad, rules.max_detour_rad,
     )  # fmt: skip
-    # a target that is not driven towards is not arrived at
+    # during a detour the robot does not stop at the target's distance
     distance = target.distance if abs(detour) <= resolution else np.inf
     wanted = Target(target.bearing + detour, distance, side)
     outcome, index, speed, turned = choose_direction(motion, wanted, slower, directions, profile, smallest, moving)

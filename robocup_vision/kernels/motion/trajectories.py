@@ -1,4 +1,4 @@
-"""Compiled trajectories of a robot whose acceleration is limited, and when they leave the profile it may move in."""
+"""Compiled trajectories of a robot with limited acceleration, and the times at which they leave the grown profile."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from robocup_vision.kernels.mapping.grown_profile import BINS, COARSE, FINE, Pro
 
 Pair = tuple[float, float]
 
-# The diamond angle turns at most as fast as the bearing, so a group is at least 4 / groups radians wide.
+# the diamond angle changes at most as fast as the bearing, so that a group is at least 4 / groups radians wide
 FINE_SIN, FINE_TAN = math.sin(4.0 / FINE), math.tan(4.0 / FINE)
 COARSE_SIN, COARSE_TAN = math.sin(4.0 / COARSE), math.tan(4.0 / COARSE)
 
 
 @compiled(error_model="numpy")
 def predict_position(start: Pair, velocity: Pair, target: Pair, acceleration: float, t: float) -> Pair:
-    """Return (x, y), metres, t seconds after the robot begins to obey: eq. 12 with its second branch corrected.
+    """Return (x, y), metres, t seconds after the robot begins to obey: eq. 12 with a corrected second branch.
 
     start : pair of float, m; velocity, target : pair of float, m/s.
     """
     dv_x, dv_y = target[0] - velocity[0], target[1] - velocity[1]
     settle = math.sqrt(dv_x * dv_x + dv_y * dv_y) / acceleration
-    # 1/2 alpha t^2 dv/|dv| is 1/2 dv t^2/settle, which needs no direction of a vanishing dv.
+    # 1/2 alpha t^2 dv/|dv| as 1/2 dv t^2/settle, which is defined for dv = 0
     if t < settle:
         gained = 0.5 * t * t / settle
         return start[0] + velocity[0] * t + gained * dv_x, start[1] + velocity[1] * t + gained * dv_y
@@ -47,9 +47,9 @@ def predict_velocity(velocity: Pair, target: Pair, acceleration: float, t: float
 def _sure_time(
     r: float, clear: float, out: float, inward: float, sideward: float, sine: float, tangent: float
 ) -> float:
-    """Seconds for which a point at range r stays within a wedge (of its half angle's sine and tangent) and its range.
+    """Return the seconds for which a point at range r certainly stays within a wedge (sine, tangent) and its range.
 
-    The speeds are times r, which saves their division. A quotient costs as much as all the rest here, hence one only.
+    The speeds are multiplied by r. Written with one division, because divisions dominate its time.
     """
     over_range, over_wedge = out + sideward * sine, sideward + inward * tangent
     if clear * over_wedge < r * tangent * over_range:
@@ -68,15 +68,14 @@ def contact_time(
     profile: Profile,
     smallest: float,
 ) -> float:
-    """Return T_j (eq. 15), the last moment sure to be free before the trajectory leaves the profile; inf: no contact.
+    """Return T_j (eq. 15), the last time that is certainly free before the trajectory leaves the profile; inf if never.
 
-    The next sample is as late as the profile's minima around the present one are sure to allow, at least `step_m` on;
-    the contact is then bracketed to a tenth of that from the free side, because a late T_j is a collision.
+    The next sample is as late as the profile's minima nearby certainly allow, at least `step_m` on. The contact is then
+    bracketed to a tenth of that from the free side, because a late T_j is a collision.
 
-    How late: the velocity goes straight to its target, so from now on no component of it exceeds the greater of its
-    present and its target value. With the outward speed u, the inward speed d and the sideward speed w so bounded, the
-    bearing turns by less than phi while w t <= (r - d t) tan(phi), and until then the range grows by at most
-    (u + w sin(phi)) t.
+    The velocity changes straight towards its target, so that no component exceeds the greater of its present and target
+    values. With outward speed u, inward speed d and sideward speed w bounded like that, the bearing changes by less
+    than phi while w t <= (r - d t) tan(phi), and until then the range grows by at most (u + w sin(phi)) t.
     """
     fastest = math.sqrt(max(velocity[0] ** 2 + velocity[1] ** 2, target[0] ** 2 + target[1] ** 2))
     if fastest == 0.0:
@@ -89,10 +88,10 @@ def contact_time(
     least = step_m / fastest
     slowness = 1.0 / fastest
     free = 0.0
-    # where it begins is no contact yet: a robot that touches may still leave
+    # the start is not tested, because a robot in contact may leave
     t = min(max((smallest - math.sqrt(start[0] * start[0] + start[1] * start[1])) * slowness, least), horizon)
     while True:
-        # predict_position, written out so that constant terms are computed once a trajectory, and for the velocity too.
+        # predict_position with constant terms computed once, and with the velocity
         if t < settle:
             change = push * t
             gained = 0.5 * change * t

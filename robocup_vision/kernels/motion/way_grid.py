@@ -1,4 +1,4 @@
-"""Compiled loops over the grid of ways: mark the cells of a view, price each cell, find the cheapest way."""
+"""Compiled loops over the grid of ways: marking of a view's cells, prices of cells, and the cheapest way."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class RangesInGrid(NamedTuple):
 
 
 class MarkRules(NamedTuple):
-    """How a view marks cells; `WayfinderSettings` has the reasons.
+    """Rules by which a view marks cells; see `WayfinderSettings`.
 
-    fading, overrule_ratio : factor of a free cell's distance with each view that shows it again; a cell measured from
-    this many times as far does not overrule.
+    fading, overrule_ratio : factor of a free cell's distance with each view that shows it again; greatest ratio of a
+    new distance to the old one at which it overrules.
     """
 
     fading: float
@@ -42,12 +42,12 @@ class MarkRules(NamedTuple):
 
 
 class PriceRules(NamedTuple):
-    """How cells are priced; `WayfinderSettings` has the reasons. A price of 2 is that of a way twice as long.
+    """Prices of cells; see `WayfinderSettings`. A price of 2 equals a way of twice the length.
 
-    tight : extra price where the disc just touches a blocked cell.
+    tight : extra price if the disc just touches a blocked cell.
     shut : price of a cell in which the disc just does not fit.
-    maybe_barred, barred : extra price of a blocked cell itself, measured from afar and from near.
-    tries, tried, remembered : tries without a price; price of each more; fraction remembered the next time.
+    maybe_barred, barred : extra price of a blocked cell itself, measured from a large and from a small distance.
+    tries, tried, remembered : number of tries without a price; price of each more; fraction kept for the next time.
     """
 
     tight: float
@@ -69,7 +69,7 @@ def mark_view(
     thickness: float,
     rules: MarkRules,
 ) -> None:
-    """Mark the cells of a view: free up to each direction's range, blocked over a strip beyond it, the rest as before.
+    """Mark the cells of a view: free up to each direction's range, blocked over a strip beyond it, others unchanged.
 
     Parameters
     ----------
@@ -80,11 +80,11 @@ def mark_view(
     view : RangesInGrid
         The free ranges, and the robot.
     least, reach : float
-        Smallest distance that `seen_from` holds; distance from the robot up to which cells are marked. Both in cells.
+        Least value of `seen_from`, and distance from the robot up to which cells are marked, cells.
     thickness : float
-        Of the blocked strip, cells.
+        Thickness of the blocked strip, cells.
     rules : MarkRules
-        How cells fade and overrule.
+        Rules of marking.
     """
     robot_x, robot_y, robot_theta, bearing, range_cells = view
     size = state.shape[0]
@@ -115,7 +115,7 @@ def mark_view(
             r = max(r, least)
             before = state[row, column]
             if before == now:
-                # a blocked cell stays as certain as it was; other robots may enter a free one
+                # a blocked cell keeps its certainty; other robots may enter a free one
                 known = seen_from[row, column] * (rules.fading if now == FREE else 1.0)
                 seen_from[row, column] = min(known, r)
             elif now == FREE or before == UNSEEN or r <= rules.overrule_ratio * seen_from[row, column]:
@@ -127,7 +127,7 @@ def mark_view(
 def split_blocked(
     state: UInt8Array, seen_from: Float32Array, sure: float, open_any: UInt8Array, open_sure: UInt8Array
 ) -> None:
-    """Write 0 for blocked cells, else 1: of all blocked cells, and of those measured from nearer than `sure`."""
+    """Write 0 for blocked cells, else 1: for all blocked cells, and for those measured from nearer than `sure`."""
     size = state.shape[0]
     for row in range(size):
         for column in range(size):
@@ -147,16 +147,16 @@ def price_cells(
     rules: PriceRules,
     price: Float32Array,
 ) -> None:
-    """Price every cell for a disc: 1 on open floor, more close to blocked cells, much more where the disc does not fit.
+    """Compute the price of every cell for a disc: 1 on open floor, more near blocked cells and where it does not fit.
 
     Parameters
     ----------
     away_any, away_sure : (N, N) float32
-        Distance of each cell from the nearest blocked one, and from the nearest that is surely blocked, cells.
+        Distance of each cell from the nearest blocked one, and from the nearest one that is certainly blocked, cells.
     tried : (N, N) float32, changed
-        How often each cell was headed for lately; fades.
+        Recent number of tries to reach each cell; fades.
     radius, spare, soft : float
-        Of the disc; more than it that a sure gap must have on each side; width of the seam that is priced, cells.
+        Radius of the disc; additional width of a certain gap on each side; width of the priced margin, cells.
     rules : PriceRules
         The prices.
     price : (N, N) float32, written
@@ -165,7 +165,7 @@ def price_cells(
     wide = radius + spare
     for row in range(size):
         for column in range(size):
-            # half a cell: an obstacle may reach to the rim of its cell
+            # minus half a cell, because an obstacle may fill its cell
             gap = away_any[row, column] - 0.5
             if gap < radius:
                 lack = (radius - gap) / radius
@@ -183,7 +183,7 @@ def price_cells(
 
 @compiled(error_model="numpy")
 def note_try(tried: Float32Array, price: Float32Array, x: float, y: float, radius: float) -> None:
-    """Count one more try in each cell of a disc, cells, that is not open floor (price 1): open floor is passed."""
+    """Count one more try in each cell of a disc, cells, whose price exceeds that of open floor."""
     size = tried.shape[0]
     for row in range(max(int(y - radius), 0), min(int(y + radius) + 2, size)):
         for column in range(max(int(x - radius), 0), min(int(x + radius) + 2, size)):
@@ -191,7 +191,7 @@ def note_try(tried: Float32Array, price: Float32Array, x: float, y: float, radiu
                 tried[row, column] += 1.0
 
 
-# a binary heap: `cells` ordered by `keys`, of which the first `count` are in use
+# binary heap of `cells` ordered by `keys`, of which the first `count` are in use
 
 
 @compiled(error_model="numpy")
@@ -228,23 +228,23 @@ def _drop_least(keys: FloatArray, cells: Int32Array, count: int) -> int:
 
 @compiled(error_model="numpy")
 def find_way(price: Float32Array, start: int, target: int, come_from: Int32Array, cost: Float32Array) -> None:
-    """Find the cheapest way between two cells by A*; from the target, `come_from` leads back along it.
+    """Find the cheapest way between two cells by A*; `come_from` leads back from the target.
 
     Parameters
     ----------
     price : (N, N) float32
-        Of crossing each cell, at least 1; steps go to the eight neighbours.
+        Price of crossing each cell, at least 1; steps lead to the eight neighbours.
     start, target : int
         Flat indices.
     come_from : (N * N,) int32, written
-        The cell before each one on its way from the start.
+        Predecessor of each cell on its way from the start.
     cost : (N * N,) float32, written
-        Of the way from the start.
+        Cost of the way from the start.
     """
     size = price.shape[0]
     flat = price.ravel()
     cost[:] = np.inf
-    # a cell is entered from its eight neighbours at most
+    # each cell is entered at most once from each of its eight neighbours
     keys = np.empty(8 * size * size)
     cells = np.empty(8 * size * size, np.int32)
     target_y, target_x = target // size, target % size
@@ -278,7 +278,7 @@ def find_way(price: Float32Array, start: int, target: int, come_from: Int32Array
 
 @compiled(error_model="numpy")
 def dearest_between(price: Float32Array, x0: float, y0: float, x1: float, y1: float) -> float:
-    """Return the highest price on the straight line between two points, cells."""
+    """Return the highest price on the straight line between two points in cells."""
     size = price.shape[0]
     steps = int(math.ceil(1.5 * math.hypot(x1 - x0, y1 - y0))) + 1
     highest = 0.0
@@ -296,7 +296,7 @@ def straight_part(
 ) -> tuple[int, int]:
     """Return two cells of a way: the last one that can be reached straight, and the one `beyond` cells after it.
 
-    It can be reached straight where no cell of the straight line costs more than the dearest one of the way so far.
+    A cell can be reached straight if no cell of the line costs more than the most expensive one of the way so far.
     """
     size = price.shape[0]
     length = 1

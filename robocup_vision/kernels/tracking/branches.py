@@ -1,4 +1,4 @@
-"""Compiled loops over the branches of track trees: predict each, and split it over the detections of a frame."""
+"""Compiled prediction of the branches of track trees, and their splitting over the detections of a frame."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from robocup_vision.compiling.loops import compiled, variable
 
 # detection number of a frame without one
 MISS = -1
-# points of a normal distribution and their weights: Gauss-Hermite, three on each axis
+# Gauss-Hermite points of a normal distribution and their weights, three on each axis
 _AXIS = (-math.sqrt(3.0), 0.0, math.sqrt(3.0))
 _AXIS_WEIGHTS = (1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0)
 _AXIS_POINTS = 3
-# smallest variance of a place across its first axis, m^2
+# least variance of a place across its first axis, m^2
 _MIN_VARIANCE = 1e-12
 
 
@@ -42,11 +42,11 @@ class Detected(NamedTuple):
 
 
 class MotionModel(NamedTuple):
-    """How objects move from one frame to the next.
+    """Motion of objects from one frame to the next.
 
-    travel_s : time for which the velocity of the frame before acts, seconds.
-    kept_ratio : fraction of the velocity that is left.
-    place_noise, shared_noise, velocity_noise : variances along each axis of place, place with velocity, velocity.
+    travel_s : time for which the velocity of the last frame acts, seconds.
+    kept_ratio : remaining fraction of the velocity.
+    place_noise, shared_noise, velocity_noise : process noise on each axis: variances and covariance.
     survival : probability that an object stays on the field.
     """
 
@@ -60,7 +60,7 @@ class MotionModel(NamedTuple):
 
 
 class DetectionModel(NamedTuple):
-    """How objects are detected; names as in `MovingObjectsSettings`."""
+    """Parameters of the detection of objects; names as in `MovingObjectsSettings`."""
 
     detection_probability: float
     clutter_per_m2: float
@@ -69,7 +69,7 @@ class DetectionModel(NamedTuple):
 
 
 class Eye(NamedTuple):
-    """The robot's place in the field frame, and the radius of the discs that it sees and of those they hide, metres."""
+    """The robot's place in the field frame, and the radius of the objects' discs, metres."""
 
     x_m: float
     y_m: float
@@ -80,31 +80,31 @@ class Eye(NamedTuple):
 def predict_and_split(
     before: BranchArrays, motion: MotionModel, detected: Detected, eye: Eye, model: DetectionModel
 ) -> BranchArrays:
-    """Return one branch without a detection for each of the frame before, and one for each detection in its gate.
+    """Return one branch without a detection for each of the last frame, and one for each detection in its gate.
 
     Parameters
     ----------
     before : BranchArrays
         L branches, tree by tree.
     motion : MotionModel
-        From their frame to this.
+        Motion from the last frame to this.
     detected : Detected
         M detections of this frame.
     eye : Eye
-        What hides what.
+        Viewpoint of the occlusions.
     model : DetectionModel
-        With the gate.
+        Parameters of the detection.
 
     Returns
     -------
     BranchArrays
-        Tree by tree; in each first those that are missed, then those with a detection.
+        Tree by tree; within each first the missed ones, then those with a detection.
     """
     count = before.tree.shape[0]
     mean, covariance, odds = before.mean.copy(), before.covariance.copy(), before.odds.copy()
     for k in range(count):
         _predict(motion, mean[k], covariance[k])
-        # log(p s / (1 - p s)) of the probability p with which it was there, s that it stays
+        # log(p s / (1 - p s)) of the existence probability p and the survival probability s
         odds[k] = -math.log(math.exp(-odds[k]) / motion.survival + (1.0 / motion.survival - 1.0))
     shadows = cast_shadows(detected.places_m, eye)
     hits = 0
@@ -156,7 +156,7 @@ def predict_and_split(
 
 @compiled(error_model="numpy")
 def _predict(motion: MotionModel, mean: FloatArray, covariance: FloatArray) -> None:
-    """Move one branch to this frame: its velocity decays, white acceleration is added."""
+    """Predict one branch: its velocity decays, and white acceleration is added."""
     travel, kept = motion.travel_s, motion.kept_ratio
     for axis in range(2):
         mean[axis] += travel * mean[2 + axis]
@@ -179,7 +179,7 @@ def _predict(motion: MotionModel, mean: FloatArray, covariance: FloatArray) -> N
 
 @compiled(error_model="numpy")
 def _distance(mean: FloatArray, covariance: FloatArray, place: FloatArray, spread: FloatArray) -> tuple[float, float]:
-    """Squared Mahalanobis distance of a detection from a branch, and the determinant of the innovation covariance."""
+    """Return a detection's squared Mahalanobis distance from a branch, and the innovation covariance's determinant."""
     x, y = place[0] - mean[0], place[1] - mean[1]
     a, b, d = covariance[0, 0] + spread[0, 0], covariance[0, 1] + spread[0, 1], covariance[1, 1] + spread[1, 1]
     determinant = a * d - b * b
@@ -217,10 +217,10 @@ def _miss(
     new_mean: FloatArray,
     new_covariance: FloatArray,
 ) -> float:
-    """Write a branch without a detection, and return how likely that is: the object is rather where it would be hidden.
+    """Write a branch without a detection and return its likelihood; its place moves towards where it would be hidden.
 
-    The place's density is weighted at points around its mean and made normal again; velocities follow by their
-    covariance with it.
+    The place's density is weighted at points around its mean and approximated by a normal distribution; the velocity
+    follows by its covariance with the place.
     """
     a, b, d = covariance[0, 0], covariance[0, 1], covariance[1, 1]
     root_xx = math.sqrt(a)
@@ -240,7 +240,7 @@ def _miss(
             sum_xy += weight * x * y
             sum_yy += weight * y * y
     shift_x, shift_y = sum_x / total, sum_y / total
-    # what the place's covariance grows by; nine points show no smaller spread than `unknown_ratio` of it
+    # change of the place's covariance; the term with `unknown_ratio` bounds how much nine points can reduce it
     more_xx = sum_xx / total - shift_x * shift_x - (1.0 - model.unknown_ratio) * a
     more_xy = sum_xy / total - shift_x * shift_y - (1.0 - model.unknown_ratio) * b
     more_yy = sum_yy / total - shift_y * shift_y - (1.0 - model.unknown_ratio) * d
@@ -280,7 +280,7 @@ def visible_ratio(x_m: float, y_m: float, shadows: FloatArray, eye: Eye) -> floa
 
 @compiled(error_model="numpy")
 def _polar(x_m: float, y_m: float, eye: Eye) -> tuple[float, float, float]:
-    """Distance and bearing of a disc from the eye, and half the angle that it covers."""
+    """Return distance and bearing of a disc from the viewpoint, and half the angle that it covers."""
     dx, dy = x_m - eye.x_m, y_m - eye.y_m
     distance = max(math.hypot(dx, dy), eye.radius_m)
     return distance, math.atan2(dy, dx), math.asin(eye.radius_m / distance)
@@ -288,7 +288,7 @@ def _polar(x_m: float, y_m: float, eye: Eye) -> tuple[float, float, float]:
 
 @compiled
 def _remember(before: BranchArrays, index: int, number: int, after: BranchArrays, row: int) -> None:
-    """Write the tree and the last detections of a branch that comes from another by a detection or a miss."""
+    """Write the tree and the latest detections of a branch that continues another."""
     after.tree[row] = before.tree[index]
     after.history[row, 0] = number
     for frame in range(1, before.history.shape[1]):

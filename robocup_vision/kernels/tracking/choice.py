@@ -1,4 +1,4 @@
-"""Compiled loops that choose among the branches of all track trees, and prune the trees by that choice."""
+"""Compiled choice among the branches of all track trees, and pruning of the trees by that choice."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from robocup_vision.kernels.tracking.branches import MISS
 
 @compiled
 def choose_together(tree: Int64Array, evidence: FloatArray, history: Int64Array, max_steps: int) -> BoolArray:
-    """Return which branches are chosen: at most one of each tree, no two with a common detection, the greatest sum.
+    """Choose branches with the greatest sum: at most one of each tree, no two with a common detection.
 
-    Trees without a common detection are chosen apart. Of the others a depth-first search with bounds tries all
+    Groups of trees without common detections are independent. Within a group a depth-first search with bounds tests all
     choices, the greedy one first.
 
     Parameters
     ----------
     tree : (L,) int64
-        Of each branch, tree by tree.
+        Tree of each branch; the branches of a tree are adjacent.
     evidence : (L,) float64
-        Log-likelihood ratio of each.
+        Log-likelihood ratio of each branch.
     history : (L, H) int64
-        Running numbers of the detections of each, `MISS` where there is none.
+        Detection numbers of each branch, `MISS` without a detection.
     max_steps : int
-        Steps of a search, after which the best choice so far is taken.
+        Greatest number of steps of a search, after which the best choice so far is taken.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def choose_together(tree: Int64Array, evidence: FloatArray, history: Int64Array,
         count = 0
         for t in range(trees):
             if group[t] == root:
-                # the tree of the best branch first
+                # sorted by the evidence of each tree's best branch
                 at = count
                 while at > 0 and evidence[options[start[members[at - 1]]]] < evidence[options[start[t]]]:
                     members[at] = members[at - 1]
@@ -65,10 +65,10 @@ def keep_near(
     max_log_ratio: float,
     max_branches: int,
 ) -> Int64Array:
-    """Return the indices of the branches that are kept of each chosen one's tree, likeliest first.
+    """Return the indices of the branches to keep, tree by tree for trees with a chosen branch, the most likely first.
 
-    A branch is kept if it is likely, agrees with the chosen one on the oldest detection, and is not equal to one that
-    is kept already, up to `max_branches` of each tree.
+    A branch is kept if it is likely, agrees with the chosen one on the oldest detection, and differs from those kept
+    before, up to `max_branches` of each tree.
     """
     options, start = _by_evidence(tree, evidence)
     kept = np.empty(tree.shape[0], dtype=np.int64)
@@ -101,7 +101,7 @@ def keep_near(
 
 @compiled
 def _by_evidence(tree: Int64Array, evidence: FloatArray) -> tuple[Int64Array, Int64Array]:
-    """Return the branches (L,) tree by tree, the likeliest first, and where each tree begins and the last one ends."""
+    """Return the branches (L,) tree by tree, the most likely first, and each tree's start and the end of the last."""
     count = tree.shape[0]
     options, start = np.empty(count, dtype=np.int64), np.empty(count + 1, dtype=np.int64)
     trees = 0
@@ -120,7 +120,7 @@ def _by_evidence(tree: Int64Array, evidence: FloatArray) -> tuple[Int64Array, In
 
 @compiled
 def _numbers(history: Int64Array) -> tuple[int, int]:
-    """Return the smallest number of a detection, and how many numbers there are from there on."""
+    """Return the smallest number of a detection, and the size of the range of numbers."""
     first, last = np.iinfo(np.int64).max, -1
     for k in range(history.shape[0]):
         for frame in range(history.shape[1]):
@@ -132,7 +132,7 @@ def _numbers(history: Int64Array) -> tuple[int, int]:
 
 @compiled
 def _joined(start: Int64Array, options: Int64Array, history: Int64Array, first: int, numbers: int) -> Int64Array:
-    """Return of each tree the first of those that it shares detections with, directly or by others."""
+    """Return for each tree the first tree of its group, which shares detections directly or through others."""
     trees = start.shape[0] - 1
     group = np.arange(trees)
     owner = np.full(numbers, -1)
@@ -166,11 +166,11 @@ def _search(
 ) -> None:
     """Mark the best choice among trees with common detections; the tree of the best branch comes first."""
     count = members.shape[0]
-    # the most that the trees from each depth on can add
+    # upper bound of what the trees from each depth on can add
     bound, gained = np.zeros(count + 1), np.zeros(count + 1)
     for depth in range(count - 1, -1, -1):
         bound[depth] = bound[depth + 1] + max(evidence[options[start[members[depth]]]], 0.0)
-    # which option of each tree is tried next, and which branch is taken now; -1 is none
+    # next option to test of each tree, and the branch taken now; -1 is none
     following, taken, best = np.zeros(count, dtype=np.int64), np.full(count, -1), np.full(count, -1)
     most, left, depth, is_new = -math.inf, max_steps, 0, True
     while depth >= 0:
@@ -210,7 +210,7 @@ def _search(
 
 @compiled
 def _mark(history: Int64Array, index: int, first: int, is_used: BoolArray, used: bool) -> None:
-    """Say of a branch's detections whether they are used."""
+    """Mark a branch's detections as used or unused."""
     for frame in range(history.shape[1]):
         if history[index, frame] != MISS:
             is_used[history[index, frame] - first] = used
@@ -227,7 +227,7 @@ def _is_taken(history: Int64Array, index: int, first: int, is_used: BoolArray) -
 
 @compiled
 def _is_equal(history: Int64Array, one: int, other: int) -> bool:
-    """Whether two branches have the same last detections."""
+    """Whether two branches have the same latest detections."""
     for frame in range(history.shape[1]):
         if history[one, frame] != history[other, frame]:
             return False

@@ -1,7 +1,7 @@
-"""Compiled fit of a pose to a floor outline, and of what the camera file may have wrong: its centre and the tilt.
+"""Compiled fit of a pose to a floor outline, optionally together with errors of the camera's centre and tilt.
 
-A centre half a pixel off moves a far wall by centimetres, and the pose with it; so does a body that leans by half a
-degree. Both bend the outline as no motion does: the residuals of the pose's fit show it.
+Half a pixel of the centre, or half a degree of a leaning body, moves a far wall and the pose by centimetres. Both
+deform the outline in a way that no pose does, so that the residuals of the pose's fit reveal them.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ from robocup_vision.kernels.walls.fit import (
     turned_rate,
 )
 
-# x, y, theta; centre of the image along bearing 0 and a quarter turn on, pixels; turns of the body about x and y
+# unknowns: x, y, theta; image centre along bearing 0 and a quarter turn on, pixels; rotations of the body about x and y
 SIZE = 7
 STEPS = 4
 ONE, TWO, THREE, FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-# least noise of a bearing, as a ratio to the assumed one: exact outlines have the errors of the tables
+# least noise of a bearing, relative to the assumed one: exact outlines have the errors of the tables
 MIN_NOISE = 0.3
-# standard deviation, pixels or radians, of what is taken as known
+# standard deviation, pixels or radians, of a parameter that is fixed
 KNOWN = 1e-6
-# a body leans about its foot, an error of the file turns the camera about itself: a pivot between them, as a ratio to
-# the height, errs little in either case
+# height of the pivot of rotations, relative to the camera's: a leaning body turns about its foot, and an error of the
+# file turns the camera about itself; half-way the error is small in both cases
 PIVOT = 0.5
-# information on each unknown of the pose without any bearing: next to none
+# prior information about each unknown of the pose: practically none
 NO_INFORMATION = 1e-6
 
 
 class CameraErrors(NamedTuple):
-    """How far a camera may be from where its file puts it.
+    """Uncertainty of the camera file.
 
     Parameters
     ----------
     noise_px : float
         Standard deviation of a bearing's edge.
     center_std_px, turn_std_rad : float
-        Of the centre, and of turns of the camera about the robot's x and y axes through the pivot.
+        Of the centre, and of rotations of the camera about the robot's x and y axes through the pivot.
     """
 
     noise_px: float
@@ -64,22 +64,23 @@ class CameraErrors(NamedTuple):
 
 
 class FitRules(NamedTuple):
-    """What an outline is compared with, and how a fit is judged: the same for all frames of a camera.
+    """Parameters of a fit and of its assessment, the same for all frames of a camera.
 
     Parameters
     ----------
     scene : WallScene
-        The walls, and the camera that sees them.
+        The walls and the camera.
     q_step, radius_of_q, unit_px
         As in `FloorOutline`.
     inlier_px : float
         Greatest residual of an inlier.
     inflate, systematic_px2 : float
-        Factor on the residuals' scatter, and variance that all bearings have in common, see `_write_covariance`.
+        Factor of the residuals' scatter, and variance that all bearings have in common, see `_write_covariance`.
     errors : CameraErrors
-        Of the camera.
+        Uncertainty of the camera.
     min_gain : float
-        Decrease of the weighted sum of squares, over the mean square that is left, from which the camera is fitted.
+        Least decrease of the weighted sum of squares, divided by the remaining mean square, at which the camera is
+        fitted.
     """
 
     scene: WallScene
@@ -94,13 +95,13 @@ class FitRules(NamedTuple):
 
 
 class NormalEquations(NamedTuple):
-    """Normal equations of the unknowns, written in place.
+    """Normal equations of the unknowns, filled in place.
 
     Parameters
     ----------
     information, scatter : (7, 7) float64
-        Sum of w J^T J, without the prior; sum over groups of neighbouring bearings of g g^T, g the group's sum of
-        w e J: the residuals' true scatter.
+        Sum of w J^T J, without the prior; scatter of the residuals: sum over groups of neighbouring bearings of g g^T,
+        where g is the group's sum of w e J.
     pull : (7,) float64
         Sum of w e J.
     """
@@ -118,21 +119,21 @@ def gather_equations(
     prediction: WallPrediction,
     equations: NormalEquations,
 ) -> tuple[float, float]:
-    """Add up the normal equations of pose, centre and turns; returns the sums of w e^2 and of w.
+    """Sum the normal equations of pose, centre and rotations; returns the sums of w e^2 and of w.
 
     Parameters
     ----------
     unknowns : (7,) float64
-        Where the fit stands.
+        Present estimate.
     scene, outline : WallScene, FloorOutline
-        The scene is turned already. Of the outline's scales the last counts.
+        The scene has already been turned. The last scale of the outline is used.
     prediction : WallPrediction
-        From this pose and scene.
+        Prediction from this pose and scene.
     equations : NormalEquations
-        Result.
+        Filled.
     """
     count = scene.cos_b.shape[0]
-    # derivatives and, last, residuals; then the same times their weights: a column a bearing, side by side
+    # derivatives and, last, residuals; then the same multiplied by their weights; one column for each bearing
     rows, weighed = np.empty((SIZE + 1, count)), np.empty((SIZE + 1, count))
     which = np.empty(count, np.uint64)
     used = 0
@@ -146,7 +147,7 @@ def gather_equations(
             for n in range(np.uint64(used)):
                 added += weighed[i, n] * rows[j, n]
             equations.information[i, j] = equations.information[j, i] = added
-    # what four bearings pull errs together
+    # the errors of four neighbouring bearings are correlated
     groups = used // 4
     pulls = np.empty((SIZE, groups))
     for i in range(SIZE):
@@ -177,17 +178,17 @@ def _linearise(
     rows: FloatArray,
     weighed: FloatArray,
 ) -> tuple[float, float]:
-    """Write derivatives and residuals of some bearings, plain and times their weights; return as `gather_equations`."""
+    """Write derivatives and residuals of some bearings, plain and weighted; returns the sums of `gather_equations`."""
     plane, best_q, best_wall = prediction.planes.reshape(-1), prediction.q, prediction.wall
     cos_b, sin_b, radius, height = scene.cos_b, scene.sin_b, outline.radius, scene.height
     to_camera = scene.robot_to_camera
     per_scale, per_height = 1.0 / outline.scales[outline.scales.shape[0] - 1], 1.0 / height
     cos_t, sin_t, center_u, center_v = math.cos(unknowns[2]), math.sin(unknowns[2]), unknowns[3], unknowns[4]
     (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = to_camera[0], to_camera[1], to_camera[2]
-    # how the viewpoint moves by theta
+    # derivative of the viewpoint by theta
     swing_x = -sin_t * scene.offset_x - cos_t * scene.offset_y
     swing_y = cos_t * scene.offset_x - sin_t * scene.offset_y
-    # a turn moves the viewpoint, as a pose does: about x to the right, about y ahead
+    # a rotation moves the viewpoint as a pose does: to the right if about x, ahead if about y
     lever = (1.0 - PIVOT) * height
     squares, total = 0.0, 0.0
     for n in range(np.uint64(which.shape[0])):
@@ -222,7 +223,7 @@ def _linearise(
 
 @compiled
 def _prior_information(errors: CameraErrors, i: int) -> float:
-    """Return the information on an unknown without any bearing, in bearings."""
+    """Return the prior information about an unknown, in units of one bearing's."""
     if i < 3:
         return NO_INFORMATION
     return (errors.noise_px / (errors.center_std_px if i < 5 else errors.turn_std_rad)) ** 2
@@ -230,7 +231,7 @@ def _prior_information(errors: CameraErrors, i: int) -> float:
 
 @compiled
 def _factor(errors: CameraErrors, equations: NormalEquations, size: int, lower: FloatArray) -> bool:
-    """Write the Cholesky factor of the leading block of the information, the prior's included; False: indefinite."""
+    """Write the Cholesky factor of the leading block of the information with the prior; False if it is indefinite."""
     for i in range(size):
         for j in range(i + 1):
             lower[i, j] = equations.information[i, j]
@@ -247,7 +248,7 @@ def _write_covariance(
     lower: FloatArray,
     covariance: FloatArray,
 ) -> float:
-    """Write the sandwich covariance (3, 3) of the pose, by the factor of the leading block of the information.
+    """Write the sandwich covariance (3, 3) of the pose, using the factor of the leading block of the information.
 
     Returns the largest standard deviation of the position, metres.
     """
@@ -255,9 +256,9 @@ def _write_covariance(
     for p in range(size):
         for q in range(size):
             middle[p, q] = rules.inflate * equations.scatter[p, q] + rules.systematic_px2 * equations.information[p, q]
-        # of the pose, too: without it a direction without information would come out as exact
+        # the pose's prior is included, so that a direction without information does not appear exact
         middle[p, p] += errors.noise_px**2 * _prior_information(errors, p)
-    # both are symmetric: rows do for columns
+    # rows stand for columns, because both matrices are symmetric
     for p in range(size):
         substitute(lower, size, middle[p])
     for p in range(size):
@@ -274,14 +275,14 @@ def _write_covariance(
 def _gain(
     errors: CameraErrors, equations: NormalEquations, lower: FloatArray, squares: float, total: float
 ) -> float:  # fmt: skip
-    """Return the gain of one step away from the camera file.
+    """Return the gain of one step of the camera's unknowns.
 
-    It is the decrease of the weighted sum of squares, `squares` before, over the mean square that is left.
+    It is the decrease of the weighted sum of squares, from `squares`, divided by the remaining mean square.
     """
     if not (total > SIZE and _factor(errors, equations, SIZE, lower)):
         return 0.0
     step, gain = equations.pull.copy(), 0.0
-    # the leading block's factor is the factor's leading block: what the pose alone gains is left out
+    # the factor of the leading block is the leading block of the factor, so the pose's own gain can be left out
     for i in range(SIZE):
         for j in range(i):
             step[i] -= lower[i, j] * step[j]
@@ -294,7 +295,7 @@ def _gain(
 
 @compiled
 def turned_scene(scene: WallScene, about_x: float, about_y: float) -> WallScene:
-    """Return the scene of a camera turned about the robot's x axis, ahead, and then its y axis, left, by the pivot."""
+    """Return the scene of a camera rotated about the robot's x axis and then its y axis, through the pivot."""
     to_camera, turned = scene.robot_to_camera, np.empty((3, 3))
     cx, sx, cy, sy = math.cos(about_x), math.sin(about_x), math.cos(about_y), math.sin(about_y)
     for i in range(3):
@@ -306,7 +307,7 @@ def turned_scene(scene: WallScene, about_x: float, about_y: float) -> WallScene:
     x, y, height = scene.offset_x, scene.offset_y, scene.height
     lever = (1.0 - PIVOT) * height
     x, y = cy * x + sy * (sx * y + cx * lever), cx * y - sx * lever
-    # inverse ranges are those of the upright camera's height
+    # inverse ranges remain relative to the upright camera's height
     return WallScene(scene.walls, x, y, height, turned, scene.cos_b, scene.sin_b)
 
 
@@ -320,9 +321,9 @@ def _fit_camera(
     equations: NormalEquations,
     lower: FloatArray,
 ) -> bool:
-    """Fit pose, centre and turns (7,) to an outline by Gauss-Newton, the camera file being a prior.
+    """Fit pose, centre and rotations (7,) to an outline by Gauss-Newton with the camera file as prior.
 
-    `lower` (7, 7) is filled with the factor of the information. Returns False where the outline does not determine the
+    Fills `lower` (7, 7) with the factor of the information. Returns False if the outline does not determine the
     unknowns.
     """
     step = np.empty(SIZE)
@@ -345,20 +346,20 @@ def _fit_camera(
 
 
 class Fitted(NamedTuple):
-    """A fit's pose x, y, theta, the number of bearings with an edge, and how well these agree.
+    """A fit's pose x, y, theta, the number of bearings with an edge, and the quality of the fit.
 
     Parameters
     ----------
     pose : (float, float, float)
     bearings : int
     cost : float
-        As `compare_outline` counts it.
+        As in `compare_outline`.
     inlier_ratio, rms_px : float
         See `inliers_of`.
     along_m : float
-        Largest standard deviation of the position; infinite where the outline does not determine it.
+        Largest standard deviation of the position; infinite if the outline does not determine it.
     sliding_m : float
-        The same were the camera as its file says: large where the pose may slide along walls.
+        The same for the fit without the camera's unknowns; large if the pose can slide along walls.
     """
 
     pose: Vector
@@ -384,25 +385,25 @@ def fit_outline(
     lines: FloatArray,
     covariance: FloatArray,
 ) -> tuple[Vector, int, float, float, float, float, float]:
-    """Fit a pose to an outline; where the outline contradicts the camera file, fit its errors together with the pose.
+    """Fit a pose to an outline, together with errors of the camera file if the outline contradicts it.
 
     Parameters
     ----------
     start : (float, float, float)
-        x, y, theta where to start.
+        Start x, y, theta.
     radius, scales : (K,), (I,) float64
         As in `FloorOutline`.
     rules : FitRules
-        May be plain.
+        May be a plain tuple.
     lines : (2, K) float64
-        Result: `residual` and `predicted` of `compare_outline`.
+        Filled with `residual` and `predicted` of `compare_outline`.
     covariance : (3, 3) float64
-        Result: of the pose.
+        Filled with the covariance of the pose.
 
     Returns
     -------
     tuple
-        The values of a `Fitted`, as a plain tuple is made faster.
+        The values of a `Fitted`, as a plain tuple, which is faster.
     """
     known = FitRules(*rules)
     scene, errors = WallScene(*known.scene), CameraErrors(*known.errors)
@@ -443,12 +444,12 @@ def fit_leaning(
     lines: FloatArray,
     covariance: FloatArray,
 ) -> tuple[Vector, int, float, float, float, float, float]:
-    """Fit the pose of a body that may lean, whether or not the outline shows that it does.
+    """Fit the pose and the lean of a body, whether or not the outline contradicts the camera file.
 
     Parameters
     ----------
     start, radius, scales, rules, lines, covariance
-        As of `fit_outline`; the camera's centre is taken as known.
+        As in `fit_outline`; the camera's centre is fixed.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Compiled count of what a picture shows at the wall's feet that a pose predicts."""
+"""Compiled likelihood ratio of a pose from the floor's edge at the predicted feet of walls."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robocup_vision.compiling.loops import compiled
 
 # states of a bearing; the order of the columns of `log_p`
 CLOSE, AGREES, OFF, HIDDEN, BEYOND, NO_FLOOR = range(6)
-# bounds between them, in units from the predicted foot, outwards positive
+# bounds between them, in units from the predicted foot, positive outwards
 _CLOSE, _AGREES, _INWARDS, _OUTWARDS, _RIM = 0.3, 1.0, -6.0, 3.0, 2.5
 
 
@@ -24,30 +24,30 @@ def weigh_outline(
     log_p: FloatArray,
     counts: Int64Array,
 ) -> float:
-    """Count the bearings by what they show of a pose, and weigh a right pose against any other reason for it.
+    """Count the bearings in each state, and compare a right pose with a wrong one.
 
     Parameters
     ----------
     residual, predicted : (K,) float64
-        As a fit gives them, pixels: distance of the floor's edge from the wall's foot, NaN where no edge or no wall,
-        and the foot's image radius, NaN where no wall.
+        Residuals and predicted feet of a fit, pixels: distance of the floor's edge from the wall's foot, NaN without an
+        edge or a wall, and the foot's image radius, NaN without a wall.
     outermost : (K,) int64
-        Each bearing's outermost floor sample; -1 where none.
+        Outermost floor sample of each bearing; -1 if there is none.
     is_shown : (K,) uint8
-        0 where the bearing lies under the mask: it says nothing.
+        0 for bearings under the mask, which are not counted.
     radius_px : (M,) float64
         Image radius of the samples.
     unit_px : float
         A pixel of the paper's image.
     log_p : (2 N, 6) float64
-        Logarithm of each state's probability by N conditions of a right pose, then by N of a wrong one.
+        Logarithm of each state's probability under N conditions of a right pose, then N of a wrong one.
     counts : (6,) int64
         Filled with the number of bearings in each state.
 
     Returns
     -------
     float
-        Log-likelihood ratio of the likeliest right condition against the likeliest wrong one.
+        Log-likelihood ratio of the most likely right condition to the most likely wrong one.
     """
     per_unit, half_step = 1.0 / unit_px, 0.5 * (radius_px[1] - radius_px[0])
     for state in range(counts.shape[0]):

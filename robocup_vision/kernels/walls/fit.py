@@ -1,4 +1,4 @@
-"""Compiled loops that fit the floor's outline to a field's walls: prediction and Gauss-Newton."""
+"""Compiled fit of the floor's outline to a field's walls: prediction and Gauss-Newton."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robocup_vision.kernels.algebra.three import solve_3x3
 
 Vector = tuple[float, float, float]
 B1, B2, B3 = np.uint64(1), np.uint64(2), np.uint64(3)
-# widths of the weights from which on a fit is far from its end, as multiples of the unit
+# widths of the weights, in units, above which every second bearing suffices
 FAR_UNITS = 2.5
 
 
@@ -42,16 +42,17 @@ class WallScene(NamedTuple):
 
 
 class WallPrediction(NamedTuple):
-    """The nearest wall's foot at each bearing, from a pose.
+    """The nearest wall's foot at each bearing.
 
     Parameters
     ----------
     q : (K,) float64
-        Inverse range; 0 where no wall is met.
+        Inverse range; 0 without a wall.
     wall : (K,) int64
-        Its index; -1 where none.
+        Index of the wall; -1 if there is none.
     planes : (W, 4) float64
-        Each wall's n_x and n_y, of its plane's normal n, and its extent along the field's x and y, all over h n_z.
+        For each wall n_x and n_y of its plane's normal n, and its extent along the field's x and y, all divided by
+        h n_z.
     """
 
     q: FloatArray
@@ -60,16 +61,16 @@ class WallPrediction(NamedTuple):
 
 
 class FloorOutline(NamedTuple):
-    """A measured floor outline, and how its pixels are compared.
+    """A measured floor outline, and the settings of its comparison in the image.
 
     Parameters
     ----------
     radius : (K,) float64
-        Image radius of the floor's edge, NaN where none.
+        Image radius of the floor's edge; NaN if there is none.
     q_step, radius_of_q : float, (Q,) float64
         Image radius tabulated over the inverse range 0, q_step, 2 q_step ...
     scales : (I,) float64
-        Width of the weights in pixels, one iteration each.
+        Widths of the weights in pixels, one for each iteration.
     unit_px : float
         Half the residual at which the cost is truncated.
     """
@@ -89,7 +90,7 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 @compiled
 def _in_camera(x_m: float, y_m: float, pose: FloatArray, c: float, s: float, scene: WallScene) -> Vector:
-    """Return a point of the field's floor in the camera frame; c and s belong to the robot's heading."""
+    """Return a point of the field's floor in the camera frame; c and s are of the robot's heading."""
     turn, dx, dy = scene.robot_to_camera, x_m - pose[0], y_m - pose[1]
     x, y, z = c * dx + s * dy - scene.offset_x, -s * dx + c * dy - scene.offset_y, -scene.height
     return (
@@ -101,11 +102,11 @@ def _in_camera(x_m: float, y_m: float, pose: FloatArray, c: float, s: float, sce
 
 @compiled
 def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> tuple[float, float]:
-    """Inverse range at which each bearing meets the nearest wall's foot, from a pose (3,) x, y, theta of the robot.
+    """Predict the inverse range of the nearest wall's foot at each bearing, from a pose (3,) x, y, theta of the robot.
 
-    A wall's foot and the viewpoint span a plane with normal n; the ray (cos, sin, -q h) of a bearing lies in it where
-    q = (n_x cos + n_y sin) / (h n_z): walls are straight in q, whatever the mirror and its tilt. Returns how the
-    viewpoint moves by theta, along the field's x and y.
+    A wall's foot and the viewpoint span a plane with normal n. The ray (cos, sin, -q h) of a bearing lies in it if
+    q = (n_x cos + n_y sin) / (h n_z): walls are straight in q for any mirror and tilt. Returns the derivative of the
+    viewpoint by theta, along the field's x and y.
     """
     walls, offset_x, offset_y, height, _, cos_b, sin_b = scene
     best_q, best_wall, planes = out
@@ -116,7 +117,7 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> tu
     best_wall[:] = -1
     end, end_at = (0.0, 0.0, 0.0), 0.0
     for w in range(walls.shape[0]):
-        # walls go around the floor: most begin where the one before ends
+        # most walls begin at the end of the one before
         start, start_at = end, end_at
         if w == 0 or walls[w, 0] != walls[w - 1, 2] or walls[w, 1] != walls[w - 1, 3]:
             start = _in_camera(walls[w, 0], walls[w, 1], pose, c, s, scene)
@@ -127,7 +128,7 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> tu
         if abs(normal[2]) < 1e-12:
             planes[w] = 0.0
             continue
-        # scaled so that a bearing's q needs no division
+        # scaled, so that q needs no division at each bearing
         scale = 1.0 / normal[2] / height
         along, aside = normal[0] * scale, normal[1] * scale
         planes[w, 0], planes[w, 1] = along, aside
@@ -137,7 +138,7 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> tu
         if span < 0:
             first, span = first + span, -span
         low = math.ceil(first * per_rad)
-        # a division would take as long as all else
+        # not a remainder, which would take longer than the rest
         bearing = low + count if low < 0 else low
         for _ in range(math.floor((first + span) * per_rad) - low + 1):
             q = along * cos_b[bearing] + aside * sin_b[bearing]
@@ -152,10 +153,10 @@ def predict_walls(pose: FloatArray, scene: WallScene, out: WallPrediction) -> tu
 
 @compiled(error_model="numpy")
 def tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
-    """Image radius of an inverse range, and its derivative."""
+    """Return the image radius of an inverse range, and its derivative."""
     per_q = 1.0 / outline.q_step
     place = q * per_q
-    # beyond the table its last cell goes on
+    # extrapolated beyond the table
     cell = np.uint64(np.uint32(min(place, outline.radius_of_q.shape[0] - 2 + 0.999)))
     step = outline.radius_of_q[cell + B1] - outline.radius_of_q[cell]
     return outline.radius_of_q[cell] + (place - cell) * step, step * per_q
@@ -163,7 +164,7 @@ def tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
 
 @compiled(error_model="numpy")
 def agreement(e: float, per_scale: float) -> float:
-    """Weight of a residual: an edge nearer than the wall says little, for obstacles hide floor; beyond it none is."""
+    """Return the weight of a residual: wide on the far side, because obstacles hide floor in front of a wall only."""
     ratio = e * (per_scale if e < 0 else per_scale / 3.0)
     share = 1.0 / (1.0 + ratio * ratio)
     return share * share
@@ -171,16 +172,16 @@ def agreement(e: float, per_scale: float) -> float:
 
 @compiled(error_model="numpy")
 def truncated_loss(e: float, per_two_units: float) -> float:
-    """Cost of a residual: up to 1, and up to 2 where floor shows beyond a wall."""
+    """Return the cost of a residual: at most 1, or 2 for floor beyond a wall."""
     return min(1.0 if e < 0 else 2.0, (e * per_two_units) ** 2)
 
 
 @compiled(error_model="numpy")
 def _off_wall(outline: FloorOutline, r: float, q: float, q_turn: float) -> tuple[float, float]:
-    """Distance of an edge at a radius from a wall's foot, pixels, and its derivative by the foot's inverse range q.
+    """Return the distance of an edge at a radius from a wall's foot, pixels, and its derivative by the inverse range q.
 
-    The edge is oblique to the ray: what is uniform in the image is the distance along its normal. `q_turn` is how fast
-    q falls with the bearing.
+    The distance is measured along the edge's normal, because the noise is isotropic in the image. `q_turn` is minus
+    the derivative of q by the bearing.
     """
     predicted, slope = tabulated(outline, q)
     turn = slope * q_turn / predicted
@@ -192,8 +193,8 @@ def _off_wall(outline: FloorOutline, r: float, q: float, q_turn: float) -> tuple
 def turned_rate(
     c: float, s: float, fall: float, along: float, aside: float, per_height: float
 ) -> tuple[float, float, float]:
-    """Return how a wall's inverse range q at a bearing grows by turns of the camera about its axes; `fall` is q h."""
-    # a turn t takes a plane's normal n to n - t x n
+    """Return the derivatives of a wall's inverse range q by rotations of the camera about its axes; `fall` is q h."""
+    # a small rotation t maps a plane's normal n to n - t x n
     return s * per_height + fall * aside, -c * per_height - fall * along, aside * c - along * s
 
 
@@ -207,19 +208,19 @@ def _add_up(
     information: FloatArray,
     pull: FloatArray,
 ) -> None:
-    """Add up the normal equations over the bearings.
+    """Sum the normal equations over the bearings.
 
-    Fills `information` (3, 3), the sum of w J^T J, and `pull` (3,), the sum of w e J. `swing` is how the viewpoint
-    moves by theta. Without branches, and with sums in any order: the processor takes eight bearings at once.
+    Fills `information` (3, 3), the sum of w J^T J, and `pull` (3,), the sum of w e J. `swing` is the derivative of the
+    viewpoint by theta. Vectorises: no branches, and sums in any order.
     """
     best_q, best_wall, planes = prediction
     cos_b, sin_b, radius, plane = scene.cos_b, scene.sin_b, outline.radius, planes.reshape(-1)
     per_scale, height, per_height = 1.0 / scale, scene.height, 1.0 / scene.height
     up_x, up_y, up_z = scene.robot_to_camera[:, 2]
-    # written out: sums in arrays would be stored and loaded at each bearing
+    # scalars, because sums in arrays would be stored and loaded at each bearing
     a00, a01, a02, a11, a12, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     p0, p1, p2 = 0.0, 0.0, 0.0
-    # unsigned: a signed index would be checked for being negative
+    # unsigned, because numba tests signed indices for negative ones
     for k in range(np.uint64(cos_b.shape[0])):
         wall, r, q, c, s = best_wall[k], radius[k], best_q[k], cos_b[k], sin_b[k]
         is_known = (r > 0.0) & (wall >= 0)
@@ -227,7 +228,7 @@ def _add_up(
         along, aside = plane[at], plane[at + B1]
         e, by_q = _off_wall(outline, r, q, along * s - aside * c)
         e = e if is_known else 0.0
-        # a viewpoint that moves with the field's x and y comes nearer to the wall's line across its extent
+        # derivatives by x and y: the component of the viewpoint's motion across the wall
         fall = by_q * (up_x * c + up_y * s - up_z * (q * height))
         j0, j1 = -fall * plane[at + B3], fall * plane[at + B2]
         t0, t1, t2 = turned_rate(c, s, q * height, along, aside, per_height)
@@ -251,13 +252,13 @@ def _add_up(
 
 @compiled
 def empty_prediction(scene: WallScene) -> WallPrediction:
-    """Return arrays for a prediction of a scene."""
+    """Return the arrays of a prediction."""
     count = scene.cos_b.shape[0]
     return WallPrediction(np.empty(count), np.empty(count, np.int64), np.empty((scene.walls.shape[0], 4)))
 
 
 class Comparison(NamedTuple):
-    """Walls that are fitted to a measured outline, and room for what is predicted."""
+    """Walls, the outline to which they are fitted, and arrays for their prediction."""
 
     scene: WallScene
     outline: FloorOutline
@@ -266,9 +267,9 @@ class Comparison(NamedTuple):
 
 @compiled
 def thinned(fine: Comparison) -> Comparison:
-    """Return a comparison at every second bearing, which does far from the end of a fit.
+    """Return a comparison at every second bearing, which suffices at the wide scales of a fit.
 
-    At all of them where no scale is so far, and where every second one would not go evenly around.
+    It has all bearings if no scale is wide, or if their number is odd.
     """
     scene, outline = fine.scene, fine.outline
     count = scene.cos_b.shape[0]
@@ -289,14 +290,14 @@ def thinned(fine: Comparison) -> Comparison:
 
 @compiled
 def settle(pose: FloatArray, fine: Comparison, thin: Comparison) -> None:
-    """Fit a pose to a measured floor outline by Gauss-Newton on the image radius, with annealed redescending weights.
+    """Fit a pose to a measured floor outline by Gauss-Newton on image radii, with annealed redescending weights.
 
     Parameters
     ----------
     pose : (3,) float64
-        In: where to start. Out: x, y, theta.
+        In: start. Out: x, y, theta.
     fine : Comparison
-        What is fitted to what. Its prediction is then from the fitted pose.
+        Walls and outline. Its prediction is that of the fitted pose in the end.
     thin : Comparison
         `thinned` of it.
     """
@@ -305,7 +306,7 @@ def settle(pose: FloatArray, fine: Comparison, thin: Comparison) -> None:
     information, pull, work, step = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty(3)
     for iteration in range(iterations + 1):
         scale = outline.scales[min(iteration, iterations - 1)]
-        # one or the other by name: an outline that is read only is of another type than its thinned copy
+        # two branches, because a read-only outline has another type than its thinned copy
         if iteration < iterations and scale > FAR_UNITS * outline.unit_px:
             swing = predict_walls(pose, thin.scene, thin.prediction)
             _add_up(thin.scene, thin.outline, thin.prediction, swing, scale, information, pull)
@@ -318,7 +319,7 @@ def settle(pose: FloatArray, fine: Comparison, thin: Comparison) -> None:
             information[i, i] += 1e-6
         if not solve_3x3(information, pull, work, step):
             continue
-        # a step is trusted as far as the linearised wall stays near
+        # the linearisation holds for short steps only
         length = math.sqrt(step[0] * step[0] + step[1] * step[1])
         shrink = min(1.0, 0.5 / max(length, 1e-9), 0.5 / max(abs(step[2]), 1e-9))
         for i in range(3):
@@ -339,17 +340,17 @@ def compare_outline(
     Parameters
     ----------
     scene, outline, prediction : WallScene, FloorOutline, WallPrediction
-        What is compared.
+        Walls, outline and their prediction.
     center : (float, float)
-        Image centre along bearing 0 and a quarter turn on, pixels from where the camera file puts it.
+        Image centre along bearing 0 and a quarter turn on, relative to the camera file, pixels.
     residual, predicted : (K,) float64
-        Results, pixels: distance of the edge from the wall's foot along the edge's normal, positive where floor is
-        seen beyond the wall, NaN where no edge or no wall; and the foot's image radius, NaN where no wall.
+        Filled, pixels: distance of the edge from the wall's foot along the edge's normal, positive for floor beyond the
+        wall, NaN without an edge or a wall; and the foot's image radius, NaN without a wall.
 
     Returns
     -------
     (float, int)
-        Truncated mean cost, 0 (all fits) to 1 (nothing fits), and the number of bearings with an edge.
+        Truncated mean cost, 0 (perfect) to 1, and the number of bearings with an edge.
     """
     cost, used, missed, plane, per_two_units = 0.0, 0, 0, prediction.planes.reshape(-1), 0.5 / outline.unit_px
     center_u, center_v = center
@@ -372,7 +373,7 @@ def compare_outline(
 
 @compiled
 def inliers_of(residual: FloatArray, inlier_px: float) -> tuple[float, float]:
-    """Ratio of inliers among the residuals (K,) that are known, and their root mean square."""
+    """Return the inlier ratio of the known residuals (K,), and the root mean square of the inliers."""
     used, inliers, squares = 0, 0, 0.0
     for k in range(residual.shape[0]):
         e = residual[k]
@@ -386,7 +387,7 @@ def inliers_of(residual: FloatArray, inlier_px: float) -> tuple[float, float]:
 
 @compiled
 def position_std_m(covariance: FloatArray) -> float:
-    """Largest standard deviation of the position, of a covariance of x, y and more."""
+    """Return the largest standard deviation of the position, from a covariance of x, y and more."""
     mean = 0.5 * (covariance[0, 0] + covariance[1, 1])
     half = math.sqrt((0.5 * (covariance[0, 0] - covariance[1, 1])) ** 2 + covariance[0, 1] ** 2)
     return math.sqrt(mean + half)

@@ -1,4 +1,4 @@
-"""Compiled loops over the convex hull of the floor: its radius at each bearing, and its moments."""
+"""Compiled radius at each bearing and moments of the convex hull of the floor."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from robocup_vision.compiling.loops import compiled
 
 @compiled
 def hull_radius(cos_b: FloatArray, sin_b: FloatArray, radius: FloatArray, out: FloatArray) -> int:
-    """Image radius of the convex hull of the points at (bearing, radius) along every bearing.
+    """Write the image radius (K,) of the convex hull of the points (bearing, radius) at every bearing.
 
-    `radius` is NaN where a bearing has no point. Writes out (K,) float64; returns how many bearings had points.
+    `radius` is NaN for bearings without a point. Returns the number of bearings with points.
     """
     count = radius.shape[0]
     stack = np.empty(count + 1, np.int64)
@@ -56,7 +56,7 @@ def hull_radius(cos_b: FloatArray, sin_b: FloatArray, radius: FloatArray, out: F
 
 @compiled
 def star_moments(cos_b: FloatArray, sin_b: FloatArray, range_m: FloatArray) -> tuple[float, float, float]:
-    """Centroid x, y and the principal axis's direction of the star-shaped polygon with corners at (bearing, range)."""
+    """Return centroid x, y and the principal axis' direction of the star-shaped polygon of points (bearing, range)."""
     area, mx, my, sxx, sxy, syy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     count = range_m.shape[0]
     for k in range(count):
@@ -79,10 +79,10 @@ def star_moments(cos_b: FloatArray, sin_b: FloatArray, range_m: FloatArray) -> t
 def hull_moments(
     cos_b: FloatArray, sin_b: FloatArray, radius: FloatArray, first_px: float, step_px: float, q_of_radius: FloatArray
 ) -> tuple[int, float, float, float]:
-    """Moments of the floor inside the convex hull, taken in the image, of the points at (bearing, radius).
+    """Return moments of the floor inside the convex hull, taken in the image, of the points (bearing, radius).
 
-    `q_of_radius` tabulates the inverse range from image radius `first_px` in steps of `step_px`. Returns how many
-    bearings had points, and of the hull on the floor the centroid x, y and the direction of the principal axis.
+    `q_of_radius` tabulates the inverse range from image radius `first_px` in steps of `step_px`. Returns the number of
+    bearings with points, and the centroid x, y and the direction of the principal axis of the hull on the floor.
     """
     count = radius.shape[0]
     hull = np.empty(count)

@@ -1,4 +1,4 @@
-"""Compiled loops of the search for a floor outline over the whole field: a bank of places, and fits from the best."""
+"""Compiled search for a floor outline over the whole field: a bank of expected outlines, and fits from the best."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from robocup_vision.kernels.walls.fit import (
     thinned,
 )
 
-# a difference counts as this many levels at most, so that the sum over all bearings fits into two bytes
+# bound of a difference in levels, so that the sum over all bearings fits into 16 bits
 MAX_DIFFERENCE = np.int16(128)
-# an edge nearer than the wall counts half of that: others may stand before a wall, but no floor lies behind it
+# bound for an edge in front of the wall, which is half as large because obstacles may hide the wall's foot
 MAX_HIDDEN = np.int16(64)
-# level of a bearing without an edge
+# level of a bearing that has no edge
 UNKNOWN = np.int16(-(2**15))
 
 
 class SearchRules(NamedTuple):
-    """What is compared over the whole field: the same for all outlines of a camera.
+    """Parameters of the search over the whole field, the same for all outlines of a camera.
 
     Parameters
     ----------
@@ -40,21 +40,21 @@ class SearchRules(NamedTuple):
     q_step, radius_of_q, unit_px
         As in `FloorOutline`.
     places : (P, 2) float64
-        Where outlines are expected.
+        Places of the bank.
     bank : (P, 2 B) int16
-        As `sum_differences` takes it.
+        As in `sum_differences`.
     rows : (B,) int64
-        Which of the bearings are the bank's.
+        Bearings of the bank.
     px_per_level : float
-        Pixels of a level of the bank.
+        Pixels for each level of the bank.
     along, across : (N,), (M,) float64
-        Places along and across the field, to which a fit may have to slide.
+        Positions along and across the field, because a fit may have to slide along walls.
     scales : (I,) float64
         Widths of the weights, pixels.
     starts : int
-        Number of poses of the bank that are fitted.
+        Number of the bank's poses to fit.
     apart_m, apart_rad : float
-        As in `pick_distinct`, of fits; a pose and its half turn are one.
+        As in `pick_distinct`, for fits; a pose and its half turn are equal.
     """
 
     scene: WallScene
@@ -75,23 +75,23 @@ class SearchRules(NamedTuple):
 
 @compiled
 def search_outline(pose: Vector, radius: FloatArray, rules: SearchRules, found: FloatArray) -> int:
-    """Fit an outline from the likeliest places of the bank, and from all along the walls that it agrees with already.
+    """Fit an outline from the bank's best poses, and from positions along the walls that it already fits.
 
     Parameters
     ----------
     pose : (float, float, float)
-        x, y, theta of a fit that may have slid along walls.
+        x, y, theta of a fit, which may have slid along walls.
     radius : (K,) float64
         As in `FloorOutline`.
     rules : SearchRules
         May be plain.
     found : (R, 3) float64
-        Result: the best fits that are apart, the best first.
+        Filled with the best distinct fits, the best first.
 
     Returns
     -------
     int
-        How many there are.
+        Number of fits.
     """
     known = SearchRules(*rules)
     scene = WallScene(*known.scene)
@@ -104,7 +104,7 @@ def search_outline(pose: Vector, radius: FloatArray, rules: SearchRules, found: 
     for n in range(count):
         settle(starts[n], fine, thin)
         costs[n], _ = compare_outline(scene, outline, fine.prediction, (0.0, 0.0), residual, predicted)
-        # sorted by insertion: equal costs stay in the order of the starts
+        # stable insertion sort
         place = n
         while place > 0 and costs[order[place - 1]] > costs[n]:
             order[place] = order[place - 1]
@@ -121,9 +121,9 @@ def search_outline(pose: Vector, radius: FloatArray, rules: SearchRules, found: 
 
 @compiled
 def _starts(pose: Vector, radius: FloatArray, rules: SearchRules) -> FloatArray:
-    """Return poses (N, 3) whose expected outline is most like the measured one, and those along and across the field.
+    """Return start poses (N, 3): those of the bank with the most similar outline, then some along and across the field.
 
-    The latter have the heading of a pose.
+    The latter differ from `pose` in x or y only.
     """
     count = rules.rows.shape[0]
     levels = np.empty(count, np.int16)
@@ -132,7 +132,7 @@ def _starts(pose: Vector, radius: FloatArray, rules: SearchRules) -> FloatArray:
         levels[b] = np.int16(r / rules.px_per_level + 0.5) if r > 0.0 else UNKNOWN
     sums = np.empty((rules.places.shape[0], count), np.int16)
     sum_differences(rules.bank, levels, sums)
-    # many of the best are neighbours in the bank
+    # more than needed, because many of the best are neighbours in the bank
     best = np.empty(min(10 * rules.starts, sums.size), np.int64)
     least(sums.reshape(-1), best)
     found = np.empty((best.shape[0], 3))
@@ -141,7 +141,7 @@ def _starts(pose: Vector, radius: FloatArray, rules: SearchRules) -> FloatArray:
         found[n, 0], found[n, 1] = rules.places[place, 0], rules.places[place, 1]
         found[n, 2] = -shift * 2.0 * math.pi / count
     picked = np.empty(rules.starts, np.int64)
-    # two of the bank's headings, and as far in metres
+    # twice the bank's step of headings, and the same number of metres
     two_steps = 4.0 * math.pi / count
     apart = pick_distinct(found, two_steps, two_steps, True, picked)
     along, across = rules.along.shape[0], rules.across.shape[0]
@@ -159,17 +159,17 @@ def _starts(pose: Vector, radius: FloatArray, rules: SearchRules) -> FloatArray:
 
 @compiled
 def sum_differences(bank: Int16Array, levels: Int16Array, out: Int16Array) -> None:
-    """Compare a measured outline with the outlines expected at many places, at every heading.
+    """Compare a measured outline with the expected outlines at many places and at every heading.
 
     Parameters
     ----------
     bank : (P, 2 B) int16
-        Expected image radius at B evenly spaced bearings from 0 on clockwise, for heading 0, twice over, in levels.
+        Expected image radius at B evenly spaced bearings, clockwise from 0, for heading 0, stored twice, in levels.
     levels : (B,) int16
-        Measured image radius, bearings from 0 on counter-clockwise, in levels; `UNKNOWN` where there is none.
+        Measured image radius, bearings counter-clockwise from 0, in levels; `UNKNOWN` without an edge.
     out : (P, B) int16
-        Filled with the sums over the measured bearings of the differences, each `MAX_DIFFERENCE` at most, or
-        `MAX_HIDDEN` where the edge is nearer, of place p with the heading of minus shift times the bearings' step.
+        Filled with the sums over bearings of the absolute differences, each at most `MAX_DIFFERENCE`, or `MAX_HIDDEN`
+        for an edge in front of the wall. The heading of column s is -s times the bearings' step.
     """
     count = levels.shape[0]
     for p in range(bank.shape[0]):
@@ -183,7 +183,7 @@ def sum_differences(bank: Int16Array, levels: Int16Array, out: Int16Array) -> No
 
 @compiled
 def _add_differences(level: np.int16, expected: Int16Array, row: Int16Array) -> None:
-    """Add a bearing's differences at all headings, side by side: the processor takes sixteen at once."""
+    """Add a bearing's differences at all headings; vectorises."""
     for shift in range(np.uint64(row.shape[0])):
         off = np.int16(level - expected[shift])
         row[shift] += min(max(off, min(np.int16(-off), MAX_HIDDEN)), MAX_DIFFERENCE)
@@ -191,11 +191,11 @@ def _add_differences(level: np.int16, expected: Int16Array, row: Int16Array) -> 
 
 @compiled
 def least(scores: Int16Array, out: Int64Array) -> None:
-    """Fill out (M,) with the indices of the M least scores (N,), none negative, the least first; M at most N."""
+    """Fill out (M,) with the indices of the M least scores (N,), which are not negative, the least first; M <= N."""
     top = 0
     for score in scores:
         top = max(top, score)
-    # how many are less than each score, and so where those of this score begin
+    # number of smaller scores, which is the start of each score's group
     begin = np.zeros(top + 2, np.int64)
     for score in scores:
         begin[score + 1] += 1
