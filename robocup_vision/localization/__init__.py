@@ -1,1 +1,1 @@
-"""From the evidence of a frame to a pose on the field."""
+"""Estimation of the pose on the field from the evidence of a frame."""

@@ -1,4 +1,4 @@
-"""Which poses of a search are places of their own, and which are one place found several times."""
+"""Tests whether poses belong to the same place."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.algebra.distinct import pick_distinct
 
-# chi-square with 3 degrees of freedom that one in a thousand pairs of right poses exceeds
+# chi-square with 3 degrees of freedom, 99.9 %
 _MAX_SAME_DISTANCE2 = 16.27
 
 
 def pose_offset(pose: Pose2, reference: Pose2) -> FloatArray:
-    """(3,) float64: difference of two poses, the angle the short way round."""
+    """Return the difference of two poses, (3,) float64, with the angle within half a turn."""
     return np.array(
         [pose.x_m - reference.x_m, pose.y_m - reference.y_m, wrap_angle(pose.theta_rad - reference.theta_rad)]
     )
@@ -29,20 +29,20 @@ def squared_distance(pose: Pose2, other: Pose2, covariance: FloatArray) -> float
 
 
 def may_be_one(pose: Pose2, other: Pose2, covariance: FloatArray) -> bool:
-    """Whether two poses may be of one place, given the covariance (3, 3) of their difference."""
+    """Whether two poses may belong to one place, given the covariance (3, 3) of their difference."""
     return squared_distance(pose, other, covariance) <= _MAX_SAME_DISTANCE2
 
 
 @dataclass(frozen=True, slots=True)
 class Apart:
-    """How far two poses are from each other at least, if they are two."""
+    """Least distance of two poses that count as different."""
 
-    m: float  #: poses of one place are nearer to each other than this
+    m: float  #: poses of one place are closer than this
     rad: float = math.inf  #: and differ in heading by less than this
-    twins: bool = False  #: whether a pose and its half turn about the field's centre are one
+    twins: bool = False  #: whether a pose and its half turn about the field's centre count as one
 
     def first(self, poses: FloatArray, most: int) -> list[int]:
-        """Return the indices of the first distinct ones of some poses (N, 3), at most this number."""
+        """Return the indices of the first distinct poses (N, 3), at most `most`."""
         picked = np.empty(min(most, len(poses)), dtype=np.int64)
         count = pick_distinct(np.ascontiguousarray(poses), self.m, self.rad, self.twins, picked)
         return [int(index) for index in picked[:count]]

@@ -1,10 +1,10 @@
-"""One verdict on a mirror camera's pose: the likelihood ratio of a frame to clutter.
+"""Likelihood ratio by which a mirror camera's pose is accepted: a frame of that pose against clutter.
 
-Each bearing of the floor's outline is in one of a few states, and so is each floor sample that shows a line or should
-show one. A state has one probability for a right pose in each of two conditions (clear, rough), and one for a wrong
-pose in each of two (the best fit to clutter, a wrong place). The logarithms of the probabilities are summed and divided
-by the number of samples with correlated errors. The likeliest condition of each side counts. A hidden sample is nearly
-as likely on both sides, and so counts little.
+Each bearing of the floor's outline is in one of a few states, and so is each floor sample that shows or should show a
+line. A state has one probability for a right pose in each of two conditions (clear, rough), and one for a wrong pose in
+each of two (the best fit to clutter, a wrong place). The logarithms are summed and divided by the number of samples
+with correlated errors. The most likely condition of each side counts. Hidden samples are nearly as likely on both
+sides.
 
 The probabilities are data: `evidence.toml`, which `robocup-vision fit-evidence` writes.
 """
@@ -31,18 +31,18 @@ from robocup_vision.localization.outline_model import OutlineFit
 from robocup_vision.perception.polar_view import PolarView
 
 PACKAGED = Path(__file__).with_name("evidence.toml")
-# a pose's log odds by the lines, computed only where the outline does not decide
+# function of a pose's log odds by the lines, computed only if the outline does not decide
 LineOdds = Callable[[Pose2], float]
 
 OUTLINE_STATES = ("close", "agrees", "off", "hidden", "beyond", "no floor")
 LINE_STATES = ("on a line", "floor instead of a line", "line elsewhere")
 CONDITIONS = 2
-# distances from a line's middle, in line widths, within which a sample is on the line, and wholly on it
+# distances from a line's middle, in line widths, within which a sample is on the line, and entirely on it
 _NEAR_WIDTHS, _WITHIN_WIDTHS = 1.2, 0.25
 
 
 def no_lines(pose: Pose2) -> float:
-    """Return the log odds of a pose where no lines are weighed: they speak neither for nor against it."""
+    """Return the log odds of a pose if lines are not used: 0."""
     return 0.0
 
 
@@ -70,14 +70,14 @@ class _EvidenceFile(StrictStruct):
 class Likelihoods:
     """Probabilities of the states of one cue's samples."""
 
-    #: (2 CONDITIONS, S) float64: logarithms, for the conditions of a right pose, then for those of a wrong one, divided
-    #: by the number of samples whose errors are correlated
+    #: (2 CONDITIONS, S) float64: logarithms, for the conditions of a right pose, then of a wrong one, divided by the
+    #: number of samples with correlated errors
     log_p: FloatArray
     correlation: float = 1.0  #: that number
 
     @classmethod
     def of(cls, right: FloatArray, wrong: FloatArray, correlation: float) -> Likelihoods:
-        """Take probabilities (CONDITIONS, S) each, and how many samples err alike."""
+        """Make likelihoods from probabilities (CONDITIONS, S) and the number of samples with correlated errors."""
         return cls(read_only(np.log(np.vstack([right, wrong])) / correlation), correlation)
 
     def log_odds(self, counts: FloatArray | Int64Array) -> float:
@@ -90,12 +90,12 @@ class Likelihoods:
 class PoseEvidence:
     """Probabilities and thresholds that decide whether a pose is accepted."""
 
-    #: of the states `OUTLINE_STATES` and `LINE_STATES`
+    #: likelihoods of the states `OUTLINE_STATES` and `LINE_STATES`
     outline: Likelihoods
     lines: Likelihoods
-    min_log_odds: float  #: smallest accepted: against clutter, and against every other place
-    #: by the outline alone, log odds from which no other candidate is examined: `min_log_odds` above the likeliest
-    #: wrong fit's
+    min_log_odds: float  #: least accepted log odds, against clutter and against every other place
+    #: log odds by the outline alone at which no other candidate is examined: `min_log_odds` above those of the most
+    #: likely wrong fit
     sure_log_odds: float
 
 
@@ -105,7 +105,7 @@ def load_evidence(path: str | Path = PACKAGED) -> PoseEvidence:
     Parameters
     ----------
     path : str or Path, optional
-        A file of `robocup-vision fit-evidence`; without it the one that comes with the package.
+        A file of `robocup-vision fit-evidence`; by default the package's own.
 
     Raises
     ------
@@ -135,13 +135,13 @@ def _likelihoods(path: str | Path, name: str, cue: _Cue, states: tuple[str, ...]
 
 
 class OutlineTally(NamedTuple):
-    """Evidence of an outline on a pose."""
+    """Evidence for a pose by an outline."""
 
     log_odds: float  #: by the outline alone
     counts: Int64Array  #: (6,) int64: bearings in each state
 
     def reason(self, log_odds: float) -> str:
-        """Name the missing evidence, given the log odds by all evidence."""
+        """Describe the missing evidence, given the log odds by all evidence."""
         visible = int(self.counts.sum() - self.counts[HIDDEN])
         agree = self.counts[CLOSE] + self.counts[AGREES]
         return f"{agree} of {visible} visible bearings agree with walls, odds {odds_text(log_odds)}"
@@ -157,43 +157,43 @@ def odds_text(log_odds: float) -> str:
 
 
 class OutlineEvidence:
-    """Counts the states of an outline's bearings by a pose, and weighs them.
+    """Counts the states of an outline's bearings at a pose, and computes its log odds.
 
     Parameters
     ----------
     unit_px : float
         A pixel of the paper's image, see `OutlineModel`.
     likelihoods : Likelihoods
-        Of `OUTLINE_STATES`.
+        Likelihoods of `OUTLINE_STATES`.
     """
 
     def __init__(self, view: PolarView, unit_px: float, likelihoods: Likelihoods) -> None:
-        # a bearing is shown where at least half of its samples lie inside the frame and outside the mask
+        # a bearing is used if at least half of its samples are inside the frame and outside the mask
         is_shown = (view.valid.mean(axis=1) >= 0.5).astype(np.uint8)
-        # copies: a read-only array would be compiled for once more
+        # copies, because the loop would be compiled again for read-only arrays
         self._arrays = is_shown, np.array(view.radius_px), unit_px, np.array(likelihoods.log_p)
 
     def weigh(self, fit: OutlineFit, outermost: Int64Array) -> OutlineTally:
-        """Weigh a fit, given each bearing's outermost floor sample (K,), -1 where none."""
+        """Compute the log odds of a fit, given each bearing's outermost floor sample (K,), -1 if none."""
         return self.weigh_walls(fit.residual_px, fit.predicted_px, outermost)
 
     def weigh_walls(self, residual_px: FloatArray, predicted_px: FloatArray, outermost: Int64Array) -> OutlineTally:
-        """Weigh a pose by where it predicts the walls' feet, and how far from these the floor's edges are, (K,)."""
+        """Compute the log odds of a pose from predicted feet of walls and the residuals of the floor's edges, (K,)."""
         counts = np.empty(len(OUTLINE_STATES), dtype=np.int64)
         log_odds = weigh_outline(residual_px, predicted_px, outermost, *self._arrays, counts)
         return OutlineTally(log_odds, counts)
 
 
 class LineEvidence:
-    """Counts the states of floor samples on lines by a pose, and weighs them."""
+    """Counts the states of floor samples on lines at a pose, and computes its log odds."""
 
     def __init__(self, line_map: LineMap, view: PolarView, likelihoods: Likelihoods) -> None:
         self._map, self._floor_m, self._likelihoods = line_map, view.floor_m, likelihoods
         width_m = line_map.field.line_width_m
         near_m, deep_m = _NEAR_WIDTHS * width_m, np.gradient(view.range_m)
-        # a sample stands for half a column inwards and outwards
+        # a sample extends by half a column inwards and outwards
         self._on_m = np.maximum(near_m, 0.5 * deep_m + 0.5 * near_m)
-        # near the robot a line fills its sample
+        # only near the robot a line fills a sample
         self._bare_m = np.where(deep_m < 2 * width_m, _WITHIN_WIDTHS * width_m, 0.0)
 
     def counts(self, pose: Pose2, marks: UInt8Array) -> Int64Array:
@@ -203,5 +203,5 @@ class LineEvidence:
         return np.array([on_line, bare, np.count_nonzero(marks == LINE) - on_line])
 
     def log_odds(self, pose: Pose2, marks: UInt8Array) -> float:
-        """Weigh a pose by the lines alone."""
+        """Compute the log odds of a pose by the lines alone."""
         return self._likelihoods.log_odds(self.counts(pose, marks))

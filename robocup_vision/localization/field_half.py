@@ -1,6 +1,6 @@
-"""Decides in which half of the field a robot is: a pose and its half turn look alike but for goals of two colours.
+"""Choice of the field half: a pose and its half turn look alike except for goals of two colours.
 
-Where the goals look as with red and blue swapped, nothing is decided: the half would be the wrong one.
+If the goals look as with red and blue swapped, nothing is decided, because the half would be wrong.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from robocup_vision.perception.color_table import Colors
 from robocup_vision.perception.hidden_pixels import hidden_pixels
 
 _NO_VOTES = (0, 0, 0, 0)
-# metres and radians together, up to which two poses are one
+# greatest sum of metres and radians between equal poses
 _SAME_POSE = 1e-6
 
 
 def in_both_halves(estimate: PoseEstimate, near: Pose2 | None = None) -> PoseEstimate:
-    """Return an estimate with the half turn of each candidate added, where it is not among the candidates yet."""
+    """Return an estimate with the half turn of each candidate added, unless it is already a candidate."""
     candidates: list[Pose2] = []
     for pose in estimate.candidates:
         turned = pose.half_turn()
@@ -53,24 +53,24 @@ def nearer_half(estimate: PoseEstimate, near: Pose2 | None) -> PoseEstimate:
 
 @dataclass(frozen=True, slots=True)
 class GoalSideSettings:
-    """When the goals' colours decide which half it is."""
+    """Settings of the decision by the goals' colours."""
 
-    min_votes: int = 4  #: fewest votes of one side that decide: fewer may be clutter
-    majority: float = 2  #: ratio to the votes of the other side from which they decide: clutter alone seldom reaches it
-    #: difference in (B - R)/(B + G + R) from which two goals count as differently coloured
+    min_votes: int = 4  #: least number of votes for one side, because fewer may be clutter
+    majority: float = 2  #: least ratio to the votes for the other side, which clutter alone seldom reaches
+    #: least difference in (B - R)/(B + G + R) of differently coloured goals
     min_hue_difference: float = 0.2
-    channels: SwappedChannelsSettings = SwappedChannelsSettings()  #: when the goals show that red and blue are swapped
+    channels: SwappedChannelsSettings = SwappedChannelsSettings()  #: settings of the test for swapped red and blue
 
 
 class GoalSide:
-    """Reads the colours at the goals' places, and takes the half in which the goals have their own colours.
+    """Samples the colours at the goals' places, and chooses the half in which the goals have their own colours.
 
     Parameters
     ----------
     field : Field
-        Has the places and colours of the goals.
+        Gives places and colours of the goals.
     camera : OmniCamera
-        Its height must be known, since goals are upright.
+        Its height must be known, because goals are upright.
     mask : (H, W) uint8, optional
         Non-zero pixels are not used.
     """
@@ -99,7 +99,7 @@ class GoalSide:
                 camera.mirrored,
                 camera.usable_radius_px,
                 q_step,
-                # zero lies inside the usable radius, so points beyond a curve's end are not used
+                # points beyond a curve's end get radius zero, which is below the usable radius, and are not used
                 np.nan_to_num(radius),
             )
         )
@@ -107,14 +107,14 @@ class GoalSide:
     def choose(
         self, frame: npt.NDArray[np.uint8], estimate: PoseEstimate, colors: Colors, prior: Pose2 | None = None
     ) -> PoseEstimate | NotLocated:
-        """Put the right half first.
+        """Return the estimate with the right half first.
 
-        The estimate has its half turn among the candidates; the prior orders them where the goals do not decide.
+        The estimate must have its half turn as a candidate; the prior orders them if the goals do not decide.
 
         Returns
         -------
         PoseEstimate or SwappedChannels
-            With a single candidate if the goals decide, else with both; no pose if the goals fit swapped channels
+            With one candidate if the goals decide, else with both; no pose if swapped channels fit the goals
             better.
         """
         right, wrong, own, swapped = self._vote(frame, estimate.pose, colors) if self.is_able else _NO_VOTES
@@ -136,7 +136,7 @@ class GoalSide:
         return vote_goal_colors(frame, at, *self._points, self._projection, palette, self._hidden)
 
     def _may_be_swapped(self, own: int, swapped: int, colors: Colors) -> bool:
-        """Whether red and blue may be swapped by the votes: their white reference may be the paint of another thing."""
+        """Whether red and blue may be swapped by the votes, whose white reference may be coloured paint."""
         settings = self.settings.channels
         if colors.swap_distance < settings.min_distance:
             return False

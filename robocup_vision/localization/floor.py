@@ -1,7 +1,7 @@
-"""Estimates the pose by the floor's outline: sub-pixel edges of the floor, fitted to the walls in the field file.
+"""Pose estimation by the floor's outline: sub-pixel edges of the floor, fitted to the walls in the field file.
 
-The paper's hull and principal axis (Sekimori et al. 2001, section 4) give the start. The fit is in image radius, where
-the measurement's error is uniform, written in q = 1/range, where every wall is straight.
+The paper's hull and principal axis (Sekimori et al. 2001, section 4) give the start. Residuals are in image radius,
+in which the noise is uniform. The model is written in q = 1/range, in which every wall is straight.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from robocup_vision.localization.outline_search import OutlineSearch, OutlineSea
 from robocup_vision.localization.walls import wall_px
 from robocup_vision.perception.polar_view import PolarView
 
-# one a pose's unknown
+# one edge for each unknown of the pose
 _MIN_EDGES = 3
 _OPEN = "the part of the floor's edge in view does not fix the pose in every direction"
 
@@ -61,20 +61,20 @@ class OutlineSettings:
     noise: OutlineNoise = OutlineNoise()
     search: OutlineSearchSettings = OutlineSearchSettings()
     camera: OutlineCameraSettings = OutlineCameraSettings()
-    #: widths of the redescending weights, units: from the first guess down to the edges' own accuracy, and from a prior
+    #: widths of the redescending weights, units: from the first guess, and from a prior
     scales: tuple[float, ...] = (8.0, 5.0, 3.0, 2.0, 1.0)
     prior_scales: tuple[float, ...] = (2.0,)
-    max_std_m: float = 0.05  #: a pose more uncertain than this is refused
-    #: a fit more uncertain than this is checked by a search: it may slide along the field's sides
+    max_std_m: float = 0.05  #: greatest standard deviation of an accepted pose
+    #: standard deviation from which a fit is checked by a search, because it may slide along the field's sides
     sliding_std_m: float = 0.008
 
 
 class OutlineAnswer(NamedTuple):
-    """What an outline tells of the pose."""
+    """Result of the fit of an outline."""
 
     estimate: PoseEstimate | NotLocated
-    wall_px: FloatArray  #: (K,) float64: image radius at which the pose predicts the walls, NaN where none
-    #: the estimate by the outline without its prior, where `estimate` includes the prior as a factor
+    wall_px: FloatArray  #: (K,) float64: predicted image radius of the walls, NaN if there is none
+    #: the estimate without the prior, if `estimate` includes the prior as a factor
     measurement: PoseEstimate | None = None
 
 
@@ -88,7 +88,7 @@ class OutlineFitter:
     view : PolarView
         Defines the bearings of the outline.
     evidence : PoseEvidence, optional
-        Decides whether a pose is accepted; default: as it comes with the package.
+        Decides whether a pose is accepted; by default the package's own.
 
     Raises
     ------
@@ -113,16 +113,16 @@ class OutlineFitter:
         self._scales, self._prior_scales = (self.model.scales(one) for one in (settings.scales, settings.prior_scales))
 
     def first_guess(self, radius_px: FloatArray) -> Pose2 | None:
-        """Pose from the outline's convex hull, taken in the image, by its centroid and principal axis (paper, step 5).
+        """Return the pose by the centroid and principal axis of the outline's convex hull in the image (paper, step 5).
 
-        The outline (K,) is the image radius of the floor's edge at each bearing, NaN where there is none. The pose has
+        The outline (K,) is the image radius of the floor's edge at each bearing, NaN if there is none. The pose has
         one of the two possible headings; it is None with fewer than three edges.
         """
         bearings, guess = self._guess(radius_px)
         return None if bearings < _MIN_EDGES else Pose2(*guess)
 
     def _guess(self, radius_px: FloatArray) -> tuple[int, Vector]:
-        """Return how many bearings have an edge, and the first guess's x, y and theta; zeros with fewer than three."""
+        """Return the number of edges, and x, y and theta of the first guess; zeros with fewer than three edges."""
         model = self.model
         known, x, y, axis = hull_moments(model.scene.cos_b, model.scene.sin_b, radius_px, *model.q_of_radius)
         c, s = math.cos(axis), math.sin(axis)
@@ -142,7 +142,7 @@ class OutlineFitter:
         return None if bearings < _MIN_EDGES else self.from_start(guess, radius_px)
 
     def from_start(self, start: Vector, radius_px: FloatArray) -> OutlineFit:
-        """Fit an outline (K,) from x, y, theta of a pose that may be far off."""
+        """Fit an outline (K,) from x, y, theta of a rough pose."""
         return self.model.fit(start, radius_px, self._scales)[0]
 
     def from_prior(self, prior: Pose2, radius_px: FloatArray) -> OutlineFit | None:
@@ -151,15 +151,15 @@ class OutlineFitter:
         return None if bearings < _MIN_EDGES else fit
 
     def fixes_pose(self, fit: OutlineFit) -> bool:
-        """Whether the inliers of a fit fix the pose: without an end of the field it slides along its sides."""
+        """Whether the inliers of a fit determine the pose: without an end of the field it slides along its sides."""
         return fit.sliding_m <= self.settings.sliding_std_m
 
     def weigh(self, fit: OutlineFit, floor_column: Int64Array) -> OutlineTally:
-        """Weigh a fit by the outline alone, given each bearing's outermost floor sample (K,), -1 where none."""
+        """Weigh a fit by the outline alone, given each bearing's outermost floor sample (K,), -1 if none."""
         return self._outline_evidence.weigh(fit, floor_column)
 
     def weigh_pose(self, pose: Pose2, radius_px: FloatArray, floor_column: Int64Array) -> OutlineTally:
-        """Weigh a pose that something else gave, by an outline (K,) alone."""
+        """Weigh a pose from another source by an outline (K,) alone."""
         walls = wall_px(self.field.walls, pose, self.view)
         return self._outline_evidence.weigh_walls(radius_px - walls, walls, floor_column)
 
@@ -170,22 +170,21 @@ class OutlineFitter:
         prior: PoseEstimate | Pose2 | None = None,
         line_odds: LineOdds = no_lines,
     ) -> OutlineAnswer:
-        """Fit the outline from each proposal in turn, and judge the fits.
+        """Fit the outline from each start in turn, and test the fits.
 
-        A prior comes first, then the outline's hull; where neither fit is sure, a search over the whole field.
+        The prior is the first start, then the outline's hull. If neither fit is certain, the whole field is searched.
 
         Parameters
         ----------
         radius_px : (K,) float64
-            Image radius of the floor's edge at each of the view's bearings, NaN where none.
+            Image radius of the floor's edge at each of the view's bearings, NaN if there is none.
         floor_column : (K,) int64
-            Each bearing's outermost floor sample; -1 where none.
+            Outermost floor sample of each bearing; -1 if there is none.
         prior : PoseEstimate or Pose2, optional
-            Where the robot probably is: a start, and, if the outline surely agrees with it, the only one. Its
-            covariance is a factor of the pose of a body that may lean, of which the outline often leaves a direction
-            open.
+            Probable pose: a start, and the only one if the outline certainly agrees with it. Its covariance is a factor
+            of the pose of a body that may lean, of which the outline often does not determine one direction.
         line_odds : callable, optional
-            A pose's log odds by the lines, where the outline leaves something open.
+            Log odds of a pose by the lines, for use where the outline is ambiguous.
 
         Returns
         -------
@@ -217,7 +216,7 @@ class OutlineFitter:
             return OutlineAnswer(found, _nothing(radius_px))
         if prior is None or self.fixes_pose(found):
             return self._judge(self.model.fit(found.pose, radius_px, self.model.scales(()))[0], settings.max_std_m)
-        # the search assumes an upright body: a moving one may lean, which on a large field moves it by half a metre
+        # the search assumes an upright body, but a moving one may lean, which may shift the pose by half a metre
         leaning = self.model.fit_leaning((found.pose,), radius_px)
         if leaning is None:
             reason = "the floor's edge does not fix the pose of a body that may lean"
@@ -225,22 +224,22 @@ class OutlineFitter:
         return self._judge_leaning(leaning, prior)
 
     def _is_place(self, fit: OutlineFit) -> bool:
-        """Whether a fit is a place on the field, however uncertain."""
+        """Whether a fit is on the field, with any uncertainty."""
         return math.isfinite(fit.along_m) and self.field.is_on_floor(*fit.pose[:2])
 
     def is_fixed_place(self, fit: OutlineFit) -> bool:
-        """Whether a fit is a place on the field, and fixed in every direction."""
+        """Whether a fit is on the field and determined in every direction."""
         return fit.along_m <= self.settings.max_std_m and self._is_place(fit)
 
     def _is_sure(self, fit: OutlineFit, floor_column: Int64Array, line_odds: LineOdds) -> bool:
         by_outline, sure = self.weigh(fit, floor_column).log_odds, self.evidence.sure_log_odds
-        # a goal's sides may pass for walls, but the lines then lie elsewhere
+        # a goal's sides may be taken for walls, but then the lines do not fit
         return by_outline >= sure and by_outline + line_odds(Pose2(*fit.pose)) >= sure
 
     def _choose(
         self, fits: list[OutlineFit], max_std_m: float, floor_column: Int64Array, line_odds: LineOdds
     ) -> OutlineFit | NotLocated:
-        """Return the fixed fit that the evidence favours over clutter and over every other place."""
+        """Return the determined fit that the evidence favours over clutter and over every other place."""
         fixed = [n for n, fit in enumerate(fits) if fit.along_m <= max_std_m]
         if not fixed:
             return NotLocated(_OPEN)
@@ -248,14 +247,14 @@ class OutlineFitter:
         by_outline = np.array([tally.log_odds for tally in tallies])
         by_lines = np.array([line_odds(Pose2(*fit.pose)) for fit in fits])
         evidence = self.evidence
-        # what hides or wears the lines of a picture is common to all places in it: compared with each other, line
-        # samples err no more alike than bearings do
+        # occlusion and worn paint affect the lines of all places alike. In the comparison of places the errors of line
+        # samples are therefore correlated no more than those of bearings
         compared = by_outline + evidence.lines.correlation / evidence.outline.correlation * by_lines
         best = max(fixed, key=lambda n: float(compared[n]))
         odds = float(by_outline[best] + by_lines[best])
         if odds < evidence.min_log_odds:
             return NotLocated(tallies[best].reason(odds))
-        # a fit that slides along a wall is no answer, but a rival unless it may slide to the same place
+        # a fit that slides along a wall is not accepted, but it is a rival unless it can slide to the same place
         rivals = [float(compared[n]) for n, fit in enumerate(fits) if not self.search.may_be_one(fits[best], fit)]
         lead = float(compared[best]) - max(rivals, default=-math.inf)
         if lead < evidence.min_log_odds:
@@ -263,13 +262,13 @@ class OutlineFitter:
         return fits[best]
 
     def _judge(self, fit: OutlineFit, max_std_m: float) -> OutlineAnswer:
-        """Answer by an accepted fit, if it is a fixed place on the field."""
+        """Return the result for an accepted fit, if it is determined and on the field."""
         if fit.along_m > max_std_m:
             return OutlineAnswer(NotLocated(_OPEN), _nothing(fit.predicted_px))
         return self._on_floor(fit, _estimate(fit))
 
     def _judge_leaning(self, fit: OutlineFit, prior: PoseEstimate | Pose2 | None) -> OutlineAnswer:
-        """Answer by a body that may lean and its prior, whose covariance is a factor of the pose."""
+        """Return the result for a body that may lean, whose prior's covariance is a factor of the pose."""
         max_std_m = self.settings.camera.max_leaning_std_m
         if not isinstance(prior, PoseEstimate):
             return self._judge(fit, max_std_m)
@@ -306,5 +305,5 @@ def _estimate(fit: OutlineFit) -> PoseEstimate:
 
 
 def _nothing(radius_px: FloatArray) -> FloatArray:
-    """Return a predicted outline (K,) of no pose."""
+    """Return a predicted outline (K,) without walls."""
     return np.full(len(radius_px), np.nan)

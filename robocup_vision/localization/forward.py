@@ -1,4 +1,4 @@
-"""Localises a robot by one picture of a goal, whose camera's tilt may be unknown."""
+"""Localisation by one picture of a goal, also for a camera with an unknown tilt."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from robocup_vision.localization.model_edges.tilt_finder import TiltFinder
 class GoalLocalizer(FrameByFrame):
     """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown.
 
-    With an unknown tilt and halves of the field that look alike the lines come first: they show tilt and place of most
-    pictures, while the search for a white goal among clutter takes far longer and needs the whole goal. Otherwise the
-    lines are searched where no goal is found, and count near a prior only.
+    If the tilt is unknown and both halves of the field look alike, the lines are fitted first: they determine tilt and
+    pose in most pictures, whereas the search for a white goal in clutter takes far longer and needs the whole goal.
+    Otherwise lines are fitted if no goal is found, and accepted only near a prior.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:
@@ -61,7 +61,7 @@ class GoalLocalizer(FrameByFrame):
         return Localization(pose, oriented, tells_half=len(pose.candidates) == 1)
 
     def _near(self, frame: UInt8Array, prior: Pose2, camera: PinholeCamera) -> Localization | None:
-        """Locate a camera by lines near a prior pose of it."""
+        """Locate the camera by lines near a prior pose of it."""
         found = self._by_lines.find(frame) if self._has_lines else None
         if not found:
             return None

@@ -1,4 +1,4 @@
-"""One pose of a body by the frames of its cameras: a product of Gaussians over the candidates that agree."""
+"""Fusion of the poses by several cameras of one body: products of Gaussians over the candidates that agree."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from robocup_vision.geometry import Pose2, compose_covariance, half_turn_covaria
 from robocup_vision.localization.distinct import may_be_one, pose_offset
 from robocup_vision.localization.filter.errors import OdometryNoise
 
-# no frame is better than a micrometre, nor a microradian
+# least covariance of a frame: (1 um)^2 and (1 urad)^2
 _MIN_SPREAD = 1e-12 * np.eye(3)
-# metres and radians together, up to which two poses are one
+# greatest sum of metres and radians between equal poses
 _SAME_POSE = 1e-6
 
 
 def moved(estimate: PoseEstimate, motion: Pose2, covariance: FloatArray) -> PoseEstimate:
-    """Return an estimate after a motion of the body, in its frame before, whose error has a covariance (3, 3)."""
+    """Return an estimate after a motion of the body, in its frame before, with covariance (3, 3)."""
     candidates = tuple(candidate.compose(motion) for candidate in estimate.candidates)
     wider = compose_covariance(estimate.pose, estimate.covariance, motion, covariance)
     return replace(estimate, pose=candidates[0], covariance=wider, candidates=candidates)
 
 
 def motion_covariance(motion: Pose2, seconds: float, noise: OdometryNoise) -> FloatArray:
-    """(3, 3) float64: covariance of a motion by odometry, in the body's frame before it."""
+    """Return the covariance (3, 3) float64 of a motion by odometry, in the body's frame before it."""
     return np.asarray(noise.slip(motion) ** 2 + noise.push(seconds))
 
 
@@ -39,15 +39,15 @@ def is_unambiguous(estimate: PoseEstimate) -> bool:
 
 
 def agrees(one: PoseEstimate, other: PoseEstimate) -> bool:
-    """Whether any candidates of two estimates may be of one pose."""
+    """Whether any candidates of two estimates may be the same pose."""
     return bool(_pairs(one, other))
 
 
 def fused(one: PoseEstimate, other: PoseEstimate) -> PoseEstimate | None:
-    """Return the estimate by two independent ones of one moment; None where no candidates of them may be of one pose.
+    """Return the product of two independent estimates of one moment; None if no candidates may be the same pose.
 
-    A candidate that is the half turn of the first has its covariance turned, others have it unchanged. The candidates
-    of the result are in the order of those of `one`, then of `other`.
+    The covariance of a half turn of the first candidate is turned, that of others is not. Candidates of the result are
+    in the order of those of `one`, then of `other`.
     """
     pairs = _pairs(one, other)
     if not pairs:
@@ -90,7 +90,7 @@ def largest_group(estimates: Sequence[PoseEstimate], prior: PoseEstimate | None)
 
 
 def _pairs(one: PoseEstimate, other: PoseEstimate) -> list[tuple[Pose2, FloatArray, Pose2, FloatArray]]:
-    """Return the pairs of candidates, each with its covariance, that may be of one pose."""
+    """Return the pairs of candidates, with covariances, that may be the same pose."""
     found = []
     for (mine, my_covariance), (its, its_covariance) in product(_gaussians(one), _gaussians(other)):
         if may_be_one(mine, its, my_covariance + its_covariance):

@@ -1,4 +1,4 @@
-"""The interface of every localiser: the evidence of one frame and a prior in, one shape of answer out."""
+"""Interface of all localisers: the evidence of one frame and a prior in, a localisation out."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ Camera = OmniCamera | PinholeCamera
 
 
 class FrameEvidence(NamedTuple):
-    """Evidence of one frame for a localiser; a tuple, as one is made in each frame.
+    """Evidence of one frame for a localiser; a tuple, because one is made in each frame.
 
     Parameters
     ----------
     frame : (H, W, 3) uint8
         BGR, black under the mask.
     camera : OmniCamera or PinholeCamera
-        As it is mounted on the robot in this frame, a head's pan included.
+        The camera as mounted on the robot in this frame, including a head's pan.
     table : ColorTable or None
-        Classifies the frame's colours; None where they are not known.
+        Classifies the frame's colours; None if they are not known.
     view : PolarView, FloorView or None
-        Where the floor samples lie; None where the camera's tilt is not known.
+        Places of the floor samples; None if the camera's tilt is not known.
     edge_px : (K,) float64
-        The floor's edge at each of the view's bearings, as its `radius_px`; NaN where none.
+        The floor's edge at each of the view's bearings, as its `radius_px`; NaN if there is none.
     floor_column : (K,) int64
-        Each bearing's outermost floor sample; -1 where none.
+        Outermost floor sample of each bearing; -1 if there is none.
     marks : (K, M) uint8 or None
-        Class of each sample: 0 blocked, 1 floor, 2 line; None where it is not computed before the pose.
+        Class of each sample: 0 blocked, 1 floor, 2 line; None if it is not computed before the pose.
     t_s : float or None
-        When the frame was taken.
+        Time of the frame.
     may_search : bool
-        Whether a robot that is not where the prior has it may be searched for elsewhere, which takes long.
+        Whether to search elsewhere, which takes long, if the robot is not at the prior.
     """
 
     frame: UInt8Array
@@ -54,27 +54,28 @@ class FrameEvidence(NamedTuple):
 
 
 class Localization(NamedTuple):
-    """A localiser's answer; a tuple, as one is made in each frame.
+    """Result of a localiser; a tuple, because one is made in each frame.
 
     Parameters
     ----------
     pose : PoseEstimate or NotLocated
         The robot on the field.
     camera : OmniCamera or PinholeCamera
-        The camera as this frame shows it to be mounted on the robot: tilt and roll refined where they were fitted.
+        The camera with tilt and roll as fitted to this frame, if they were.
     wall_px : (K,) float64 or None
-        Where the pose puts the walls, as `edge_px`; None where the localiser does not give it.
+        Predicted feet of walls, as `edge_px`; None if the localiser does not compute them.
     measurement : callable or None
-        Returns, now or later, the estimate by the frame without the prior, where `pose` includes the prior as a factor.
-        The filter uses this one, so that the prior does not count twice. None where `pose` does not include the prior.
+        Returns, now or later, the estimate by the frame without the prior, if `pose` includes the prior as a factor;
+        the filter uses it, so that the prior does not count twice. None if `pose` does not include the prior.
     edge_points : EdgePoints, callable or None
-        Where edges of the field were predicted and what the frame shows there, or what returns that, now or later;
-        None: the localiser predicts none.
+        Predicted edges of the field and their measurements in the frame, or a function that returns them, now or later;
+        None if the localiser does not predict edges.
     held_covariance : (4, 4) float64 or None
-        Of the camera's tilt and roll (rad), height (m) and the logarithm of its focal length, where the frame
-        shows them; None: it does not.
+        Covariance of the camera's tilt and roll (rad), height (m) and logarithm of the focal length by the frame; None
+        if it does not determine them.
     tells_half : bool
-        Whether the frame itself shows which half of the field it is. Else each candidate's half turn is one, too.
+        Whether the frame itself determines the half of the field. Otherwise the half turn of each candidate is one,
+        too.
     """
 
     pose: PoseEstimate | NotLocated
@@ -95,19 +96,19 @@ class Localizer(Protocol):
         Parameters
         ----------
         evidence : FrameEvidence
-            Of one frame.
+            Evidence of one frame.
         prior : PoseEstimate or Pose2, optional
-            Where the robot probably is, field frame; a `Pose2` states no covariance.
+            Probable pose of the robot, field frame; a `Pose2` has no covariance.
         """
         ...
 
     def forget(self) -> None:
-        """Forget the frames before: the next one stands alone."""
+        """Forget the previous frames."""
         ...
 
 
 class FrameByFrame:
-    """A localiser to which each frame stands alone: there is nothing to forget."""
+    """A localiser without state."""
 
     def forget(self) -> None:
         """See `Localizer.forget`."""

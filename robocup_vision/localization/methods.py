@@ -1,6 +1,6 @@
-"""The list of all localisation methods, of what each needs, and of the defaults.
+"""The localisation methods with their requirements, and the default ones.
 
-Users need not name a method. Published baselines are listed by name: they are loaded when they are chosen.
+Users need not name a method. Published baselines are imported when they are chosen.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ class Method:
     Parameters
     ----------
     name : str
-        As users and dataset.toml write it.
+        Name for users and in dataset.toml.
     camera : {"mirror", "pinhole"}
-        The kind of camera it is for.
+        The kind of camera.
     needs : str
-        What it needs of field and camera beyond that.
+        Further requirements on field and camera.
     needs_tilt : bool
         Whether a pinhole camera's tilt must be known.
     by_edges : bool
-        Whether it goes by edges: it takes the prior's covariance as a factor of its answer, and tilt, roll and height
-        of a pinhole camera may be given frame by frame.
+        Whether it uses edges: then the prior's covariance is a factor of its result, and tilt, roll and height of a
+        pinhole camera may be given with each frame.
     is_baseline : bool
-        Whether it is a published method, kept for comparison.
+        Whether it is a published method for comparison.
     needs_map : bool
-        Whether it needs a map of landmarks: `LandmarkVision` runs it, not `Vision`.
+        Whether it needs a map of landmarks, and is run by `LandmarkVision`, not `Vision`.
     """
 
     name: str
@@ -58,11 +58,11 @@ class Method:
 
     @property
     def loops(self) -> str:
-        """Under which name the loops that it compiles are listed."""
+        """Name under which its compiled loops are listed."""
         return "edges" if self.by_edges else self.name
 
 
-# the first of each kind of camera is the default, where the camera has what it needs
+# the first of each kind of camera whose requirements the camera meets is the default
 METHODS = (
     Method("field", MIRROR, "walls or boards, or white lines"),
     Method("floor", MIRROR, "walls or boards that bound the floor"),
@@ -134,7 +134,7 @@ def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera) 
 
 
 def _with_features(field: Field, name: str) -> Field:
-    """Return the field with the features alone that a method of edges goes by."""
+    """Return the field with only the features of a method of edges."""
     if name == "field":
         if not len(field.lines) + len(field.arcs):
             raise ArgumentError(f"method 'field' needs white lines, and '{field.name}' has none")
@@ -152,7 +152,7 @@ def _baseline(name: str) -> Callable[..., Localizer]:
 
 
 def calibrated_localizer(localizer: Localizer, method: Method, field: Field, camera: PinholeCamera) -> Localizer:
-    """Return the localiser of another calibration of a pinhole camera; what the one before follows is kept."""
+    """Return the localiser for another calibration of a pinhole camera; it keeps the state of the previous one."""
     if isinstance(localizer, EdgeLocalizer):
         return localizer.with_camera(camera)
     return make_pinhole_localizer(method, field, camera)

@@ -1,4 +1,4 @@
-"""Localises a robot with a mirror camera: by the floor's outline, and by the white lines where that leaves a choice."""
+"""Localisation with a mirror camera by the floor's outline, and by white lines where that is ambiguous."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.polar_view import PolarView
 
-# lines near the last pose are followed; the whole field is searched for other explanations at this interval
+# interval of searches over the whole field while lines are followed near the last pose
 _SEARCH_AGAIN_S = 1.0
 
 
@@ -30,8 +30,8 @@ class MirrorLocalizer:
     mask : (H, W) uint8, optional
         Non-zero pixels are not used.
     use_lines : bool
-        Weigh the lines, too, where the outline leaves something open, and search by lines alone where it does not fix
-        the pose, or nothing bounds the floor. Without lines ("floor") the field must be bounded.
+        Weigh the lines, too, where the outline is ambiguous, and search by lines alone if it does not determine the
+        pose or nothing bounds the floor. Without lines ("floor") the field must be bounded.
 
     Raises
     ------
@@ -65,8 +65,8 @@ class MirrorLocalizer:
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`.
 
-        The floor's outline goes first. Where it is refused, the lines alone give the pose, unless the outline
-        contradicts it. Last, the goals' colours tell the half of the field.
+        The floor's outline has priority. If it is rejected, lines alone give the pose, unless the outline contradicts
+        it. Finally the goals' colours determine the half of the field.
         """
         self._points = None
         start = pose_of(prior)
@@ -83,7 +83,7 @@ class MirrorLocalizer:
     def _by_outline(
         self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None
     ) -> tuple[PoseEstimate | NotLocated, FloatArray | None, PoseEstimate | None]:
-        """Return the pose by the floor's outline, the walls' image radii (K,) that it predicts, and its measurement."""
+        """Return the pose by the floor's outline, the predicted image radii (K,) of walls, and its measurement."""
         if self._outline is None:
             return NotLocated(""), None, None
         odds = self._line_odds(evidence)
@@ -92,7 +92,7 @@ class MirrorLocalizer:
         start = pose_of(prior)
         if start is None or not estimate or not _is_open(estimate, self._outline.settings.sliding_std_m):
             return answer
-        # of a body that may lean the outline leaves a direction open: lines near the prior may fix it
+        # the outline of a leaning body may not determine one direction, which lines near the prior may
         if self._lines is not None:
             followed = self._lines.follow(self._line_points(evidence.frame, self._lines), start)
             if (
@@ -106,7 +106,7 @@ class MirrorLocalizer:
     def _by_lines(
         self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None, refusal: NotLocated
     ) -> PoseEstimate | NotLocated:
-        """Return the pose by lines alone, after the outline's refusal."""
+        """Return the pose by lines alone, after the outline has been rejected."""
         estimate = self._follow_or_search(lines, evidence, start)
         conflict = self._conflict(estimate.pose, evidence) if estimate else estimate.reason
         if conflict is None:
@@ -116,7 +116,7 @@ class MirrorLocalizer:
     def _follow_or_search(
         self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None
     ) -> PoseEstimate | NotLocated:
-        """Follow the lines from the expected pose; search the whole field where that fails, or now and then."""
+        """Follow the lines from the expected pose; search the whole field if that fails, and periodically."""
         points, t_s, searched_s = self._line_points(evidence.frame, lines), evidence.t_s, self._searched_s
         is_recent = t_s is not None and searched_s is not None and 0.0 <= t_s - searched_s < _SEARCH_AGAIN_S
         if is_recent and start is not None:
@@ -124,24 +124,24 @@ class MirrorLocalizer:
             if followed:
                 return followed
         found = lines.locate(points)
-        # where the search contradicts the expected pose, the following frames are searched, too: they decide
+        # if the search contradicts the expected pose, the next frames are searched, too, to decide
         self._searched_s = t_s if found and (start is None or lines.is_near(found, start)) else None
         return found
 
     def _line_points(self, frame: UInt8Array, lines: LinePoseEstimator) -> LinePoints:
-        """Find the line points of the current frame, once."""
+        """Return the line points of the current frame, found once."""
         if self._points is None:
             self._points = lines.finder.find(frame)
         return self._points
 
     def _line_odds(self, evidence: FrameEvidence) -> LineOdds:
-        """Return a function of a pose's log odds by the lines in the frame's samples."""
+        """Return a function of a pose that gives its log odds by the lines in the frame's samples."""
         if self._line_evidence is None or evidence.marks is None:
             return no_lines
         return partial(self._line_evidence.log_odds, marks=evidence.marks)
 
     def _conflict(self, pose: Pose2, evidence: FrameEvidence) -> str | None:
-        """Return the outline's contradiction to a pose by lines alone; None where there is none, or no walls."""
+        """Return the outline's contradiction to a pose by lines alone; None without one, or without walls."""
         if self._outline is None:
             return None
         tally = self._outline.weigh_pose(pose, evidence.edge_px, evidence.floor_column)
@@ -150,12 +150,12 @@ class MirrorLocalizer:
 
 
 def _in_half_of(measurement: PoseEstimate, chosen: PoseEstimate) -> PoseEstimate:
-    """Return a measurement in the half of the field that was chosen; in both where that is open."""
+    """Return a measurement in the chosen half of the field; in both if that is unknown."""
     nearer = nearer_half(measurement, chosen.pose)
     return nearer if len(chosen.candidates) > 1 else replace(nearer, candidates=(nearer.pose,))
 
 
 def _is_open(estimate: PoseEstimate, std_m: float) -> bool:
-    """Whether x or y is known to no better than a standard deviation; in plain floats, as it is asked in each frame."""
+    """Whether x or y has at least this standard deviation; in plain floats, because it is tested in each frame."""
     covariance = estimate.covariance
     return max(covariance.item(0), covariance.item(4)) > std_m * std_m

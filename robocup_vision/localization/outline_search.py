@@ -1,4 +1,4 @@
-"""Searches the whole field for the pose of a floor's outline: a bank of places, and fits from the best."""
+"""Search over the whole field for the pose of a floor's outline: a bank of places, and fits from the best."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 class OutlineSearchSettings:
     """Settings of `OutlineSearch`; "units" are 1/86 of the usable image radius."""
 
-    #: bearings of the bank's outlines, number of places that are fitted, and truncation of a difference, units
+    #: bearings of the bank's outlines, number of places to fit, and truncation of a difference, units
     bank_bearings: int = 80
     bank_starts: int = 30
     bank_width: float = 12.0
-    apart: Apart = Apart(0.1, 0.1, twins=True)  #: of two fits that are both refined, and of two places
-    #: widths of the redescending weights, units: from all starts, and from the best fits of these
+    apart: Apart = Apart(0.1, 0.1, twins=True)  #: least distance of two fits to refine, and of two places
+    #: widths of the redescending weights, units: for all starts, and for the best of their fits
     rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
     fine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
-    refined: int = 16  #: number of the best fits that are fitted with `fine_scales`
+    refined: int = 16  #: number of fits refined with `fine_scales`
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineSearch:
-    """Searches the whole field for the pose that an outline was seen from."""
+    """Searches the whole field for the pose of an outline."""
 
     model: OutlineModel
     settings: OutlineSearchSettings
 
     def candidates(self, fit: OutlineFit, radius_px: FloatArray) -> list[OutlineFit]:
-        """Return the fits of an outline (K,) from another fit, over the whole field and by sliding along its walls."""
+        """Return fits to an outline (K,) from another fit, from all over the field, and from along its walls."""
         found = np.empty((self.settings.refined, 3))
         count = wall_search.search_outline(fit.pose, radius_px, self._rules, found)
         model, scales = self.model, self.model.scales(self.settings.fine_scales)
         starts = [fit.pose, *((x, y, theta) for x, y, theta in found[:count].tolist())]
-        # with the camera's errors free, wrong places explain more
+        # with errors of the camera, wrong places would fit better
         return [model.fit(start, radius_px, scales, trusts_file=True)[0] for start in starts]
 
     def may_be_one(self, fit: OutlineFit, other: OutlineFit) -> bool:
-        """Whether another fit may be of a fit's place, or of its half turn, by the other's covariance."""
+        """Whether two fits may be of the same place, up to a half turn, by the covariance of `other`."""
         pose, place = Pose2(*fit.pose), Pose2(*other.pose)
         if self.settings.apart.is_one(pose, place):
             return True
@@ -57,7 +57,7 @@ class OutlineSearch:
 
     @cached_property
     def _rules(self) -> wall_search.SearchRules:
-        """As the compiled search takes them."""
+        """The parameters of the compiled search."""
         model, settings = self.model, self.settings
         return plain(
             wall_search.SearchRules(
@@ -77,31 +77,31 @@ class OutlineSearch:
 
     @property
     def _px_per_level(self) -> float:
-        """Pixels of one level of the bank's outlines."""
+        """Pixels for each level of the bank's outlines."""
         return self.settings.bank_width * self.model.unit_px / int(wall_search.MAX_DIFFERENCE)
 
     @property
     def _ways(self) -> tuple[FloatArray, FloatArray]:
-        """Places along, and across the field."""
+        """Positions along and across the field."""
         floor = self.model.field.floor_polygon
         low, high = floor.min(axis=0), floor.max(axis=0)
         return np.linspace(low[0], high[0], 15)[1:-1], np.linspace(low[1], high[1], 9)[1:-1]
 
     @property
     def _bank_rows(self) -> Int64Array:
-        """(B,) int64: which of the outline's bearings are nearest to those of the bank."""
+        """(B,) int64: indices of the outline's bearings that are nearest to those of the bank."""
         count, rows = self.settings.bank_bearings, len(self.model.view.bearing_rad)
         return np.asarray(np.rint(np.arange(count) * (rows / count)).astype(np.int64) % rows)
 
     @property
     def _bank(self) -> tuple[FloatArray, Int16Array]:
-        """Places (P, 2) over half the field, and the outlines (P, 2 B) to be seen there, in levels."""
+        """Places (P, 2) over half the field, and the expected outlines (P, 2 B) there, in levels."""
         model = self.model
         floor = model.field.floor_polygon
         spacing = float(np.ptp(floor, axis=0).min()) / 15
         low, high = floor.min(axis=0), floor.max(axis=0)
         x, y = (_between_walls(*ends, spacing) for ends in zip(low, high, strict=True))
-        # half the places do: the outline of the other half is the same, turned
+        # half the field suffices, because the outlines of the other half are the same, turned
         x, y = np.meshgrid(x[x >= 0.0], y)
         places = np.stack([x.ravel(), y.ravel()], axis=1)
         places = places[model.field.contains(places)]
@@ -114,15 +114,15 @@ class OutlineSearch:
         for place, profile in zip(places, profiles, strict=True):
             kernels.predict_walls(np.array([*place, 0.0]), scene, out)
             profile[:] = np.rint(np.interp(q, np.arange(len(radius)) * q_step, radius) / self._px_per_level)
-        # clockwise, as `sum_differences` takes them
+        # clockwise, as in `sum_differences`
         profiles = np.roll(profiles[:, ::-1], 1, axis=1)
         return places, np.hstack([profiles, profiles])
 
 
 def _between_walls(low_m: float, high_m: float, spacing_m: float) -> FloatArray:
-    """Return coordinates (N,) between two walls, as far apart as the nearer wall is, but no farther than a spacing.
+    """Return coordinates (N,) between two walls, spaced by the distance to the nearer wall, at most by `spacing_m`.
 
-    A step towards a wall moves its foot in the picture by the ratio of the distances.
+    A step changes a wall's foot in the picture by the ratio of its distances.
     """
     away_m, steps = spacing_m / 4, []
     while away_m < (high_m - low_m) / 2:

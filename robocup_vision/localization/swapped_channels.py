@@ -1,8 +1,8 @@
-"""Whether red and blue are swapped in a frame: by the colours of points on two goals of different colours.
+"""Test whether red and blue are swapped in a frame, by the colours of points on two goals of different colours.
 
-Red and blue swapped turn yellow into cyan and blue into orange. The light changes these colours, too. White tells the
-light, but in hard shadows and close to a goal it is estimated badly; so the light is fitted, near to white's or to
-none.
+Swapped red and blue turn yellow into cyan and blue into orange, but the light changes these colours, too. White, which
+shows the light, is unreliable in hard shadows and close to a goal, so the light is fitted with priors at white and at
+neutral.
 """
 
 from __future__ import annotations
@@ -19,32 +19,33 @@ SWAPPED_BY_GOALS = (
     "the goals look as with red and blue swapped: Vision takes RGB frames with channels='rgb', BGR ones with 'bgr'"
 )
 
-# one grey level in each of nine pixels: no logarithm of zero
+# one grey level for each of nine pixels, to avoid the logarithm of zero
 _DARKEST = 9
 
 
 @dataclass(frozen=True, slots=True)
 class SwappedChannelsSettings:
-    """When goals show that red and blue are swapped; lengths are in logarithms of R/G and B/G."""
+    """Settings of the test; distances are in logarithms of R/G and B/G."""
 
-    #: least distance of every goal's colour from each goal's with red and blue swapped, as paint is not known better.
-    #: Yellow and cyan are each other's.
+    #: least distance of every goal's colour from each goal's with red and blue swapped, given the accuracy of paints;
+    #: yellow and cyan are each other's
     min_distance: float = 0.5
     min_ratio: float = (
         3.0  #: ratio of votes for the goals' own colours to those for swapped ones that decides without a fit
     )
-    reach: float = 0.6  #: distance from a goal's colour at which a point does not support it
-    #: standard deviations of the light: about white, where white may be that, and about neutral
+    reach: float = 0.6  #: distance from a goal's colour beyond which a point does not support it
+    #: standard deviations of the light: about white, if its cast is possible, and about neutral
     white_std: float = 0.2
     light_std: float = 0.3
-    max_neutral: float = 0.5  #: votes by a white reference of a stronger cast do not decide: it may be another paint
-    max_light: float = math.log(2.0)  #: a white reference of a stronger cast is another paint
-    #: points for one unit of log-likelihood: points on one wall are not independent
+    #: cast of the white reference beyond which votes do not decide, because it may be another paint
+    max_neutral: float = 0.5
+    max_light: float = math.log(2.0)  #: cast of the white reference beyond which it is another paint
+    #: number of points for one unit of log-likelihood, because points on one wall are not independent
     light_points: float = 4.0
 
 
 def goal_points(field: Field) -> tuple[FloatArray, FloatArray]:
-    """Return points (N, 3) float64 on the goals' panels, field frame, metres, and the goal's side (N,) of each."""
+    """Return points (N, 3) float64 on the goals' panels, field frame, metres, and the side (N,) of each one's goal."""
     points, sides = [], []
     for goal in field.goals:
         for x0, y0, x1, y1 in goal.panels.tolist():
@@ -56,9 +57,9 @@ def goal_points(field: Field) -> tuple[FloatArray, FloatArray]:
 
 
 def log_ratios_at(frame: UInt8Array, pixels: FloatArray, shown: BoolArray) -> FloatArray:
-    """Return logarithms of R/G and B/G, (N, 2) float64, of the 3 x 3 BGR pixels about those of `pixels` that are shown.
+    """Return mean log R/G and log B/G, (N, 2) float64, over 3 x 3 BGR pixels around those of `pixels` that are shown.
 
-    The pixels (P, 2), u and v, that are shown (P,) lie at least a pixel inside the frame's border.
+    The shown (P,) of the pixels (P, 2), u and v, must be at least one pixel inside the frame's border.
     """
     u, v = np.rint(pixels[shown]).astype(int).T
     steps = np.arange(-1, 2)
@@ -68,7 +69,7 @@ def log_ratios_at(frame: UInt8Array, pixels: FloatArray, shown: BoolArray) -> Fl
 
 
 def is_inside(pixels: FloatArray, frame: UInt8Array, mask: UInt8Array | None) -> BoolArray:
-    """Return which pixels (P, 2) lie inside a frame, with their neighbours, and are not masked."""
+    """Return which pixels (P, 2) are inside a frame, with their neighbours, and not masked."""
     height, width = frame.shape[:2]
     u, v = np.rint(np.clip(np.nan_to_num(pixels, nan=-1.0), -1, max(width, height))).astype(int).T
     inside = (u > 0) & (v > 0) & (u < width - 1) & (v < height - 1)
@@ -90,7 +91,7 @@ def swapped_nats(
     log_ratios : (N, 2) float64
         Logarithms of R/G and B/G of points on the goals.
     is_positive : (N,) bool
-        Which goal each is on, up to a half turn.
+        The goal of each, up to a half turn.
     palette : (5, 2) float64
         `Colors.goal_log_ratios`.
     """
@@ -106,9 +107,9 @@ def swapped_nats(
 
 
 def _support(lights: FloatArray, white: FloatArray, settings: SwappedChannelsSettings) -> float:
-    """Return the number of points that agree under the best light, less that light's cost.
+    """Return the number of points that agree under the best light, minus the cost of that light.
 
-    `lights` (N, 2) give each point its goal's colour; `white` (2,) is the light by white.
+    `lights` (N, 2) are the lights that give the points their goal's colour; `white` (2,) is the light by white.
     """
     tried = np.vstack([np.zeros(2), white, lights])
     cost = (tried**2).sum(axis=1) / settings.light_std**2

@@ -1,8 +1,8 @@
-"""Where a field's walls stand in a camera's view, and a pinhole camera's tilt by their feet.
+"""Predicted feet of a field's walls in a camera's view, and a pinhole camera's tilt by these.
 
-Half a degree of tilt moves a board 3 m from a low camera by a seventh, while lines near the robot show little of it.
-The floor ends where the walls stand: the tilt that puts most of the measured ends there is the frame's. Robots and
-balls hide some of the feet; the ends at their bearings agree on no tilt.
+For a low camera, half a degree of tilt changes the range of a board at 3 m by a seventh, but lines near the robot show
+little of it. The estimated tilt puts most measured ends of the floor at the predicted feet of walls. Bearings on which
+robots or balls hide a foot are outliers.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def wall_range_m(walls: FloatArray, foot: Pose2, bearing_rad: FloatArray) -> Flo
 
 
 def wall_px(walls: FloatArray, robot: Pose2, view: PolarView | FloorView) -> FloatArray:
-    """Return where a pose puts the walls, as `radius_px` of each of the view's bearings (K,); NaN where none."""
+    """Return the predicted feet of walls, as `radius_px` of each of the view's bearings (K,); NaN without a wall."""
     foot = robot.compose(Pose2(*view.camera.offset_m, 0.0))
     nearest = wall_range_m(walls, foot, view.bearing_rad)
     used = view.columns_in_use
@@ -52,16 +52,16 @@ def wall_px(walls: FloatArray, robot: Pose2, view: PolarView | FloorView) -> Flo
 class WallTiltSettings:
     """Settings of `tilt_by_walls`."""
 
-    sway_std_rad: float = 0.01  #: standard deviation of the tilt, where the camera file gives no `roll_std_rad`
+    sway_std_rad: float = 0.01  #: standard deviation of the tilt if the camera file gives no `roll_std_rad`
     #: range of the search, standard deviations of the tilt, and its step
     max_stds: float = 4.0
     step_px: float = 0.5
-    noise_px: float = 1.5  #: noise of the floor's end in one bearing: blur, and the step between samples
-    signs: float = 8.0  #: number of independent bearings: errors of neighbours are correlated
-    #: bearings in which a wall is predicted and floor ends, and the ratio of those that must agree on a tilt
+    noise_px: float = 1.5  #: noise of the floor's end at a bearing, by blur and the step between samples
+    signs: float = 8.0  #: number of independent bearings, because errors of neighbours are correlated
+    #: least number of bearings with a predicted wall and an end of the floor, and least ratio of inliers
     min_bearings: int = 20
     min_support: float = 0.25
-    min_turn_px: float = 1.0  #: smallest change of tilt that is returned, by its shift of the picture
+    min_turn_px: float = 1.0  #: least change of tilt that is returned, as a shift of the picture
 
 
 def tilt_by_walls(
@@ -72,9 +72,9 @@ def tilt_by_walls(
     camera: PinholeCamera,
     settings: WallTiltSettings = WallTiltSettings(),
 ) -> float | None:
-    """Return the camera's tilt by which the floor ends at the walls (W, 4), radians; None where that shows nothing new.
+    """Return the camera's tilt at which the floor ends at the walls (W, 4), radians; None if it would not change.
 
-    `view` and `camera` have the tilt assumed so far; `edge_px` (K,) is the floor's end at each bearing, as `radius_px`,
+    `view` and `camera` have the present tilt; `edge_px` (K,) is the floor's end at each bearing, as `radius_px`,
     NaN where none is seen.
     """
     pose, (std_x, std_y, _) = estimate.pose, estimate.std
@@ -90,12 +90,12 @@ def tilt_by_walls(
         return None
     shifts = np.arange(-reach, reach + settings.step_px, settings.step_px)
     agree = np.exp(-0.5 * ((past[known] - shifts[:, None]) / settings.noise_px) ** 2).mean(axis=1)
-    # a fiftieth of the bearings agrees by chance
+    # 2 % of the bearings agree by chance
     score = settings.signs * np.log(agree + 0.02) - 0.5 * (shifts / sway_px) ** 2
     best = int(np.argmax(score))
     if agree[best] < settings.min_support:
         return None
-    # an error of the pose towards the walls moves their feet, too
+    # an error of the pose towards the walls also moves their feet
     c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
     step_m = math.hypot(c * std_x, s * std_y)
     moved = wall_px(walls, Pose2(pose.x_m + step_m * c, pose.y_m + step_m * s, pose.theta_rad), view)

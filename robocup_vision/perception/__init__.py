@@ -1,1 +1,1 @@
-"""What one frame shows: colours, free floor, ball."""
+"""What one frame shows: colours, free floor, obstacles, balls and markings."""

@@ -1,9 +1,9 @@
-"""Keeps colours from frame to frame, and follows changes of the light without learning things on the floor.
+"""Colours over successive frames, which follow changes of the light without adopting colours of obstacles.
 
-Each frame's most certain floor gives the brightness and the colour of the light. When these have changed, the floor's
-colour is learnt again from just these samples. Where the old colours hardly apply (the light was switched), colours are
-learnt as from a first frame. They are accepted only if floor and white have changed alike: a change of light does that,
-a robot parked at the camera does not.
+The most certain floor of each frame measures the brightness and colour of the light. If these have changed, the floor's
+colour is learnt again from just these samples. If the old colours hardly apply, because the light was switched, colours
+are learnt as in a first frame. They are accepted only if floor and white have changed alike, as they do with the light,
+but not if a robot fills the view.
 """
 
 from __future__ import annotations
@@ -37,48 +37,46 @@ _DARKEST = float(LEVELS[0])
 class ColorMemorySettings:
     """Settings of `ColorMemory`."""
 
-    #: where the nearest floor's mean likelihood ratio falls below this ratio of what it was when learnt, something has
-    #: changed
+    #: ratio of the nearest floor's mean likelihood ratio to that when learnt, below which something has changed
     drift_ratio: float = 0.6
-    sure_nats: float = 1.0  #: log-likelihood ratio from which on a sample is surely floor
+    sure_nats: float = 1.0  #: log-likelihood ratio from which a sample is certainly floor
     row_stride: int = 4  #: step in bearings of the measurement of light, which varies slowly between them
-    #: step in frames of that measurement: light moves slowly, and a sudden change hides the nearest floor
+    #: frames between measurements of light: it changes slowly, or so suddenly that the nearest floor is lost
     look_every: int = 3
-    sunny_ratio: float = 0.9  #: ratio of the floor that is darker than its sunny part
-    #: light is followed when log brightness or log hue has moved so far since it was learnt: less than a step of the
-    #: model
+    sunny_ratio: float = 0.9  #: quantile of the floor's brightness that measures its sunlit part
+    #: change of log brightness or of log hue at which colours are learnt again, less than a step of the model
     max_level: float = 0.3
     max_cast: float = 0.08
-    #: of the certain floor when learnt, the part that must be left: less does not determine the light
+    #: least ratio of the certain floor to that when learnt; with less the light is not determined
     min_sure_ratio: float = 0.15
-    kept_sure_ratio: float = 0.9  #: new colours must keep this ratio of what was surely floor
+    kept_sure_ratio: float = 0.9  #: least ratio of the certain floor that new colours must keep
     same_color: float = 0.35  #: largest difference of log ratios between one floor under two lights
-    patience_frames: float = 15.0  #: frames in which nothing can be read before that difference may have doubled
-    #: what is surely floor must grow by this factor, or the nearest floor's likelihood by this ratio of what was
+    patience_frames: float = 15.0  #: frames without a measurement after which that difference may have doubled
+    #: new colours must increase the certain floor by this factor, or the nearest floor's likelihood by this ratio
     more_sure: float = 1.1
     better_ring: float = 0.2
-    lift: float = 0.5  #: log brightness by which sun that is searched for outshines the known floor
-    retry_frames: int = 8  #: frames between two attempts to learn while the nearest floor stays hidden
-    floor: FloorColorSettings = FloorColorSettings()  #: how the floor's colour is learnt
+    lift: float = 0.5  #: log brightness by which a search for sunlit floor exceeds the known floor
+    retry_frames: int = 8  #: frames between attempts to learn while the nearest floor stays lost
+    floor: FloorColorSettings = FloorColorSettings()  #: settings of the floor's colour
 
 
 class _LightOnFloor(NamedTuple):
-    """How the surest floor of a frame looks: its ratio of the samples, how bright, and its hue."""
+    """Appearance of the certain floor of a frame."""
 
-    ratio: float  #: of all samples, those surely floor
-    level: float  #: log brightness of its sunny part, off the model's level
-    cast: tuple[float, float]  #: log R/G and B/G, off the model's at each sample's brightness
+    ratio: float  #: ratio of the samples that are certainly floor
+    level: float  #: log brightness of its sunlit part, relative to the model
+    cast: tuple[float, float]  #: log R/G and B/G, relative to the model at each sample's brightness
 
 
 class ColorMemory:
-    """The colours that a camera's frames are classified by.
+    """The colours by which a camera's frames are classified.
 
     Parameters
     ----------
     fixed : Colors, optional
-        Never change these.
+        Colours that are never changed.
     strongest_cast : float
-        Logarithm of the strongest cast of light: what seems white beyond it is some paint.
+        Logarithm of the strongest cast of light; a white with a stronger one is some paint.
     """
 
     def __init__(
@@ -106,16 +104,16 @@ class ColorMemory:
 
     @property
     def table(self) -> ColorTable | None:
-        """The colours in use as a table, None before the first frame."""
+        """Table of the colours in use; None before the first frame."""
         return self._table
 
     @property
     def colors(self) -> Colors | None:
-        """The colours in use, None before the first frame."""
+        """The colours in use; None before the first frame."""
         return None if self._table is None else self._table.colors
 
     def classify(self, samples: UInt8Array, view: PolarView | FloorView) -> tuple[ColorTable | None, Int8Array]:
-        """Look a frame's samples up, with colours learnt anew where the light has changed.
+        """Classify a frame's samples; learns colours again if the light has changed.
 
         Parameters
         ----------
@@ -125,7 +123,7 @@ class ColorMemory:
         Returns
         -------
         table : ColorTable or None
-            None if there is none yet and nothing can be learnt.
+            None if there is none yet and none can be learnt.
         llr : (K, M) int8
             The floor's log-likelihood ratio of each sample in units of `LLR_PER_UNIT`.
         """
@@ -138,12 +136,12 @@ class ColorMemory:
         return self.follow(samples, view, llr, _look_up(samples, view, self._table, llr)), llr
 
     def follow(self, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array, ring: float) -> ColorTable:
-        """Learn colours anew where the light has changed; returns the table that is then in use.
+        """Learn colours again if the light has changed; returns the table that is then in use.
 
         Parameters
         ----------
         llr : (K, M) int8
-            The samples looked up in the table in use; filled anew where the table changes.
+            Ratios of the samples by the table in use; filled again if the table changes.
         ring : float
             Mean of the nearest `RING_COLUMNS` columns.
         """
@@ -158,7 +156,7 @@ class ColorMemory:
         light = self._light(samples, llr)
         is_readable = light.ratio > 0 and light.ratio >= self._settings.min_sure_ratio * self._learnt_light.ratio
         has_moved = is_readable and self._has_moved(light)
-        # a robot parked at the camera, or the dark, must not cost an attempt a frame
+        # not in every frame, because a robot in front of the camera or the dark may last
         hidden, lost = self._hidden_frames, self._lost_frames
         self._hidden_frames = hidden + 1 if is_hidden else 0
         self._lost_frames = lost + 1 if is_hidden and not is_readable else 0
@@ -181,7 +179,7 @@ class ColorMemory:
     ) -> None:
         assert self._table is not None
         best, best_llr, ratio = self._table, llr, light.ratio
-        # the nearest floor may lie in sun beyond the brightest that is known: what is learnt first reaches on to it
+        # the nearest floor may be sunlit beyond the brightest known floor, and reached in two steps
         lifts = (0.0,) if self._has_moved(light) else (self._settings.lift, 0.0)
         for lift in lifts:
             is_floor = best_llr >= self._settings.sure_nats / LLR_PER_UNIT
@@ -227,7 +225,7 @@ class ColorMemory:
         self._step_of_sum = np.clip(step, 0, len(LEVELS) - 1).astype(np.uint8)
         self._ratios = np.array([floor.red_ratio, floor.blue_ratio])
         self._table = table
-        # learnt with a robot at the camera, the floor is nearer and larger than it seems
+        # a robot in front of the camera makes both values too small
         self._learnt_ring = max(_look_up(samples, view, table, llr), self._settings.drift_ratio * self._learnt_ring)
         light = self._light(samples, llr)
         self._learnt_light = light._replace(ratio=max(light.ratio, self._learnt_light.ratio / 2))
@@ -248,10 +246,10 @@ def _look_up(samples: UInt8Array, view: PolarView | FloorView, table: ColorTable
 
 
 def _is_same_floor(new: Colors, old: Colors, tolerance: float) -> bool:
-    """Return whether one light's floor may be the other's: by itself or beside white, or because it is the greener."""
+    """Whether two floors may be one under different light: alike, alike relative to white, or the new one greener."""
     floors = [np.log([c.floor.lit.red_ratio, c.floor.lit.blue_ratio]) for c in (new, old)]
     beside = [f - np.log([c.line.red_ratio, c.line.blue_ratio]) for f, c in zip(floors, (new, old), strict=True)]
-    # however long nothing was seen, what is half-way to grey is no carpet
+    # a floor half-way to grey is no carpet, however long none was seen
     tolerance = min(tolerance, float(np.abs(beside[1]).max()) / 2)
     unlike = min(float(np.abs(floors[0] - floors[1]).max()), float(np.abs(beside[0] - beside[1]).max()))
     return unlike <= tolerance or bool((beside[0] < beside[1]).all() and (floors[0] < floors[1]).all())

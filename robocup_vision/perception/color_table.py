@@ -1,8 +1,8 @@
-"""Colour classes of a frame, looked up per sample in one table over packed colours; and colors.toml.
+"""Colour classes of a frame, by a table over packed colours; and colour files.
 
 The floor's likelihood is learnt (`floor_color`). Every other class is a chromaticity relative to the frame's white,
-which the brightest things beside the floor show: walls and lines. So one description of "orange" serves warm light and
-cold.
+which is that of the brightest things beside the floor, walls and lines. So one description of "orange" serves warm and
+cold light.
 """
 
 from __future__ import annotations
@@ -39,29 +39,28 @@ from robocup_vision.perception.floor_color import (
 
 CLASS_NAMES = ("other", "floor", "line", "ball", "goal_positive_x", "goal_negative_x")
 
-# log-likelihood ratios are stored as int8 in these units, clipped so that no single sample outvotes its neighbours
+# log-likelihood ratios are stored as int8 in these units, clipped so that no sample outvotes its neighbours
 LLR_PER_UNIT = 1.0 / 16
 LLR_CLIP = 4.0
-# what is white in a narrow view reaches over this ratio of its bearings, which one thing alone does not
+# white in a narrow view must extend over this ratio of its bearings, unlike a single object
 _MIN_WHITE_BEARINGS = 0.25
-# of the brightest level of a table: bins are of one width well below this part of it, and of equal ratios well above.
-# What is black differs from floor in the dark by a third in R/G and B/G, and bins are to be finer than that; the lit
-# floor's own spread is wider than its bins
+# bins have equal widths well below this ratio of a table's brightest level, and equal ratios well above. In the dark,
+# black differs from floor by a third in R/G and B/G and needs finer bins; lit floor varies by more than a bin.
 _EVEN_BELOW = 0.16
 
 
 @dataclass(frozen=True, eq=False)
 class Colors:
-    """All a frame's colours: the floor's, white's, and those of the ball and the goals.
+    """All colours of a frame: of the floor, white, the ball and the goals.
 
     Parameters
     ----------
     floor : FloorColor
-        The floor.
+        Colour of the floor.
     line : PaintColor
-        White paint: what all other colours are relative to.
+        White paint, to which all other colours are relative.
     ball, goal_positive_x, goal_negative_x : PaintColor
-        Coloured things.
+        Colours of the ball and the goals.
     """
 
     floor: FloorColor
@@ -72,17 +71,17 @@ class Colors:
 
     @cached_property
     def goal_palette(self) -> GoalPalette:
-        """Hues and ratios, plain, as the vote on the goals takes them."""
+        """Hues and ratios as a plain tuple, for the vote on the goals."""
         paints = (self.goal_positive_x, self.goal_negative_x, self.line)
         hues = [(p.blue_ratio - p.red_ratio) / (p.blue_ratio + 1.0 + p.red_ratio) for p in paints]
         *goals, white = np.log([[p.red_ratio, p.blue_ratio] for p in paints])
-        # light falls on the paint as it is: only what the paint adds to white is swapped
+        # the light stays the same: only the difference of the paint to white is swapped
         swapped = [white + (goal - white)[::-1] for goal in goals]
         return plain(GoalPalette(read_only(hues), read_only([*goals, *swapped, white])))
 
     @property
     def goal_hue_difference(self) -> float:
-        """By how much the goals' hues differ."""
+        """Difference of the goals' hues."""
         own, other, _ = self.goal_palette[0].tolist()
         return abs(float(own - other))
 
@@ -93,12 +92,12 @@ class Colors:
 
     @property
     def white_cast(self) -> float:
-        """How far white is from neutral: the larger of the logarithms of R/G and B/G, without sign."""
+        """Distance of white from neutral: the greater of |log(R/G)| and |log(B/G)|."""
         return max(abs(math.log(self.line.red_ratio)), abs(math.log(self.line.blue_ratio)))
 
     @cached_property
     def swap_distance(self) -> float:
-        """How far, in `goal_log_ratios`, the goals' colours are at least from those with red and blue swapped."""
+        """Least distance, in `goal_log_ratios`, of the goals' colours from those with red and blue swapped."""
         goals, swapped = self.goal_log_ratios[:2], self.goal_log_ratios[2:4]
         return float(np.linalg.norm(goals[:, None] - swapped[None], axis=-1).min())
 
@@ -119,14 +118,14 @@ def learn_colors(
     valid : (K, M) uint8
         1 where a sample may be used.
     field : Field
-        Names the colours of ball and goals under white light.
+        Names the colours of the ball and the goals under white light.
     strongest_cast : float
-        Logarithm of the strongest cast of light. A white beyond it is some paint; neutral white is then used.
+        Logarithm of the strongest cast of light. A white with a stronger one is some paint and is replaced by neutral.
 
     Returns
     -------
     Colors or None
-        None if nothing can be learnt: too dark, or too little of the ring around the robot in view.
+        None if it is too dark, or too little of the ring around the robot is in view.
     """
     floor = learn_floor_color(samples, valid, settings)
     return None if floor is None else _colors_beside(floor, samples, valid, field, strongest_cast)
@@ -142,7 +141,7 @@ def follow_colors(
     lift: float = 0.0,
     settings: FloorColorSettings = FloorColorSettings(),
 ) -> Colors | None:
-    """Learn a frame's colours again from samples known to be floor; see `follow_floor_color`, `learn_colors`."""
+    """Learn a frame's colours again from samples of known floor; see `follow_floor_color`, `learn_colors`."""
     floor = follow_floor_color(samples, valid, is_floor, before.floor, lift, settings)
     return None if floor is None else _colors_beside(floor, samples, valid, field, strongest_cast)
 
@@ -150,11 +149,11 @@ def follow_colors(
 def _colors_beside(
     floor: FloorColor, samples: UInt8Array, valid: UInt8Array, field: Field, strongest_cast: float
 ) -> Colors:
-    # every other bearing is enough for white
+    # every other bearing suffices for white
     shown = valid[::2] > 0
     min_bearings = 0.0
     if math.isfinite(strongest_cast):
-        # a narrow view: the ball may be most of what is bright in it
+        # in a narrow view the ball may be most of what is bright
         min_bearings = _MIN_WHITE_BEARINGS
         if field.ball_color not in ("white", "black"):
             shown &= ~_near_paint(samples[::2], field.ball_color)
@@ -165,7 +164,7 @@ def _colors_beside(
 
 
 def colors_for(field: Field, floor: FloorColor, white: PaintColor) -> Colors:
-    """Return a field's colours under the light in which white paint looks like `white`."""
+    """Return a field's colours under light in which white paint has the colour `white`."""
 
     def under_this_light(name: str) -> PaintColor:
         blue, green, red = COLOR_NAMES[name]
@@ -173,20 +172,19 @@ def colors_for(field: Field, floor: FloorColor, white: PaintColor) -> Colors:
 
     goals = [under_this_light(goal.color) for goal in field.goals] or [white, white]
     if field.is_half:
-        # the goal that is not there
+        # a half field has one goal
         goals = goals[:1] * 2
     return Colors(floor, white, under_this_light(field.ball_color), *goals)
 
 
 def _near_paint(samples: UInt8Array, name: str) -> npt.NDArray[np.bool_]:
-    """(K, M) bool: samples nearer to a named paint than to white, under neutral light, and what lies beside them.
+    """(K, M) bool: samples nearer to a named paint than to white, under neutral light, and their neighbours.
 
-    A ball that fills much of a narrow view is most of what is brighter than the floor: neither it nor its glare and its
-    blurred rim may pass for white.
+    A ball that fills much of a narrow view, its glare and its blurred rim must not be taken for white.
     """
     blue, green, red = COLOR_NAMES[name]
     paint = np.log([red / green, blue / green])
-    # the perpendicular half-way between white, at 0, and the paint
+    # the plane half-way between white, at 0, and the paint
     wide = np.log(samples.astype(np.float32) + 1.0)
     along = (wide[..., 2] - wide[..., 1]) * paint[0] + (wide[..., 0] - wide[..., 1]) * paint[1]
     is_paint = (along > 0.5 * float(paint @ paint)).astype(np.uint8)
@@ -209,26 +207,26 @@ def _learn_white(
         of_bearing = np.nonzero(shown)[0][places[is_bright]]
         if len(np.unique(of_bearing)) < min_bearings * np.count_nonzero(shown.any(axis=1)):
             return PaintColor(1.0, 1.0)
-    # the brightest things may be coloured (a yellow goal, a window): the median of their ratios is white while most are
+    # the brightest things may be coloured (a yellow goal, a window), but most are white, so the median is
     blue, green, red = np.maximum(colors[:, is_bright], 1.0)
     return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
 
 
 @dataclass(frozen=True, eq=False)
 class ColorTable:
-    """A table over packed colours, 5 + 6 + 5 bits scaled to the floor's brightness, so that a dark hall uses all bits.
+    """A table over packed colours of 5 + 6 + 5 bits, scaled to the floor's brightness.
 
-    Dark levels share a bin with fewer neighbours than bright ones: what a ratio of dark channels is hangs on a count.
+    Dark levels have narrower bins than bright ones, because a ratio of dark channels changes much with a count.
     """
 
-    colors: Colors  #: what it tabulates
-    packing: UInt16Array  #: (3, 256) uint16: what each channel's value (B, G, R) adds to the index
-    #: (65536,) int8: floor against anything else, log-likelihood ratio in units of `LLR_PER_UNIT` nats
+    colors: Colors  #: the tabulated colours
+    packing: UInt16Array  #: (3, 256) uint16: contribution of each channel's value (B, G, R) to the index
+    #: (65536,) int8: log-likelihood ratio of floor to any colour, in units of `LLR_PER_UNIT` nats
     floor_llr: Int8Array
 
     @cached_property
     def classes(self) -> UInt8Array:
-        """(65536,) uint8: the class of each packed colour, an index into `CLASS_NAMES`."""
+        """(65536,) uint8: class of each packed colour, an index into `CLASS_NAMES`."""
         blue, green, red = (np.maximum(channel, 0.5) for channel in _packed_colors(self.packing))
         level = brightness_of(blue, green, red)
         ratio = np.stack([np.log(red / green), np.log(blue / green)], axis=-1)
@@ -236,7 +234,7 @@ class ColorTable:
         centers = np.log([[max(p.red_ratio, 1e-3), max(p.blue_ratio, 1e-3)] for p in paints])
         distance = np.linalg.norm(ratio[:, None, :] - centers[None], axis=-1)
         nearest = np.argmin(distance, axis=1)
-        # half-way between white and the nearest saturated paint a colour belongs to neither for sure
+        # colours half-way between white and the nearest saturated paint have no certain class
         sure = distance[np.arange(len(nearest)), nearest] < 0.5
         bright_enough = level > np.where(nearest == 0, 1.1, 0.35) * self.colors.floor.level
         classes = np.where(sure & bright_enough, nearest + 2, 0)
@@ -250,14 +248,14 @@ class ColorTable:
         return np.asarray(blue + green + red)
 
     def segment(self, frame: UInt8Array) -> UInt8Array:
-        """Class (H, W) uint8 of each pixel of a frame (H, W, 3), an index into `CLASS_NAMES`."""
+        """Return the class (H, W) uint8 of each pixel of a frame (H, W, 3), an index into `CLASS_NAMES`."""
         return np.asarray(self.classes[self.pack(frame)])
 
 
 def build_color_table(colors: Colors) -> ColorTable:
     """Tabulate a frame's colours."""
     floor = colors.floor
-    # three times the floor's brightness saturates: nothing that bright is floor
+    # colours of more than three times the floor's brightness are not floor and share a bin
     green = floor.level * 4 / (2 + floor.red_ratio.max() + floor.blue_ratio.max())
     top = min(255.0, max(16.0, 3.2 * green))
     fine = _EVEN_BELOW * (top + 1)
@@ -277,7 +275,7 @@ def _packed_colors(packing: UInt16Array) -> tuple[FloatArray, FloatArray, FloatA
 
 
 def _bin_colors(packing: UInt16Array) -> list[FloatArray]:
-    # the mean of the values that share a bin stands for it; the last bin's own start, as it holds all that is brighter
+    # a bin stands for the mean of its values, and the last bin for its first value
     channels = []
     for row, bits, shift in zip(packing, (5, 6, 5), (11, 5, 0), strict=True):
         bins = (row >> shift).astype(int)

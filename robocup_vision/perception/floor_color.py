@@ -1,9 +1,9 @@
-"""Learns the floor's colour from the surroundings of the robot in one frame.
+"""Estimation of the floor's colour from the robot's surroundings in one frame.
 
-The floor's chromaticity (R/G, B/G) is followed over brightness. It starts at the ring around the robot's body and goes
-step by step into darker and brighter samples of the same frame. So one rule works under a colour cast and in a dark
-hall (everything is relative to the ring), in a hard shadow (darker, a little bluer), and in noise (which widens the
-chromaticity of dark samples by a known amount). Fixed hue bounds fail in the dark, a single Gaussian in a shadow.
+The floor's chromaticity (R/G, B/G) is tracked over brightness, from the ring around the robot's body step by step into
+darker and brighter samples of the frame. The same rules therefore hold under a colour cast, in a dark hall, in a hard
+shadow, which is darker and a little bluer, and in noise, which widens the chromaticity of dark samples by a known
+amount.
 """
 
 from __future__ import annotations
@@ -20,37 +20,38 @@ from robocup_vision.kernels.floor.common_tone import greenest_common_tone
 
 # columns of the ring around the robot
 RING_COLUMNS = 10
-# log brightness relative to the ring, from a deep shadow to a highlight; colour files hold a value for each
+# log brightness relative to the ring, from a deep shadow to a highlight; colour files have a value for each
 LEVEL_STEP = 0.25
 LEVELS = np.arange(-7, 6) * LEVEL_STEP
 _CENTER = 7
-# a channel of which the floor shows nothing has a ratio, too
+# least ratio of a channel, also where the floor has none of its colour
 _MIN_RATIO = 0.01
-# lowest top of the brightness steps
+# log brightness that the steps reach at least
 _SUN = float(LEVELS[-2]) - 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class FloorColorSettings:
-    """Settings of the learning of the floor's colour."""
+    """Settings of the estimation of the floor's colour."""
 
-    #: weight of a sample of the ring around the robot, beside the others: it is most probably floor
+    #: weight of samples of the ring around the robot, which are most probably floor, relative to others
     ring_weight: float = 2.0
-    #: change of the log of a ratio from one brightness step to the next, and in all: a sky-lit shadow is some 20 %
-    #: bluer, a highlight mixes in white until green is half-way to it
+    #: greatest change of a ratio's logarithm from one brightness step to the next, and in total: a sky-lit shadow is
+    #: about 20 % bluer, and a highlight adds white until green is half-way to it
     max_step_drift: float = 0.15
     max_drift: float = 0.45
-    max_grey_drift: float = 0.2  #: the same towards grey in a shadow: a larger one is something black
-    #: bounds of the relative standard deviation of a ratio beyond the noise
+    #: greatest total change towards grey in a shadow; with a larger one it is something black
+    max_grey_drift: float = 0.2
+    #: bounds of a ratio's relative standard deviation in addition to the noise
     min_spread: float = 0.05
     max_spread: float = 0.15
-    min_samples: int = 50  #: samples that determine a colour
-    gate: float = 6.0  #: chi-square of a sample that belongs to the floor: 2 degrees of freedom, 95 %
+    min_samples: int = 50  #: least number of samples that determine a colour
+    gate: float = 6.0  #: chi-square gate of a floor sample: 2 degrees of freedom, 95 %
 
 
 @dataclass(frozen=True, slots=True)
 class PaintColor:
-    """A painted thing's colour as this frame shows it: its ratios to green."""
+    """The colour of a painted object in a frame, as ratios to green."""
 
     #: r/G and B/G
     red_ratio: float
@@ -59,14 +60,14 @@ class PaintColor:
 
 @dataclass(frozen=True, eq=False)
 class FloorColor:
-    """The floor's colour as learnt from one frame."""
+    """The floor's colour in one frame."""
 
     level: float  #: brightness (R + 2G + B)/4 of the lit floor, counts
     noise: float  #: standard deviation of one channel of one blurred sample, counts
     #: (L,) float64: r/G and B/G of the floor over the log-brightness steps
     red_ratio: FloatArray
     blue_ratio: FloatArray
-    spread: FloatArray  #: (2,) float64: relative standard deviation of R/G and B/G beyond the noise
+    spread: FloatArray  #: (2,) float64: relative standard deviation of R/G and B/G in addition to the noise
 
     @property
     def lit(self) -> PaintColor:
@@ -76,10 +77,10 @@ class FloorColor:
     def log_likelihood_ratio(
         self, blue: FloatArray, green: FloatArray, red: FloatArray, white: PaintColor | None = None
     ) -> FloatArray:
-        """Log-likelihood ratio of floor against any colour, in nats, for colours of any shape (counts).
+        """Return the log-likelihood ratio of floor to any colour, nats, for colours of any shape (levels).
 
-        With `white`, also against grey of any brightness: walls and black things, with which floor is confused in the
-        dark and in noise.
+        With `white`, the alternative includes grey of any brightness: walls and black things, which resemble floor in
+        the dark and in noise.
         """
         of_floor, of_white = self.densities(white or PaintColor(1.0, 1.0))
         if white is None:
@@ -90,7 +91,7 @@ class FloorColor:
         return out
 
     def densities(self, white: PaintColor) -> tuple[FloatArray, FloatArray]:
-        """Numbers (6, S) float64 of the floor's and white's densities over brightness, for `kernels.floor.colors`."""
+        """Parameters (8, S), (6, S) float64 of floor's and white's densities over brightness, see the kernel."""
         level = np.arange(255 * int(kernel.FINE) + 1) / kernel.FINE
         log_level = np.log(np.maximum(level, 0.5) / self.level)
         red_ratio = np.interp(log_level, LEVELS, self.red_ratio)
@@ -110,7 +111,7 @@ class FloorColor:
         return np.asarray(np.maximum(4 * level / (2 + red_ratio + blue_ratio), 1.0))
 
     def _density_numbers(self, level: FloatArray, red_ratio: FloatArray, blue_ratio: FloatArray) -> FloatArray:
-        """Numbers (6, S) of the density of (R, B) given the brightness, for paint of these ratios in this noise."""
+        """Parameters (6, S) of the density of (R, B) given the brightness, for paint of these ratios in this noise."""
         expected_green = self._green_of(level, red_ratio, blue_ratio)
         n2 = self.noise**2 + 0.25
         var_red = n2 * (1 + red_ratio**2) + (self.spread[0] * red_ratio * expected_green) ** 2
@@ -124,7 +125,7 @@ class FloorColor:
 def learn_floor_color(
     samples: UInt8Array, valid: UInt8Array, settings: FloorColorSettings = FloorColorSettings()
 ) -> FloorColor | None:
-    """Learn the floor's colour from an unrolled, slightly blurred frame.
+    """Estimate the floor's colour from an unrolled, slightly blurred frame.
 
     Parameters
     ----------
@@ -138,13 +139,13 @@ def learn_floor_color(
     FloorColor or None
         None if the ring around the robot is too dark, or too little of it is in view.
     """
-    # of what a mask leaves: it may hide the body, and more of it at some bearings
+    # counted among the valid samples, because a mask may hide the body, and more of it at some bearings
     outwards = np.cumsum(valid > 0, axis=1)
     ring = (valid > 0) & (outwards <= RING_COLUMNS)
     if np.count_nonzero(ring) < settings.min_samples:
         return None
     noise = _noise(samples, ring)
-    # the ring may lie in a highlight or beside a robot: samples around it count, too
+    # the samples around the ring count, too, because it may be in a highlight or beside a robot
     near = (valid > 0) & ~ring & (outwards <= samples.shape[1] // 2)
     blue, green, red = np.hstack([pick_colors(samples, ring), pick_colors(samples, near)])
     weight = np.where(np.arange(len(green)) < np.count_nonzero(ring), settings.ring_weight, 1.0)
@@ -168,16 +169,16 @@ def follow_floor_color(
     lift: float = 0.0,
     settings: FloorColorSettings = FloorColorSettings(),
 ) -> FloorColor | None:
-    """Learn the floor's colour again under changed light, from samples that are still known to be floor.
+    """Estimate the floor's colour again under changed light, from samples that are still known to be floor.
 
-    Unlike `learn_floor_color` it does not take a robot or a wall that fills most of the frame for the floor.
+    Unlike `learn_floor_color` it cannot take a robot or a wall that fills most of the frame for the floor.
 
     Parameters
     ----------
     samples, valid
-        As for `learn_floor_color`.
+        As in `learn_floor_color`.
     is_floor : (K, M) bool
-        Samples that are floor by the colours before.
+        Samples that are floor by the previous colours.
     lift : float
         Shift of the brightness steps upwards, log brightness.
 
@@ -190,7 +191,7 @@ def follow_floor_color(
     noise = (
         _noise(samples[:, :RING_COLUMNS], usable) if np.count_nonzero(usable) >= settings.min_samples else before.noise
     )
-    # bearings share pixels with their neighbours: every other one tells as much, and a frame waits for this
+    # every other bearing suffices, because neighbours share pixels
     samples, valid, is_floor = samples[::2], valid[::2], is_floor[::2]
     blue, green, red = pick_colors(samples, is_floor)
     level = brightness_of(blue, green, red)
@@ -206,27 +207,28 @@ def follow_floor_color(
 
 
 def pick_colors(samples: UInt8Array, wanted: npt.NDArray[np.bool_] | UInt8Array) -> FloatArray:
-    """Return the channels (3, N) of those samples (K, M, 3) that are wanted (K, M)."""
-    # channel by channel: rows of three bytes are picked at a fifth of the speed
+    """Return the channels (3, N) of the wanted (K, M) samples (K, M, 3)."""
+    # separate channels, because picking rows of three bytes takes five times as long
     places = np.flatnonzero(wanted)
     return np.stack([samples[..., c].ravel()[places] for c in range(3)]).astype(np.float64)
 
 
 def brightness_of(blue: FloatArray, green: FloatArray, red: FloatArray) -> FloatArray:
-    """Return the brightness of colours, counts; all of one shape."""
+    """Return the brightness of colours, levels; arrays of one shape."""
     return np.asarray((red + 2 * green + blue) / 4)
 
 
 def _purer(white: PaintColor, red_ratio: FloatArray, blue_ratio: FloatArray, inverse: FloatArray) -> FloatArray:
-    """Return (2, ...) what R and B beyond the floor's count, in standard deviations, towards a purer floor.
+    """Return (2, ...) weights of R and B minus the floor's that give the distance towards a purer floor colour.
 
-    Light that glances off the carpet, strays in the lens or is hazy adds white to its colour, here more and there less.
-    Where there is less than where the colour was learnt, the same floor is farther from white, in the same direction.
+    The distance is in standard deviations. Reflections, stray light and haze add white to the carpet's colour by
+    varying amounts. With less of it than where the colour was learnt, floor is farther from white in the same
+    direction.
 
     Parameters
     ----------
     red_ratio, blue_ratio : (...) float64
-        Of the floor as learnt.
+        Ratios of the floor's learnt colour.
     inverse : (3, ...) float64
         Inverse covariance of R and B: red, mixed, blue.
     """
@@ -236,21 +238,21 @@ def _purer(white: PaintColor, red_ratio: FloatArray, blue_ratio: FloatArray, inv
 
 
 def _lit_level(level: FloatArray) -> float:
-    """Return the usual brightness, or where sun and shade lie farther apart than the steps reach, a sunnier one."""
+    """Return the median brightness, or a brighter one if the steps would not reach from there to the sunlit floor."""
     usual, sunny = np.percentile(level, (50, 95))
     return float(max(usual, sunny * math.exp(-_SUN)))
 
 
 def _noise(samples: UInt8Array, usable: npt.NDArray[np.bool_]) -> float:
-    # samples three bearings apart share no pixel, and texture between them is noise for this purpose
+    # samples three bearings apart share no pixels; texture counts as noise here
     both = usable[:-3] & usable[3:]
     difference = np.abs(samples[:-3][both].astype(np.float64) - samples[3:][both]).max(axis=1)
-    # the largest of three half-normal channels has its lower quartile near 0.83 sigma sqrt(2)
+    # the lower quartile of the largest of three half-normal channels is about 0.83 sigma sqrt(2)
     return float(np.percentile(difference, 25)) / (0.83 * math.sqrt(2.0)) if len(difference) else 1.0
 
 
 def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tuple[float, float, npt.NDArray[np.bool_]]:
-    """Return the medians of the greenest common tone, and which colours (N,) have it."""
+    """Return the median of the greenest common tone, and the colours (N,) that belong to it."""
     red, blue = greenest_common_tone(log_red, log_blue, weight)
     member = np.ones(len(log_red), dtype=bool)
     for _ in range(3):
@@ -267,7 +269,7 @@ def _follow(
     ratios: tuple[float, float],
     settings: FloorColorSettings,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Follow the ratios R/G and B/G over brightness; returns both curves (L,) and their spread (2,)."""
+    """Track the ratios R/G and B/G over brightness; returns both curves (L,) and their spread (2,)."""
     red0, blue0 = ratios
     channels, first = _by_step(samples, valid, level0)
     red_ratio, blue_ratio = [red0] * len(LEVELS), [blue0] * len(LEVELS)
@@ -279,7 +281,7 @@ def _follow(
         last_red, last_blue = red_ratio[before], blue_ratio[before]
         b, g, r = channels[:, first[here] : first[here + 1]]
         red_slack, blue_slack = (width + settings.max_step_drift / 2 for width in spread)
-        # towards white from the next darker step; a shadow's colour changes in proportion
+        # a highlight changes the ratio towards white, a shadow in proportion
         red_scale, blue_scale = (
             max(ratio, 1.0 - ratio) if here > _CENTER else ratio for ratio in (last_red, last_blue)
         )
@@ -295,7 +297,7 @@ def _follow(
         for c, last, start in ((r, last_red, red0), (b, last_blue, blue0)):
             seen = max(float(c.sum()), 1.0) / max(float(g.sum()), 1.0)
             if here > _CENTER:
-                # a highlight adds white, of which next to no red or blue makes something
+                # on the scale of the distance to white, because the ratio itself may be near zero
                 scale = max(start, 1.0 - start)
                 step = _within((seen - last) / scale, settings.max_step_drift)
                 ratio = start + scale * _within((last - start) / scale + step, settings.max_drift)
@@ -304,7 +306,7 @@ def _follow(
                 drift = math.log(last / start) + _within(math.log(seen / last), settings.max_step_drift)
                 drifts.append(_within(drift, settings.max_drift))
         if here < _CENTER:
-            # a shadow changes the light's colour, but does not make paint grey: grey samples are something black
+            # a shadow does not make paint grey: grey samples are something black
             grey = max(0.0, sum(drifts) - settings.max_grey_drift) / 2
             drifts = [drift - grey for drift in drifts]
         red_ratio[here], blue_ratio[here] = red0 * math.exp(drifts[0]), blue0 * math.exp(drifts[1])
@@ -321,19 +323,19 @@ def _within(value: float, most: float) -> float:
 
 
 def _spread(channel: FloatArray, green: FloatArray, ratio: float, noise: float, least: float) -> float:
-    """Relative standard deviation of a ratio of channels (N,) beyond the noise."""
+    """Return the relative standard deviation of a ratio of channels (N,) in addition to the noise."""
     beyond = float(np.mean((channel - ratio * green) ** 2)) - noise**2 * (1 + ratio**2)
     return max(least, math.sqrt(max(beyond, 0.0) / float(np.mean(green**2))) / ratio)
 
 
 def _by_step(samples: UInt8Array, valid: UInt8Array, level0: float) -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Sort a frame's valid samples by their step of brightness.
+    """Sort a frame's valid samples by their brightness step.
 
-    Returns the three channels (3, N), and (L + 1,) the index of each step's first sample and of the last one's end.
+    Returns the three channels (3, N), and the first index of each step with the end of the last, (L + 1,).
     """
     blue, green, red = pick_colors(samples, valid)
     level = np.log(np.maximum(brightness_of(blue, green, red), 0.5) / level0)
-    # of so few bits they are sorted by counting
+    # 8 bits, which are sorted by counting
     step = np.rint(level / LEVEL_STEP).astype(np.int8) + np.int8(_CENTER)
     order = np.argsort(step, kind="stable")
     first = np.searchsorted(step[order], np.arange(len(LEVELS) + 1))

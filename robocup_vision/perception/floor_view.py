@@ -1,7 +1,7 @@
-"""Unrolls the floor that a pinhole camera sees about the camera's foot: bearings down, distances across.
+"""Unrolling of a pinhole camera's floor around the camera's foot: rows of bearings, columns of distances.
 
-It is the `PolarView` of a camera that looks forward: here, too, a thing on the floor hides what lies behind it along a
-row. The rows cover the view only. Some empty rows follow them, so that the last bearing is never joined to the first.
+It is the counterpart of `PolarView`: an obstacle hides the floor behind it along a row. The rows cover the view only.
+Some empty rows follow them, so that the last bearing is never joined to the first.
 """
 
 from __future__ import annotations
@@ -22,53 +22,53 @@ from robocup_vision.perception.hidden_pixels import hidden_pixels
 
 BEARINGS = 160
 COLUMNS = 144
-# farther than this the floor is at most a few pixels from the horizon, whatever the lens
+# beyond this range, in viewpoint heights, the floor is within a few pixels of the horizon for any lens
 _FARTHEST_HEIGHTS = 40.0
-# rows beyond the horizon, pixels, so that a wall is seen behind the last floor
+# extent beyond the horizon, pixels, so that a wall is visible behind the last floor
 _BEYOND_HORIZON_PX = 12.0
-# steeper than this nothing is looked at: tangent of the depression
+# greatest tangent of the depression
 _STEEPEST = 8.0
-# rows that see nothing after those in view: loops look at two neighbours on either side, and a ring's last is its first
+# empty rows after those in view: loops use two neighbours on either side, and a ring's last row adjoins the first
 _EMPTY_ROWS = 3
-# places around a fisheye's rim
+# points around a fisheye's rim
 _AROUND = 1024
-# step in pixels of the test of what a mask leaves in view
+# step in pixels when the mask is searched for the nearest visible floor
 _MASK_STEP = 4
-# bearings at which it is looked at one time for the end of what is in view
+# number of bearings that are tested at a time for the end of the view
 _STEPS_AT_ONCE = 64
 
 
 def sees_floor(camera: PinholeCamera) -> bool:
-    """Whether floor is in a camera's view that is near enough to be measured."""
+    """Whether a camera's view includes floor near enough to be measured."""
     return float(_rim(camera)[1].min()) < -1.0 / _FARTHEST_HEIGHTS
 
 
 class FloorView:
-    """Where a frame's floor samples lie; one per camera and orientation.
+    """Places of a frame's floor samples, for one camera and orientation.
 
     Parameters
     ----------
     camera : PinholeCamera
-        With a known tilt; it sees floor (see `sees_floor`).
+        Must have a known tilt and see floor (see `sees_floor`).
     seen_bearings : int
         Number of bearings in view.
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never used.
     """
 
     def __init__(self, camera: PinholeCamera, seen_bearings: int = BEARINGS, mask: UInt8Array | None = None) -> None:
         self.camera, self.seen_bearings, self.mask = camera, seen_bearings, mask
-        # the camera of the samples' tables; `camera` may be turned from it
+        # the camera for which the tables were made; `camera` may be turned relative to it
         self._made_for = camera
         pan_rad, (bearing, slope) = camera.pan_rad or 0.0, _rim(camera)
         # (M,) float64: the columns' slopes, negative on the floor
         self._slopes = self._equal_steps(slope)
         ahead = camera.ray_to_pixel(self._directions(pan_rad, self._slopes))
-        #: (M,) float64: how far up the picture the columns lie straight ahead, from 0
+        #: (M,) float64: image distance of the columns up the picture, straight ahead, from 0
         self.radius_px = read_only(np.append(0.0, np.cumsum(np.hypot(*np.diff(ahead, axis=0).T))))
         #: distance between columns straight ahead, pixels
         self.step_px = float(self.radius_px[-1]) / (COLUMNS - 1)
-        #: number of columns, from the nearest, that see floor
+        #: number of columns, from the nearest, that show floor
         self.columns_in_use = int(np.count_nonzero(self._slopes < -1e-9))
         #: (M,) float64: floor range of the columns from the camera's foot, metres; a kilometre from the horizon on
         self.range_m = read_only(camera.height_m / np.maximum(-self._slopes, 1e-3 * camera.height_m))
@@ -80,39 +80,39 @@ class FloorView:
         #: angle between neighbouring bearings
         self.row_step_rad = float(np.ptp(seen)) / seen_bearings
         self._first_rad = float(seen.min()) + self.row_step_rad / 2 + pan_rad
-        #: first bearing and width of what is in view, robot frame: from twice the nearest range on without a gap
+        #: first bearing and width of the view, robot frame, without gaps beyond twice the nearest range
         self.span_rad = self._find_span()
         #: (H, W) uint8: 1 where no bilinear sample may be taken, (0, 0) without a mask
         self.hidden_px = hidden_pixels(mask)
-        #: (K, M) uint8: 1 where a sample lies inside the frame and outside the mask, of a camera that is not turned.
-        #: Where a turn has moved one out, a neighbour's colour stands for its own: good enough to learn colours by.
+        #: (K, M) uint8: 1 where a sample lies inside the frame and outside the mask, for a camera that is not turned.
+        #: In a turned view some of them take a neighbour's colour, which suffices for learning colours.
         self.valid = self._find_valid()
-        #: (K, M) uint8: 1 where a sample is `valid`; in a turned view, once a frame is sampled, where it is in that
+        #: (K, M) uint8: as `valid`, but for a turned view of the last frame that was sampled
         self.shown = self.valid
-        #: number of samples in the nearest third of the columns that may be looked at, at least 1
+        #: number of valid samples in the nearest third of the columns, at least 1
         self.near_count = max(1, int(np.count_nonzero(self.valid[:, : len(self.radius_px) // 3])))
-        #: (K,) float64, all NaN: of things that no bearing shows
+        #: (K,) float64, all NaN: feet of a view without objects
         self.no_edges_px = read_only(np.full(self.bearings, np.nan))
         rays = self._directions(self.bearing_rad[:seen_bearings, None], self._slopes[None, :])
-        # (2, K, M) float32: u and v of the samples in view as the camera without distortion shows them
+        # (2, K, M) float32: u and v of the samples in view for the camera without distortion
         self._planes = np.ascontiguousarray(
             np.moveaxis(camera.without_lens.ray_to_pixel(rays), -1, 0), dtype=np.float32
         )
-        # the lens as `sample_turned` takes it
+        # the lens in the format of `sample_turned`
         self._lens = lens_table(camera).astype(np.float32)
 
     def held(self, camera: PinholeCamera) -> FloorView:
-        """Return the view of the same samples by the same camera, whose neck or body has turned a little.
+        """Return the view of the same samples by the same camera at a slightly different orientation.
 
-        At another tilt and roll the same places on the floor are found in the frame by the homography of a turn about
-        the viewpoint; places that the turn moves out of the frame show its rim. At another pan they lie elsewhere about
-        the robot, and at the same places in the frame. Nothing else is computed again.
+        At another tilt and roll the same floor places are found in the frame by the homography of a rotation about the
+        viewpoint; places that leave the frame show its border. At another pan the samples move around the robot and
+        keep their places in the frame. No table is computed again.
 
         Parameters
         ----------
         camera : PinholeCamera
-            As this one, at another orientation; at about the same pan, unless its foot is the robot's centre: else what
-            is in view about the robot changes, too (see `panned`).
+            The same camera at another orientation. The pan must be nearly the same unless the camera's foot is the
+            robot's centre, because the view around the robot changes otherwise (see `panned`).
         """
         before, other = self.camera, copy(self)
         other.camera = camera
@@ -125,13 +125,13 @@ class FloorView:
         return other
 
     def panned(self, camera: PinholeCamera) -> FloorView:
-        """Return the view of the same samples by the same camera at another pan, wherever its foot is."""
+        """Return the view of the same samples by the same camera at another pan, for any position of its foot."""
         other = self.held(camera)
         other.span_rad = other._find_span()
         return other
 
     def _steepest_shown(self, rim_slope: FloatArray) -> float:
-        """Slope of the nearest floor in view: the robot's own parts, which a mask hides, may fill a picture's end."""
+        """Return the slope of the nearest visible floor; the lower end of a picture may be masked."""
         steepest = float(rim_slope.min())
         if self.mask is None:
             return steepest
@@ -141,7 +141,7 @@ class FloorView:
         return max(steepest, float(np.nanmin(slope))) if np.isfinite(slope).any() else steepest
 
     def _equal_steps(self, rim_slope: FloatArray) -> FloatArray:
-        """Slopes (M,) from the nearest floor to beyond the horizon, at equal steps in the picture straight ahead."""
+        """Return slopes (M,) from the nearest floor to beyond the horizon, at equal steps in the picture ahead."""
         beyond = _BEYOND_HORIZON_PX / self.camera.focal_px[1]
         low, high = max(self._steepest_shown(rim_slope), -_STEEPEST), min(float(rim_slope.max()), beyond)
         dense = np.linspace(math.atan(low), math.atan(high), 1024)
@@ -154,7 +154,7 @@ class FloorView:
 
     @property
     def bearings(self) -> int:
-        """Number K of rows, those that see nothing included."""
+        """Number K of rows, including empty ones."""
         return self.seen_bearings + _EMPTY_ROWS
 
     @property
@@ -168,17 +168,17 @@ class FloorView:
         ranges = np.hypot(*ahead[self._is_shown(ahead)].T)
         if not len(ranges):
             return pan, self.row_step_rad
-        # what a lens shows of the floor has next to no dents: few places on a ray tell whether all of it is shown
+        # the visible floor is nearly convex, so that a few places on a ray suffice
         ranges = np.geomspace(min(2 * ranges.min(), ranges.max()), ranges.max(), 5)
         middle = math.atan2(ahead[-1, 1], ahead[-1, 0])
         left, right = (self._turns_shown(middle, side * self.row_step_rad / 2, ranges) for side in (-1.0, 1.0))
         return middle - left, left + right
 
     def _turns_shown(self, middle_rad: float, step_rad: float, range_m: FloatArray) -> float:
-        """Return how far one may turn from a bearing, in steps, and see the floor at all ranges (N,) from the robot."""
+        """Return the angle from a bearing, in steps, within which the floor is visible at all ranges (N,)."""
         count = 0
         while count * abs(step_rad) < math.pi:
-            # most views are narrow: not all steps at once
+            # in batches, because most views are narrow
             bearing = middle_rad + step_rad * np.arange(count, count + _STEPS_AT_ONCE)[:, None]
             shown = self._is_shown(range_m[None, :, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1))
             whole = shown.all(axis=1)
@@ -197,7 +197,7 @@ class FloorView:
         return max(1, int(np.count_nonzero(self._slopes < -1.0 / _FARTHEST_HEIGHTS)))
 
     def ring_bounds_m(self, rings: int, first_column: int) -> FloatArray:
-        """Bounds (I + 1,) float64 of rings about the robot, each farther than the last by the same factor, metres."""
+        """Return bounds (I + 1,) float64, metres, of rings around the robot with equal ratios."""
         column = min(first_column, self._columns_measured - 1)
         near, far = float(self.range_m[column]), _FARTHEST_HEIGHTS * self.camera.height_m
         pan = self.camera.pan_rad or 0.0
@@ -207,7 +207,7 @@ class FloorView:
 
     @property
     def is_ring(self) -> bool:
-        """Whether the last bearing is next to the first."""
+        """Whether the last bearing is adjacent to the first."""
         return False
 
     def _directions(self, bearing_rad: npt.ArrayLike, slope: npt.ArrayLike) -> FloatArray:
@@ -215,13 +215,13 @@ class FloorView:
         return np.stack([np.cos(bearing), np.sin(bearing), slopes], axis=-1)
 
     def to_pixel(self, bearing_rad: npt.ArrayLike, radius_px: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) of places up the rows, given as `radius_px`, on bearings."""
+        """Return the pixels (..., 2) of image distances `radius_px` on bearings."""
         radius = np.asarray(radius_px, dtype=np.float64)
         slope = np.interp(radius, self.radius_px, self._slopes)
         return self.camera.ray_to_pixel(self._directions(bearing_rad, np.where(np.isfinite(radius), slope, np.nan)))
 
     def from_pixel(self, pixel: tuple[float, float]) -> tuple[float, float]:
-        """Bearing and `radius_px` of a pixel that shows floor."""
+        """Return bearing and `radius_px` of a pixel that shows floor."""
         ((right, down),) = self.camera.pixel_slopes([pixel])
         x, y, z = (ahead - left * right - up * down for ahead, left, up in self.camera.camera_to_robot.tolist())
         turn = math.remainder(math.atan2(y, x) - self._first_rad - math.pi / 2, math.tau) + math.pi / 2
@@ -229,29 +229,29 @@ class FloorView:
 
     @property
     def pixels(self) -> FloatArray:
-        """(K, M, 2) float64: the samples' places in the frame; NaN in rows that see nothing."""
+        """(K, M, 2) float64: places of the samples in the frame; NaN in empty rows."""
         pixels = self.camera.ray_to_pixel(self._directions(self.bearing_rad[:, None], self._slopes[None, :]))
         pixels[self.seen_bearings :] = np.nan
         return read_only(pixels)
 
     @property
     def floor_m(self) -> FloatArray:
-        """(K, M, 2) float64: the samples' places on the floor, robot frame, metres; NaN from the horizon on."""
+        """(K, M, 2) float64: places of the samples on the floor, robot frame, metres; NaN from the horizon on."""
         return read_only(self._places_m(self._distance_m))
 
     def floor_at(self, columns: npt.NDArray[np.int64]) -> FloatArray:
-        """Return `floor_m` of one sample of each bearing, (K, 2), without computing all of it.
+        """Return `floor_m` of one sample of each bearing, (K, 2).
 
         Parameters
         ----------
         columns : (K,) int64
-            The sample of each bearing; M or more where none, which has no place.
+            Column of each bearing's sample; M or more if there is none, whose place is NaN.
         """
         shown = np.minimum(columns, len(self._distance_m))
         return self._places_m(np.append(self._distance_m, np.nan)[shown, None])[:, 0]
 
     def _places_m(self, distance_m: FloatArray) -> FloatArray:
-        """Floor places (K, N, 2) at distances (N,) or (K, N) along each bearing; NaN in rows that see nothing."""
+        """Return floor places (K, N, 2) at distances (N,) or (K, N) along each bearing; NaN in empty rows."""
         bearing = self.bearing_rad
         rays = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
         floor = self.camera.offset_m + distance_m[..., None] * rays[:, None]
@@ -267,7 +267,7 @@ class FloorView:
             rim = np.clip(np.nan_to_num(pixels), 0, (width - 1, height - 1))
             u, v = np.rint(np.moveaxis(rim, -1, 0)).astype(np.intp)
             hidden = self.mask[v, u] > 0
-            # the 3 x 3 blur of the samples reaches one further in each direction
+            # the 3 x 3 blur of the samples extends by one in each direction
             inside &= cv2.dilate(hidden.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
         valid: UInt8Array = inside.astype(np.uint8)
         valid.flags.writeable = False
@@ -275,7 +275,7 @@ class FloorView:
 
     @property
     def _homography(self) -> FloatArray:
-        """(3, 3) float64: from pixels of `_planes` to this camera's without distortion, at the same pan."""
+        """(3, 3) float64: homography from `_planes` to this camera's pixels without distortion, at the same pan."""
         camera, known = self.camera, self._made_for
         before, after = _turn_of(known), _turn_of(camera)
         if before == after:
@@ -289,7 +289,7 @@ class FloorView:
     def sample(self, frame: UInt8Array) -> UInt8Array:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples.
 
-        In a turned view it also finds which samples are `shown`.
+        In a turned view it also updates `shown`.
         """
         seen, shape = self.seen_bearings, (COLUMNS, 3)
         nearest, samples = np.empty((seen, *shape), np.uint8), np.empty((self.bearings, *shape), np.uint8)
@@ -308,7 +308,7 @@ def _turn_of(camera: PinholeCamera) -> tuple[float, float]:
 
 
 def _rim(camera: PinholeCamera) -> tuple[FloatArray, FloatArray]:
-    """Bearing off the optical axis' and slope (upwards) of the picture's rim, (N,) float64 each."""
+    """Return the bearing relative to the optical axis and the slope (upwards) of the picture's border, (N,) each."""
     width, height = camera.size_px
     u, v = np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)
     sides = [np.stack([np.full(height, side), v], axis=1) for side in (0.0, width - 1.0)]
@@ -322,11 +322,11 @@ def _rim(camera: PinholeCamera) -> tuple[FloatArray, FloatArray]:
 
 
 def _circle_px(camera: PinholeCamera) -> FloatArray:
-    """(N, 2) float64: the part of a fisheye's own rim that lies in the picture."""
+    """(N, 2) float64: the part of a fisheye's rim that lies in the picture."""
     if not isinstance(camera, FisheyeCamera) or camera.usable_radius_px is None:
         return np.empty((0, 2))
     turn = np.linspace(0.0, math.tau, _AROUND, endpoint=False)
-    # a little inside, where rounding leaves it within the lens
+    # slightly inside, so that rounding leaves it within the lens
     radius = (1.0 - 1e-9) * camera.usable_radius_px[1] / camera.focal_px[0]
     on_rim = camera.center_px + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1) * camera.focal_px
     return np.asarray(on_rim[((on_rim >= 0) & (on_rim <= np.array(camera.size_px) - 1.0)).all(axis=1)])

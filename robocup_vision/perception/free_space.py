@@ -1,7 +1,7 @@
-"""How far the floor is free in each direction, from polar cells of floor (Sekimori et al. 2001, section 3.1).
+"""Free range of the floor in each direction, from polar cells (Sekimori et al. 2001, section 3.1).
 
-A cell is free when at least a ratio r_th of it is floor; the free range of a direction ends at its first cell that is
-not. Counting floor samples per cell gives the same as the paper's AND with a template of cells and labelling.
+A cell is free if at least a ratio r_th of it is floor; the free range of a direction ends at its first cell that is not
+free. Counting floor samples in each cell is equivalent to the paper's AND with a template of cells and labelling.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from robocup_vision.kernels.floor import free_floor, free_ranges
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
-# the paper's r_th: stricter than its 0.8, since the cells are smaller and specks are removed before: a box that reaches
-# into a cell blocks it
+# the paper's r_th; stricter than its 0.8, because cells are smaller and specks are removed before
 FREE_RATIO = 0.9
 
 
@@ -30,29 +29,29 @@ class FreeSpace:
     """Free floor around the robot."""
 
     bearing_rad: FloatArray  #: (J,) float64: directions in the robot frame, ascending, radians
-    #: (J,) float64: distance from the robot's centre to the first thing that is not floor, metres; by a mirror camera
-    #: on the safe side by up to a cell
+    #: (J,) float64: distance from the robot's centre to the first obstacle, metres; for a mirror camera it may be too
+    #: short by up to a cell
     range_m: FloatArray
 
 
 class FreeSpaceGrid:
-    """The polar cells of one camera: I rings times J directions on the floor around the robot.
+    """The polar cells of one camera: I rings by J directions on the floor around the robot.
 
-    A pinhole camera takes the floor nearer than it sees for free; where something stands as soon as floor comes into
-    view, the range is 0. Its rings grow with the range, so that a range ends at the first blocked sample of its first
+    For a pinhole camera, floor nearer than its view is assumed free; if something stands where the floor comes into
+    view, the range is 0. Its rings grow with the range, and a range ends at the first blocked sample of its first
     blocked cell.
 
     Parameters
     ----------
     view : PolarView or FloorView
-        The samples that fill the cells.
+        Samples of the cells.
     directions : int
-        Number J of directions, over a whole turn or over what is in view.
+        Number J of directions, over a turn or over the view.
     rings : int or tuple of float
         Number I of rings between image radii of equal steps (the paper's choice; for a pinhole camera between ranges
-        of equal ratios), or the rings' own bounds, metres.
+        of equal ratios), or the boundaries of the rings, metres.
     threshold : float
-        The paper's r_th: the fraction of a cell that must be floor.
+        The paper's r_th: least fraction of floor in a free cell.
 
     Raises
     ------
@@ -76,19 +75,19 @@ class FreeSpaceGrid:
                 raise ArgumentError(f"rings must be at least 1, got {rings}")
         elif len(rings) < 2 or not np.all(np.diff(rings) > 0) or rings[0] < 0:
             raise ArgumentError(f"rings must be at least two increasing ranges in metres, got {list(rings)}")
-        #: (I + 1,) float64: floor ranges between which the rings lie, metres
+        #: (I + 1,) float64: boundaries of the rings, metres
         self.ring_bounds_m = read_only(view.ring_bounds_m(rings, BODY_COLUMNS) if isinstance(rings, int) else rings)
         first, width = view.span_rad
-        #: (J,) float64: the directions' middles in the robot frame, ascending, radians
+        #: (J,) float64: middle of each direction in the robot frame, ascending, radians
         self.bearing_rad = read_only((np.arange(directions) + 0.5) * (width / directions) + first)
         valid, floor_m = view.valid.copy(), view.floor_m
         valid[:, :BODY_COLUMNS] = 0
-        #: (K, M) int32: each sample's cell, ring * J + direction; -1 outside all of them
+        #: (K, M) int32: cell of each sample, ring * J + direction; -1 outside all cells
         self.cell = self.cells_of(floor_m, valid)
         self._cells = self._free_cells(np.hypot(floor_m[..., 0], floor_m[..., 1]))
 
     def held(self, view: FloorView) -> FreeSpaceGrid:
-        """Return the grid of a view that `FloorView.held` made of this one's."""
+        """Return the grid of a view that `FloorView.held` made from this one's."""
         other = copy(self)
         turn_rad = (view.camera.pan_rad or 0.0) - self._pan_rad
         other.view, other.bearing_rad = view, read_only(self.bearing_rad + turn_rad)
@@ -100,14 +99,14 @@ class FreeSpaceGrid:
         return self.view.camera.pan_rad or 0.0
 
     def cells_of(self, floor_m: FloatArray, valid: UInt8Array) -> Int32Array:
-        """Cell (...,) int32 of floor points (..., 2) in the robot frame, metres; -1: none."""
+        """Return the cells (...,) int32 of floor points (..., 2) in the robot frame, metres; -1 if there is none."""
         x, y = floor_m[..., 0], floor_m[..., 1]
         with np.errstate(invalid="ignore"):
             ring = np.searchsorted(self.ring_bounds_m, np.hypot(x, y), side="right") - 1
             first, width = self.view.span_rad
             turn = np.arctan2(y, x) - first
             if not self.view.is_ring:
-                # about the middle: a lens may show more than a half turn
+                # relative to the middle, because a lens may show more than half a turn
                 turn = np.remainder(turn - width / 2 + math.pi, math.tau) - math.pi + width / 2
             direction = np.nan_to_num(np.floor(turn * (self.directions / width))).astype(int)
         if self.view.is_ring:
@@ -119,9 +118,9 @@ class FreeSpaceGrid:
         return cell
 
     def _free_cells(self, middle_m: FloatArray) -> free_ranges.FreeCells:
-        """Return the cells of samples at ranges (K, M), and the blocked samples that a free one may have.
+        """Return the cells of samples at ranges (K, M), and the numbers of blocked samples that a free cell may have.
 
-        One that no sample sees hides none.
+        A cell without samples hides no other.
         """
         rings, shape = len(self.ring_bounds_m) - 1, (len(self.ring_bounds_m) - 1, self.directions)
         total = np.bincount(self.cell[self.cell >= 0], minlength=rings * self.directions).reshape(shape)
@@ -140,7 +139,7 @@ class FreeSpaceGrid:
 
     @property
     def nearest_m(self) -> FloatArray:
-        """(J,) float64: range from which on a forward camera sees the floor in each direction, metres; inf: nowhere."""
+        """(J,) float64: range from which a forward camera sees the floor in each direction, metres; inf: nowhere."""
         cells = self._cells
         return read_only(np.where(cells.seen > 0, cells.first_m, np.inf))
 
@@ -150,11 +149,11 @@ class FreeSpaceGrid:
         return read_only(self.ring_bounds_m[self._cells.seen])
 
     def _first_m(self, near_m: Float32Array) -> FloatArray:
-        """(J,) float64: where each direction comes into view, on all its bearings; near rims (K, M) of the samples."""
+        """(J,) float64: range at which all bearings of each direction are in view; near edges (K, M) of samples."""
         seen = self.cell >= 0
         first = seen.argmax(axis=1)
         at = np.flatnonzero(seen.any(axis=1))
-        # about a camera beside the robot's centre, rows cross directions: some begin none of their own
+        # rows of a camera off the robot's centre cross directions, some of which contain no row's first sample
         nearest_m = np.full(self.directions, np.inf)
         np.minimum.at(nearest_m, self.cell[seen] % self.directions, near_m[seen])
         first_m = np.where(np.isfinite(nearest_m), nearest_m, 0.0)
@@ -162,7 +161,7 @@ class FreeSpaceGrid:
         return first_m
 
     def measure(self, passable: UInt8Array) -> FreeSpace:
-        """Free ranges from the samples (K, M) uint8 that may be driven over (non-zero)."""
+        """Measure the free ranges from the samples (K, M) uint8 that can be driven over (non-zero)."""
         range_m = np.empty(self.directions)
         free_ranges.measure_ranges(passable, self.view.shown, self._cells, range_m)
         return FreeSpace(self.bearing_rad, range_m)
@@ -172,13 +171,13 @@ class FreeSpaceGrid:
 class FloorMarkingSettings:
     """Settings of `FloorMarking`."""
 
-    blur_px: float = 1.5  #: how far the lens and the sampling spread an edge
-    crossing_widths: float = 3.0  #: width of lines that meet, or are crossed obliquely, in line widths
-    max_obstacle_ratio: float = 0.55  #: a line is at most this part of an obstacle's width: a wider one may be a robot
+    blur_px: float = 1.5  #: extent of an edge's blur by lens and sampling
+    crossing_widths: float = 3.0  #: width, in line widths, of lines that meet or are crossed obliquely
+    max_obstacle_ratio: float = 0.55  #: greatest width of a line relative to an obstacle; a wider stripe may be a robot
 
 
 class FloorMarking:
-    """Marks the samples that may be driven over: floor, and painted lines between floor.
+    """Marks the samples that can be driven over: floor, and painted lines between floor.
 
     Parameters
     ----------
@@ -187,7 +186,7 @@ class FloorMarking:
     line_width_m : float
         Width of the field's lines.
     obstacle_width_m : float
-        A thing more than about half as wide as this is not taken for a line seen along its length.
+        Width of an obstacle, which bounds the length of a line seen end-on.
     """
 
     def __init__(
@@ -200,18 +199,18 @@ class FloorMarking:
         self._view = view
         line_m = settings.crossing_widths * line_width_m
         per_column = np.maximum(np.gradient(view.range_m), 1e-6)
-        # the lens reaches over on both sides
+        # plus the lens' blur on both sides
         per_row = view.range_m * view.row_step_rad
         columns = np.ceil(line_m / per_column + 2 * settings.blur_px / view.step_px)
         rows = np.ceil((line_m + 2 * settings.blur_px * view.across_m_per_px) / per_row) + 2
-        # but never as wide as a robot
+        # less than a robot's width
         rows = np.maximum(np.minimum(rows, np.floor(settings.max_obstacle_ratio * obstacle_width_m / per_row)), 1)
-        #: (M,) int32 each: the widest line at each column, in samples across and along the rows
+        #: (M,) int32 each: greatest width of a line at each column, in samples along and across the bearing
         self.widest_line = columns.astype(np.int32), rows.astype(np.int32)
         self._none_known = np.full(view.bearings, -1)
 
     def held(self, view: FloorView) -> FloorMarking:
-        """Return the marking of a view that `FloorView.held` made of this one's."""
+        """Return the marking of a view that `FloorView.held` made from this one's."""
         other = copy(self)
         other._view = view
         return other
@@ -226,9 +225,9 @@ class FloorMarking:
         samples : (K, M, 3) uint8
             Colours.
         llr : (K, M) int8
-            Floor likelihood ratios.
+            The floor's log-likelihood ratios.
         outermost : (K,) int64, optional
-            Column of each bearing's outermost floor, -1 where not known: saves looking beyond it.
+            Column of each bearing's outermost floor, -1 if not known; samples beyond it are skipped.
         """
         if outermost is None:
             outermost = self._none_known

@@ -1,8 +1,7 @@
-"""Finds posts in a frame: upright strips with two parallel edges that rise from green carpet.
+"""Search for posts in a frame: upright strips with two parallel edges that rise from green carpet.
 
-Strips are found in two ways, with one shape of result. Goals of a hue stand out in a mask of that hue family, relative
-to the image's own white: a pixel belongs to the family whose rule-book hue is nearest, among those that occur on this
-pitch. White goals are bright between a rising and a falling edge, whatever clutter is behind them.
+Goals of a hue are found in a mask of that hue family, relative to the image's own white: a pixel belongs to the nearest
+of the rule-book hues that occur on this pitch. White goals are bright between a rising and a falling edge.
 """
 
 from __future__ import annotations
@@ -36,25 +35,25 @@ from robocup_vision.kernels.goal.paint.white import (
 class GoalColorSettings:
     """Settings of the search for goal paint of a hue."""
 
-    min_saturation: float = 0.30  #: a third of full paint: glare that leaves less looks white
-    min_value: int = 25  #: of 255: below it hue is noise
-    min_shine: int = 170  #: paint that a lamp washes white is at least so bright in all channels
-    max_cast: float = 1.3  #: strongest colour cast that is corrected by the image's bright end: a stronger one is paint
+    min_saturation: float = 0.30  #: a third of full paint; with less, glare looks white
+    min_value: int = 25  #: of 255; hue is noise below
+    min_shine: int = 170  #: level, in all channels, of paint that a lamp overexposes to white
+    max_cast: float = 1.3  #: strongest colour cast that is corrected by the image's bright end; a stronger one is paint
 
 
 def is_chromatic(color: str) -> bool:
-    """Whether a named colour has a hue at all."""
+    """Whether a named colour has a hue."""
     bgr = COLOR_NAMES[color]
     return max(bgr) - min(bgr) > 0.3 * max(bgr)
 
 
 def hue_of(color: str) -> float:
-    """Hue of a named colour in OpenCV's half degrees, 0 to 180."""
+    """Return the hue of a named colour in OpenCV's half degrees, 0 to 180."""
     return float(cv2.cvtColor(np.array([[COLOR_NAMES[color]]], np.uint8), cv2.COLOR_BGR2HSV)[0, 0, 0])
 
 
 def hue_families(field: Field) -> dict[str, tuple[float, float]]:
-    """Hue interval (half degrees, may pass 0 or 180) of each goal colour of a field that has a hue."""
+    """Return the hue interval (half degrees, may pass 0 or 180) of each goal colour of a field that has a hue."""
     names = {"green", "orange", field.ball_color, *(goal.color for goal in field.goals)}
     names |= {color for beacon in field.beacons for color in beacon.colors}
     hues = {name: hue_of(name) for name in names if is_chromatic(name)}
@@ -63,13 +62,13 @@ def hue_families(field: Field) -> dict[str, tuple[float, float]]:
         others = [(hues[name] - hues[color] + 90.0) % 180.0 - 90.0 for name in hues if name != color]
         above = min((d for d in others if d > 0), default=60.0)
         below = max((d for d in others if d < 0), default=-60.0)
-        # where no rival is near, a family still ends: 40 degrees of hue either way
+        # a family extends by at most 40 degrees of hue in either direction
         families[color] = (hues[color] + max(below / 2, -20.0), hues[color] + min(above / 2, 20.0))
     return families
 
 
 def white_gains(image: UInt8Array, settings: GoalColorSettings = GoalColorSettings()) -> npt.NDArray[np.float64]:
-    """Factors (3,) for B, G, R that make the image's bright end white."""
+    """Return factors (3,) for B, G, R that make the image's bright end white."""
     coarse = image[::4, ::4].reshape(-1, 3)
     bright = np.array([np.partition(coarse[:, c], -len(coarse) // 20)[-len(coarse) // 20] for c in range(3)], float)
     gains = bright.max() / np.maximum(bright, 1.0)
@@ -79,7 +78,7 @@ def white_gains(image: UInt8Array, settings: GoalColorSettings = GoalColorSettin
 def hue_masks(
     image: UInt8Array, families: dict[str, tuple[float, float]], settings: GoalColorSettings = GoalColorSettings()
 ) -> dict[str, UInt8Array]:
-    """Masks (H, W) uint8, 255 on paint, one for each hue family."""
+    """Return masks (H, W) uint8, 255 on paint, one for each hue family."""
     balanced, hsv = _balanced(image, settings)
     masks = {}
     for color, (low, high) in families.items():
@@ -96,14 +95,14 @@ def hue_masks(
 
 
 def _balanced(image: UInt8Array, settings: GoalColorSettings) -> tuple[UInt8Array, UInt8Array]:
-    """Return the image with its bright end made white, and its hue, saturation and value."""
+    """Return the white-balanced image, and its hue, saturation and value."""
     gains = white_gains(image, settings)
     balanced = image if np.all(gains < 1.02) else np.asarray(cv2.LUT(image, _gain_table(gains)), np.uint8)
     return balanced, np.asarray(cv2.cvtColor(balanced, cv2.COLOR_BGR2HSV), np.uint8)
 
 
 def _fill(mask: UInt8Array, balanced: UInt8Array, min_shine: int) -> None:
-    """Add the shine that paint surrounds, along rows (posts), then along columns (the bar)."""
+    """Add overexposed pixels that paint surrounds, along rows (posts), then along columns (the bar)."""
     u, v, width, height = cv2.boundingRect(mask)
     box = np.s_[v : v + height, u : u + width]
     for upright in (False, True):
@@ -119,19 +118,19 @@ def _gain_table(gains: npt.NDArray[np.float64]) -> UInt8Array:
 class StripSettings:
     """Settings of the search for upright strips."""
 
-    max_lean: float = 0.27  #: of a post in the image, columns a row: 15 degrees of roll and perspective
-    min_width_px: float = 2.5  #: thinner strips are noise: posts are at least 3 px wide where they are searched for
-    #: gaps within one post, in its widths: among clutter, and in paint of the right hue, which glare interrupts
+    max_lean: float = 0.27  #: of a post in the image, columns for each row: 15 degrees of roll and perspective
+    min_width_px: float = 2.5  #: thinner strips are noise; posts are at least 3 px wide at the scale of the search
+    #: largest gap within a post, in its widths: in clutter, and in paint of the right hue, which glare interrupts
     max_gap_widths: float = 2.0
     max_paint_gap_widths: float = 7.0
-    #: height of a strip, in its widths: among clutter, and in paint of the right hue
+    #: least height of a strip, in its widths: in clutter, and in paint of the right hue
     min_aspect: float = 1.3
     min_paint_aspect: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """An upright strip in the image, pixels; its edges are u = at + lean * v."""
+    """An upright strip in the image, pixels; its edges are lines u = at + lean * v."""
 
     #: `at` and `lean` of both edges
     left: tuple[float, float]
@@ -140,35 +139,35 @@ class Strip:
     top: float
     bottom: float
     foot: float  #: row where carpet begins below it; NaN if it does not stand on carpet
-    strength: float  #: number of rows, times the mean contrast where that is known
+    strength: float  #: number of rows, multiplied by the mean contrast if that is known
 
     def edges_at(self, v: float) -> tuple[float, float]:
-        """Left and right edge (u, pixels) in a row."""
+        """Return the left and right edge (u, pixels) in a row."""
         return self.left[0] + self.left[1] * v, self.right[0] + self.right[1] * v
 
     @property
     def height(self) -> float:
-        """Rows from its top to its bottom."""
+        """Height in rows."""
         return self.bottom - self.top
 
     def axis_at(self, v: float) -> float:
-        """Middle (u, pixels) in a row."""
+        """Return the middle (u, pixels) in a row."""
         left, right = self.edges_at(v)
         return (left + right) / 2
 
     def width_at(self, v: float) -> float:
-        """Width in a row, pixels."""
+        """Return the width in a row, pixels."""
         left, right = self.edges_at(v)
         return right - left
 
 
 def carpet_mask(image: UInt8Array, excluded: UInt8Array | None = None) -> UInt8Array:
-    """Mask (H, W) uint8, 255 on green carpet: Otsu's threshold on 2G - R - B, shadows and sun patches included.
+    """Return a mask (H, W) uint8, 255 on green carpet in sun and shadow: Otsu's threshold on 2G - R - B.
 
     Parameters
     ----------
     excluded : (H, W) uint8, optional
-        Pixels that are certainly something else (cyan paint is greenish too).
+        Pixels that are certainly something else, such as cyan paint, which is greenish.
     """
     image = plain_frame(image)
     green = np.empty(image.shape[:2], np.uint8)
@@ -180,7 +179,7 @@ def carpet_mask(image: UInt8Array, excluded: UInt8Array | None = None) -> UInt8A
 
 
 def whiteness(image: UInt8Array) -> UInt8Array:
-    """Least channel (H, W) of a picture (H, W, 3): white paint is bright in all channels, and green carpet is not."""
+    """Return the least channel (H, W) of a picture (H, W, 3), in which white paint is bright and green carpet dark."""
     image = plain_frame(image)
     least = np.empty(image.shape[:2], np.uint8)
     least_channel(image, least)
@@ -190,12 +189,12 @@ def whiteness(image: UInt8Array) -> UInt8Array:
 def white_runs(
     white: UInt8Array, row_step: int, settings: StripSettings = StripSettings()
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """White stretches between a rising and a falling edge, in bands of rows.
+    """Find white stretches between a rising and a falling edge, in bands of rows.
 
     Parameters
     ----------
     row_step : int
-        Rows of a band.
+        Number of rows in a band.
 
     Returns
     -------
@@ -207,7 +206,7 @@ def white_runs(
     sizes = np.empty(GRADIENT_SIZES, np.int64)
     band_gradients(white, row_step, gradient, sizes)
     noise = 1.4826 * median_size(sizes) / GRADIENTS_PER_LEVEL + 0.25
-    # edges of one direction are never beside each other
+    # edges of one direction are never adjacent
     room = RUNS_PER_RISE * len(gradient) * (width // 2)
     runs = np.empty((4, room))
     count = find_white_runs(gradient, row_step, noise, (settings.min_width_px, float(width // 8)), WhiteRuns(*runs))
@@ -216,7 +215,7 @@ def white_runs(
 
 
 def mask_runs(mask: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Stretches of a mask in every `row_step`-th row, as `white_runs` gives them (contrast is 1)."""
+    """Return stretches of a mask in every `row_step`-th row, in the format of `white_runs` (contrast is 1)."""
     room = (mask.shape[0] // row_step + 1) * (mask.shape[1] // 2 + 1)
     row, left, right = np.empty(room), np.empty(room), np.empty(room)
     count = find_mask_runs(mask, row_step, mask.shape[1] // 5, row, left, right)
@@ -231,14 +230,14 @@ def strips(
     certain: bool,
     settings: StripSettings = StripSettings(),
 ) -> list[Strip]:
-    """Stack runs into upright strips, join the pieces of one post and find where each stands on the carpet.
+    """Link runs into upright strips, join the pieces of one post and find where each stands on the carpet.
 
     Parameters
     ----------
     row_step : int
-        Rows from one band of runs to the next.
+        Number of rows in a band of runs.
     certain : bool
-        Whether the runs are paint of the right hue: strips may then be shorter and gaps of glare longer.
+        Whether the runs are paint of the right hue; then strips may be shorter and gaps longer.
     """
     row, left, right, contrast = (np.ascontiguousarray(part) for part in runs)
     chain = np.empty(len(row), np.int64)
@@ -269,7 +268,7 @@ def _join(
     middle: FloatArray,
     max_gap: float,
 ) -> list[npt.NDArray[np.int64]]:
-    """Join pieces that continue each other's axis at the same width: glare and occlusion cut posts apart."""
+    """Join pieces that continue each other's axis at the same width, because glare and occlusion interrupt posts."""
     center, height, width, top, bottom = summary[:, :5].T
     free = np.ones(len(pieces), bool)
     joined: list[npt.NDArray[np.int64]] = []
@@ -306,7 +305,7 @@ def _strip(
 
 
 def enlarged(strip: Strip, factor: int) -> Strip:
-    """Return the same strip in an image `factor` times larger; pixel centres are at integers."""
+    """Return the same strip in an image enlarged by `factor`; pixel centres are integers."""
     shift = (factor - 1) / 2
 
     def edge(line: tuple[float, float]) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The hue of a thing that stands on the floor: of its team's marker or shirt, wherever that is on it."""
+"""Hues of obstacles, such as of a team's marker or shirt."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 
-# step in pixels of the reduced frame: a robot is larger
+# step in pixels of the reduced frame, small compared with a robot
 STEP_PX = 4
-# height over the floor up to which an obstacle is looked at, in robot diameters, and the rows and columns sampled
+# sampled height above the floor, in robot diameters; number of rows and columns of samples
 _HIGH, _ROWS, _COLUMNS = 1.5, 16, 9
-# part of its width: bodies are narrower higher up
+# sampled part of an obstacle's width, because bodies are narrower higher up
 _MIDDLE = 0.5
-# how far before it the floor is looked at, in a robot's radii
+# distances in front of it at which the floor is sampled, in robot radii
 _BEFORE = np.array([0.4, 0.8])
-# a saturated colour: of its brightest channel, what the darkest one lacks; and counts of the brightest one
+# a colour is saturated if its channels differ by this ratio of the greatest, which must exceed this level
 _SATURATED, _LIT = 0.4, 60.0
-# part of what is looked at that must be saturated
+# least ratio of saturated samples
 _MIN_PART = 0.08
-# largest hue difference from the floor's that counts as floor
+# largest hue difference to the floor in front at which a sample counts as floor
 _LIKE_FLOOR_RAD = math.radians(35.0)
 
 
 def thumbnail_of(frame: UInt8Array) -> UInt8Array:
-    """Return every fourth pixel of a frame (H, W, 3), a copy."""
+    """Return a copy of every fourth pixel of a frame (H, W, 3)."""
     height, width = frame.shape[:2]
     size = max(width // STEP_PX, 1), max(height // STEP_PX, 1)
     return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
@@ -41,19 +41,19 @@ def hues_of(
     widths_m: FloatArray,
     radius_m: float,
 ) -> tuple[float | None, ...]:
-    """Return the hue that most of what is saturated on each thing has, radians from 0 to a turn; None: too little is.
+    """Return the hue of most saturated pixels of each obstacle, radians from 0 to a turn; None if too few are.
 
-    It is looked at in an upright rectangle over the middle half of its near side. What has the hue of the floor before
-    it is floor, or mirrors it; where that floor is not in view, nothing is told.
+    Samples lie in an upright rectangle over the middle half of its near side. Those with the hue of the floor in front
+    are floor or reflect it. The hue is None if that floor is not in view.
 
     Parameters
     ----------
     thumbnail : (h, w, 3) uint8
-        Of the frame, `thumbnail_of`, BGR.
+        `thumbnail_of` the frame, BGR.
     places_m : (N, 2) float64
         Middles of their near sides, robot frame.
     widths_m : (N,) float64
-        Distances between the ends of these.
+        Widths of the near sides.
     """
     ahead = places_m - np.array(camera.offset_m)
     ahead = ahead / np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-6)[:, None]
@@ -61,7 +61,7 @@ def hues_of(
     aside = 0.5 * _MIDDLE * widths_m[:, None] * np.linspace(-1.0, 1.0, _COLUMNS)
     across = places_m[:, None] + aside[..., None] * left[:, None]
     up = 2.0 * _HIGH * radius_m * (np.arange(_ROWS) + 0.5) / _ROWS
-    # rows over the thing, then two on the floor before it
+    # rows of the obstacle, then two rows of the floor in front
     nearer_m = np.concatenate([np.zeros(_ROWS), _BEFORE * radius_m])
     heights_m = np.concatenate([up, np.zeros(len(_BEFORE))])
     points = np.empty((len(places_m), len(heights_m), _COLUMNS, 3))
@@ -80,7 +80,7 @@ def hues_of(
 
 
 def _hue(hue: FloatArray, saturated: BoolArray, shown: BoolArray) -> float | None:
-    """Return a thing's hue by what its rows and those of the floor before it show."""
+    """Return the hue of an obstacle from its rows and those of the floor in front."""
     found, floor = hue[:_ROWS][saturated[:_ROWS]], hue[_ROWS:][saturated[_ROWS:]]
     needed = _MIN_PART * max(int(np.count_nonzero(shown[:_ROWS])), 1)
     if not shown[_ROWS:].any() or len(found) < needed:
@@ -95,7 +95,7 @@ def _wrapped(angle_rad: FloatArray) -> FloatArray:
 
 
 def _median(angle_rad: FloatArray) -> float:
-    """Return the median of angles (N,) about the direction in which most of them lie."""
+    """Return the median of angles (N,), relative to the most frequent direction."""
     steps = 24
     counts = np.bincount((angle_rad % math.tau * (steps / math.tau)).astype(np.intp) % steps, minlength=steps)
     around = counts + np.roll(counts, 1) + np.roll(counts, -1)

@@ -1,4 +1,4 @@
-"""What several cameras on one body show together: free floor all around, one entry for each ball and each thing."""
+"""Fusion of what several cameras on one body show: free floor all around, and one entry for each ball and obstacle."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from robocup_vision.perception.obstacles import Obstacle
 
 Thing = TypeVar("Thing")
 
-# chi-square with 2 degrees of freedom that one in a hundred pairs of places of one ball exceeds
+# chi-square with 2 degrees of freedom: gate at 99 % for two places of one ball
 _MAX_SAME_DISTANCE2 = 9.21
-# variance that each ball's place has at least, whatever its frame states: of 5 mm
+# least variance of a ball's place, (5 mm)^2
 _MIN_SPREAD = 0.005**2 * np.eye(2)
-# error of an obstacle's range, of the range
+# relative error of an obstacle's range
 _RANGE_ERROR = 0.1
 
 
 class SeenFloor(NamedTuple):
-    """Free space of one camera, robot frame, and the ranges from which on and up to which it sees the floor, (J,)."""
+    """Free space of one camera, robot frame, and the nearest and farthest range at which it sees the floor, (J,)."""
 
     free_space: FreeSpace
     nearest_m: FloatArray
@@ -40,16 +40,16 @@ def join_free_space(floors: Sequence[SeenFloor], directions: int) -> FreeSpace:
     Parameters
     ----------
     floors : sequence of SeenFloor
-        Of the cameras; bearings no farther apart than the result's.
+        One for each camera; their bearings are no farther apart than the result's.
     directions : int
         Number J of the result's directions over a whole turn.
 
     Returns
     -------
     FreeSpace
-        In each direction up to the nearest thing that any camera shows, or as far as any of them sees; NaN where none
-        sees the floor. A camera whose nearest floor in view is hidden does not tell how near the thing stands: where
-        another one sees nearer floor, that one does. The rim of a picture counts where no other one reaches.
+        In each direction the range to the nearest obstacle of any camera, or else the farthest view; NaN if no camera
+        sees the floor. If the nearest floor of a camera's view is blocked, the obstacle's range is unknown to it, and
+        a camera with a nearer view decides. The border of a picture counts only where no other camera sees.
     """
     step = math.tau / directions
     middle = (np.arange(directions) + 0.5) * step - math.pi
@@ -60,7 +60,7 @@ def join_free_space(floors: Sequence[SeenFloor], directions: int) -> FreeSpace:
         bearing_rad, ranges_m = floor.bearing_rad, floor.range_m
         known = np.isfinite(ranges_m) & np.isfinite(nearest_m)
         index = np.floor((bearing_rad + math.pi) / step).astype(np.int64) % directions
-        # cells at the rim of a picture are seen in part, and which part changes as the body sways
+        # cells at the border of a picture are seen in part, and the part changes as the body sways
         is_rim = np.zeros(len(index), dtype=np.bool_)
         is_rim[[0, -1]] = True
         whole[index[known & ~is_rim]] = True
@@ -80,19 +80,19 @@ def join_free_space(floors: Sequence[SeenFloor], directions: int) -> FreeSpace:
 
 
 def move_ball(ball: Ball, robot: Pose2) -> Ball:
-    """Return a ball as a robot sees it that has moved to `robot`, given in its frame before."""
+    """Return a ball in the frame of a robot that has moved to `robot`, given in its previous frame."""
     motion = robot.inverse()
     x, y = motion.transform((ball.x_m, ball.y_m)).tolist()
     return replace(ball, x_m=x, y_m=y, covariance=turned_covariance(ball.covariance, motion.theta_rad))
 
 
 def join_balls(seen: Sequence[Sequence[Ball]]) -> tuple[Ball, ...]:
-    """Return the balls that several cameras show, one for each: the likeliest first.
+    """Return the balls of several cameras, one entry for each, the most likely first.
 
     Parameters
     ----------
     seen : sequence of sequence of Ball
-        Of each camera, robot frame. Of one ball the pixel is that of the camera that shows it most clearly.
+        Balls of each camera, robot frame. The pixel of a joined ball is that of its most likely sighting.
     """
     return tuple(
         _joined(
@@ -110,7 +110,7 @@ def _joined(
     are_one: Callable[[Thing, Thing], bool],
     join: Callable[[Thing, Thing], Thing],
 ) -> list[Thing]:
-    """Join each sighting, in some order, with the first one before that is of another camera and the same thing."""
+    """Join each sighting, in an order, with the first earlier one of the same object from another camera."""
     joined: list[tuple[Thing, set[int]]] = []
     sightings = [(one, number) for number, things in enumerate(seen) for one in things]
     for one, number in sorted(sightings, key=lambda sighting: order(sighting[0])):
@@ -138,21 +138,21 @@ def _joined_ball(one: Ball, other: Ball) -> Ball:
 
 
 def move_obstacle(obstacle: Obstacle, robot: Pose2) -> Obstacle:
-    """Return an obstacle as a robot sees it that has moved to `robot`, given in its frame before."""
+    """Return an obstacle in the frame of a robot that has moved to `robot`, given in its previous frame."""
     x, y = robot.inverse().transform((obstacle.x_m, obstacle.y_m)).tolist()
     return replace(obstacle, x_m=x, y_m=y, bearing_rad=math.atan2(y, x), range_m=math.hypot(x, y))
 
 
 def join_obstacles(seen: Sequence[Sequence[Obstacle]], radius_m: float) -> tuple[Obstacle, ...]:
-    """Return what several cameras show on the floor, one entry a thing, the nearest first.
+    """Return the obstacles of several cameras, one entry for each, the nearest first.
 
-    Two sightings are of one thing where their bearings overlap and their ranges differ by no more than a robot's radius
-    and a tenth. It then reaches from the one's end to the other's: the rim of a picture cuts things.
+    Two sightings belong together if their bearings overlap and their ranges differ by at most a robot's radius plus a
+    tenth. The result extends over both, because a picture's border may cut an obstacle.
 
     Parameters
     ----------
     seen : sequence of sequence of Obstacle
-        Of each camera, robot frame.
+        Obstacles of each camera, robot frame.
     """
     joined = _joined(
         seen,
@@ -164,7 +164,7 @@ def join_obstacles(seen: Sequence[Sequence[Obstacle]], radius_m: float) -> tuple
 
 
 def _ends(obstacle: Obstacle, about_rad: float) -> tuple[float, float]:
-    """Return its right and left end as bearings from a direction."""
+    """Return its right and left end as bearings relative to a direction."""
     right, left = obstacle.interval_rad
     turned = wrap_angle(obstacle.bearing_rad - about_rad) - obstacle.bearing_rad
     return right + turned, left + turned
@@ -198,6 +198,6 @@ def _joined_obstacle(one: Obstacle, other: Obstacle) -> Obstacle:
 
 
 def _joined_kind(one: Obstacle, other: Obstacle) -> Kind | None:
-    """Return what one of them tells, or both do; None where they contradict each other."""
+    """Return the kind that one of them or both have; None if they contradict each other."""
     kinds = {kind for kind in (one.kind, other.kind) if kind is not None}
     return kinds.pop() if len(kinds) == 1 else None

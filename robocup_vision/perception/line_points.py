@@ -1,9 +1,8 @@
-"""White line points of one frame: narrow bright ridges on the floor, exactly as wide as the field's lines should look.
+"""White line points of one frame: narrow bright ridges on the floor that have the width of the field's lines there.
 
-No colour is set by hand: the floor's tone is learnt from what lies nearest to the robot, and how wide a line must be at
-each pixel, in each direction, follows from the camera. A point counts when it is brighter in min(R, B) than the floor
-on both sides of it; where only the robot's side shows floor (the carpet ends at the line) the other side must be darker
-all the same, and the point weighs less.
+The floor's tone is estimated from the nearest pixels, and the expected width at each pixel and direction follows from
+the camera. A line point is brighter in min(R, B) than the floor on both sides. If only one side shows floor, because
+the carpet ends at the line, the other side must still be darker, and the point has less weight.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ from robocup_vision.kernels.lines.ridges import (
     line_widths,
 )
 
-# Image steps of the four axes a line may be crossed along, u right, v down.
+# image steps of the four axes along which a line may be crossed, u right, v down
 AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))
-# Widths are kept as sixteenths of a pixel.
+# widths are stored in sixteenths of a pixel
 WIDTH_UNITS_PER_PX = 16
-# distance from a line's middle at which the floor beside it is sampled, in line widths and pixels: past its blur
+# distance from a line's middle at which the floor beside it is sampled, in line widths and pixels, beyond its blur
 _SIDE_WIDTHS, _SIDE_PX = 0.7, 1.8
 
 
@@ -45,46 +44,46 @@ class FloorCamera(Protocol):
         ...
 
     def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Floor points (..., 2), robot frame, metres, at pixels (..., 2); NaN where there is none."""
+        """Floor points (..., 2), robot frame, metres, of pixels (..., 2); NaN if there is none."""
         ...
 
     def floor_to_pixel(self, points_m: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) of floor points (..., 2), robot frame, metres; NaN where not shown."""
+        """Pixels (..., 2) of floor points (..., 2), robot frame, metres; NaN if not visible."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """What `LineFinder` can be tuned by."""
+    """Settings of `LineFinder`."""
 
-    #: lines narrower than the first drown in the blur, wider ones than the second are painted areas
+    #: narrower lines are lost in blur, and wider ones are painted areas
     width_px: tuple[float, float] = (0.6, 60.0)
-    max_point_ratio: float = 0.1  #: a frame with more candidates than this per pixel looked at is noise, not a field
-    #: paint has one whiteness: what reaches less of the clear lines' contrast is dirt or glare
+    max_point_ratio: float = 0.1  #: greatest ratio of candidates to pixels in use; a frame with more is noise
+    #: least contrast relative to the clear lines, because paint has one whiteness: less is dirt or glare
     min_contrast_ratio: float = 0.35
-    #: a line must be whiter than the floor beside it by so many standard deviations of the noise, and so many counts
+    #: least contrast to the floor, in standard deviations of the noise, and in levels
     noise_stds: float = 5.0
     min_threshold: int = 6
     one_sided_weight: float = 0.5  #: weight of points with floor on one side only, where the carpet ends at the line
-    #: from this width on no line can be hidden in the floor's tone: where none is, floor is bare
+    #: width from which a line is always visible, so that floor without a line point is bare
     resolved_px: float = 1.5
-    tone: ToneRules = ToneRules()  #: what the floor's tone may be
-    #: how wide a line looks is worked out once in each square of so many pixels to a side, as a power of two: more than
-    #: one for large frames whose camera is another in each
+    tone: ToneRules = ToneRules()  #: bounds of the floor's tone
+    #: the expected width is computed once for each square of 2^cell_bits pixels to a side; more than one pixel for
+    #: large frames of a camera that is new in each
     cell_bits: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class LinePoints:
-    """Where white lines were seen."""
+    """White line points of a frame."""
 
-    pixels: FloatArray  #: (N, 2) float64: centres of the line's cross-section, sub-pixel
+    pixels: FloatArray  #: (N, 2) float64: sub-pixel centres of the line's cross-section
     floor_m: FloatArray  #: (N, 2) float64: the same points on the floor, robot frame, metres
-    #: (N, 2, 2) float64: derivative of `floor_m` by the pixel: column 0 by u, column 1 by v, metres per pixel
+    #: (N, 2, 2) float64: derivative of `floor_m` by the pixel, columns u and v, metres for each pixel
     floor_per_px: FloatArray
     weight: FloatArray  #: (N,) float64: 1 for points with floor on both sides, less for others
-    #: (H, W) bool: pixels that, with their neighbours, show floor and no line: a line predicted there speaks against a
-    #: pose
+    #: (H, W) bool: pixels that, with their neighbours, show floor and no line: evidence against a pose that predicts a
+    #: line there
     bare_floor: npt.NDArray[np.bool_] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -98,7 +97,7 @@ class LinePoints:
         return len(self.pixels)
 
     def take(self, chosen: npt.NDArray[np.generic]) -> LinePoints:
-        """Return the points at these indices or where this mask is true."""
+        """Return the points at these indices, or where this mask is true."""
         return LinePoints(
             self.pixels[chosen], self.floor_m[chosen], self.floor_per_px[chosen], self.weight[chosen], self.bare_floor
         )
@@ -111,12 +110,12 @@ class LinePoints:
         weight: npt.ArrayLike | None = None,
         bare_floor: npt.NDArray[np.bool_] | None = None,
     ) -> LinePoints:
-        """Map pixels (N, 2) to the floor, dropping those that show none.
+        """Map pixels (N, 2) to the floor; those above the horizon are dropped.
 
         Parameters
         ----------
         weight : (N,) array-like, optional
-            1 each where absent.
+            1 by default.
         """
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         weights = np.ones(len(points)) if weight is None else np.asarray(weight, dtype=np.float64)
@@ -129,12 +128,12 @@ class LinePoints:
 
 
 class LineFinder:
-    """Finds line points frame after frame of one camera.
+    """Finds line points in successive frames of one camera.
 
     Parameters
     ----------
     mask : (H, W) array, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never used.
     """
 
     def __init__(
@@ -161,15 +160,15 @@ class LineFinder:
         if mask is not None:
             seen &= np.asarray(mask).reshape(height, width, -1)[cell // 2 :: cell, cell // 2 :: cell, 0] == 0
         self._width_units = np.empty((len(AXES_PX), *seen.shape), dtype=np.uint16)
-        # steps are from cell to cell
+        # the floor's derivatives are differences from cell to cell
         line_widths(floor, seen.astype(np.uint8), float(line_width_m) * cell, settings.width_px, self._width_units)
         self._reach_px = _reaches_px(self._width_units)
         self._seen = np.ascontiguousarray((seen & (self._width_units > 0).any(axis=0)).astype(np.uint8))
-        # where a line would be too wide for the floor's tone to hide it
+        # cells in which a line is too wide to be missed
         self._resolved = (self._width_units.min(axis=0) >= settings.resolved_px * WIDTH_UNITS_PER_PX).astype(np.uint8)
         flat = np.flatnonzero(self._seen)
         ahead, left = floor.reshape(-1, 2)[flat].T
-        # the nearest quarter of the visible floor: hardly anything but carpet stands that close
+        # the nearest quarter of the visible floor, in which there is hardly anything but carpet
         range_m = np.hypot(ahead, left)
         count = max(1, len(flat) // 4)
         farthest_m = np.partition(range_m, count - 1)[count - 1] if len(flat) else 0.0
@@ -216,7 +215,7 @@ class LineFinder:
         if not 0 < len(found) < limit:
             return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
         contrast, two_sided = found[:, 2], found[:, 3] > 0
-        # paint has one whiteness: what reaches less of the clear lines' contrast is dirt or glare
+        # see `min_contrast_ratio`
         strong = contrast >= settings.min_contrast_ratio * np.percentile(
             contrast[two_sided] if two_sided.any() else contrast, 80
         )
@@ -228,7 +227,7 @@ class LineFinder:
         )
 
     def _bare(self, floor: UInt8Array) -> npt.NDArray[np.bool_]:
-        """Mark what shows floor, with all of its neighbours, where a line would be told from it."""
+        """Mark pixels that show floor, with all neighbours, where a line would be visible."""
         resolved = self._resolved
         if self.settings.cell_bits:
             size_px = self.camera.size_px
@@ -236,7 +235,7 @@ class LineFinder:
         return cv2.erode(floor & resolved, np.ones((9, 9), dtype=np.uint8)).view(np.bool_)
 
     def _tone(self, smooth: npt.NDArray[np.uint8]) -> Float32Array | None:
-        """Learn the floor's colour from the nearest pixels: (7,), see `floor_mask_by_tone`; None if they have none."""
+        """Estimate the floor's tone (7,) from the nearest pixels, see `floor_mask_by_tone`; None if there is none."""
         tone = np.empty(7, dtype=np.float32)
         return tone if learn_tone(smooth, self._near, self.settings.tone, tone) else None
 
@@ -254,14 +253,14 @@ class LineFinder:
 
 
 def cell_middles(size_px: tuple[int, int], cell_bits: int) -> FloatArray:
-    """Pixels (R, C, 2) in the middles of an image's cells, see `LineSettings`."""
+    """Return the middles (R, C, 2) of an image's cells, pixels, see `LineSettings`."""
     (width, height), cell = size_px, 2**cell_bits
     v, u = np.mgrid[cell // 2 : height : cell, cell // 2 : width : cell].astype(np.float64)
     return np.stack([u, v], axis=-1)
 
 
 def _reaches_px(width_units: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint8]:
-    """Count the steps along each of `AXES_PX`, (4, H, W), from a line's middle to the floor beside it; 0: no line."""
+    """Return the steps along each of `AXES_PX`, (4, H, W), from a line's middle to the floor beside it; 0: no line."""
     step_px = np.hypot(*np.transpose(AXES_PX))[:, None]
     units = np.arange(int(width_units.max(initial=0)) + 1)
     steps = np.ceil((_SIDE_WIDTHS * units / WIDTH_UNITS_PER_PX + _SIDE_PX) / step_px).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""What the small networks share: pictures at any scale, and how their files are read."""
+"""Scaled parts of frames, and loading of network files, shared by the small networks."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 
 
 def read_network(content: bytes) -> Any:
-    """Return the network of an ONNX file, which OpenCV runs.
+    """Return the network of an ONNX file for OpenCV.
 
     Raises
     ------
     ArgumentError
-        If it is none.
+        If the content is no such file.
     """
     try:
         return cv2.dnn.readNetFromONNX(np.frombuffer(content, dtype=np.uint8))
@@ -27,20 +27,20 @@ def read_network(content: bytes) -> Any:
 
 
 class Shrunk:
-    """Parts of a frame at any scale."""
+    """Parts of a frame at any scale, anti-aliased."""
 
     def __init__(self, frame: UInt8Array) -> None:
         self._frame = frame
 
     def part(self, left: float, top: float, scale: float, size: tuple[int, int]) -> UInt8Array:
-        """Return a part as (H, W, 3) uint8; beyond the frame it is black.
+        """Return a part as (H, W, 3) uint8; it is black outside the frame.
 
         Parameters
         ----------
         left, top : float
-            Where its first pixel's middle lies in the frame.
+            Position of its first pixel's middle in the frame.
         scale : float
-            Pixels of the frame for one of the part.
+            Frame pixels for each pixel of the part.
         """
         width, height = size
         halved = self._halved((left, top, left + scale * width, top + scale * height), scale)
@@ -57,14 +57,14 @@ class Shrunk:
         return np.asarray(cv2.warpAffine(shown, turned, size, flags=flags), dtype=np.uint8)
 
     def bent_part(self, pixels: FloatArray, scale: float) -> UInt8Array:
-        """Return what the frame shows at pixels as (H, W, 3) uint8; beyond it, and where they are NaN, it is black.
+        """Return the frame at given pixels as (H, W, 3) uint8; it is black outside the frame and for NaN.
 
         Parameters
         ----------
         pixels : (H, W, 2) float64
-            Where each pixel of the part lies in the frame.
+            Position in the frame of each pixel of the part.
         scale : float
-            Pixels of the frame for one of the part, about.
+            Approximate frame pixels for each pixel of the part.
         """
         height, width = self._frame.shape[:2]
         flat = pixels.reshape(-1, 2)
@@ -80,11 +80,11 @@ class Shrunk:
         return np.asarray(cv2.remap(shown, at_u, at_v, cv2.INTER_LINEAR), dtype=np.uint8)
 
     def _halved(self, box: tuple[float, float, float, float], scale: float) -> tuple[UInt8Array, int, int, int] | None:
-        """Return the frame about a box, halved for a scale; where it begins; and how many pixels a side one now is.
+        """Return the frame around a box, halved for a scale; its corner; and the side of its pixels in frame pixels.
 
-        None: the box lies beyond the frame.
+        None if the box is outside the frame.
         """
-        # what is shrunk by much is halved first: each pixel counts
+        # averaged by halving before strong reductions, to avoid aliasing
         halvings = max(round(math.log2(scale)), 0)
         block = 2**halvings
         reach = max(scale, block)
@@ -100,6 +100,6 @@ class Shrunk:
 
 
 def _whole_blocks(low: float, high: float, block: int, side: int) -> tuple[int, int]:
-    """Return where whole blocks of pixels that cover a stretch of a side of the frame begin and end."""
+    """Return begin and end of the whole blocks of pixels that cover a stretch of a side of the frame."""
     begin, end = max(math.floor(low / block), 0), min(math.ceil(high / block), side // block)
     return begin * block, end * block

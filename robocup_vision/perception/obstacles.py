@@ -1,4 +1,4 @@
-"""Things that stand on the floor, each with a place and a width."""
+"""Obstacles on the floor, with place and width."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from robocup_vision.perception.hues import hues_of
 from robocup_vision.perception.kinds.network import Kind
 from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
-# paint that leads up to a thing, and posts, are narrower than this part of a robot's radius
+# width of posts and of paint in front of obstacles, relative to a robot's radius
 _NARROW_RATIO = 0.5
-# standard deviation of a foot that lies anywhere within a step of the samples
+# standard deviation of a uniform distribution over one step of the samples, in steps
 _STEP_RATIO = 12.0**-0.5
 _NO_POSE = read_only(np.empty((0, 0)))
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """The near side of something that stands on the floor, robot frame."""
+    """The near side of an object on the floor, robot frame."""
 
     #: middle of its near side
     x_m: float
@@ -44,19 +44,19 @@ class Obstacle:
     #: of its middle
     bearing_rad: float
     range_m: float
-    #: standard deviation of its range, by the samples' spacing there and the camera's errors; NaN: not known
+    #: standard deviation of its range, from the samples' spacing there and the camera's errors; NaN if not known
     range_std_m: float = math.nan
-    #: hue that most of what is saturated on it has, such as its team's: 0 red, a third of a turn green, two thirds
-    #: blue, in the frame's colours as they are. None: next to nothing on it is saturated.
+    #: hue of most of its saturated pixels, such as its team's, in the frame's colours: 0 red, a third of a turn green,
+    #: two thirds blue. None if next to nothing is saturated.
     hue_rad: float | None = None
-    #: tells its `kind`; None: nothing does
+    #: computes its `kind`; None if it cannot be known
     kind_teller: Callable[[], Kind | None] | None = dataclass_field(default=None, repr=False, compare=False)
 
     @property
     def kind(self) -> Kind | None:
-        """Whether it is a "robot" or a "person", by a small network; None: nothing tells, as in mirror cameras.
+        """Its kind by a small network, "robot" or "person"; None if unknown, as in mirror cameras.
 
-        Worked out when asked, from the frame itself: ask before its array is written to again.
+        Computed from the frame when it is read, so read it before the frame's array is written to again.
 
         Raises
         ------
@@ -67,19 +67,19 @@ class Obstacle:
 
     @property
     def interval_rad(self) -> tuple[float, float]:
-        """Bearings of its right and its left end; the left one is the greater, by less than a turn."""
+        """Bearings of its right and left end; the left one is greater by less than a turn."""
         half = math.atan2(self.width_m / 2, self.range_m)
         return self.bearing_rad - half, self.bearing_rad + half
 
 
 class ObstacleFinder:
-    """Finds what stands on a field's floor and is no part of the field, one obstacle for each thing.
+    """Finds objects that stand on the floor and are not part of the field.
 
-    A thing hides the floor behind it, is at least half a robot wide, and stands out before what is behind it on at
-    least one side: its feet are nearer than the next ones by half a robot's radius, or these are the field's own. Where
-    a pose is known, feet on the field's walls, boards, goals and beacons, and beyond where its floor is sure to reach,
-    are the field's own. Where none is known, a floor that ends gradually farther away ends at a wall or a carpet's end.
-    Things are left out where the error of a range, a step of the samples, is larger than a robot.
+    An obstacle hides the floor behind it, is at least half a robot wide, and stands out on at least one side: its feet
+    are nearer than the next ones by half a robot's radius, or the next ones are the field's own. With a known pose,
+    feet of the field's walls, boards, goals and beacons, and feet beyond the certain floor, are the field's own.
+    Without one, a floor that ends gradually farther away ends at a wall or at the carpet's edge. Obstacles are not
+    reported where the error of a range, one step of the samples, exceeds a robot's size.
     """
 
     def __init__(self, field: Field) -> None:
@@ -117,12 +117,12 @@ class ObstacleFinder:
         Parameters
         ----------
         marks : (K, M) uint8
-            What they show: 0 blocked, else floor, line or ball.
+            Marks of the samples: 0 blocked, else floor, line or ball.
         edge_px : (K,) float64, optional
-            Where each bearing's floor ends, as `view.radius_px`, NaN where not known: a foot that near is measured by
-            it. Others lie between the last sample of floor and the first that is blocked.
+            End of the floor on each bearing, as `view.radius_px`, NaN if not known. Feet close to it are measured by
+            it; others are between the last sample of floor and the first blocked one.
         thumbnail : (h, w, 3) uint8, optional
-            `hues.thumbnail_of` the frame, by which hues are measured.
+            `hues.thumbnail_of` the frame, for the hues.
         """
         eye_m, used, step_rad = float(view.camera.viewpoint_m[2]), view.columns_in_use, view.row_step_rad
         columns = np.empty(view.bearings, dtype=np.int64)
@@ -132,7 +132,7 @@ class ObstacleFinder:
         robot, covariance = (0.0, 0.0, 0.0), _NO_POSE
         if isinstance(pose, PoseEstimate):
             robot, covariance = (pose.pose.x_m, pose.pose.y_m, pose.pose.theta_rad), pose.covariance
-        # rows that see nothing follow those in view of a camera that looks ahead
+        # a forward camera's view ends with rows that see nothing
         seen = view.bearings if isinstance(view, PolarView) else view.seen_bearings
         found = np.empty((seen, 6))
         count = find_things(
@@ -151,7 +151,7 @@ class ObstacleFinder:
         )
         found[:count, 5] = _range_std_m(view, found[:count, 4], found[:count, 5])
         things = [Obstacle(*row) for row in found[:count].tolist()]
-        # a mirror camera of unknown height does not know where it shows what stands above the floor
+        # without its height a mirror camera cannot project points above the floor
         if thumbnail is None or not things or view.camera.height_m is None:
             return tuple(things)
         hues = hues_of(thumbnail, view.camera, found[:count, :2], found[:count, 2], self._radius_m)
@@ -159,7 +159,7 @@ class ObstacleFinder:
 
 
 def _range_std_m(view: PolarView | FloorView, range_m: FloatArray, step_m: FloatArray) -> FloatArray:
-    """Return standard deviations (N,) of ranges (N,): a foot lies within a step (N,), and the camera's errors count."""
+    """Return standard deviations (N,) of ranges (N,), from steps of the samples (N,) and from the camera's errors."""
     variance = (_STEP_RATIO * step_m) ** 2
     camera = view.camera
     if isinstance(camera, PinholeCamera):
@@ -169,7 +169,7 @@ def _range_std_m(view: PolarView | FloorView, range_m: FloatArray, step_m: Float
 
 
 def _feet(view: PolarView | FloorView, columns: Int64Array, edge_px: FloatArray | None) -> FloatArray:
-    """Return where feet lie on the floor, (K, 2): colours that mix about a foot move the first blocked sample."""
+    """Return the feet on the floor, (K, 2); mixed colours shift the first blocked sample, so edges are preferred."""
     at = columns - 0.5
     if edge_px is not None:
         edge = np.interp(edge_px, view.radius_px, np.arange(len(view.radius_px)))
@@ -182,25 +182,25 @@ def _feet(view: PolarView | FloorView, columns: Int64Array, edge_px: FloatArray 
 def join_places(
     places_m: FloatArray, seen: npt.NDArray[np.bool_], gap_m: float, step_rad: float
 ) -> tuple[Obstacle, ...]:
-    """Join neighbouring bearings whose places lie close together; the last bearing is the first one's neighbour.
+    """Join neighbouring bearings whose places are close together; the last bearing is adjacent to the first.
 
     Parameters
     ----------
     places_m : (K, 2) float64
-        What is met on each bearing, robot frame.
+        Place of the object on each bearing, robot frame.
     seen : (K,) bool
-        Bearings on which anything is.
+        Bearings with an object.
     gap_m : float
-        Neighbours farther apart than this are different things, beyond what their bearings' spacing explains.
+        Gap, beyond the spacing of the bearings, at which neighbours are different objects.
     step_rad : float
-        That spacing.
+        Spacing of the bearings.
     """
     if not seen.any():
         return ()
     space_m = np.hypot(*places_m.T) * step_rad
     apart_m = np.hypot(*(places_m - np.roll(places_m, 1, axis=0)).T)
     goes_on = seen & np.roll(seen, 1) & (apart_m < gap_m + space_m)
-    # from a gap on, so that a thing across the last bearing is whole
+    # start at a gap, so that no object is divided at the last bearing
     order = np.roll(np.arange(len(seen)), -int(np.argmin(goes_on)))
     order = order[seen[order]]
     first = np.union1d([0], np.flatnonzero(~goes_on[order]))

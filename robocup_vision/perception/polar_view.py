@@ -1,7 +1,6 @@
-"""Unrolls a frame about the mirror axis: bearings down, radii across, the same size at every image resolution.
+"""Unrolling of a mirror camera's frame: rows of bearings, columns of image radii, independent of the resolution.
 
-These some 13,000 samples replace the frame in most steps. Only sub-pixel edges, line points and the ball are measured
-in the frame itself.
+Most steps use these about 12,000 samples. Only sub-pixel edges, line points and balls are measured in the frame.
 """
 
 from __future__ import annotations
@@ -19,21 +18,21 @@ from robocup_vision.perception.hidden_pixels import hidden_pixels
 
 BEARINGS = 160
 RADII = 72
-# the 3 x 3 blur and the lens mix the robot's own body into the innermost columns: they show no obstacle
+# the 3 x 3 blur and the lens mix the robot's body into the innermost columns, which therefore show no obstacle
 BODY_COLUMNS = 2
-# farther than this the floor is at most a few pixels from the horizon, whatever the mirror
+# beyond this range, in viewpoint heights, the floor is within a few pixels of the horizon for any mirror
 _FARTHEST_HEIGHTS = 40.0
 
 
 class PolarView:
-    """Places of a frame's polar samples; one view for each camera.
+    """Places of a frame's polar samples, for one camera.
 
     Parameters
     ----------
     bearings : int
         Number K of bearings.
     mask : (H, W) uint8, optional
-        Pixels where it is not zero are not used.
+        Non-zero pixels are not used.
     """
 
     def __init__(self, camera: OmniCamera, bearings: int = BEARINGS, mask: UInt8Array | None = None) -> None:
@@ -45,9 +44,9 @@ class PolarView:
         #: radial distance between columns, pixels
         self.step_px = float(self.radius_px[1] - self.radius_px[0])
         q = camera.floor_range.inverse_range_per_m(self.radius_px)
-        #: number of columns, from the innermost, on which the level camera sees floor
+        #: number of columns, from the innermost, that show floor to a level camera
         self.columns_in_use = int(np.count_nonzero(q > 0))
-        # a table may end before the usable radius does
+        # NaN where a table ends before the usable radius
         #: (M,) float64: floor range of the columns, metres; a kilometre from the horizon on
         self.range_m = read_only(1.0 / np.maximum(np.nan_to_num(q), 1e-3))
         #: (M,) float64: width on the floor of one pixel across the bearing, metres
@@ -60,27 +59,27 @@ class PolarView:
         self.hidden_px = hidden_pixels(mask)
         #: (K, M) uint8: 1 where a sample lies inside the frame and outside the mask
         self.valid = self._find_valid()
-        #: number of samples in the nearest third of the columns that may be looked at, at least 1
+        #: number of valid samples in the nearest third of the columns, at least 1
         self.near_count = max(1, int(np.count_nonzero(self.valid[:, : len(self.radius_px) // 3])))
         width, height = camera.size_px
         nearest = np.rint(self.pixels)
         u, v = np.clip(nearest[..., 0], 0, width - 1), np.clip(nearest[..., 1], 0, height - 1)
-        #: (K, M) int32: each sample's nearest pixel, as an index into the frame's bytes. What lies beyond the frame is
-        #: as its edge is: the average must not darken the samples along it.
+        #: (K, M) int32: nearest pixel of each sample, as an index into the frame's bytes. Places outside are moved to
+        #: the frame's edge, so that the average does not darken the samples along it.
         self.places = np.ascontiguousarray(3 * (v * width + u), dtype=np.int32)
 
     @property
     def is_ring(self) -> bool:
-        """Whether the last bearing is next to the first."""
+        """Whether the last bearing is adjacent to the first."""
         return True
 
     @property
     def span_rad(self) -> tuple[float, float]:
-        """First bearing and width of what is in view, robot frame."""
+        """First bearing and width of the view, robot frame."""
         return -math.pi, math.tau
 
     def ring_bounds_m(self, rings: int, first_column: int) -> FloatArray:
-        """Bounds (I + 1,) float64 of rings about the robot of equal steps in image radius, metres."""
+        """Return bounds (I + 1,) float64, metres, of rings around the robot with equal steps in image radius."""
         camera = self.camera
         farthest = _FARTHEST_HEIGHTS * (camera.height_m if camera.height_m is not None else 0.5)
         inner, outer = self.radius_px[first_column] - self.step_px / 2, self.radius_px[-1]
@@ -94,11 +93,11 @@ class PolarView:
         return math.tau / self.bearings
 
     def to_pixel(self, bearing_rad: npt.ArrayLike, radius_px: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) of image radii on bearings."""
+        """Return the pixels (..., 2) of image radii on bearings."""
         return self.camera.polar_to_pixel(bearing_rad, radius_px)
 
     def from_pixel(self, pixel: tuple[float, float]) -> tuple[float, float]:
-        """Bearing and image radius of a pixel."""
+        """Return bearing and image radius of a pixel."""
         u, v = pixel[0] - self.camera.center_px[0], pixel[1] - self.camera.center_px[1]
         return math.atan2(v if self.camera.mirrored else -v, u) + self.camera.heading_rad, math.hypot(u, v)
 
@@ -108,13 +107,13 @@ class PolarView:
         Parameters
         ----------
         columns : (K,) int64
-            The sample of each bearing; M where none, which has any place.
+            Column of each bearing's sample; M if there is none, for any place.
         """
         return np.asarray(self.floor_m[np.arange(self.bearings), np.minimum(columns, len(self.radius_px) - 1)])
 
     @property
     def shown(self) -> UInt8Array:
-        """`valid`, as no frame shows these samples elsewhere."""
+        """The same as `valid`, because this view is never turned."""
         return self.valid
 
     def _find_valid(self) -> UInt8Array:
@@ -124,7 +123,7 @@ class PolarView:
         if self.mask is not None:
             columns = np.clip(np.rint(u).astype(int), 0, width - 1)
             rows = np.clip(np.rint(v).astype(int), 0, height - 1)
-            # the 3 x 3 blur of the samples reaches one further in each direction
+            # the 3 x 3 blur of the samples extends by one in each direction
             hidden = np.pad(self.hidden_px[rows, columns], ((1, 1), (0, 0)), "wrap")
             inside &= cv2.dilate(hidden, np.ones((3, 3), np.uint8))[1:-1] == 0
         valid = inside.astype(np.uint8)
@@ -134,7 +133,7 @@ class PolarView:
     def sample(self, frame: UInt8Array) -> UInt8Array:
         """Unroll a frame (H, W, 3) into (K, M, 3) uint8: the nearest pixels, averaged over 3 x 3 samples.
 
-        The average is over different pixels almost everywhere, which takes more noise away than interpolation would.
+        Averages of different pixels reduce noise more than interpolation does.
         """
         samples = np.empty((*self.places.shape, 3), dtype=np.uint8)
         unroll(plain_frame(frame), self.places, samples)

@@ -1,1 +1,1 @@
-"""Published methods, kept for comparison: no production code calls them but by name."""
+"""Published methods for comparison, which run only when they are named."""

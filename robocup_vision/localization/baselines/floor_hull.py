@@ -1,8 +1,8 @@
 """Pose from the convex hull of the whole floor mask: Sekimori et al. 2001, section 4, as printed.
 
-The published reference that `localization.floor` is compared with. Corrected errata: the two headings of eq. 23 are
--psi' and pi - psi', and eqs. 20-21 turn by psi'. The paper leaves open, and this file chooses: how many erosions and
-dilations Step 1 has, the use of points at the end of the view, when a fit is refused, and the covariance.
+A published reference for comparison with `localization.floor`. Corrected errata: the two headings of eq. 23 are -psi'
+and pi - psi', and eqs. 20-21 turn by psi'. Where the paper is open, this file chooses: the erosions and dilations of
+Step 1, the use of points at the end of the view, the rejection of fits, and the covariance.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from robocup_vision.perception.color_table import ColorTable
 class HullSettings:
     """Settings of `HullFitter`; "units" are 1/86 of the usable image radius, a pixel of the paper's image."""
 
-    #: smaller pieces of floor, as a fraction of all floor, are green things outside the field
+    #: least ratio of a piece of floor to all floor; smaller ones are green objects outside the field
     min_piece_ratio: float = 0.05
-    min_points: int = 8  #: corners of the hull that must lie on walls
-    #: most repetitions of the paper's steps 6 and 7, and the change of the pose that ends them
+    min_points: int = 8  #: least number of the hull's corners on walls
+    #: greatest number of iterations of the paper's steps 6 and 7, and change of the pose at which they end
     iterations: int = 30
     converged: float = 1e-9
     inlier: float = 1.5  #: greatest residual of an inlier, units
-    #: a worse fit, or a less certain pose, is refused
+    #: least inlier ratio and greatest standard deviation of an accepted fit
     min_inlier_ratio: float = 0.3
     max_std_m: float = 0.10
-    #: a floor's principal axis is undefined where the moments along and across it are closer than this
+    #: least ratio of the standard deviations along and across the floor's principal axis
     min_elongation: float = 1.05
-    margin_px: int = 2  #: a point nearer to the end of the view is not taken for the floor's edge
+    margin_px: int = 2  #: least distance of a point of the floor's edge from the end of the view
     max_range_ratio: float = 1.2  #: greatest range of floor, in lengths of the field
 
 
@@ -82,7 +82,7 @@ class HullFitter:
         self._model, self._walls, self._view = model, self._find_walls(), self._find_view()
 
     def _find_walls(self) -> tuple[FloatArray, BoolArray]:
-        """Walls (W, 4), and which of them are side walls of goals (W,)."""
+        """Return the walls (W, 4), and a mask of the side walls of goals (W,)."""
         walls = self.field.walls
         sides = [panel for goal in self.field.goals if goal.kind != "posts" for panel in goal.panels[[0, 2]]]
         is_side = np.zeros(len(walls), dtype=bool)
@@ -92,7 +92,7 @@ class HullFitter:
         return walls, is_side
 
     def _find_view(self) -> tuple[UInt8Array, UInt8Array]:
-        """Pixels (H, W) where floor may be found, and those of them well inside that region: 1, else 0."""
+        """Return masks (H, W) of the pixels where floor may be, and of those well inside that region."""
         width, height = self.camera.size_px
         v, u = np.mgrid[:height, :width]
         radius = np.hypot(u - self.camera.center_px[0], v - self.camera.center_px[1])
@@ -103,25 +103,25 @@ class HullFitter:
         if self.mask is not None:
             usable &= self.mask == 0
         near = np.hypot(floor_m[..., 0], floor_m[..., 1]) <= farthest
-        # floor beside the horizon has an end of its own; only at the end of the view there is no edge
+        # floor at the horizon has an edge, but not at the end of the view
         inside = cv2.erode(
             usable.astype(np.uint8), _disc(self.settings.margin_px), borderType=cv2.BORDER_CONSTANT, borderValue=0
         )
         return (usable & near).astype(np.uint8), np.asarray(inside, dtype=np.uint8)
 
     def floor_mask(self, frame: UInt8Array, colors: ColorTable) -> UInt8Array:
-        """Step 1: floor (H, W) uint8, 1 or 0, of a frame (H, W, 3), freed of specks, joined across painted lines."""
+        """Step 1: return the floor (H, W) uint8, 1 or 0, of a frame (H, W, 3), without specks and painted lines."""
         usable = self._view[0]
         disc = _disc(round(paper_pixel_px(self.camera)))
         floor = (colors.floor_llr[colors.pack(frame)] > 0).astype(np.uint8) & usable
         for operation in (cv2.MORPH_CLOSE, cv2.MORPH_OPEN):
             floor = np.asarray(cv2.morphologyEx(floor, operation, disc), dtype=np.uint8)
-        # the outermost pixel shows wall as well, and counts as wall
+        # the outermost pixel of floor is counted as wall by its colour
         floor = np.asarray(cv2.dilate(floor, _disc(1)), dtype=np.uint8)
         return _without_specks(floor & usable, self.settings.min_piece_ratio)
 
     def locate_floor(self, floor: UInt8Array) -> PoseEstimate | NotLocated:
-        """Locate the robot by a floor mask (H, W) uint8, non-zero where floor is seen (Steps 2 to 7)."""
+        """Locate the robot by a floor mask (H, W) uint8, non-zero on floor (Steps 2 to 7)."""
         corners_px = _image_hull(floor)
         points_m = self.camera.pixel_to_floor(corners_px)
         known = np.isfinite(points_m).all(axis=1)
@@ -134,7 +134,7 @@ class HullFitter:
         return fit if isinstance(fit, NotLocated) else self._judge(fit)
 
     def _weights(self, pixels: FloatArray) -> FloatArray:
-        """Weights w = 1 / (df/dR)^2, (px/m)^2, by differences on the camera's own curve."""
+        """Return the weights w = 1 / (df/dR)^2, (px/m)^2, by differences on the camera's curve."""
         delta = pixels - self.camera.center_px
         outward = delta / np.linalg.norm(delta, axis=1, keepdims=True)
         step = 0.01
@@ -146,7 +146,7 @@ class HullFitter:
         return np.where(np.isfinite(weight), weight, 0.0)
 
     def _assign(self, places_m: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Wall of each place (M, 2) by position: its normals (M, 2), its offsets (M,), whether it counts (M,)."""
+        """Assign a wall to each place (M, 2): normals (M, 2), offsets (M,), and whether it counts (M,)."""
         walls, is_side = self._walls
         start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
         offset = places_m[:, None] - start
@@ -156,7 +156,7 @@ class HullFitter:
         return normal[nearest], (normal * start).sum(axis=1)[nearest], ~is_side[nearest]
 
     def _fit(self, points_m: FloatArray, weight: FloatArray, is_edge: BoolArray, moments: Moments) -> _Fit | NotLocated:
-        # the field's own centroid and axis seen from the robot's, eqs. 16-17; both frames are the paper's for its field
+        # the field's centroid and axis relative to the robot's, eqs. 16-17; the field's frame is the paper's
         pose = self._model.frame.compose(moments.frame.inverse())
         for _ in range(self.settings.iterations):
             places = pose.transform(points_m)
@@ -187,7 +187,7 @@ class HullFitter:
             return NotLocated(f"only {ratio:.0%} of the floor's hull agrees with the field's walls")
         if not self.field.is_on_floor(pose.x_m, pose.y_m):
             return NotLocated(f"the best fit puts the robot outside the field, at ({pose.x_m:.2f}, {pose.y_m:.2f}) m")
-        # (a, b, zeta) moves the robot as a turn about the field's centre does
+        # (a, b, zeta) moves the robot like a rotation about the field's centre
         motion = np.array([[1.0, 0.0, pose.y_m], [0.0, 1.0, -pose.x_m], [0.0, 0.0, -1.0]])
         variance = _variance(fit.residual_px)
         covariance = variance * (motion @ np.linalg.inv(fit.information) @ motion.T)
@@ -242,7 +242,7 @@ def _without_specks(floor: UInt8Array, min_ratio: float) -> UInt8Array:
 
 
 def _image_hull(floor: UInt8Array) -> FloatArray:
-    """Find the corners (M, 2) of the convex hull of each row's first and last floor pixel, in order (Steps 2 and 3)."""
+    """Return the corners (M, 2) of the convex hull of each row's first and last floor pixel (Steps 2 and 3)."""
     present = floor > 0
     rows = np.flatnonzero(present.any(axis=1))
     if len(rows) < 2:
@@ -254,7 +254,7 @@ def _image_hull(floor: UInt8Array) -> FloatArray:
 
 
 def polygon_moments(corners: FloatArray) -> Moments | None:
-    """Moments of a closed polygon (M, 2); None if it encloses no area."""
+    """Return the moments of a closed polygon (M, 2); None if it has no area."""
     if len(corners) < 3:
         return None
     middle = corners.mean(axis=0)
@@ -276,10 +276,10 @@ def polygon_moments(corners: FloatArray) -> Moments | None:
 
 
 def _variance(residual_px: FloatArray) -> float:
-    """Variance of a hull corner, px^2, as if corners were independent.
+    """Return the variance of a hull corner, px^2, for use as if corners were independent.
 
-    Neighbours around the hull err together (a box hides a stretch, light fades along a wall): as many corners as the
-    correlation of neighbours leaves count.
+    Errors of neighbours are correlated (a box hides a stretch, light fades along a wall), so the number of corners is
+    reduced to that of independent ones.
     """
     mean_square = float(np.sum(residual_px**2)) / max(len(residual_px) - 3, 1)
     power = float(np.mean(residual_px**2))

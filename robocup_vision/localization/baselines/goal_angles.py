@@ -1,10 +1,9 @@
 """Yako et al.'s method as printed: colour region, axes by regression, three angles, a table of angles over the field.
 
-The published reference that the direct fit is compared with. The paper leaves open, and this file chooses: the bounds
-of hue and brightness, which are those of `perception.goal_color`; the picture instead of the region as what the
-bilateral filter smooths, for it leaves a region of two values as it is; the rows and columns that enter a regression;
-and the thresholds of the common region, which the paper tuned to each picture's truth: here the tightest ones that
-still leave a common region, doubled. Tilt, roll and covariance are not the paper's.
+A published reference for comparison with the direct fit. Where the paper is open, this file chooses: bounds of hue and
+brightness as in `perception.goal_color`; the bilateral filter smooths the picture, because it would not change a region
+of two values; the rows and columns of a regression; and the thresholds of the common region, which the paper tuned to
+each picture's truth: twice the tightest ones with a common region. Tilt, roll and covariance are not in the paper.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ from robocup_vision.perception.goal_region import hue_families, hue_masks
 GRID_M = 0.01  # paper, section 3.3 (1)
 _LOOSENING = 2.0
 _MIN_SIZE_PX = 8
-# least rows of a post, and columns of the bar, that make a line
+# least number of rows of a post, and of columns of the bar, in a regression
 _MIN_ROWS, _MIN_COLUMNS = 6, 4
-# a run this much wider or narrower than the median one is cut, or has another member running into it
+# greatest relative change of a run's width from the median; others are cut or merge with another member
 _MAX_WIDTH_CHANGE = 0.15
-# the columns nearest to the posts, of the goal's width in the picture, show the joints
+# width of the joints, relative to the goal's width in the picture
 _JOINT_WIDTH = 0.12
 
 
@@ -73,10 +72,10 @@ class GoalAngles:
 
 
 def angles_between(right: npt.ArrayLike, left: npt.ArrayLike, bar: npt.ArrayLike) -> FloatArray:
-    """gamma, phi_R, phi_L (..., 3), radians, from the planes' normals (..., 3) (Yako et al., eqs. 3, 5, 6).
+    """Return gamma, phi_R, phi_L (..., 3), radians, from the planes' normals (..., 3) (Yako et al., eqs. 3, 5, 6).
 
-    The order of the points that span each plane must be kept (both posts upwards, the bar from left to right), else an
-    angle turns into its supplement.
+    The points that span each plane must be in order (both posts upwards, the bar from left to right), or an angle
+    becomes its supplement.
     """
     r, l_, b = (np.asarray(n, dtype=np.float64) for n in (right, left, bar))
 
@@ -87,7 +86,7 @@ def angles_between(right: npt.ArrayLike, left: npt.ArrayLike, bar: npt.ArrayLike
 
 
 def theoretical_angles(shape: GoalShape, x_m: npt.ArrayLike, y_m: npt.ArrayLike, height_m: float) -> FloatArray:
-    """gamma, phi_R, phi_L (..., 3), radians, as a camera at (x_m, y_m, height_m) must see them (paper, section 3.3)."""
+    """Return gamma, phi_R, phi_L (..., 3), radians, for a camera at (x_m, y_m, height_m) (paper, section 3.3)."""
     x, y = np.broadcast_arrays(np.asarray(x_m, dtype=np.float64), np.asarray(y_m, dtype=np.float64))
     foot_left, top_left, top_right, foot_right = (
         corner - np.stack([x, y, np.full_like(x, height_m)], axis=-1) for corner in shape.corners
@@ -96,7 +95,7 @@ def theoretical_angles(shape: GoalShape, x_m: npt.ArrayLike, y_m: npt.ArrayLike,
 
 
 def position_from_angles(shape: GoalShape, angles: GoalAngles) -> tuple[float, float] | None:
-    """Camera position (x_m, y_m) in the field by the closed form, without the bar's or the camera's height.
+    """Return the camera's position (x_m, y_m) by the closed form, without the height of bar or camera.
 
     With beta the direction of a post from the goal's normal, counted to the right: cos(phi) = sin(beta) sin(e) for both
     posts with the bar's elevation e, hence tan(beta_L) = sin(gamma) cos(phi_L) / (cos(phi_R) - cos(gamma) cos(phi_L)).
@@ -105,7 +104,7 @@ def position_from_angles(shape: GoalShape, angles: GoalAngles) -> tuple[float, f
     Returns
     -------
     (float, float) or None
-        None where no point in front of the goal sees these angles.
+        None if no point in front of the goal has these angles.
     """
     cos_left, cos_right = math.cos(angles.phi_left), math.cos(angles.phi_right)
     numerator = math.sin(angles.gamma) * cos_left
@@ -120,7 +119,7 @@ def position_from_angles(shape: GoalShape, angles: GoalAngles) -> tuple[float, f
 
 
 def goal_region(mask: UInt8Array) -> UInt8Array | None:
-    """Largest connected region of a mask with its holes filled (section 3.2, 1 and 2), or None if there is none."""
+    """Return the largest connected region of a mask, with holes filled (section 3.2, 1 and 2); None if it is empty."""
     from skimage.measure import label, regionprops
 
     largest = max(regionprops(label(mask > 0)), key=lambda region: region.area, default=None)
@@ -132,9 +131,10 @@ def goal_region(mask: UInt8Array) -> UInt8Array | None:
 
 
 def axes_by_regression(region: UInt8Array) -> GoalAxes | None:
-    """Middle axes of posts and bar by regression (section 3.2, 3), or None where the region has not that shape.
+    """Fit the middle axes of posts and bar by regression (section 3.2, 3); None if the region has another shape.
 
-    Rows with two runs are posts, columns between the posts with one run are the bar. A slanted bar runs into a post for
+    Rows with two runs are posts, and columns between the posts with one run are the bar. Rows and columns with wider
+    runs are not used, because a slanted bar merges with a post in some rows, and a post with the bar.
     some rows, and a post into the bar: those rows and columns, whose runs are wider than the rest, are left out.
     """
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
@@ -161,7 +161,7 @@ def _runs(line: UInt8Array) -> npt.NDArray[np.int64]:
 
 
 def _regular(runs: list[tuple[int, int, int]]) -> FloatArray:
-    """Place and middle (M, 2) of those runs, given by place, first and last pixel, whose width is near the median."""
+    """Return place and middle (M, 2) of the runs (place, first and last pixel) whose width is near the median."""
     place, first, last = np.array(runs, dtype=np.float64).reshape(-1, 3).T
     width = last - first + 1
     usual = float(np.median(width)) if len(width) else 0.0
@@ -176,26 +176,27 @@ def _regress(points: FloatArray) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class GoalSighting:
-    """A camera placed by a goal's angles."""
+    """A camera pose by a goal's angles."""
 
-    estimate: PoseEstimate  #: the camera's foot on the floor and the heading of its optical axis
-    #: of the camera, by the direction in which both posts rise
+    estimate: PoseEstimate  #: foot of the camera on the floor and heading of its optical axis
+    #: of the camera, by the common direction of the posts
     tilt_rad: float
     roll_rad: float
 
 
 class GoalAnglesEstimator:
-    """Locates a camera by a goal of a hue, as the paper does.
+    """Locates a camera by a goal of a hue, as in the paper.
 
-    The paper knows the goal's colour. Of a field's goals of several hues the one in view is that with the largest
+    The paper knows the goal's colour. Here, of goals of several hues, the one with the largest region that has the
+    shape of two posts and a bar is used.
     region which has the shape of two posts and a bar.
 
     Parameters
     ----------
     field : Field
-        With goals of posts and a bar, in colours of a hue.
+        Must have goals of posts and a bar, in colours of a hue.
     camera : PinholeCamera
-        Only its optics and height count.
+        Only its optics and height are used.
     closed_form : bool
         Take the position from `position_from_angles` instead of the table's common region.
 
@@ -241,7 +242,7 @@ class GoalAnglesEstimator:
         return NotLocated("no region of a goal's hue has the shape of two posts and a bar")
 
     def _place(self, axes: GoalAxes, sides: list[int]) -> GoalSighting | NotLocated:
-        """Place the camera before a goal of a field; of two alike it may be either."""
+        """Return the camera's pose in front of a goal of the field; candidates for both goals if they are alike."""
         ray = self._camera.pixel_to_camera_ray(axes.pixels(self._camera.size_px[1]))
         left, right, bar = (np.cross(ray[k], ray[k + 1]) for k in (0, 2, 4))
         angles = GoalAngles(*angles_between(right, left, bar).tolist())
@@ -270,7 +271,7 @@ class GoalAnglesEstimator:
         return *position, np.diag([0.1**2, 0.1**2])
 
     def _by_table(self, angles: GoalAngles) -> tuple[float, float, FloatArray]:
-        """Centre of the common region, and how it is spread (section 3.3, 2 and 3; eqs. 7-9)."""
+        """Return centre and covariance of the common region (section 3.3, 2 and 3; eqs. 7-9)."""
         seen = np.array([angles.gamma, angles.phi_right, angles.phi_left], dtype=np.float32)
         worst = np.abs(self._table - seen).max(axis=-1)
         inside = worst <= max(_LOOSENING * float(worst.min()), 1e-4)
@@ -279,7 +280,7 @@ class GoalAnglesEstimator:
         return float(x.mean()), float(y.mean()), spread + np.eye(2) * GRID_M**2
 
     def _heading(self, x: float, y: float, right: FloatArray, left: FloatArray, up: FloatArray) -> float:
-        """Heading of the optical axis: both posts' planes meet in the vertical, from which bearings are counted."""
+        """Return the heading of the optical axis, with bearings about the vertical in which the posts' planes meet."""
         axis = np.array([1.0, 0.0, 0.0]) - up[0] * up
         headings = []
         for normal, post_y in ((left, self._shape.post_y_m[0]), (right, self._shape.post_y_m[1])):

@@ -1,1 +1,1 @@
-"""Joins single-frame poses and odometry into pose hypotheses with probabilities."""
+"""Filter that fuses single-frame poses and odometry to pose hypotheses with probabilities."""

@@ -1,7 +1,7 @@
-"""Error models of odometry and of frames, which the pose filter and its users name.
+"""Error models of odometry and of frames, for the pose filter.
 
-Errors of successive frames are correlated: a place, a wrong calibration or a shadow has the same effect on the next
-one. Errors of odometry last, too: for a moment where wheels slip, for good where wheels or carpet differ from the
+Errors of successive frames are correlated, because a place, a wrong calibration or a shadow affects them alike. Errors
+of odometry are correlated, too: briefly where wheels slip, permanently where wheels or carpet differ from the
 calibration.
 """
 
@@ -19,32 +19,31 @@ from robocup_vision.geometry import Pose2
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """Errors of odometry: slip in proportion to the motion, gains that are off, and pushes that no wheel measures.
+    """Errors of odometry: slip in proportion to the motion, gain errors, and pushes that no wheel measures.
 
-    Slip is a first-order Gauss-Markov process in time and part of the state, so that frames correct it for the next
-    moment. Its default is a little more than that of good wheels: odometry with a lasting error of a fifth (worn
-    wheels, another carpet) is then still followed with a correct covariance. Gain errors last: frames that
-    correct them improve all later odometry, also where no frame shows the pose. They are for legged or uncalibrated
-    odometry.
+    Slip is a first-order Gauss-Markov process in time and part of the state, so that frames correct it. Its default is
+    slightly above that of good wheels, so that odometry with a permanent error of a fifth (worn wheels, another carpet)
+    is still tracked with a correct covariance. Gain errors are permanent: once frames have corrected them, all later
+    odometry is better. They are meant for legged or uncalibrated odometry.
 
     Parameters
     ----------
     slip_ratio : float
-        Standard deviation of the slip, as a fraction of the velocity and of the turning rate; and, radians a metre, of
-        the turn that driving adds.
+        Standard deviation of the slip, as a fraction of the velocity and of the turning rate; and of the rotation for
+        each metre driven, radians.
     slip_s : float
-        How long slip lasts, seconds.
+        Correlation time of slip, seconds.
     gain_std : float
-        Standard deviation of the lasting error of the way and of the turn, as a fraction of each; 0: calibrated.
+        Standard deviation of the gain errors of way and rotation, as fractions; 0: calibrated.
     gain_s : float
-        How long it lasts, seconds: carpet and wear change during a half.
+        Correlation time of gain errors, seconds; carpet and wear change during a half.
     push_m, push_rad : float
-        Standard deviation of position and heading per root of a second; also while the robot stands.
+        Standard deviation of position and heading for the root of a second, also at rest.
     shove_per_s : float
-        How often wheels spin or the robot is shoved, so that odometry is wrong altogether for a moment. Few enough that
-        an outlier near by must last longer than `spell_s` of the frames to be taken for one.
+        Rate at which wheels spin or the robot is shoved, so that odometry is wrong for a moment. At the default rate a
+        nearby outlier must last longer than `spell_s` of the frames to be taken for one.
     kidnap_per_s : float
-        How often it is carried elsewhere.
+        Rate at which the robot is carried elsewhere.
 
     Raises
     ------
@@ -72,16 +71,16 @@ class OdometryNoise:
                 raise ArgumentError(f"{name} of the odometry must not be negative, got {value!r}")
 
     def slip(self, motion: Pose2) -> FloatArray:
-        """(3, 3) float64: standard deviations of slip that stays the same over a motion, in the robot's frame."""
+        """Return (3, 3) float64: standard deviations of a constant slip over a motion, in the robot's frame."""
         way, turn = math.hypot(motion.x_m, motion.y_m), motion.theta_rad
         return self.slip_ratio * np.diag([way, way, math.hypot(way, turn)])
 
     def gain(self, motion: Pose2) -> FloatArray:
-        """(3, 2) float64: standard deviations of what lasting errors of way and turn make of a motion."""
+        """Return (3, 2) float64: standard deviations of a motion due to gain errors of way and rotation."""
         return self.gain_std * np.array([[motion.x_m, 0.0], [motion.y_m, 0.0], [0.0, motion.theta_rad]])
 
     def push(self, seconds: float) -> FloatArray:
-        """(3, 3) float64: covariance of pushes that no wheel measures, m, m and rad."""
+        """Return (3, 3) float64: covariance of pushes that no wheel measures, m, m and rad."""
         return seconds * np.diag([self.push_m**2, self.push_m**2, self.push_rad**2])
 
 
@@ -89,28 +88,23 @@ class OdometryNoise:
 class FrameErrors:
     """Errors of single frames.
 
-    The bias ratio was measured in the simulation as the correlation of the errors of frames a second apart, in their
-    standard deviations: 0.02 to 0.1 (mirror camera, noise sigma 18), 0.1 to 0.7 (pinhole camera, goals), 0.2 to 0.9
-    (mirror camera, lines, large field). Frames of the latter two state thrice the variance they have, which makes up
-    for a ratio that is set too low.
-
     Parameters
     ----------
     bias_ratio : float
-        Fraction of a frame's stated variance that is an error which the next frames have too. It does not average out
-        while the robot stands, and is another error once it has driven `bias_distance_m`. From 0 to under 1.
+        Fraction of a frame's stated variance due to an error that the next frames share. It does not average out while
+        the robot stands, and changes over `bias_distance_m` of driving. From 0 to under 1.
     bias_distance_m : float
-        Metres.
+        Metres of driving over which the shared error changes.
     bias_turn_rad : float
-        It is another error, too, once the robot has turned by so much: a camera that looks ahead then shows other
-        things. Infinite: as a camera that sees all around.
+        Rotation over which the shared error changes, because a forward camera then sees other things. Infinite for a
+        camera that sees all around.
     outlier_rate : float
         Fraction of the frames with a wrong pose.
     half_error_rate : float
-        Fraction of the frames with a single candidate whose half of the field is wrong; under a half.
+        Fraction of the frames with one candidate whose half of the field is wrong; under a half.
     spell_s : float
-        A wrong place or half lasts that long in the mean, seconds: frames close together err together. So does what a
-        frame has of the bias beyond a better one before it.
+        Mean duration of a wrong place or half, seconds, because frames close together err alike. It is also the
+        correlation time of the bias by which a frame exceeds a better one before it.
 
     Raises
     ------
@@ -145,6 +139,5 @@ class FrameErrors:
         return math.exp(-way_m / self.bias_distance_m - turn_rad / self.bias_turn_rad)
 
 
-# measured in matches on three fields: of the variance that frames of a robot have which stands, 0.4 to 0.5 is an error
-# that lasts; it fell to a third after a turn of half a radian
+# about half of the variance of a resting robot's frames is shared, until it turns by about half a radian
 FORWARD_FRAME_ERRORS = FrameErrors(bias_ratio=0.5, bias_turn_rad=0.5)

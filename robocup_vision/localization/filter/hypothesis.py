@@ -1,6 +1,6 @@
-"""One mode of the pose: a Gaussian that odometry moves and frames update.
+"""One mode of the pose filter: a Gaussian that odometry predicts and frames update.
 
-Its state is the pose, the present common error of the frames, and the slip and the lasting gain errors of odometry.
+Its state is the pose, the bias that frames share, and the slip and the gain errors of odometry.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.localization.distinct import pose_offset
 from robocup_vision.localization.filter.errors import FrameErrors, OdometryNoise
 
-# no frame is better than a micrometre, nor a microradian
+# least standard deviation of a frame, m and rad
 _MIN_STD = 1e-6
-# a half turn about the field's centre, of the parts that have the field's axes; slip has the robot's, gains have none
+# half turn about the field's centre: pose and bias have the field's axes, slip has the robot's, gains have none
 _FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, *[1.0] * 5])
-# a motion takes at least this fraction of the time that slip lasts: keeps a quotient finite
+# least duration of a motion relative to the slip's correlation time, so that a quotient is finite
 _MIN_TIMES = 1e-4
-# bounds that keep numbers finite where frames have one time, or a robot drives for long without any
+# bounds that keep numbers finite for frames of one time, or a robot that drives long without any
 _MAX_REPEATED, _MIN_KEPT, _MAX_BIAS = 0.9, 1e-3, 1e2
 _POSE, _BIAS, _SLIP, _GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 _STATE = 11
@@ -33,17 +33,17 @@ _SEEN = np.hstack([np.eye(3), np.eye(3), np.zeros((3, _STATE - 6))])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseMeasurement:
-    """A pose that a frame allows."""
+    """A pose by a frame."""
 
     pose: Pose2  #: the robot in the field frame
-    #: (3, 3) float64: covariances of bias and white noise; the frame measures pose + bias + white noise
+    #: (3, 3) float64: covariances of bias and white noise; the measurement is pose + bias + white noise
     bias: FloatArray
     white: FloatArray
     half_known: bool  #: whether the frame excludes its half turn
 
     @classmethod
     def of(cls, pose: Pose2, covariance: FloatArray, half_known: bool, bias_ratio: float) -> PoseMeasurement | None:
-        """Split a frame's covariance into bias and white noise; None if it is no covariance."""
+        """Divide a frame's covariance into bias and white noise; None if it is not a covariance."""
         if np.abs(covariance - covariance.T).max() > 1e-6 * np.abs(covariance).max():
             return None
         values, vectors = np.linalg.eigh(covariance)
@@ -54,7 +54,7 @@ class PoseMeasurement:
         return cls(pose, bias_ratio * whole, (1 - bias_ratio) * whole, half_known)
 
     def half_turn(self) -> PoseMeasurement:
-        """Return the same measurement of a robot in the other half."""
+        """Return the half turn of the measurement."""
         return PoseMeasurement(
             self.pose.half_turn(),
             half_turn_covariance(self.bias),
@@ -65,24 +65,24 @@ class PoseMeasurement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseMode:
-    """A pose modulo the half turn about the field's centre, followed through time."""
+    """A pose modulo the half turn about the field's centre, tracked over time."""
 
     pose: Pose2  #: in the more probable half
-    #: (8,) float64: the bias error of the frames, field frame, m, m and rad; the slip, robot frame: x, y, theta; the
-    #: odometry's lasting errors of way and turn. The latter two in standard deviations.
+    #: (8,) float64: bias of the frames, field frame, m, m and rad; slip, robot frame, x, y, theta; gain errors of way
+    #: and rotation. The latter two are in standard deviations.
     hidden: FloatArray
     covariance: FloatArray  #: (11, 11) float64: of pose and hidden
-    #: (3, 3) float64: prior covariance of the bias, of the best of the last frames that agreed
+    #: (3, 3) float64: prior covariance of the bias, of the best of the last matching frames
     bias: FloatArray
     bias_kept: float  #: correlation of the bias with that of the last of these frames, after the motion since
     log_weight: float  #: logarithm of the probability
     half_log_odds: float  #: ln(p / (1 - p)) for the pose against its half turn; never negative
-    agrees: bool  #: whether the last frame agrees with it
-    agreed_s: float  #: when a frame last agreed with it
-    #: the half that the last frame with a known half measured: this one (1) or the other (-1); 0: none yet
+    agrees: bool  #: whether the last frame matches
+    agreed_s: float  #: time of the last matching frame
+    #: half measured by the last frame with a known half: this one (1) or the other (-1); 0 if none yet
     reported_half: int
-    half_reported_s: float  #: when that was
-    #: of the last frame that agreed with it
+    half_reported_s: float  #: time of that frame
+    #: of the last matching frame
     inlier_ratio: float
     residual_px: float
 
@@ -90,9 +90,9 @@ class PoseMode:
     def found(
         cls, measurement: PoseMeasurement, estimate: PoseEstimate, t_s: float, log_weight: float, slip_std: float
     ) -> PoseMode:
-        """Begin a mode at a frame's pose, in an unknown half.
+        """Make a mode at a frame's pose, in an unknown half.
 
-        `slip_std` is the present standard deviation of the slip, in units of its usual one.
+        `slip_std` is the present standard deviation of the slip, relative to its usual one.
         """
         covariance = np.diag([*[0.0] * 6, *[slip_std**2] * 3, 1.0, 1.0])
         covariance[_POSE, _POSE] = measurement.bias + measurement.white
@@ -115,18 +115,18 @@ class PoseMode:
         )
 
     def with_gains_of(self, other: PoseMode) -> PoseMode:
-        """Return the mode with the odometry's lasting errors as another mode estimates them: no place changes them."""
+        """Return the mode with the gain errors of another mode, because they do not depend on the place."""
         hidden, covariance = self.hidden.copy(), self.covariance.copy()
         hidden[6:] = other.hidden[6:]
         covariance[_GAIN, _GAIN] = other.covariance[_GAIN, _GAIN]
         return replace(self, hidden=hidden, covariance=covariance)
 
     def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, errors: FrameErrors) -> PoseMode:
-        """Move the mode by odometry, given in the robot's frame before the motion."""
-        # at another place another error is added, until a frame there bounds it
+        """Predict the mode by odometry, given in the robot's frame before the motion."""
+        # the bias changes with the place, so its covariance grows until a frame bounds it
         bias_kept = max(errors.bias_kept(motion), _MIN_KEPT)
         more_bias = (1 / bias_kept - 1) * self.bias if self.bias.trace() < _MAX_BIAS else np.zeros((3, 3))
-        # the exact Gauss-Markov process: mean of the slip over the motion, and its end, given its beginning
+        # exact Gauss-Markov process: mean of the slip over the motion, and its end, given its beginning
         times = max(seconds / odometry.slip_s, _MIN_TIMES)
         slip_decay = math.exp(-times)
         mean = (1 - slip_decay) / times
@@ -156,16 +156,16 @@ class PoseMode:
         )
 
     def widen(self, std_m: float, std_rad: float) -> PoseMode:
-        """Return the mode after a motion that nothing measured, of these standard deviations."""
+        """Return the mode after an unmeasured motion of these standard deviations."""
         covariance = self.covariance.copy()
         covariance[_POSE, _POSE] += np.diag([std_m, std_m, std_rad]) ** 2
         return replace(self, covariance=covariance)
 
     def facing(self, measurement: PoseMeasurement) -> FacedFrame:
-        """Return the mode before a frame whose bias has another covariance, and the bias that only the frame has.
+        """Return the mode before a frame whose bias has another covariance, and the additional bias of that frame.
 
-        The common error of frames is that of the best one, direction by direction. A worse frame adds an error of its
-        own, so frames that differ do not show how large the common error is.
+        The shared bias is that of the best frame, direction by direction. A worse frame has an additional one, so that
+        differences of frames do not determine the size of the shared bias.
         """
         if not self.bias.any():
             return FacedFrame(self, measurement, measurement.bias)
@@ -183,7 +183,7 @@ class PoseMode:
         return FacedFrame(mode, measurement, (basis * np.maximum(ratios - 1.0, 0.0)) @ basis.T)
 
     def half_turn(self) -> PoseMode:
-        """Return the same in the other half."""
+        """Return the half turn of the mode."""
         return replace(
             self,
             pose=self.pose.half_turn(),
@@ -195,7 +195,7 @@ class PoseMode:
         )
 
     def merge(self, other: PoseMode) -> PoseMode:
-        """Merge with a less probable mode that is nearly the same, keeping mean and covariance of both together."""
+        """Merge with a less probable mode that is nearly the same, with mean and covariance of the mixture of both."""
         if sum(other.pose.error_to(self.pose)) > sum(other.pose.half_turn().error_to(self.pose)):
             other = other.half_turn()
         log_weight = float(np.logaddexp(self.log_weight, other.log_weight))
@@ -233,21 +233,21 @@ class PoseMode:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FacedFrame:
-    """A mode before a frame, and the frame: their distance, and the mode updated by the frame."""
+    """A mode before a frame, and the frame, for their distance and the update."""
 
-    mode: PoseMode  #: with the bias that it has in common with the frame
+    mode: PoseMode  #: with the bias that it shares with the frame
     measurement: PoseMeasurement
-    on_top: FloatArray  #: (3, 3) float64: covariance of the bias that the frame has beyond that
+    on_top: FloatArray  #: (3, 3) float64: covariance of the frame's additional bias
 
     def distance(self, more: FloatArray | None = None) -> float:
-        """Squared Mahalanobis distance, 3 degrees of freedom; `more` (3, 3) adds to the covariance."""
+        """Return the squared Mahalanobis distance, 3 degrees of freedom; `more` (3, 3) is added to the covariance."""
         offset, spread = self._innovation(self.measurement.white + self.on_top)
         return float(offset @ np.linalg.solve(spread if more is None else spread + more, offset))
 
     def update(self, t_s: float, errors: FrameErrors, scale: float = 1.0) -> PoseMode:
-        """Return the mode after the frame, by a Kalman filter's update; `scale` multiplies the frame's white noise."""
+        """Return the mode after a Kalman update by the frame; `scale` multiplies the frame's white noise."""
         mode = self.mode
-        # the mean of a first-order Gauss-Markov process averages out more slowly
+        # a repeated bias averages out more slowly, as the mean of a first-order Gauss-Markov process
         repeated = min(mode.bias_kept * math.exp(-max(t_s - mode.agreed_s, 0.0) / errors.spell_s), _MAX_REPEATED)
         white = scale * (self.measurement.white + (1 + repeated) / (1 - repeated) * self.on_top)
         offset, spread = self._innovation(white)
@@ -255,7 +255,7 @@ class FacedFrame:
         change = gain @ offset
         x, y, theta = (mode.pose.array + change[:3]).tolist()
         rest = np.eye(_STATE) - gain @ _SEEN
-        # Joseph's form, which stays symmetric and positive
+        # Joseph's form, which remains symmetric and positive definite
         covariance = rest @ mode.covariance @ rest.T + gain @ white @ gain.T
         return replace(
             mode, pose=Pose2(x, y, theta), hidden=mode.hidden + change[3:], covariance=covariance, bias_kept=1.0

@@ -1,8 +1,8 @@
-"""The mixture of the pose filter: all modes at one time, and how a frame changes their weights.
+"""The Gaussian mixture of the pose filter at one time, and its update by a frame.
 
-A frame that does not agree with a mode is an error by that mode. Errors come in spells: a two-state Markov chain gives
-the probability of an error, and of a repeated error, so frames shortly after each other do not count as independent
-measurements.
+A frame that does not match a mode is an error if that mode is right. Errors are correlated: a two-state Markov chain
+gives the probability of an error and of a repeated one, so that frames shortly after each other do not count as
+independent.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Mixture:
     """The state of a pose filter at one time."""
 
     modes: tuple[PoseMode, ...] = ()  #: most probable first; empty while nothing is known
-    near: Pose2 | None = None  #: last estimated or expected pose: it orders poses that a frame allows equally well
+    near: Pose2 | None = None  #: last estimated or expected pose, which orders poses that a frame allows equally well
     frame_s: float = -math.inf  #: time of the last frame with a pose
     settings: PoseFilterSettings = PoseFilterSettings()
-    half: Half | None = None  #: {"own", None}: the half of the field in which the robot is known to begin
+    half: Half | None = None  #: half of the field in which the robot is known to start: "own" or None
 
     @property
     def is_contradicted(self) -> bool:
@@ -47,7 +47,7 @@ class Mixture:
         return tuple(sorted(scaled, key=lambda hypothesis: -hypothesis.probability))
 
     def move(self, motion: Pose2, seconds: float, odometry: OdometryNoise, errors: FrameErrors) -> Mixture:
-        """Move all modes by odometry; delete those that become too uncertain."""
+        """Predict all modes by odometry; delete those that become too uncertain."""
         if not self.modes:
             return self
         moved = [mode.move(motion, seconds, odometry, errors) for mode in self.modes]
@@ -55,14 +55,14 @@ class Mixture:
         return replace(self, modes=_normalised(sure, self.settings), near=moved[0].pose)
 
     def changed(self, change: Callable[[PoseMode], PoseMode]) -> Mixture:
-        """Return the mixture with every mode changed; itself if none is."""
+        """Return the mixture with a change applied to every mode; itself if none changes."""
         modes = tuple(change(mode) for mode in self.modes)
         return (
             self if all(new is old for new, old in zip(modes, self.modes, strict=True)) else replace(self, modes=modes)
         )
 
     def widen(self, seconds: float) -> Mixture:
-        """Widen all modes by a motion of this time that nothing measured; delete those that become too uncertain."""
+        """Widen all modes by an unmeasured motion of this duration; delete those that become too uncertain."""
         settings = self.settings
         std_m, std_rad = settings.max_speed_mps * seconds / 3, settings.max_turn_rps * seconds / 3
         wide = [mode.widen(std_m, std_rad) for mode in self.modes]
@@ -70,7 +70,7 @@ class Mixture:
         return replace(self, modes=_normalised(sure, settings))
 
     def update(self, estimate: PoseEstimate, t_s: float, odometry: OdometryNoise, errors: FrameErrors) -> Mixture:
-        """Update with a frame; unchanged if its numbers are not valid."""
+        """Update with a frame; unchanged if its numbers are not finite."""
         measurements = _measurements(estimate, errors.bias_ratio)
         if not measurements:
             return self
@@ -79,7 +79,7 @@ class Mixture:
         fresh = -math.expm1(-since_s / errors.spell_s)
         matches = [_match(mode, measurements, settings) for mode in self.modes]
         is_exact = any(match is not None and match.excess <= 1 for match in matches)
-        # a near miss weighs less beside an exact match; without an exact match only a new mode gains weight
+        # a near miss has less weight if there is an exact match; otherwise a new mode gains that weight
         miss = math.log(settings.near_miss_rate)
         modes: list[PoseMode] = []
         if any(matches):
@@ -92,7 +92,7 @@ class Mixture:
                         weighed = replace(weighed, log_weight=weighed.log_weight + miss)
                 modes.append(weighed)
         else:
-            # a new error by all modes, or the robot is elsewhere
+            # by all modes this is a new error, or the robot is elsewhere
             log_chance = math.log(fresh * errors.outlier_rate)
             for rank, mode in enumerate(self.modes):
                 modes.append(replace(mode, log_weight=mode.log_weight + log_chance, agrees=mode.agrees and rank > 0))
@@ -113,14 +113,14 @@ class Mixture:
         t_s: float,
         odometry: OdometryNoise,
     ) -> PoseMode:
-        """Begin a mode at a measurement that agrees with none; in the half that is likelier beforehand."""
+        """Make a mode at a measurement without a match, in the half that is more probable a priori."""
         near, settings = self.near, self.settings
         odds = self._half_log_odds(measurement)
         if odds < 0.0:
             turned = self._new_mode(measurement.half_turn(), measurements, estimate, t_s, odometry)
             return turned.half_turn()
         if not self.modes:
-            # of several measurements the nearest is the most probable, by the same odds a metre or radian
+            # of several measurements the nearest is the most probable, by the same odds for each metre or radian
             log_weight = 0.0 if near is None else -math.log(settings.expected_odds) * _apart(measurement.pose, near)
             slip_std = 1.0
         else:
@@ -131,7 +131,7 @@ class Mixture:
             if likeliest.facing(measurement).distance(np.diag(reach**2)) <= settings.gate:
                 rate, odds = rate + odometry.shove_per_s, likeliest.half_log_odds
             log_weight = math.log(-math.expm1(-rate * since_s) / measurements)
-            # wheels may spin: all of the odometry may be slip
+            # all of the odometry may be slip of spinning wheels
             slip_std = max(1 / odometry.slip_ratio, 1.0)
         mode = PoseMode.found(measurement, estimate, t_s, log_weight, slip_std)
         if self.modes:
@@ -139,14 +139,14 @@ class Mixture:
         return replace(mode, half_log_odds=odds)
 
     def _half_log_odds(self, measurement: PoseMeasurement) -> float:
-        """Log odds of a new mode's half, by the robot's last, expected or known first place."""
+        """Log odds of a new mode's half by the last, the expected or the known first place."""
         odds = 0.0
         if self.near is not None:
             turned = _apart(measurement.pose.half_turn(), self.near) < _apart(measurement.pose, self.near)
             odds = math.log(self.settings.expected_odds) * (-1.0 if turned else 1.0)
         if self.half is None or self.frame_s > -math.inf:
             return odds
-        # x < 0 as likely as the position's error leaves it
+        # probability of x < 0 by the position's variance
         variance = float(measurement.bias[0, 0] + measurement.white[0, 0])
         own = 0.5 * math.erfc(measurement.pose.x_m / math.sqrt(2 * variance))
         least = 1.0 / (1.0 + self.settings.max_half_odds)
@@ -156,7 +156,7 @@ class Mixture:
     def _follow(
         self, mode: PoseMode, match: _Match, estimate: PoseEstimate, t_s: float, errors: FrameErrors
     ) -> PoseMode:
-        """Update a mode with the measurement that agrees with it."""
+        """Update a mode with its matching measurement."""
         seen = replace(match.frame, mode=replace(match.frame.mode, log_weight=mode.log_weight, agrees=mode.agrees))
         return replace(
             self._update_half(seen.update(t_s, errors, max(match.excess, 1.0)), match.half, t_s, errors),
@@ -166,14 +166,14 @@ class Mixture:
         )
 
     def _update_half(self, mode: PoseMode, half: int, t_s: float, errors: FrameErrors) -> PoseMode:
-        """Update the odds of the halves with a frame that measures one: 1 this one, -1 the other, 0 neither."""
+        """Update the odds of the halves with a measured half: 1 this one, -1 the other, 0 none."""
         if half != 0:
             rate = errors.half_error_rate
             fresh = -math.expm1(-max(t_s - mode.half_reported_s, self.settings.min_frame_s) / errors.spell_s)
             if mode.reported_half == 0:
                 odds = half * math.log((1 - rate) / rate)
             else:
-                # two chains: one of a robot in this half, one of a robot in the other
+                # two chains: of a robot in this half, and in the other
                 odds = _log_chance(mode.reported_half > 0, half > 0, fresh, rate) - _log_chance(
                     mode.reported_half < 0, half < 0, fresh, rate
                 )
@@ -184,7 +184,7 @@ class Mixture:
 
 
 def _apart(pose: Pose2, near: Pose2) -> float:
-    """Return the sum of metres and radians: near the centre only the heading differs between the halves."""
+    """Return the sum of metres and radians: near the field's centre only the headings of the halves differ."""
     return sum(pose.error_to(near))
 
 
@@ -210,7 +210,7 @@ def _measurements(estimate: PoseEstimate, bias_ratio: float) -> list[PoseMeasure
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Match:
-    """A measurement turned into a mode's half, the half measured (1, -1; 0: none), its squared distance in gates."""
+    """A measurement turned into a mode's half, the measured half (1, -1; 0: none), and squared distance in gates."""
 
     frame: FacedFrame
     half: int
@@ -218,7 +218,7 @@ class _Match:
 
 
 def _match(mode: PoseMode, measurements: Sequence[PoseMeasurement], settings: PoseFilterSettings) -> _Match | None:
-    """Find the measurement that agrees best with a mode."""
+    """Return the best match of the measurements with a mode; None without one."""
     best: _Match | None = None
     for measurement in measurements:
         is_turned = _apart(measurement.pose.half_turn(), mode.pose) < _apart(measurement.pose, mode.pose)
@@ -231,7 +231,7 @@ def _match(mode: PoseMode, measurements: Sequence[PoseMeasurement], settings: Po
 
 
 def _log_chance(was_right: bool, is_right: bool, fresh: float, error_rate: float) -> float:
-    """Return the log-probability of a step of the chain; an error lasts until the next frame with 1 - `fresh`."""
+    """Return the log-probability of a step of the chain; an error continues to the next frame with 1 - `fresh`."""
     wrong = fresh * error_rate + (0.0 if was_right else 1 - fresh)
     return math.log1p(-wrong) if is_right else math.log(wrong)
 

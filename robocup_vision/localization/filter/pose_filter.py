@@ -1,7 +1,7 @@
-"""Filters the poses of single frames, joined by odometry, to one estimate over time.
+"""Filter that fuses the poses of single frames and odometry to one estimate over time.
 
-The state is a Gaussian mixture over the pose. The history of the last second is stored: a late frame is put in at its
-own time, and everything after it is computed again.
+The state is a Gaussian mixture over the pose. The history of the last second is stored: a late frame is inserted at its
+own time, and later steps are repeated.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from robocup_vision.localization.filter.settings import Half, PoseFilterSettings
 __all__ = ["FrameErrors", "Hypothesis", "OdometryNoise", "PoseFilter", "PoseFilterSettings"]
 
 _ORIGIN = Pose2(0.0, 0.0, 0.0)
-# a point is moved this far past the floor's edge, inwards
+# distance past the floor's edge, inwards, to which a point is moved
 _INSIDE_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moment:
-    """A step of odometry, or a frame, and the mixture after it.
+    """A step of odometry or a frame, with the mixture after it.
 
-    `odometry_pose` is by odometry alone; `is_motion_unknown`: how the robot moved up to here is not known.
+    `odometry_pose` is by odometry alone; `is_motion_unknown`: whether the motion up to here is unknown.
     """
 
     t_s: float
@@ -45,14 +45,14 @@ class _Moment:
 
     @property
     def key(self) -> tuple[float, ...]:
-        """Sorts frames of one time, so that the order in which they arrive does not matter."""
+        """Key that sorts frames of one time, so that the order of their arrival does not matter."""
         if self.estimate is None:
             return ()
         return tuple(value for pose in self.estimate.candidates for value in (pose.x_m, pose.y_m, pose.theta_rad))
 
 
 class FloorBound:
-    """Moves modes beyond the walls to the nearest floor: walls and boards stop a robot, whatever odometry says."""
+    """Moves modes beyond the walls to the nearest floor, because walls and boards stop a robot."""
 
     def __init__(self, field: Field) -> None:
         self._field = field if field.is_bounded else None
@@ -60,7 +60,7 @@ class FloorBound:
         self._first, self._edge = first, np.roll(first, -1, axis=0) - first
 
     def nearest(self, x_m: float, y_m: float) -> FloatArray | None:
-        """Return the nearest place (2,) on the floor, None if this one is."""
+        """Return the nearest place (2,) on the floor; None if the place is on it."""
         field = self._field
         if field is None or field.is_on_floor(x_m, y_m):
             return None
@@ -68,7 +68,7 @@ class FloorBound:
         along = ((point - self._first) * self._edge).sum(axis=1) / (self._edge**2).sum(axis=1)
         feet = self._first + np.clip(along, 0.0, 1.0)[:, None] * self._edge
         foot = feet[int(np.argmin(np.hypot(*(feet - point).T)))]
-        # inwards from a side or a corner, whichever way the floor is there
+        # inwards from a side or a corner, in the first direction that leads to the floor
         for angle in np.arange(8) * (np.pi / 4):
             inside = foot + _INSIDE_M * np.array([np.cos(angle), np.sin(angle)])
             if field.is_on_floor(*inside.tolist()):
@@ -88,42 +88,42 @@ class FloorBound:
 
 
 class PoseFilter:
-    """Estimates the robot's pose from frames and odometry; one object a robot.
+    """Estimates the robot's pose from frames and odometry; one object for each robot.
 
     Parameters
     ----------
     odometry : OdometryNoise, optional
-        How the robot's odometry errs.
+        Errors of the robot's odometry.
     frames : FrameErrors, optional
-        How its frames err.
+        Errors of its frames.
     settings : PoseFilterSettings, optional
-        How modes are weighed and followed.
+        Gates and modes.
     field : Field, optional
-        Its walls or boards bound the poses.
+        Field whose walls or boards bound the poses.
     half : {"own"}, optional
-        The half in which the robot is known to begin: its own one, x < 0. Default: nothing is known of it, so that
-        frames which look alike from both halves leave them equally probable.
+        The half in which the robot is known to start: its own, x < 0. By default it is unknown, so that frames that
+        look alike from both halves leave them equally probable.
 
     Raises
     ------
     ArgumentError
-        If `half` is another one.
+        If `half` has another value.
 
     Notes
     -----
-    Call `predict` at each control step, and `update` after each frame, with the time it was taken. A late frame is put
-    in its place in the history of the last second, and everything after it is computed again: the order in which frames
-    come does not matter.
+    Call `predict` at each control step, and `update` after each frame with the time it was taken. A late frame is
+    inserted into the history of the last second, and later steps are repeated, so that the order of arrival does not
+    matter.
 
-    The state is a mixture of Gaussians. Each is over the pose, the slip (`OdometryNoise`) and the bias that successive
-    frames have in common (`FrameErrors`). The bias follows a first-order Gauss-Markov process in the distance driven,
-    so the covariance does not shrink below the common error of successive frames. Each mode stands for both halves of a
-    symmetric field. A frame that allows both poses corrects it; a frame with a single candidate names the half, and
-    Bayes' rule weighs it by how often that is wrong. `hypotheses` lists them all.
+    The state is a mixture of Gaussians over the pose, the slip (`OdometryNoise`) and the bias that successive frames
+    share (`FrameErrors`). The bias is a first-order Gauss-Markov process in the distance driven, so that the covariance
+    does not shrink below the shared error. Each mode stands for both halves of a symmetric field. A frame that allows
+    both poses corrects the mode; a frame with one candidate also names the half, and Bayes' rule weighs it by the rate
+    of wrong halves. `hypotheses` lists both halves of all modes.
 
-    A frame that contradicts every mode starts a new one. Its prior weight is the chance of a shove or a kidnapping in
-    the time since the last frame, against that of an outlier; the frames that follow decide which it was. A frame that
-    comes near a mode corrects that mode too, with a weight that falls with the distance.
+    A frame that matches no mode adds a new one. Its prior weight is the probability of a shove or a kidnapping since
+    the last frame, relative to that of an outlier; later frames decide. A near miss also corrects the mode, with a
+    weight that decreases with the distance.
     """
 
     def __init__(
@@ -143,16 +143,16 @@ class PoseFilter:
         self.frame_errors = frames or FrameErrors()
         self._expected: Pose2 | None = None
         self._moments: list[_Moment] = []
-        # of the last odometry; None before the first
+        # time of the last odometry; None before the first
         self._now_s: float | None = None
 
     def expect(self, pose: Pose2) -> None:
-        """Name the pose where the robot probably begins: the nearest candidate of the first frame is taken."""
+        """Set the pose where the robot probably starts, which selects the nearest candidate of the first frame."""
         self._expected = as_pose("pose", pose)
 
     @property
     def expected(self) -> Pose2 | None:
-        """The pose that `expect` named last."""
+        """The pose set by `expect`."""
         return self._expected
 
     @property
@@ -162,19 +162,19 @@ class PoseFilter:
 
     @property
     def is_fresh(self) -> bool:
-        """Whether there has been neither odometry nor a frame yet."""
+        """Whether there has been no odometry and no frame yet."""
         return not self._moments
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
-        """Move the estimate by odometry.
+        """Predict the estimate by odometry.
 
         Parameters
         ----------
         odometry : Pose2
-            Motion since the call before, in the robot's frame then; of the first call, since the last frame. A motion
+            Motion since the previous call, in the robot's frame then; for the first call since the last frame. A motion
             faster than any robot (`PoseFilterSettings`) is not used: the estimate stays, and its covariance grows.
         t_s : float
-            The present, seconds; never earlier than before.
+            The present time, seconds; not earlier than before.
 
         Raises
         ------
@@ -190,11 +190,11 @@ class PoseFilter:
                 f"time must not run backwards, got {t_s!r} s after {self._now_s!r} s: forget() begins a run anew"
             )
         if not self._moments:
-            # there is nothing yet to move
+            # nothing to move yet
             self._moments.append(_Moment(t_s, _ORIGIN, None, self._mixture))
         else:
             if self._now_s is None:
-                # the clock begins with the first odometry: a frame after it counts as of now
+                # the clock starts with the first odometry: a later frame counts as present
                 self._moments = [replace(moment, t_s=min(moment.t_s, t_s)) for moment in self._moments]
             last = self._moments[-1]
             is_possible = self.can_move(odometry, t_s)
@@ -207,7 +207,7 @@ class PoseFilter:
         self._now_s = t_s
 
     def can_move(self, odometry: Pose2, t_s: float) -> bool:
-        """Return whether a robot can have moved so far since the last `predict` or the first frame."""
+        """Whether a robot can have moved so far since the last `predict` or the first frame."""
         if not self._moments:
             return True
         since_s = self._moments[-1].t_s if self._now_s is None else self._now_s
@@ -219,9 +219,9 @@ class PoseFilter:
         Parameters
         ----------
         estimate : PoseEstimate or NotLocated
-            Of the robot; the latter changes nothing.
+            Pose of the robot; NotLocated changes nothing.
         t_s : float
-            When the frame was taken. One after the last odometry counts as of now; one before the history (1 s) changes
+            Time of the frame. A frame after the last odometry counts as present; one before the history (1 s) changes
             nothing.
         """
         if not isinstance(estimate, (PoseEstimate, NotLocated)):
@@ -243,19 +243,19 @@ class PoseFilter:
             at -= 1
         later = self._moments[at:]
         del self._moments[at:]
-        # a frame divides the motion around it in two: if it was unknown, both parts are
+        # a frame divides the motion around it; if that was unknown, both parts are
         new = replace(new, is_motion_unknown=bool(later) and later[0].is_motion_unknown)
         for moment in (new, *later):
             self._moments.append(self._after(self._moments[-1], moment))
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """Poses that the robot may have now, most probable first; empty while it is not located."""
+        """Possible present poses, most probable first; empty while the robot is not located."""
         return self._mixture.hypotheses
 
     @property
     def belief(self) -> PoseEstimate | NotLocated:
-        """Where the robot is now; further candidates are hypotheses with a probability of at least a tenth."""
+        """Present pose; further candidates are hypotheses with a probability of at least a tenth."""
         modes, hypotheses = self._mixture.modes, self.hypotheses
         if not hypotheses:
             if self._mixture.frame_s == -math.inf:
@@ -269,10 +269,10 @@ class PoseFilter:
         return PoseEstimate(best.pose, best.covariance, modes[0].inlier_ratio, modes[0].residual_px, candidates)
 
     def prior(self, t_s: float) -> Pose2 | None:
-        """Return the pose at a time, a prior for its frame; None if unknown, or if a frame has just contradicted it.
+        """Return the pose at a time as prior for its frame; None if unknown, or if the last frame contradicted it.
 
-        After a contradiction the next frame is located without a prior, to decide which of both is right. If none has
-        decided by the end of a spell of errors (`FrameErrors.spell_s`), the most probable pose is the prior again.
+        After a contradiction the next frame is located without a prior, to decide which is right. After a spell of
+        errors (`FrameErrors.spell_s`) without a decision, the most probable pose is the prior again.
         """
         prior = self.prior_estimate(t_s)
         return None if prior is None else prior.pose
@@ -285,9 +285,9 @@ class PoseFilter:
         return self.belief_at(t_s)
 
     def belief_at(self, t_s: float) -> PoseEstimate | None:
-        """Return the most probable pose at a time by the measurements up to it; None if unknown, or before the history.
+        """Return the most probable pose at a time by measurements up to it; None if unknown or before the history.
 
-        The present pose moved back by odometry would instead contain the slip since then, and its uncertainty.
+        Moving the present pose back by odometry would instead add the uncertainty of the slip since then.
         """
         odometry_pose = self._odometry_pose(t_s) if self._moments and math.isfinite(t_s) else None
         if odometry_pose is None:
@@ -314,7 +314,7 @@ class PoseFilter:
         return None if then is None else then.inverse().compose(self._moments[-1].odometry_pose)
 
     def forget(self) -> None:
-        """Forget everything: the next frame begins anew."""
+        """Reset the filter."""
         self._moments.clear()
         self._now_s = None
 
@@ -342,7 +342,7 @@ class PoseFilter:
         return None
 
     def _after(self, before: _Moment, moment: _Moment) -> _Moment:
-        """Return a moment after the one before it: first the motion up to it, then the update with its frame."""
+        """Return a moment after the previous one: first the motion up to it, then the update with its frame."""
         mixture, seconds = before.mixture, moment.t_s - before.t_s
         if seconds > 0.0 or moment.odometry_pose != before.odometry_pose:
             motion = before.odometry_pose.inverse().compose(moment.odometry_pose)

@@ -1,1 +1,1 @@
-"""Localises a camera by the painted field lines."""
+"""Localisation of a camera by the painted field lines."""

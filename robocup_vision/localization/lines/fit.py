@@ -1,7 +1,7 @@
-"""A pose fitted to white line points, and what its covariance is.
+"""Fit of a pose to white line points, with its covariance.
 
-Residuals are in PIXELS across the line, because what errs is the image, and an error of one pixel is a centimetre
-beside the robot and half a metre at the horizon.
+Residuals are in pixels across the line, because the errors are those of the image: one pixel is a centimetre beside the
+robot and half a metre at the horizon.
 """
 
 from __future__ import annotations
@@ -26,42 +26,42 @@ from robocup_vision.kernels.lines.pose_fit import (
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.perception.line_points import LinePoints
 
-# residuals well beyond this are ignored from the first step on
+# robust scale of the first step
 _START_PX = 8.0
 
 
 @dataclass(frozen=True, slots=True)
 class LineFitSettings:
-    """Settings of the fit in pixels."""
+    """Settings of the fit."""
 
-    min_noise_px: float = 0.1  #: least noise of a single point, however smooth the picture
-    #: a wrong centre or tilt shifts whole stretches of line. The pose absorbs most of such a shift, the residuals keep
-    #: the rest: the shift is estimated as this many times the mean residual of the stretches.
+    min_noise_px: float = 0.1  #: least standard deviation of a single point
+    #: a wrong centre or tilt shifts whole stretches of line. The pose absorbs most of the shift and the residuals show
+    #: the rest, so that the shift is estimated as this multiple of the mean residual of the stretches.
     hidden_shift: float = 2.0
-    #: length of floor over which neighbours along a line have common errors of lens, carpet and paint
+    #: length on the floor over which errors of lens, carpet and paint along a line are correlated
     correlation_m: float = 0.5
-    #: Gauss-Newton steps, and how often one is halved
+    #: Gauss-Newton steps, and halvings of one step
     max_steps: int = 15
     max_halvings: int = 4
-    inlier_px: float = 3.0  #: a point within this many pixels of a line agrees with a pose
-    min_points: int = 18  #: fewer agreeing points determine no pose
+    inlier_px: float = 3.0  #: greatest residual of an inlier
+    min_points: int = 18  #: least number of inliers that determine a pose
 
 
 def seen_points(points: LinePoints, line_map: LineMap) -> SeenPoints:
-    """Return line points (N) as the compiled fit takes them."""
-    # copies: a read-only array would be compiled for once more
+    """Return line points (N) in the format of the compiled fit."""
+    # copies, because the loop would be compiled again for read-only arrays
     return SeenPoints(np.array(points.floor_m), np.array(points.floor_per_px), line_map.lines, line_map.arcs)
 
 
 def _empty_rows(count: int) -> PointRows:
-    """Return arrays for the measurements of this number of line points."""
+    """Return arrays for the residuals of this number of line points."""
     return PointRows(np.empty(count), np.empty((count, 3)), np.empty((count, 2)), np.empty(count, dtype=np.int64))
 
 
 def stretches(
     index: npt.NDArray[np.int64], floor_m: FloatArray, settings: LineFitSettings = LineFitSettings()
 ) -> npt.NDArray[np.int64]:
-    """Return the stretch of line that each point lies on, (N,): one line, one patch of floor."""
+    """Return the index (N,) of each point's stretch: one line in one square of the floor."""
     patch = np.floor(floor_m / settings.correlation_m).astype(np.int64)
     _, member = np.unique((index * 40_009 + patch[:, 0]) * 40_009 + patch[:, 1], return_inverse=True)
     return np.asarray(member.ravel(), dtype=np.int64)
@@ -73,7 +73,7 @@ def refine_by_lines(
     line_map: LineMap,
     settings: LineFitSettings = LineFitSettings(),
 ) -> PoseEstimate | NotLocated:
-    """Refine a pose by line points, with residuals in pixels across the lines."""
+    """Refine a pose by line points."""
     low, high = line_map.extent_m
     points = points.take(np.hypot(*points.floor_m.T) <= np.hypot(*(high - low)))
     if len(points) < settings.min_points:
@@ -89,7 +89,7 @@ def refine_by_lines(
 def _estimate(
     unknowns: FloatArray, rows: PointRows, scale_px: float, points: LinePoints, settings: LineFitSettings
 ) -> PoseEstimate | NotLocated:
-    """Return a fitted pose x, y, theta with its covariance; residuals well beyond the scale were ignored."""
+    """Return a fitted pose x, y, theta with its covariance; `scale_px` is the last robust scale of the fit."""
     residual, jacobian, weights = rows.residual, rows.jacobian, points.weight
     good = residual <= settings.inlier_px
     if np.count_nonzero(good) < settings.min_points:
@@ -97,7 +97,7 @@ def _estimate(
     sigma2 = max(spread_px(residual, scale_px, np.empty((2, len(residual) + 1))), settings.min_noise_px) ** 2
     weight = weights / (1 + (residual / scale_px) ** 2) ** 2 / sigma2
     fisher = (jacobian.T * weight) @ jacobian
-    # one group per line and stretch of floor: what errs there errs together (a cluster-robust "sandwich")
+    # cluster-robust sandwich covariance with the stretches as groups, because errors within one are correlated
     member = stretches(rows.nearest, points.floor_m, settings)
     count = np.bincount(member)
     scores = np.zeros((len(count), 3))
@@ -126,7 +126,7 @@ def _estimate(
 
 
 def residuals_px(pose: Pose2, points: LinePoints, line_map: LineMap) -> FloatArray:
-    """Return how far line points lie off the lines by a pose, (N,) float64, px, never negative."""
+    """Return the unsigned residuals (N,) float64 of line points at a pose, px."""
     rows = _empty_rows(len(points))
     measure_points(pose.array, seen_points(points, line_map), rows)
     return rows.residual

@@ -1,4 +1,4 @@
-"""A field's white lines as something to measure against: distances looked up coarsely, or exact with their normals."""
+"""Distances to a field's white lines: tabulated, or exact with normals."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.lines.lines import DistanceTable, nearest_lines
 from robocup_vision.kernels.lines.rough_distances import count_marks_near_lines
 
-# cell of the distance table, a fraction of a coarse search's step; distance at which the table is truncated, and its
-# value there
+# cell of the distance table, smaller than the step of a coarse search; distance at which the table is truncated, and
+# its value there
 CELL_M, _TRUNCATE_M, _FAR = 0.05, 0.4, 255
 
 
 @dataclass(frozen=True, eq=False)
 class NearestLine:
-    """What of the field's lines lies nearest to each of N points."""
+    """The nearest lines of N points."""
 
-    distance_m: FloatArray  #: (N,) float64: to the line's centre, never negative
+    distance_m: FloatArray  #: (N,) float64: unsigned distance to the line's centre
     normal: FloatArray  #: (N, 2) float64: unit vector from the line towards the point, field frame
-    index: npt.NDArray[np.int64]  #: (N,) int64: which line, or, from `len(field.lines)` on, which arc
+    index: npt.NDArray[np.int64]  #: (N,) int64: index of the line, or, from `len(field.lines)` on, of the arc
 
 
 class LineMap:
-    """Distances to the lines of one field, which needs at least one line or arc."""
+    """Distances to the lines of a field, which needs at least one line or arc."""
 
     def __init__(self, field: Field) -> None:
         self.field = field
         self.lines = read_only(np.ascontiguousarray(field.lines))
         self.arcs = read_only(np.ascontiguousarray(field.arcs))
         corners = field.floor_polygon
-        #: (2, 2) float64: least and greatest x, y at which a robot may stand, metres: the sure floor
+        #: (2, 2) float64: least and greatest x, y of the floor, on which a robot may be, metres
         self.extent_m = np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     @cached_property
     def distances(self) -> DistanceTable:
-        """Truncated distances at the centres of cells, rows along y; 255: truncated."""
+        """Truncated distances at the centres of cells, rows along y; 255 if truncated."""
         points = self.field.line_points(0.1)
         low, top = np.zeros((2, 2))
         if len(points):
@@ -54,14 +54,14 @@ class LineMap:
         return DistanceTable(table, (float(low[0]), float(low[1])), CELL_M, _FAR)
 
     def nearest(self, points_m: npt.ArrayLike) -> NearestLine:
-        """Exact nearest lines of field points (N, 2), metres."""
+        """Return the exact nearest lines of field points (N, 2), metres."""
         points = np.ascontiguousarray(np.asarray(points_m, dtype=np.float64).reshape(-1, 2))
         return NearestLine(*nearest_lines(points, self.lines, self.arcs))
 
     def count_near(self, pose: Pose2, marks: UInt8Array, mark: int, floor_m: FloatArray, near_m: FloatArray) -> int:
-        """Count the samples (K, M) of a mark that a line is nearer to than `near_m` (M,), metres, by a pose.
+        """Count the samples (K, M) of a mark that are closer to a line than `near_m` (M,), metres, at a pose.
 
-        `floor_m` (K, M, 2) is where they lie, robot frame, metres. Faster than `nearest`.
+        `floor_m` (K, M, 2) are their places, robot frame, metres. Faster than `nearest`.
         """
         at = pose.x_m, pose.y_m, pose.theta_rad
         return int(
@@ -69,10 +69,9 @@ class LineMap:
         )
 
     def counts(self, points_m: FloatArray, is_on_line: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return which line points (N,) count for or against a pose: those on a line or within `extent_m`.
+        """Return which line points (N,) are evidence about a pose: those on a line or within `extent_m`.
 
-        People and shelves around the field are neither for nor against a pose. The points (N, 2) are in the field frame
-        by the pose in question, metres.
+        The points (N, 2) are in the field frame at the pose, metres. Others may be people and shelves around the field.
         """
         low, high = self.extent_m
         within: npt.NDArray[np.bool_] = ((points_m >= low) & (points_m <= high)).all(axis=1)
@@ -80,6 +79,6 @@ class LineMap:
 
     @cached_property
     def is_point_symmetric(self) -> bool:
-        """Whether the lines come to lie on themselves when turned by pi about the field's centre."""
+        """Whether the lines are the same after a half turn about the field's centre."""
         points = self.field.line_points(0.05)
         return bool(np.all(self.nearest(-points).distance_m < 1e-6))

@@ -1,4 +1,4 @@
-"""A robot's pose from white line points: searched over the whole field without any prior, or refined from a guess."""
+"""Pose estimation by white line points, over the whole field without a prior, or near a start."""
 
 from __future__ import annotations
 
@@ -29,31 +29,30 @@ class LineSettings:
 
     search: LineSearchSettings = LineSearchSettings()
     fit: LineFitSettings = LineFitSettings()
-    min_inlier_ratio: float = 0.5  #: least fraction of all line points on lines of the pose
-    #: the same of the points on the field's carpet or lines by that pose: people and shelves around the field are
-    #: neither for nor against it
+    min_inlier_ratio: float = 0.5  #: least ratio of all line points on lines of the pose
+    #: the same of the points on the field's carpet or lines at that pose, because people and shelves around the field
+    #: are not evidence
     min_carpet_ratio: float = 0.7
-    #: with fewer line points, the least log-likelihood ratio a point against points evenly over the gate: a few lie
-    #: near some lines by chance. Rendered frames have 1.0 and more; photographs by a rough calibration have less, but a
-    #: thousand points.
+    #: least log-likelihood ratio for each point, against points uniform over the gate, if there are fewer line points
+    #: than this: a few lie near lines by chance
     few_points: int = 300
     min_nats_of_few: float = 0.5
-    #: the runner-up's loss must exceed the best one's by this factor, and by this much where both are next to nothing
+    #: least ratio of the runner-up's loss to the best one's, and least excess, for losses near zero
     rival_ratio: float = 1.35
     rival_excess: float = 0.15
-    #: least fraction of the lines predicted on visible floor that were seen
+    #: least ratio of lines on visible floor that were found
     min_support: float = 0.75
-    #: a pose more uncertain than this is refused
+    #: greatest standard deviations of an accepted pose
     max_std_m: float = 0.25
     max_std_rad: float = math.radians(8.0)
-    #: greatest distance of a followed pose from the expected one: half the distance between two modes of the search at
-    #: the usual distances of lines
+    #: greatest distance of a followed pose from the start: half the distance between two modes of the search for usual
+    #: distances of lines
     max_followed_m: float = 0.3
     max_followed_rad: float = math.radians(10.0)
 
 
 class LinePoseEstimator:
-    """Finds a robot's pose from the white lines one camera sees; non-zero pixels of the mask (H, W) are not used."""
+    """Estimates a robot's pose from the white lines of one camera; non-zero pixels of the mask (H, W) are not used."""
 
     def __init__(
         self,
@@ -71,9 +70,9 @@ class LinePoseEstimator:
         self,
         frame: npt.NDArray[np.uint8] | LinePoints,
     ) -> PoseEstimate | NotLocated:
-        """Find the pose by a BGR frame (H, W, 3), or its line points, searching the whole field.
+        """Estimate the pose from a BGR frame (H, W, 3), or its line points, over the whole field.
 
-        On a field whose lines are point-symmetric the estimate has both candidates half a turn apart.
+        If the field's lines are point-symmetric, the estimate has both candidates, half a turn apart.
         """
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         found = search_by_lines(points, self.line_map, settings=self.settings.search)
@@ -86,10 +85,10 @@ class LinePoseEstimator:
         return self._with_candidates(refined, None) if refined else refined
 
     def follow(self, frame: npt.NDArray[np.uint8] | LinePoints, start: Pose2) -> PoseEstimate | NotLocated:
-        """Find the pose near `start` by the frame alone: the start is no evidence.
+        """Estimate the pose near `start`, which is not used as evidence.
 
-        Much faster than `locate`. Other explanations of the lines are not searched: call `locate` now and then.
-        NotLocated where the lines lead away from the start, too.
+        Much faster than `locate`, but other explanations of the lines are not searched: call `locate` periodically.
+        NotLocated if the lines lead away from the start.
         """
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
         if len(points) < self.settings.search.min_points:
@@ -103,7 +102,7 @@ class LinePoseEstimator:
         return self._with_candidates(refined, start)
 
     def is_near(self, estimate: PoseEstimate, start: Pose2) -> bool:
-        """Return whether one of an estimate's poses may be the same as another pose."""
+        """Whether one of an estimate's candidates may be the same as another pose."""
         for pose in estimate.candidates:
             distance, angle = pose.error_to(start)
             if distance <= self.settings.max_followed_m and angle <= self.settings.max_followed_rad:
@@ -111,7 +110,7 @@ class LinePoseEstimator:
         return False
 
     def _refined(self, start: Pose2, points: LinePoints) -> PoseEstimate | NotLocated:
-        """Refine a pose in pixels; NotLocated if the lines do not confirm it, or do not fix it."""
+        """Refine a pose; NotLocated if the lines do not confirm it or do not determine it."""
         refined = refine_by_lines(start, points, self.line_map, settings=self.settings.fit)
         if not refined:
             return refined
@@ -123,7 +122,7 @@ class LinePoseEstimator:
         return refined
 
     def _judged(self, estimate: PoseEstimate, points: LinePoints) -> PoseEstimate | NotLocated:
-        """Return the estimate if the line points confirm it, and its lines on visible floor were seen."""
+        """Return the estimate if the line points confirm it and its lines on visible floor were found."""
         if estimate.inlier_ratio < self.settings.min_inlier_ratio:
             return NotLocated(f"only {estimate.inlier_ratio:.0%} of the line points lie on lines of the best pose")
         if len(points) < self.settings.few_points and self._nats(estimate) < self.settings.min_nats_of_few:
@@ -137,7 +136,7 @@ class LinePoseEstimator:
         return estimate
 
     def _choose(self, found: list[LineCandidate], points: LinePoints) -> Pose2 | NotLocated:
-        """Refine in pixels the candidates that the search does not separate, and take the best if it is alone."""
+        """Refine the candidates that the search does not separate, and return the best if it has no rival."""
         similar = [
             c.pose for c in found if c.cost <= self.settings.rival_ratio * found[0].cost + self.settings.rival_excess
         ]
@@ -167,19 +166,19 @@ class LinePoseEstimator:
         return best
 
     def _carpet_ratio(self, pose: Pose2, points: LinePoints) -> float:
-        """Of the line points on the field's carpet or on its lines by a pose, the fraction on its lines."""
+        """Return the ratio of line points on lines to those on the field's carpet or lines at a pose."""
         residual = residuals_px(pose, points, self.line_map)
         is_on_line = residual <= self.settings.fit.inlier_px
         counts = self.line_map.counts(pose.transform(points.floor_m), is_on_line)
         return float(points.weight[is_on_line].sum() / max(points.weight[counts].sum(), 1e-9))
 
     def _nats(self, estimate: PoseEstimate) -> float:
-        """Log-likelihood ratio a point: a normal distribution of residuals to an even one over the gate."""
+        """Log-likelihood ratio for each point: a normal distribution of residuals to a uniform one over the gate."""
         chance_px = 2 * self.settings.fit.inlier_px / math.sqrt(math.tau * math.e)
         return estimate.inlier_ratio * math.log(chance_px / max(estimate.residual_px, 1e-3))
 
     def _support(self, pose: Pose2, points: LinePoints) -> float:
-        """Fraction of the predicted line points that were seen, of all that were seen or are bare floor instead."""
+        """Return the ratio of predicted line points that were found to those found or bare floor."""
         if points.bare_floor is None:
             return 1.0
         height, width = points.bare_floor.shape

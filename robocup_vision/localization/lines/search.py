@@ -1,7 +1,7 @@
-"""The global search: poses, anywhere on the field and without any prior, that put white line points on its lines.
+"""Global search for poses that put white line points on the field's lines, without a prior.
 
-One point per patch of floor, a distance table, a grid of poses, and the best of them refined by Gauss-Newton with a
-loss that narrows: in metres, good enough for `localization.lines` to refine in pixels.
+One point for each patch of floor, a table of distances and a grid of poses give starts, which Gauss-Newton refines with
+a loss of decreasing scale, in metres. `localization.lines` refines the results in pixels.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ from robocup_vision.perception.line_points import LinePoints
 class LineSearchSettings:
     """Settings of the global search by line points."""
 
-    #: one point counts for each patch of floor, so that a near line does not outvote a far one; patches grow until no
-    #: more points than this are left
+    #: one point is used for each patch of floor, so that near lines do not dominate; patches grow until at most this
+    #: number of points is left
     patch_m: float = 0.12
     max_points: int = 150
-    #: least points of a line in a patch: fewer weigh less, they may be specks
+    #: number of points in a patch from which it has full weight, because fewer may be specks
     points_per_patch: int = 3
-    #: side of a square that a line crosses in as many points; with fewer than half of them, a point is a speck
+    #: side of a window; a line crosses it in as many points, and a point with fewer than half of them in it is a speck
     window_px: int = 9
-    min_points: int = 18  #: fewer patches show less than about 2 m of line, which fits in many places of any field
-    #: of the grid of poses
+    min_points: int = 18  #: least number of patches: fewer show less than about 2 m of line, which fit in many places
+    #: steps of the grid of poses
     grid_step_m: float = 0.2
     grid_step_rad: float = math.radians(5.0)
-    max_starts: int = 24  #: poses of the grid that are refined
-    #: scale of the loss, step by step
+    max_starts: int = 24  #: greatest number of the grid's poses that are refined
+    #: scale of the loss in each step
     scales_m: tuple[float, ...] = (0.25, 0.25, 0.2, 0.16, 0.13, 0.1, 0.08, 0.06, 0.06, 0.06)
-    apart: Apart = Apart(0.15, math.radians(4.0))  #: of two refined poses that are two modes
-    noise_px: float = 2.0  #: noise of the search, which a camera's calibration error may reach; the refinement is finer
+    apart: Apart = Apart(0.15, math.radians(4.0))  #: least distance of two modes
+    noise_px: float = 2.0  #: noise in the search, including errors of the camera's calibration
 
 
 @dataclass(frozen=True, slots=True)
 class LineCandidate:
-    """One pose that explains the line points."""
+    """A pose that explains the line points."""
 
     pose: Pose2  #: robot in the field frame
-    cost: float  #: mean robust loss of the points, lower is better; comparable within one frame
+    cost: float  #: mean robust loss of the points, comparable within one frame
 
 
 def search_by_lines(
@@ -59,8 +59,7 @@ def search_by_lines(
 ) -> list[LineCandidate]:
     """Search the whole field for poses that put the line points on the field's lines, best first.
 
-    Of two poses half a turn apart on a point-symmetric field one is searched and returned. Empty where there are too
-    few points.
+    On a point-symmetric field one of two poses half a turn apart is returned. Empty if there are too few points.
     """
     reach_m = float(np.hypot(*(line_map.extent_m[1] - line_map.extent_m[0])))
     thin = one_per_patch(points.take(has_continuation(points.pixels, settings)), reach_m, settings)
@@ -85,7 +84,7 @@ def search_by_lines(
 
 
 def _metres_per_px(points: LinePoints) -> FloatArray:
-    """Return the greatest error on the floor by one pixel in the image, for each point."""
+    """Return the greatest error on the floor for one pixel in the image, for each point, metres."""
     j = points.floor_per_px
     total = (j**2).sum(axis=(1, 2))
     area = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
@@ -93,7 +92,7 @@ def _metres_per_px(points: LinePoints) -> FloatArray:
 
 
 def has_continuation(pixels: FloatArray, settings: LineSearchSettings = LineSearchSettings()) -> BoolArray:
-    """Return (N,) bool: which line points (N, 2), px, go on as a line does; specks of noise have few neighbours."""
+    """Return (N,) bool: which line points (N, 2), px, continue like a line; specks have few neighbours."""
     if not len(pixels):
         return np.zeros(0, dtype=np.bool_)
     u, v = (np.rint(pixels - pixels.min(axis=0)).astype(np.int64)).T
@@ -107,7 +106,7 @@ def has_continuation(pixels: FloatArray, settings: LineSearchSettings = LineSear
 def one_per_patch(
     points: LinePoints, reach_m: float, settings: LineSearchSettings = LineSearchSettings()
 ) -> LinePoints:
-    """At most `max_points` points, one per patch of floor, those seen with floor on both sides first."""
+    """Return at most `max_points` points, one for each patch of floor, preferably with floor on both sides."""
     points = points.take(np.hypot(*points.floor_m.T) <= reach_m)
     order = np.argsort(-points.weight, kind="stable")
     patch_m = settings.patch_m
@@ -115,14 +114,14 @@ def one_per_patch(
         cells = np.floor(points.floor_m[order] / patch_m).astype(np.int64)
         _, first, count = np.unique(cells[:, 0] * 100_003 + cells[:, 1], return_index=True, return_counts=True)
         if len(first) <= settings.max_points:
-            # a line crosses a patch in several points; a point on its own is more likely a speck
+            # a line crosses a patch in several points; a single point is more likely a speck
             thin = points.take(order[first])
             return replace(thin, weight=thin.weight * np.minimum(1.0, count / settings.points_per_patch))
         patch_m *= max(1.1, math.sqrt(len(first) / settings.max_points) * 0.95)
 
 
 def _best_of_grid(floor_m: FloatArray, line_map: LineMap, settings: LineSearchSettings) -> FloatArray:
-    """Distinct best poses (K, 3) of the grid over the field, K <= `max_starts`."""
+    """Return distinct best poses (K, 3) of the grid over the field, K <= `max_starts`."""
     cell = CELL_M
     step = round(settings.grid_step_m / cell)
     low, high = line_map.extent_m

@@ -1,1 +1,1 @@
-"""Balls in one frame: where a ball may lie, how large it is there, and how likely each find is one."""
+"""Balls in one frame: where one may be, its size there, and the likelihood ratio of each candidate."""

@@ -1,4 +1,4 @@
-"""A ball as one frame shows it, and what looks like one."""
+"""Balls in one frame, and sightings of what looks like one."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from robocup_vision.arrays import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ball:
-    """Where a ball is.
+    """The place of a ball.
 
     Parameters
     ----------
     x_m, y_m : float
         Its centre in the robot frame, metres.
     covariance : (2, 2) float64
-        Of its position, square metres.
+        Covariance of its position, square metres.
     u_px, v_px : float
         Its centre in the frame.
     log_likelihood_ratio : float
-        How much more likely a ball looks so than anything else that has its colour, nats.
+        Log-likelihood ratio of a ball to anything else with its appearance, nats.
     """
 
     x_m: float
@@ -35,19 +35,19 @@ class Ball:
 
 
 class Sighting(NamedTuple):
-    """What looks like a ball."""
+    """A sighting of what looks like a ball."""
 
     #: its centre in the frame, and the standard deviation of that
     u_px: float
     v_px: float
     std_px: float
-    nats: float  #: log-likelihood ratio: what speaks for it
+    nats: float  #: log-likelihood ratio of a ball
 
 
 def lie_apart(places: Sequence[tuple[float, float, float]], radii: float) -> list[int]:
-    """Return the indices of the finds (u, v, radius), the likeliest first, that lie over no likelier one.
+    """Return the indices of the sightings (u, v, radius), the most likely first, that overlap no more likely one.
 
-    They do where their centres are no farther apart than so many radii of the larger.
+    Two overlap if their centres are no farther apart than this number of radii of the larger.
     """
     kept: list[int] = []
     for n, (u, v, radius) in enumerate(places):

@@ -1,4 +1,4 @@
-"""Balls of one colour: blobs of it, each judged by its evidence."""
+"""Search for balls of one colour: blobs of that colour, each with its likelihood ratio."""
 
 from __future__ import annotations
 
@@ -21,49 +21,47 @@ from robocup_vision.perception.balls.sizes import BallSizes
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_color import PaintColor
 
-# a ball whose logarithms of R/G and B/G change by less cannot be distinguished from one with red and blue swapped
+# least difference, in logarithms of R/G and B/G, of a ball's colour from that with red and blue swapped
 _MIN_SWAP_DISTANCE = 0.5
-# a polar sample is the mean of 3 x 3 pixels
+# noise of a pixel relative to that of a polar sample, which is the mean of 3 x 3 pixels
 _RAW_NOISE = 3.0
-# beyond it the logarithm of 1 + exp(x) is x, and the exponential may overflow
+# beyond this log(1 + exp(x)) equals x, and the exponential may overflow
 _MAX_EXPONENT = 50.0
 
 
 @dataclass(frozen=True, slots=True)
 class ColoredBallSettings:
-    """What the search for coloured balls can be tuned by."""
+    """Settings of the search for coloured balls."""
 
-    evidence: BallEvidence = field(default_factory=BallEvidence)  #: what a ball looks like, and everything else
-    #: a find with less is no ball: of some hundred things of its colour in a frame none may pass by chance
+    #: distributions of the measurements of balls and of clutter
+    evidence: BallEvidence = field(default_factory=BallEvidence)
+    #: least log-likelihood ratio of a ball, given some hundred objects of its colour in a frame
     min_log_likelihood_ratio: float = 6.5
-    #: it may be so much less where the last frame showed a ball within so many half sizes: balls stay, and of the
-    #: hundred things few are so near
+    #: decrease of that near balls of the last frame, and its radius in half sizes, because balls stay and few other
+    #: objects are that near
     again_nats: float = 3.0
     again_half_sizes: float = 8.0
-    max_blobs: int = 128  #: more are not looked at: a picture full of the ball's colour
-    #: so many standard deviations of the noise beyond where it begins on the way from white is the ball's colour: dark
-    #: grey has any hue in noise
+    max_blobs: int = 128  #: greatest number of blobs, for pictures full of the ball's colour
+    #: margin of the ball's colour from white, standard deviations of the noise, because dark grey has any hue in noise
     white_noise_stds: float = 0.5
-    #: where on the way from white it begins where a channel is at its end, by the others: a ball burnt out by a lamp is
-    #: nearly white
+    #: position between white and the ball's colour at which it begins for clipped pixels: an overexposed ball is nearly
+    #: white
     clipped_ratio: float = 0.15
-    #: standard deviations by which floor seldom differs from itself: the ball's colour begins beyond
+    #: margin of the ball's colour from the floor's, standard deviations of the noise
     floor_stds: float = 3.5
-    min_level: float = 0.6  #: brightness of the ball's shaded side, sum of its channels, as a ratio of the lit floor's
-    min_signal: float = 4.0  #: standard deviations by which a blob must differ from the floor
-    #: mean log-likelihood ratio from which on the floor near the robot is all carpet; how far, as a standard deviation,
-    #: robots and walls let it fall; nats of a frame with such a floor. Photographs of anything have 1.3 (median), of
-    #: fields 3 to 4; of rendered frames in a crowd one in ten has less than 1.5.
+    min_level: float = 0.6  #: brightness of the ball's shaded side, sum of its channels, relative to the lit floor
+    min_signal: float = 4.0  #: least difference of a blob from the floor, standard deviations
+    #: mean log-likelihood ratio of a near floor that is all carpet; standard deviation of its decrease by robots and
+    #: walls; nats for a frame with such a floor
     floor_nats: float = 3.0
     floor_std: float = 0.7
     max_floor: float = 1.0
-    #: carpet is greener than grey and than the frame's white by some times the first, a logarithm; each time that it is
-    #: less green costs the second. The greyest carpet of the photographs has 1.5 times the first.
+    #: scale, a logarithm, by which carpet is greener than grey and than the frame's white; cost of each unit less
     green_scale: float = 0.025
     green_nats: float = 2.0
-    center_std_px: float = 0.3  #: of the blob's centre
-    #: something upright goes on above a blob, or below it, where what is as wide as it differs from what lies to both
-    #: sides by so many levels, and by so many times what differs in it; what that costs
+    center_std_px: float = 0.3  #: standard deviation of the blob's centre
+    #: an upright object continues above or below a blob if the colour there differs from both sides by this number of
+    #: levels plus this multiple of its own spread; nats for each such side
     min_upright_step: float = 15.0
     upright_spreads: float = 2.0
     upright_nats: float = -2.5
@@ -72,16 +70,16 @@ class ColoredBallSettings:
 def ball_colors(
     colors: Colors, settings: ColoredBallSettings, white_ratios: tuple[float, ...]
 ) -> tuple[kernel.BallColor, ...]:
-    """Return what is of the ball's colour, from so far on the way from white on; noise may make several the same."""
+    """Return the ball's colour for several positions between white and it at which it begins, without duplicates."""
     found = [_ball_color(colors, settings, ratio) for ratio in white_ratios]
     return tuple(one for n, one in enumerate(found) if n == 0 or one.plane_ratio < found[n - 1].plane_ratio)
 
 
 def _ball_color(colors: Colors, settings: ColoredBallSettings, min_ratio: float) -> kernel.BallColor:
-    """Return planes that part the ball's colour from white and from the floor, and how bright and clear it must be."""
+    """Return the planes between the ball's colour and white and floor, and the least brightness and signal."""
     ball, floor, white = (_direction(color) for color in (colors.ball, colors.floor.lit, colors.line))
     raw_noise = _RAW_NOISE * colors.floor.noise
-    # a small ball is mixed with floor all over: the plane lies as near to the floor's colour as its noise allows
+    # a small ball is mixed with floor everywhere, so the plane is as near to the floor's colour as noise allows
     floor_counts = 4 * colors.floor.level / float(floor @ [1.0, 2.0, 1.0])
     apart = math.acos(min(1.0, float(ball @ floor)))
     noise_ratio = settings.floor_stds * raw_noise / floor_counts / max(apart, 1e-3)
@@ -110,9 +108,9 @@ def _ball_color(colors: Colors, settings: ColoredBallSettings, min_ratio: float)
 
 
 def with_swapped_ball(colors: Colors) -> Colors | None:
-    """Return colours with the ball's as if its red and blue were swapped; None where that is nearly its own colour.
+    """Return colours with the ball's red and blue swapped; None if that is nearly its own colour.
 
-    Light falls on the paint as it is: only what the paint adds to white is swapped.
+    The light stays the same: only the difference of the paint to white is swapped.
     """
     white = np.log([colors.line.red_ratio, colors.line.blue_ratio])
     beside = np.log([colors.ball.red_ratio, colors.ball.blue_ratio]) - white
@@ -123,18 +121,18 @@ def with_swapped_ball(colors: Colors) -> Colors | None:
 
 
 def floor_evidence(near_floor_nats: float, green_nats: float, settings: ColoredBallSettings) -> float:
-    """Return how much more likely the frame shows a ball's floor than anything: carpet all around, and it is green.
+    """Return the log-likelihood ratio of the frame's floor to anything else: carpet all around, and green.
 
-    The second is what `green_evidence` tells of the frame's colours.
+    `green_nats` is the result of `green_evidence`.
     """
     missing = max(settings.floor_nats - near_floor_nats, 0.0) / settings.floor_std
     return settings.max_floor - 0.5 * missing * missing + green_nats
 
 
 def green_evidence(colors: Colors, settings: ColoredBallSettings) -> float:
-    """Return how much more likely a floor of these colours is carpet than anything, as it is green: nats, 0 or less."""
+    """Return the log-likelihood ratio of carpet to anything else by the greenness of the floor's colour: at most 0."""
     floor, white = colors.floor.lit, colors.line
-    # under a cast of light carpet is greener than white; what passes for white may be some paint: than grey, too
+    # carpet is greener than white under any light, and than grey, because the assumed white may be paint
     ratios = (floor.red_ratio, floor.blue_ratio, floor.red_ratio / white.red_ratio, floor.blue_ratio / white.blue_ratio)
     green = -math.log(max(ratios))
     return -settings.green_nats * math.log1p(math.exp(min(-green / settings.green_scale, _MAX_EXPONENT)))
@@ -156,7 +154,7 @@ def _plane(color: FloatArray, other: FloatArray, ratio: float) -> kernel.Bgr:
 
 
 class ColoredLook:
-    """Balls of one colour; holds scratch memory, so one object a thread.
+    """Balls of one colour; has scratch memory, so not shared between threads.
 
     Parameters
     ----------
@@ -178,7 +176,7 @@ class ColoredLook:
         self.settings = settings
         self._has_color = field.ball_color not in ("white", "black")
         width, height = size_px
-        # pixels that were visited in a frame
+        # pixels visited in a frame
         self._stamps = np.zeros((height, width), dtype=np.int32)
         if mask is not None:
             self._stamps[mask > 0] = kernel.NEVER
@@ -203,7 +201,7 @@ class ColoredLook:
         return found, seen.projection
 
     def swapped_sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
-        """Return what looks like balls whose red and blue are swapped; as `sightings`, but nothing is remembered."""
+        """Return sightings of balls with red and blue swapped; as `sightings`, but does not change the state."""
         if not self._has_color or seen.table is None or seen.projection is None:
             return [], None
         self._adopt(seen.table, seen.projection)
@@ -213,7 +211,7 @@ class ColoredLook:
         return self._search(seen, seen.projection.sizes, self._swapped_colors, [])[0], seen.projection
 
     def forget(self) -> None:
-        """Forget where balls were in the last frame."""
+        """Forget the balls of the last frame."""
         self._last_px = []
 
     def _adopt(self, table: ColorTable, projection: BallProjection) -> None:
@@ -234,14 +232,14 @@ class ColoredLook:
         colors: tuple[kernel.BallColor, ...],
         before: list[tuple[float, float, float]],
     ) -> tuple[list[Sighting], list[tuple[float, float, float]]]:
-        """Return the balls of a colour, the likeliest first, and where and how large they are in the picture.
+        """Return the balls of a colour, the most likely first, and their places and sizes in the picture.
 
         Parameters
         ----------
         colors : tuple of BallColor
-            The ball's colour, from several places on the way from white on.
+            The ball's colour for several positions at which it begins.
         before : list of (float, float, float)
-            Where and how large balls were in the last frame.
+            Places and sizes of balls in the last frame.
         """
         count = 0
         for color in colors:
@@ -260,7 +258,7 @@ class ColoredLook:
             u, v, along, across, _, cut = blobs[n]
             half_px = math.sqrt(along * across)
             if any(math.hypot(u - other_u, v - other_v) < max(half_px, other) for other_u, other_v, other in places):
-                # the same ball, at another threshold of its colour
+                # the same ball by another colour threshold
                 continue
             again = self.settings.again_half_sizes
             if any(math.hypot(u - last_u, v - last_v) <= again * last for last_u, last_v, last in before):
@@ -272,12 +270,12 @@ class ColoredLook:
             if ratios[n] >= needed:
                 places.append((u, v, half_px))
                 found.append(self._whole(sizes, u, v, ratios[n]))
-        # glare leaves a part of a ball its colour: it moves by its own size
+        # a ball moves by its own size, of which glare may hide a part
         last = [(u, v, max(half_px, *sizes.at(u, v))) for u, v, half_px in places]
         return sorted(found, key=lambda one: -one.nats), last
 
     def _weigh(self, frame: UInt8Array, sizes: BallSizes, color: kernel.BallColor, first: int) -> int:
-        """Find and weigh the blobs of a colour, into the rows from `first` on, and return their number."""
+        """Find and weigh the blobs of a colour; fills the rows from `first` on and returns their number."""
         if self._stamp > kernel.NEVER // 2:
             self._stamps[self._stamps != kernel.NEVER] = 0
             self._stamp = 0
@@ -296,14 +294,14 @@ class ColoredLook:
         return int(count)
 
     def _whole(self, sizes: BallSizes, u: float, v: float, nats: float) -> Sighting:
-        """Return the whole ball of which the picture shows a blob."""
+        """Return the sighting of the whole ball for a blob."""
         visible_ratio = 1.0
         if sizes.are_cut(u, v):
             u, v, visible_ratio, *_ = fit_cut_ball(u, v, *sizes.camera.size_px, sizes.table)
         return Sighting(u, v, self.settings.center_std_px / visible_ratio, nats)
 
     def _cut_evidence(self, sizes: BallSizes, blob: list[float]) -> float:
-        """Weigh how well a blob at the picture's edge is the part of a ball that it would show: nats."""
+        """Return the log-likelihood ratio that a blob at the picture's edge is the visible part of a ball, nats."""
         u, v, visible_ratio, count, *shown = fit_cut_ball(
             blob[kernel.U], blob[kernel.V], *sizes.camera.size_px, sizes.table
         )
@@ -322,16 +320,15 @@ class ColoredLook:
         return nats
 
     def _upright_evidence(self, frame: UInt8Array, sizes: BallSizes, blob: list[float]) -> float:
-        """Weigh whether a blob is a part of something upright that goes on above or below it: nats, 0 or less.
+        """Return nats, at most 0, for upright objects that continue above or below a blob.
 
-        A band of a beacon or post has the next band above, and below. Such a band is as wide as the blob, of one
-        colour, and another than what lies to both sides. A ball has floor at its foot; a line that runs towards it is
-        narrower, one across it goes on to both sides.
+        A band of a beacon or post has another band above or below, of the same width, in one colour that differs from
+        both sides. A ball has floor at its foot; a line towards it is narrower, and one across it is wider.
         """
         settings, middle = self.settings, (blob[kernel.U], blob[kernel.V])
         up_u, up_v = middle[0] - sizes.axis_px[0], middle[1] - sizes.axis_px[1]
         length = math.hypot(up_u, up_v)
-        # glare and shade leave a part of a ball its colour: what goes on must go on beyond the whole of it
+        # glare and shade may hide a part of the ball, so the continuation is tested beyond its whole size
         along, across = sizes.at(*middle)
         halves = max(blob[kernel.ALONG], along), max(blob[kernel.ACROSS], across)
         step, spreads = settings.min_upright_step, settings.upright_spreads

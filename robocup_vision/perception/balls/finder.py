@@ -1,4 +1,4 @@
-"""The search for balls on the floor, the same for every camera; what a ball looks like is the one part that varies."""
+"""Search for balls on the floor with any camera, by the appearance of the field's ball."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from robocup_vision.perception.balls.look import BallFrame, BallLook
 from robocup_vision.perception.balls.patterned import PatternedLook
 from robocup_vision.perception.balls.projection import BallProjection, ball_projection
 
-# more are not reported
+# greatest number of balls that are reported
 _MAX_BALLS = 8
 
 
 def is_learned(camera: OmniCamera | PinholeCamera) -> bool:
-    """Whether balls are found by the network: in a fisheye.
+    """Whether balls are found by the network, which is trained on photographs of fisheyes.
 
-    It has learnt from photographs of fisheyes. In those of narrow lenses colour and patches show more.
+    For narrower lenses colours and patches are more reliable.
     """
     return isinstance(camera, FisheyeCamera)
 
@@ -32,16 +32,16 @@ def has_patches(field: Field, camera: OmniCamera | PinholeCamera) -> bool:
 
 
 class BallFinder:
-    """Finds balls in frames of one camera; holds scratch memory, so one object a thread.
+    """Finds balls in frames of one camera; has scratch memory, so not shared between threads.
 
     Parameters
     ----------
     field : Field
-        Gives the ball's size and look; a plain white ball cannot be distinguished from lines.
+        Gives the ball's size and appearance; a plain white ball cannot be distinguished from lines.
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never used.
     look : BallLook, optional
-        Without it the one for this field and camera.
+        By default the one for this field and camera.
     """
 
     def __init__(
@@ -62,34 +62,34 @@ class BallFinder:
 
     @property
     def is_by_color(self) -> bool:
-        """Whether balls are found by nothing but the colour that the field's file names."""
+        """Whether balls are found only by the colour that the field file names."""
         return self._look is self._colored
 
     def find(self, seen: BallFrame) -> tuple[Ball, ...]:
-        """Find the balls in a frame, the likeliest first."""
+        """Find the balls in a frame, the most likely first."""
         if seen.projection is None and (isinstance(seen.camera, OmniCamera) or seen.camera.known_orientation):
             seen = seen._replace(projection=ball_projection(seen.camera, self._radius_m))
         return _placed(*self._look.sightings(seen))
 
     def find_colored(self, seen: BallFrame) -> tuple[Ball, ...]:
-        """Find the balls of the colour that the field's file names, however others are found."""
+        """Find balls of the colour that the field file names, whatever the search for others is."""
         return _placed(*self._colored.sightings(seen))
 
     def find_swapped(self, seen: BallFrame) -> tuple[Ball, ...]:
-        """Find things that look like balls whose red and blue are swapped; nothing is remembered.
+        """Find objects that look like balls with red and blue swapped; does not change the state.
 
-        Where swapped red and blue leave the ball's colour nearly as it is, none are found.
+        None are found if the ball's colour is nearly the same with red and blue swapped.
         """
         return _placed(*self._colored.swapped_sightings(seen))
 
     def forget(self) -> None:
-        """Forget where balls were in the frames before."""
+        """Forget the balls of previous frames."""
         self._look.forget()
         self._colored.forget()
 
 
 def _placed(sightings: list[Sighting], projection: BallProjection | None) -> tuple[Ball, ...]:
-    """Place balls on the floor; those whose ray does not meet it are none."""
+    """Place balls on the floor; sightings whose ray does not meet it are dropped."""
     if projection is None:
         return ()
     balls = (projection.place(*sighting) for sighting in sightings)

@@ -1,4 +1,4 @@
-"""Balls of any look, by the network, each where its size belongs."""
+"""Search for balls of any appearance by the network, where a ball has the right size."""
 
 from __future__ import annotations
 
@@ -16,27 +16,26 @@ from robocup_vision.perception.balls.network import BallNetwork, BallPlaces, Bal
 from robocup_vision.perception.balls.projection import BallProjection
 from robocup_vision.perception.balls.sizes import BallSizes
 
-# more are not looked at again
+# greatest number of places to search again
 _MAX_EXPECTED = 8
 
 
 @dataclass(frozen=True, slots=True)
 class LearnedBallSettings:
-    """What the search by the network can be tuned by."""
+    """Settings of the search by the network."""
 
-    #: a sighting with less is no ball: of thirty balls told in photographs of an event that was not learnt from one at
-    #: most is none
+    #: least log-likelihood ratio of a ball
     min_nats: float = 2.0
     again_nats: float = 1.0  #: reduction of the threshold near a ball that was seen: balls stay
-    #: the whole frame is searched once in so long, a part each look, and for so long near what was last seen then: less
-    #: than half a second, in which a robot is to know of a ball that comes into view. Frames without a time, or farther
-    #: apart, are searched whole.
+    #: period in which the whole frame is searched once, a part in each look, and time for which the surroundings of
+    #: sightings are searched: short enough for a ball that comes into view. Frames without a time, or farther apart,
+    #: are searched completely.
     sweep_s: float = 0.4
-    place_std: float = 0.15  #: of a ball's centre, in radii
+    place_std: float = 0.15  #: standard deviation of a ball's centre, in radii
 
 
 class _Expected(NamedTuple):
-    """What is looked at again: where a ball was seen, and when; or what may be one, which is not reported."""
+    """A place to search again: a ball with its time, or a possible one that is not reported."""
 
     seen: BallSpot
     seen_s: float
@@ -44,12 +43,12 @@ class _Expected(NamedTuple):
 
 
 class LearnedLook:
-    """Balls of any look in frames of one pinhole camera; holds scratch memory: one object a thread.
+    """Balls of any appearance in frames of one pinhole camera; has scratch memory, so not shared between threads.
 
     Parameters
     ----------
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never used.
     """
 
     def __init__(self, mask: UInt8Array | None = None, settings: LearnedBallSettings = LearnedBallSettings()) -> None:
@@ -60,7 +59,7 @@ class LearnedLook:
         self.forget()
 
     def forget(self) -> None:
-        """Forget the frames before: the next one is searched whole."""
+        """Forget the previous frames: the next one is searched completely."""
         self._expected: list[_Expected] = []
         self._looked_s: float | None = None
         # fraction of the whole frame's work that this sweep has done
@@ -74,19 +73,19 @@ class LearnedLook:
         is_ball = [self._is_ball(one) for one in balls]
         self._expect(balls, is_ball, seen.t_s)
         std = self.settings.place_std
-        told = [one for one, is_told in zip(balls, is_ball, strict=True) if is_told]
-        return [Sighting(one.u_px, one.v_px, std * one.radius_px, one.nats) for one in told], seen.projection
+        reported = [one for one, is_reported in zip(balls, is_ball, strict=True) if is_reported]
+        return [Sighting(one.u_px, one.v_px, std * one.radius_px, one.nats) for one in reported], seen.projection
 
     def _part_of_work(self, t_s: float | None) -> float:
-        """Return how much of the whole frame is searched in the look at this time."""
+        """Return the fraction of the whole frame to search at this time."""
         since_s = math.inf if t_s is None or self._looked_s is None else t_s - self._looked_s
         self._looked_s = t_s
         return since_s / self.settings.sweep_s if 0.0 < since_s < self.settings.sweep_s else 1.0
 
     def _look(self, frame: UInt8Array, places: BallPlaces, part: float) -> list[BallSpot]:
-        """Look at the whole frame, or at the part of it that is next and where balls are expected.
+        """Search the whole frame, or its next part and the places where balls are expected.
 
-        A sighting may be less certain than a ball that is reported.
+        A sighting may be less certain than a reported ball.
         """
         strips = places.strips
         if part >= 1.0:
@@ -99,14 +98,14 @@ class LearnedLook:
         return [] if strips is None else self._network.look(frame, strips, min_nats)
 
     def _is_ball(self, one: BallSpot) -> bool:
-        """Whether a sighting is reported as a ball: certain by itself, or where a ball was."""
+        """Whether a sighting is reported as a ball: certain by itself, or near a previous ball."""
         place = np.array(one)
         return one.nats >= self.settings.min_nats or any(
             bool(is_near(place, other.seen)) for other in self._expected if other.is_ball
         )
 
     def _expect(self, seen: list[BallSpot], is_ball: list[bool], t_s: float | None) -> None:
-        """Expect what is seen, and for a while what is not seen again."""
+        """Expect balls at the present sightings, and for a while at previous ones."""
         if t_s is None:
             return
         places = np.array(seen).reshape(-1, 4)
@@ -119,7 +118,7 @@ class LearnedLook:
         self._expected = [*new, *old][:_MAX_EXPECTED]
 
     def _places_of(self, sizes: BallSizes) -> BallPlaces:
-        """Return where to look for balls of these sizes; kept as long as the sizes are."""
+        """Return the places to search for balls of these sizes; cached as long as the sizes exist."""
         if sizes not in self._places:
             self._places[sizes] = BallPlaces(sizes, self._mask)
         return self._places[sizes]

@@ -1,4 +1,4 @@
-"""What a look for balls takes, a frame, and what it returns; each look knows balls by something else."""
+"""Interface of the searches for balls, each of which identifies balls by other properties."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from robocup_vision.perception.color_table import ColorTable
 
 
 class BallFrame(NamedTuple):
-    """A frame, and what is known of it."""
+    """A frame, with what is known of it."""
 
     frame: UInt8Array  #: (H, W, 3) uint8, BGR
     camera: OmniCamera | PinholeCamera  #: as held in the frame; its tilt may be unknown
-    projection: BallProjection | None = None  #: how it shows balls; None: a finder makes it, where the tilt is known
-    table: ColorTable | None = None  #: the colours; None: not learnt yet
-    #: mean log-likelihood ratio of the floor near the robot: how much of it is of the learnt floor's colour
+    projection: BallProjection | None = None  #: projection of balls; if None a finder makes it, if the tilt is known
+    table: ColorTable | None = None  #: the colours; None if not learnt yet
+    #: mean log-likelihood ratio of the floor near the robot
     near_floor_nats: float = 0.0
     t_s: float | None = None  #: when it was taken
 
 
 class BallLook(Protocol):
-    """What a ball looks like, and how that is seen in frames."""
+    """A search for balls by their appearance."""
 
     def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
-        """Return what looks like balls, the likeliest first, and what places it: the frame's own, or as balls tell."""
+        """Return the sightings, the most likely first, and the projection: the frame's, or one estimated from balls."""
         ...
 
     def forget(self) -> None:
-        """Forget the frames before."""
+        """Forget the previous frames."""
         ...

@@ -1,9 +1,9 @@
-"""The ball classifier: two small convolutional networks, run by OpenCV, over pictures of balls of one size.
+"""Classifier of balls: two small convolutional networks, run by OpenCV, on pictures in which balls have a fixed size.
 
-How large a ball on the floor is at every place of the picture, the camera says. The picture is cut into strips within
-which that size changes little; each is scaled so that a ball has about `STRIP_RADIUS_PX`. As a fisheye bends them, they
-are cut into tiles. The first network answers for every `STRIDE_PX`-th pixel of a tile whether a ball may be there. The
-second looks closer at the likeliest places: at crops in which a ball has `CROP_RADIUS_PX`.
+The camera determines the size of a ball at every place of the picture. The picture is divided into strips of similar
+size, scaled so that a ball's radius is about `STRIP_RADIUS_PX`, and into tiles, because a fisheye bends strips. The
+first network answers for every `STRIDE_PX`-th pixel of a tile whether a ball may be there. The second classifies crops
+at the most likely places, in which a ball's radius is `CROP_RADIUS_PX`.
 """
 
 from __future__ import annotations
@@ -23,38 +23,39 @@ from robocup_vision.perception.balls.ball import lie_apart
 from robocup_vision.perception.balls.sizes import BallSizes, ball_sizes_px
 from robocup_vision.perception.networks import Shrunk, read_network
 
-# of the first network: what a ball's radius is about, how far apart its answers are, and where the first is
+# first network: approximate radius of a ball, distance of its answers, and position of the first one
 STRIP_RADIUS_PX, STRIDE_PX, FIRST_PX = 4.0, 4, 7
-# of the second: a ball's radius, and the side of its crops
+# second network: radius of a ball, and side of its crops
 CROP_RADIUS_PX, CROP_PX = 6.0, 32
-# from the ball size of one strip to the next; the networks are trained for more
+# ratio of ball sizes between strips, within the range for which the networks are trained
 SIZE_STEP = 1.65
-# sizes of the smallest and the largest ball that is looked for, in steps from STRIP_RADIUS_PX
+# smallest and largest ball size, in steps from STRIP_RADIUS_PX
 _FIRST_SIZE, _LAST_SIZE = -1, 5
-# columns and rows between radii that are computed: far balls lie in a strip of about ten rows
+# grid of computed radii; far balls lie in a strip of about ten rows
 _GRID_PX = 16, 4
-# largest error of a size in a strip, in steps: neighbouring strips overlap a little
+# greatest error of a size in a strip, in steps; neighbouring strips overlap a little
 _SIZE_SLACK = 0.55
-# largest width of a tile, in answers: wider ones show more beside the curved strip, narrower ones more rim
+# greatest width of a tile, in answers: wider tiles show more outside the curved strip, narrower ones more border
 _TILE_ANSWERS = 12
-# search radius about a ball's last place, in its radii
+# search radius around a ball's last place, in its radii
 _MOVES_RADII = 5.0
-# the first network's answers are looked at closer from here on, so many at most; apart by so many radii
+# least answer of the first network for the second to be used, greatest number of such places, and their least distance
+# in radii
 FIRST_NATS, MAX_PLACES, _APART_RADII = 1.0, 10, 0.8
 
 
 class BallSpot(NamedTuple):
-    """Where a network sees a ball."""
+    """A sighting of a ball by a network."""
 
     #: its centre in the frame
     u_px: float
     v_px: float
-    radius_px: float  #: of a ball of that size; on the floor where the camera says how it is held
-    nats: float  #: what speaks for it
+    radius_px: float  #: radius of a ball on the floor there
+    nats: float  #: log-likelihood ratio
 
 
 class _Part(NamedTuple):
-    """A part of the frame: its left upper corner, the width and height that it is scaled to, and a ball's radius."""
+    """A part of the frame: its upper left corner, its scaled width and height, and a ball's radius."""
 
     left: float
     top: float
@@ -64,26 +65,26 @@ class _Part(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BallStrips:
-    """What of a camera's frames is looked at, at which size, as the camera is held in one way."""
+    """The parts of a camera's frames to search, with their scales, for one attitude of the camera."""
 
-    parts: tuple[_Part, ...]  #: tiles of the frame, those of far balls first
-    answers: Int64Array  #: (N, 3) int64: part, row and column of the network's answers that are of the floor
-    places_px: FloatArray  #: (N, 3) float64: pixel u, v of the frame of each, and a ball's radius there
-    scales: FloatArray  #: (N,) float64: pixels of the frame for a pixel of its part
+    parts: tuple[_Part, ...]  #: tiles of the frame, those with far balls first
+    answers: Int64Array  #: (N, 3) int64: part, row and column of the network's answers on the floor
+    places_px: FloatArray  #: (N, 3) float64: pixel u, v of each in the frame, and the radius of a ball there
+    scales: FloatArray  #: (N,) float64: frame pixels for each pixel of its part
 
     @property
     def _ends(self) -> FloatArray:
-        """(P,) float64: fraction of the work that is done after each part."""
+        """(P,) float64: fraction of the work after each part."""
         work = np.cumsum([width * height for width, height in (part.size for part in self.parts)], dtype=np.float64)
         return np.asarray(work / work[-1], dtype=np.float64)
 
     def some(self, begin: float, end: float, balls: Sequence[BallSpot]) -> BallStrips | None:
-        """Return a part of the work, and what shows where balls may have moved to in a frame; None where it is nothing.
+        """Return a fraction of the work, and the parts to which balls may have moved; None if there are none.
 
         Parameters
         ----------
         begin, end : float
-            The parts that end within these fractions of the work; beyond 1 it goes on with the first.
+            Selects the parts that end within these fractions of the work; beyond 1 it continues with the first.
         """
         chosen = ((self._ends > begin) & (self._ends <= end)) | (self._ends <= end - 1.0)
         for ball in balls:
@@ -98,12 +99,12 @@ class BallStrips:
 
 
 class BallPlaces:
-    """How large a ball on the floor is all over a camera's frames, as the camera is held in one way.
+    """Radii of balls on the floor all over a camera's frames, for one attitude of the camera.
 
     Parameters
     ----------
     mask : (H, W) uint8 or None
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never used.
     """
 
     def __init__(self, sizes: BallSizes, mask: UInt8Array | None) -> None:
@@ -118,7 +119,7 @@ class BallPlaces:
 
     @cached_property
     def strips(self) -> BallStrips | None:
-        """The whole frame's strips; None where it shows no floor on which a ball is large enough."""
+        """Strips of the whole frame; None if it shows no floor on which a ball is large enough."""
         wanted = []
         for size in range(_FIRST_SIZE, _LAST_SIZE + 1):
             radius = STRIP_RADIUS_PX * SIZE_STEP**size
@@ -130,7 +131,7 @@ class BallPlaces:
         return self._strips(wanted)
 
     def _part(self, box: tuple[float, float, float, float], radius: float) -> _Part:
-        """Return the part whose answers cover a box of the frame; it may reach beyond."""
+        """Return the part whose answers cover a box of the frame; it may extend beyond the frame."""
         scale = radius / STRIP_RADIUS_PX
         sides = ((box[0], box[2], self._size_px[0]), (box[1], box[3], self._size_px[1]))
         ends = [(max(low, 0.0), min(high, side - 1.0)) for low, high, side in sides]
@@ -139,7 +140,7 @@ class BallPlaces:
         return _Part(ends[0][0] - FIRST_PX * scale, ends[1][0] - FIRST_PX * scale, (width, height), radius)
 
     def _strips(self, parts: list[_Part]) -> BallStrips | None:
-        """Tell which answers of the network are of the floor, and cut the parts into tiles around these."""
+        """Find the network's answers on the floor, and divide the parts into tiles around these."""
         tiles: list[_Part] = []
         answers: list[FloatArray] = []
         for part in parts:
@@ -159,7 +160,7 @@ class BallPlaces:
         return BallStrips(tuple(tiles), rows[:, :3].astype(np.int64), rows[:, 3:6], rows[:, 6])
 
     def _answers(self, part: _Part) -> FloatArray:
-        """Row and column, u, v and a ball's radius in the frame, and the scale, of each answer."""
+        """Return for each answer row and column, u and v in the frame, a ball's radius there, and the scale."""
         width, height = self._size_px
         scale = part.radius_px / STRIP_RADIUS_PX
         down = np.arange(FIRST_PX, part.size[1] - FIRST_PX, STRIDE_PX)
@@ -179,19 +180,19 @@ class BallPlaces:
 
 
 def crop_around(shrunk: Shrunk, u_px: float, v_px: float, radius_px: float, side: int = CROP_PX) -> UInt8Array:
-    """Return a square of a frame with a ball in its middle whose radius is `CROP_RADIUS_PX`."""
+    """Return a square of a frame around a ball, scaled to the radius `CROP_RADIUS_PX`."""
     scale = radius_px / CROP_RADIUS_PX
     reach = scale * (side - 1) / 2
     return shrunk.part(u_px - reach, v_px - reach, scale, (side, side))
 
 
 class BallNetwork:
-    """The networks and what they need for a look; one object a thread.
+    """The networks and their scratch memory; not shared between threads.
 
     Parameters
     ----------
     first, second : bytes, optional
-        ONNX files; without them the package's own.
+        ONNX files; the package's own by default.
     """
 
     def __init__(self, first: bytes | None = None, second: bytes | None = None) -> None:
@@ -200,7 +201,7 @@ class BallNetwork:
         self._first, self._second = (read_network(content) for content in stored)
 
     def look(self, frame: UInt8Array, strips: BallStrips, min_nats: float) -> list[BallSpot]:
-        """Return where balls are seen, the surest first; of those that lie over each other the surest."""
+        """Return the balls, the most likely first, without those that overlap a more likely one."""
         shrunk = Shrunk(frame)
         likely = []
         for place in self.places(shrunk, strips)[:MAX_PLACES]:
@@ -212,16 +213,16 @@ class BallNetwork:
         return _apart(sorted(likely, key=lambda one: -one.nats), 1.3)
 
     def places(self, shrunk: Shrunk, strips: BallStrips, min_nats: float = FIRST_NATS) -> list[BallSpot]:
-        """Return where the first network says that a ball may be, the likeliest first."""
+        """Return the places where a ball may be by the first network, the most likely first."""
         found = []
         for part in strips.parts:
-            # one by one: where the layers' results are small they stay in the processor's cache
+            # one at a time, so that the layers' results stay in the processor's cache
             shown = shrunk.part(part.left, part.top, part.radius_px / STRIP_RADIUS_PX, part.size)
             self._first.setInput(cv2.dnn.blobFromImage(shown))
             found.append(self._first.forward()[0].transpose(1, 2, 0))
         numbers, rows, columns = strips.answers.T
         answer = np.empty((len(rows), 3), dtype=np.float32)
-        # they stand in the order of their parts
+        # answers are sorted by part
         begins = np.searchsorted(numbers, np.arange(len(found) + 1))
         for answers, begin, end in zip(found, begins[:-1], begins[1:], strict=True):
             answer[begin:end] = answers[rows[begin:end], columns[begin:end]]
@@ -238,12 +239,12 @@ class BallNetwork:
 
 
 def _apart(sightings: list[BallSpot], radii: float) -> list[BallSpot]:
-    """Of sightings, the likeliest first, keep those that do not lie so near a likelier one."""
+    """Return the sightings, the most likely first, without those too near to a more likely one."""
     return [sightings[n] for n in lie_apart([one[:3] for one in sightings], radii)]
 
 
 def is_near(places: FloatArray, ball: BallSpot) -> BoolArray:
-    """Whether places (..., 3 or more): u, v and a ball's radius, are where a ball may have moved to in a frame."""
+    """Whether a ball may have moved to places (..., 3 or more), u, v and radius, within a frame."""
     off = places[..., :2] - (ball.u_px, ball.v_px)
     near = np.hypot(off[..., 0], off[..., 1]) <= _MOVES_RADII * ball.radius_px
     near &= np.abs(np.log(places[..., 2] / ball.radius_px)) <= _SIZE_SLACK * math.log(SIZE_STEP)

@@ -1,8 +1,8 @@
-"""White balls with dark patches, in frames of a pinhole camera: no blob of a colour, but round, patched, on carpet.
+"""Search for white balls with dark patches in frames of a pinhole camera: round, with patches, on carpet.
 
-A ball's size says how far below the horizon its centre lies: by its radius in the picture, times the height of the
-camera over that centre, by the radius in metres. So balls in one picture bear each other out, and where the camera's
-tilt is not known they give it.
+A ball's size determines how far below the horizon its centre is: its radius in the picture, times the height of the
+camera above that centre, divided by its radius in metres. Balls of one picture must therefore agree, and they determine
+the camera's tilt if that is not known.
 """
 
 from __future__ import annotations
@@ -29,58 +29,56 @@ _LOGS = np.log(np.arange(256) + patterned_carpet.NOISE_COUNTS)
 
 @dataclass(frozen=True, slots=True)
 class PatternedBallSettings:
-    """What the search for patterned balls can be tuned by."""
+    """Settings of the search for patterned balls."""
 
-    #: of the balls that are looked for, and the factor from one size to the next: half a step is blur
+    #: radii to search, and the ratio of successive sizes: half a step is within the blur
     min_radius_px: float = 5.0
     max_radius_px: float = 50.0
     radius_step: float = 1.12
-    #: where rims are looked for
+    #: sampling of rims
     search: kernel.DiscSearch = kernel.DiscSearch(0.82, 1.12, 1.5, 0.25, 0.8, 0.5, 0.7, 0.55, 0.04)
-    #: below this hue and above this greenness (see the kernel) a pixel of the lower half may be carpet; so many of them
-    #: must be
+    #: greatest hue and least greenness (see the kernel) of a carpet pixel in the lower half
     carpet_hue: float = -0.12
     min_green: float = 0.1
-    #: between the quartiles of the carpet's hue: it is of one material. In sun and shadow it is 0.25, of leaves of many
-    #: plants 0.3 to 0.6.
+    #: greatest interquartile range of the carpet's hue, because carpet is of one material, unlike leaves of many plants
     max_hue_range: float = 0.4
-    #: carpet in the deepest shadow has so much of the usual one's brightness; less is black
+    #: least brightness of carpet in the deepest shadow relative to its median; less is black
     min_carpet_level: float = 0.3
     min_carpet_ratio: float = 0.5
-    #: discs that are found and weighed at most
+    #: greatest numbers of discs that are found, and that are weighed
     max_discs: int = 20000
     max_kept: int = 80
-    #: of the directions at a rim, those that part ball from carpet, at a ball and elsewhere; independent ones of a
-    #: whole rim
+    #: ratio of directions at a rim that are ball inside and carpet outside, at a ball and elsewhere; number of
+    #: independent directions of a whole rim
     rim_ratio: float = 0.85
     chance_rim_ratio: float = 0.45
     rim_signs: float = 6.0
-    #: of a disc, what is dark: mean and standard deviation at a ball, whose patches cover 28 % and fade with distance;
-    #: mean elsewhere, and the ratio of discs elsewhere that have any
+    #: dark ratio of a disc: mean and standard deviation at a ball, whose patches cover 28 % and fade with distance;
+    #: mean elsewhere, and the ratio of other discs that have any
     dark_ratio: float = 0.24
     dark_std: float = 0.09
     chance_dark_ratio: float = 0.06
     chance_any: float = 0.1
-    #: of places two and three radii away, those that are carpet, at a ball and elsewhere; independent ones
+    #: ratio of places two and three radii away that are carpet, at a ball and elsewhere; number of independent ones
     around_ratio: float = 0.88
     chance_around_ratio: float = 0.6
     around_signs: float = 8.0
-    #: of either at most so many for each pixel of the radius: neighbours that the blur covers say the same
+    #: greatest number of independent ones of either for each pixel of the radius, because blur correlates neighbours
     signs_per_px: float = 0.7
-    #: the white is so many times as bright as the carpet at the ball's rim: more is a lamp, or before the dark
+    #: bounds of the white's brightness relative to the carpet at the rim: more is a lamp or in front of the dark
     min_white: float = 1.0
     max_white: float = 2.6
-    #: of a measured radius, relative; angle over which the tilts lie that other discs would need
+    #: relative standard deviation of a measured radius; span of the tilts that other discs would imply
     radius_std: float = 0.12
     tilt_span_rad: float = 0.5
-    outlier_ratio: float = 0.05  #: of balls, those whose size says nothing: half hidden, or half in the dark
-    min_log_likelihood_ratio: float = 4.0  #: a find with less is no ball
-    place_std: float = 0.1  #: of a disc's centre, of its radius
+    outlier_ratio: float = 0.05  #: ratio of balls whose size is an outlier: half hidden, or half in the dark
+    min_log_likelihood_ratio: float = 4.0  #: least log-likelihood ratio of a ball
+    place_std: float = 0.1  #: standard deviation of a disc's centre, in radii
 
 
 @dataclass(frozen=True, slots=True)
 class _Disc:
-    """A disc that may be a ball: place and radius, what speaks for it, and the camera's tilt if it is one."""
+    """A candidate disc: place and radius, log-likelihood ratio, and the camera's tilt if it is a ball."""
 
     u_px: float
     v_px: float
@@ -91,16 +89,16 @@ class _Disc:
 
 
 class PatternedLook:
-    """White balls with dark patches in frames of one pinhole camera; holds scratch memory: one object a thread.
+    """White balls with dark patches in frames of one pinhole camera; has scratch memory, not shared between threads.
 
     Parameters
     ----------
     radius_m : float
-        Of a ball.
+        Radius of a ball.
     camera : PinholeCamera
-        Its tilt may be unknown: then two balls in view give it, or one that is clear.
+        Its tilt may be unknown: then it is estimated from two balls in view, or from one that is clear.
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never used.
     """
 
     def __init__(
@@ -125,10 +123,10 @@ class PatternedLook:
         self._kept = np.empty((settings.max_kept, kernel.COLUMNS))
 
     def forget(self) -> None:
-        """See `BallLook.forget`: nothing is remembered."""
+        """See `BallLook.forget`: there is no state."""
 
     def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
-        """See `BallLook.sightings`; where the tilt is unknown the balls' own sizes give it, and so their places."""
+        """See `BallLook.sightings`; an unknown tilt, and so the places, are estimated from the balls' sizes."""
         camera, projection = seen.camera, seen.projection
         assert isinstance(camera, PinholeCamera)
         tilt_std, roll_std = camera.sway_std_rad(SWAY_STD_RAD)
@@ -140,7 +138,7 @@ class PatternedLook:
             if voted is None:
                 return [], None
             tilt, tilt_std, is_alone = voted
-            # a disc that alone says what the tilt is cannot be borne out by it
+            # a single disc cannot confirm the tilt that it implies itself
             ratios = [min(self._ratio(disc, tilt), disc.nats if is_alone else math.inf) for disc in discs]
             held = camera.with_orientation(camera.pan_rad or 0.0, tilt, camera.roll_rad or 0.0)
             projection = PinholeBallProjection(held, self._radius_m, (tilt_std, roll_std))
@@ -151,7 +149,7 @@ class PatternedLook:
         return [Sighting(disc.u_px, disc.v_px, std * disc.radius_px, ratio) for ratio, disc in apart], projection
 
     def _voted_tilt(self, discs: list[_Disc]) -> tuple[float, float, bool] | None:
-        """Return the tilt that most speaks for, its standard deviation, and whether one disc alone speaks for it.
+        """Return the most likely tilt, its standard deviation, and whether it is implied by one disc only.
 
         None if no disc may be a ball.
         """
@@ -187,7 +185,7 @@ class PatternedLook:
         if top == frame.shape[0] or not has_carpet:
             return []
         kinds = self._kinds
-        # half-way from white to the carpet
+        # thresholds half-way from white to the carpet
         patterned_carpet.classify(
             blurred, top, 0.5 * hue, 0.5 * green, settings.min_carpet_level * level, levels, kinds
         )
@@ -197,7 +195,7 @@ class PatternedLook:
         found = self._found[: kernel.find_discs(kinds, _DIRECTIONS, self._radii_px, row_radii, search, self._found)]
         count = kernel.best_discs(kinds, levels, _DIRECTIONS, search, found, self._kept)
         kept = self._kept[:count]
-        # a disc may have shrunk below what is looked for when its place and size were fitted
+        # fitting may have reduced a disc below the least size
         kept = kept[kept[:, kernel.RADIUS] >= settings.min_radius_px]
         if not len(kept):
             return []
@@ -210,9 +208,9 @@ class PatternedLook:
         ]
 
     def _row_radii_px(self, projection: BallProjection | None) -> tuple[FloatArray, int]:
-        """Return the least and greatest radius (H, 2) of a ball on the floor in each row, and the first row of use.
+        """Return the least and greatest radius (H, 2) of a ball on the floor in each row, and the first row in use.
 
-        A tilt that is not known leaves every size open in every row.
+        Without a tilt any size is possible in any row.
         """
         height = len(self._kinds)
         if projection is None:
@@ -220,13 +218,13 @@ class PatternedLook:
         bounds = projection.sizes.row_radii_px(self.settings.radius_std)
         reach = np.arange(height) - patterned_carpet.BEYOND * bounds[:, 1]
         reached = reach[bounds[:, 1] >= self.settings.min_radius_px]
-        # beyond the frame's upper rim nothing is looked at, however large the ball
+        # clipped at the frame's upper border
         return bounds, int(max(reached.min(initial=height), 0.0))
 
     def _weighed(
         self, row: list[float], ray: list[float], lens_scale: float, camera: PinholeCamera, tilt_std_rad: float
     ) -> _Disc:
-        """Return a disc of the search and what speaks for it; its ray is the camera's, with the roll undone."""
+        """Return a disc with its log-likelihood ratio; `ray` is in the camera frame without roll."""
         settings = self.settings
         u, v, radius, rim, _, white, dark, carpet, around, shown = row
         nats = (
@@ -243,7 +241,7 @@ class PatternedLook:
         nats += math.log((at_ball + settings.outlier_ratio) / (elsewhere + settings.chance_any))
         if not settings.min_white * carpet <= white <= settings.max_white * carpet:
             nats -= settings.min_log_likelihood_ratio
-        # the depression of the ray to the centre by the ball's size, and the tilt that puts the ray there
+        # depression of the ray to the centre by the ball's size, and the tilt that gives the ray this depression
         half = radius / lens_scale * ray[0] / camera.focal_px[0]
         fall = min((camera.height_m - self._radius_m) / self._radius_m * math.sin(half), 0.99)
         reach = math.hypot(ray[0], ray[2])
@@ -252,7 +250,7 @@ class PatternedLook:
         return _Disc(u, v, radius, nats, tilt, std)
 
     def _ratio(self, disc: _Disc, tilt_rad: float) -> float:
-        """Return the log-likelihood ratio of a disc, its size included, for a tilt of the camera."""
+        """Return the log-likelihood ratio of a disc, including its size, for a tilt of the camera."""
         settings = self.settings
         off = (disc.tilt_rad - tilt_rad) / disc.tilt_std_rad
         density = math.exp(-0.5 * off * off) / (disc.tilt_std_rad * math.sqrt(math.tau))
@@ -261,7 +259,7 @@ class PatternedLook:
 
 
 def _lens_scale(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
-    """How many times larger (N,) than without distortion a lens shows what is at some pixels (N, 2)."""
+    """Return the lens' magnification (N,) at pixels (N, 2), relative to a lens without distortion."""
     if not camera.is_bent:
         return np.ones(len(pixels))
     beside = pixels[:, None] + [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
@@ -271,12 +269,12 @@ def _lens_scale(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
 
 
 def _apart(discs: list[_Disc], ratios: list[float], needed: float) -> list[tuple[float, _Disc]]:
-    """Return the discs of at least the needed ratio, the best first, of those that lie over each other the best."""
+    """Return the discs of at least the needed ratio, the best first, without those that overlap a better one."""
     likely = [(ratio, disc) for ratio, disc in zip(ratios, discs, strict=True) if ratio >= needed]
     likely.sort(key=lambda one: -one[0])
     return [likely[n] for n in lie_apart([(disc.u_px, disc.v_px, disc.radius_px) for _, disc in likely], 1.0)]
 
 
 def _sign_nats(ratio: float, expected: float, by_chance: float) -> float:
-    """Log-likelihood ratio a sign, where a ratio of signs speaks for a ball."""
+    """Return the log-likelihood ratio of a ball for each of some binary signs, of which a ratio is positive."""
     return ratio * math.log(expected / by_chance) + (1 - ratio) * math.log((1 - expected) / (1 - by_chance))

@@ -1,4 +1,4 @@
-"""Where on the floor a ball lies that a camera's picture shows, how well that is known, and what it hides."""
+"""Projection of balls in a picture to the floor, with covariance, and the samples that a ball covers."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from robocup_vision.perception.balls.sizes import BallSizes
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
 
-# a ball's shadow lies within this many half sizes of it, and what hides behind it within this many above its middle
+# half sizes from a ball within which its shadow lies, and above its middle within which it hides the floor
 _SHADOW_RATIO, _BEHIND_RATIO = 1.5, 1.15
-# a mirror's viewpoint is no higher than so many radii of the ball, the rules see to that (0.225 m in the small-size
-# league of 2001, 10.5 radii; 0.8 m in the middle-size league, 7.3)
+# greatest height of a mirror's viewpoint, in radii of the ball, by the rules (0.225 m in the small-size league of 2001,
+# 10.5 radii; 0.8 m in the middle-size league, 7.3)
 _MAX_HEIGHT_RADII = 11.0
-# its height, and the relative standard deviation of it, where neither file nor curve gives a possible one: four mirrors
-# of known height have 5.5 to 7, an old one 9.5
+# height and its relative standard deviation if neither file nor curve gives a possible one: four mirrors of known
+# height have 5.5 to 7, an old one 9.5
 _USUAL_HEIGHT_RADII, _USUAL_HEIGHT_STD = 6.3, 0.15
-# tilt and roll of a forward camera whose file does not say how they sway: robots nod when they start and stop
+# standard deviation of tilt and roll of a forward camera if its file has none: robots nod when they start and stop
 SWAY_STD_RAD = math.radians(1.0)
-# from this far below a forward camera's picture, rays up it are nearly parallel, and circles are rows
+# distance of the rays' origin below a forward camera's picture, so large that they are nearly parallel
 _FAR_BELOW_PX = 20_000
-# a ray that falls by less for each metre meets no floor in view
+# flatter rays meet no floor in view
 _LEVEL = -1e-3
 
 
@@ -41,17 +41,17 @@ class BallProjection(ABC):
     Parameters
     ----------
     sizes : BallSizes
-        How large they look.
+        Sizes of balls in the picture.
     """
 
-    #: so far on the way from white to the ball's colour begins the ball's colour; all are tried
+    #: positions, from white to the ball's colour, at which the ball's colour begins; all are tested
     white_ratios: tuple[float, ...]
 
     def __init__(self, sizes: BallSizes) -> None:
         self.sizes = sizes
 
     def place(self, u: float, v: float, std_px: float, log_likelihood_ratio: float) -> Ball | None:
-        """Place a ball on the floor; None where the ray of its centre does not meet it.
+        """Place a ball on the floor; None if the ray of its centre does not meet it.
 
         Parameters
         ----------
@@ -62,7 +62,7 @@ class BallProjection(ABC):
         if not all(math.isfinite(x) for x, _ in places):
             return None
         (x, y), (x_right, y_right), (x_left, y_left), (x_down, y_down), (x_up, y_up) = places
-        # in plain floats: products of arrays as small as these take longer than all the rest
+        # plain floats, because products of such small arrays are slow
         moves = [(std_px, x_right - x_left, y_right - y_left), (std_px, x_down - x_up, y_down - y_up)]
         xx = xy = yy = 0.0
         for std, dx, dy in moves + self._camera_moves(x, y):
@@ -73,37 +73,37 @@ class BallProjection(ABC):
         return Ball(x, y, covariance, u, v, log_likelihood_ratio)
 
     def clear(self, ball: Ball, view: PolarView | FloorView, marks: UInt8Array) -> None:
-        """Let the ball and its shadow block nothing: the robot drives to it. Changes `marks` (K, M) in place."""
+        """Mark the blocked samples of a ball and its shadow as BALL, in place, because the robot drives to it."""
         bearing, radius = view.from_pixel((ball.u_px, ball.v_px))
         along, across = self.sizes.at(ball.u_px, ball.v_px)
         row = (bearing - float(view.bearing_rad[0])) / view.row_step_rad
         column = min(int(view.radius_px.searchsorted(radius)), len(view.radius_px) - 1)
         row_px = view.row_step_rad * float(view.range_m[column] / view.across_m_per_px[column])
-        # a shadow lies before the ball and beside it; behind it may stand somebody. The samples' blur reaches a column.
+        # a shadow is in front of the ball and beside it, but an obstacle may be behind; blur extends by a column
         near_px, far_px = ((ratio * along + view.step_px + 1.5) for ratio in (_SHADOW_RATIO, _BEHIND_RATIO))
         half_rows = (_SHADOW_RATIO * across + 1.5) / row_px + 1
         free_floor.clear_ball(row, radius, half_rows, near_px, far_px, view.is_ring, view.radius_px, marks)
 
     @abstractmethod
     def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-        """Where the rays of some pixels meet the plane of the ball's centre, robot frame; NaN where they do not."""
+        """Return where the rays of pixels meet the plane of the ball's centre, robot frame; NaN if they do not."""
 
     @abstractmethod
     def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, float, float]]:
-        """Return the camera's own errors, each a standard deviation and how far a unit of it moves a place: x, y."""
+        """Return the camera's errors: a standard deviation, and the derivative of the place (x, y) by it."""
 
 
 class MirrorBallProjection(BallProjection):
-    """Balls in a mirror camera's picture: rays lead from the mirror's axis outwards, all around."""
+    """Balls in a mirror camera's picture, in which rays lead from the mirror's axis outwards."""
 
-    # half-way parts a ball from pale things beside it
+    # half-way, because of pale objects beside the ball
     white_ratios = (0.5,)
-    # a ball covers at least two seeds
+    # so that a ball covers at least two seeds
     _SEED_PITCH = 1.0
 
     def __init__(self, camera: OmniCamera, radius_m: float) -> None:
         self.camera, self._radius_m = camera, radius_m
-        # a curve fitted to a floor hardly says how high it is seen from, and may imply any height
+        # a curve that is fitted to a floor hardly determines the height, and may imply any
         implied = camera.floor_range.implied_height_m
         possible = implied is not None and implied <= _MAX_HEIGHT_RADII * radius_m
         known = camera.viewpoint_height_m or (implied if possible else None)
@@ -111,7 +111,7 @@ class MirrorBallProjection(BallProjection):
         self._height_std = _USUAL_HEIGHT_STD if known is None else 0.0
         super().__init__(
             BallSizes(
-                # all around alike: as a level mirror shows them
+                # sizes of a level mirror, the same all around
                 replace(camera, tilt_rad=(0.0, 0.0), viewpoint_height_m=self._height_m),
                 self._height_m,
                 radius_m,
@@ -130,20 +130,20 @@ class MirrorBallProjection(BallProjection):
         self._rays = inner, float(radius[1] - radius[0]), fall, camera.camera_to_robot.tolist(), viewpoint_m
 
     def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, float, float]]:
-        """See `BallProjection._camera_moves`: what the height leaves open that is not known."""
+        """See `BallProjection._camera_moves`: the error of an assumed height."""
         if not self._height_std:
             return []
-        # the ray falls by a radius less than to the floor: the nearer, the lower the mirror
+        # the plane is a radius above the floor, which has more effect for a lower mirror
         ratio = 1.0 / (_USUAL_HEIGHT_RADII - 1.0)
         return [(self._height_std, ratio * x_m, ratio * y_m)]
 
     def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-        """See `BallProjection._on_plane`; in plain floats, as points are few and a look is short."""
+        """See `BallProjection._on_plane`; in plain floats, which are faster for few points."""
         inner, step, fall, turn, (x0, y0, z0) = self._rays
         (center_u, center_v), heading_rad = self.camera.center_px, self.camera.heading_rad
         flip, last = 1.0 if self.camera.mirrored else -1.0, len(fall) - 1.001
         fallen = z0 - self._radius_m * (z0 / self._height_m)
-        # written out: a ball takes five of these
+        # unpacked, because a ball needs five points
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn
         places = []
         for u, v in pixels:
@@ -160,29 +160,29 @@ class MirrorBallProjection(BallProjection):
 
 
 class PinholeBallProjection(BallProjection):
-    """Balls in a forward camera's picture: rays lead up it, against the direction in which the floor comes nearer.
+    """Balls in a forward camera's picture, in which rays lead up, away from the nearer floor.
 
     Parameters
     ----------
     camera : PinholeCamera
-        With a known tilt.
+        Must have a known tilt.
     sway_std_rad : (float, float), optional
-        Standard deviations of its tilt and roll; without them those of its file, or of a body that sways.
+        Standard deviations of its tilt and roll; by default those of its file, or of a body that sways.
     """
 
-    # of a far ball under a lamp, blur and compression leave a third of its colour
+    # blur and compression leave a third of the colour of a far ball under a lamp
     white_ratios = (0.5, 0.2)
-    # of a far ball under a lamp a quarter has its colour
+    # a quarter of a far ball under a lamp has its colour
     _SEED_PITCH = 0.5
 
     def __init__(self, camera: PinholeCamera, radius_m: float, sway_std_rad: tuple[float, float] | None = None) -> None:
         _, y, z = camera.camera_to_robot[2].tolist()
         length = math.hypot(y, z)
-        # image u grows to the camera's right, v downwards; its own down is minus the robot's up
+        # image u increases to the camera's right, v downwards; the camera's down is minus the robot's up
         down_u, down_v = (y / length, z / length) if length > 1e-6 else (0.0, 1.0)
         u, v = camera.center_px
         axis_u, axis_v = u + _FAR_BELOW_PX * down_u, v + _FAR_BELOW_PX * down_v
-        # beyond the picture's corners a lens with distortion may show any size
+        # a lens with distortion may give any size beyond the picture's corners
         right, low = camera.size_px
         corners = [math.hypot(u - axis_u, v - axis_v) for u in (0, right - 1) for v in (0, low - 1)]
         self._radius_m, self._held = radius_m, camera
@@ -205,14 +205,14 @@ class PinholeBallProjection(BallProjection):
         )
 
     def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> PinholeBallProjection:
-        """Return the same sizes, with places by the camera as it is held in a frame."""
+        """Return the same sizes with places by the camera as held in a frame."""
         other = copy(self)
         other._held = camera
         other.sway_std_rad = sway_std_rad or camera.sway_std_rad(SWAY_STD_RAD)
         return other
 
     def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-        """See `BallProjection._on_plane`."""
+        """See `BallProjection._camera_moves`: errors of tilt, roll and height."""
         depth, (x0, y0) = self._held.height_m - self._radius_m, self._held.offset_m
         places = []
         for x, y, z in self._held.pixel_to_ray(pixels).tolist():
@@ -228,8 +228,8 @@ class PinholeBallProjection(BallProjection):
         x, y = x_m - camera.offset_m[0], y_m - camera.offset_m[1]
         ahead, aside = c * x + s * y, c * y - s * x
         level, down = math.cos(camera.tilt_rad or 0.0), math.sin(camera.tilt_rad or 0.0)
-        # a ray (ahead, aside, -depth) that turns about the level axis across the lens, or about the lens's own axis
-        # (level, 0, down), moves its foot so much a radian; the height stretches the floor
+        # derivatives of the foot of a ray (ahead, aside, -depth) by a rotation about the horizontal axis across the
+        # lens, and about the lens' own axis (level, 0, down); an error of the height scales the floor
         moves = (
             (depth + ahead * ahead / depth, ahead * aside / depth),
             (level * ahead * aside / depth - down * aside, level * (depth + aside * aside / depth) + down * ahead),
@@ -243,7 +243,7 @@ class PinholeBallProjection(BallProjection):
 
 
 def ball_projection(camera: OmniCamera | PinholeCamera, radius_m: float) -> BallProjection:
-    """Return how balls of a radius show in a camera's picture."""
+    """Return the projection of balls of a radius for a camera."""
     if isinstance(camera, OmniCamera):
         return MirrorBallProjection(camera, radius_m)
     return PinholeBallProjection(camera, radius_m)

@@ -1,4 +1,4 @@
-"""How large a ball on the floor looks in a camera's picture, and where seeds of a search for it lie."""
+"""Size of a ball on the floor in a camera's picture, and seeds of a search for balls."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls.blobs import BallSize
 
-# balls with a smaller half size are too far: pixels, or in a small picture a ratio of the way over its floor (a pixel
-# in the pictures of Sekimori et al.)
+# least half size of a ball in use: pixels, and in a small picture a ratio of the extent of its floor (one pixel in the
+# pictures of Sekimori et al.)
 _MIN_HALF_PX, _MIN_HALF_RATIO = 2.0, 1.0 / 86.0
-# of the logarithms of size and slenderness: shade and glare cut a ball's outline
+# standard deviation of the logarithms of size and slenderness, due to shade and glare
 _SHAPE_STD = 0.15
-# in a row a ball has a radius within so many standard deviations; told for every so many rows
+# bounds of a ball's radius in a row, standard deviations; rows between computed bounds
 _SIGMAS, _ROWS = 3.0, 8
 
 
 def ball_sizes_px(
     camera: OmniCamera | PinholeCamera, height_m: float, radius_m: float, pixels: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return half the height and half the width (...) of balls on the floor with their centres at pixels (..., 2).
+    """Return half the height and half the width (...) of balls on the floor with centres at pixels (..., 2).
 
-    Both are 0 where none can lie.
+    Both are 0 where no ball can be.
 
     Parameters
     ----------
     camera : OmniCamera or PinholeCamera
-        With a known tilt.
+        Must have a known tilt.
     height_m : float
-        Of its viewpoint.
+        Height of its viewpoint.
     """
     ray = camera.pixel_to_ray(pixels)
     bearing, level = np.arctan2(ray[..., 1], ray[..., 0]), np.hypot(ray[..., 0], ray[..., 1])
@@ -51,7 +51,7 @@ def ball_sizes_px(
         sine = np.where(distance > radius_m, radius_m / distance, np.nan)
         half, aside = np.arcsin(sine), np.arcsin(sine / level)
     ends = [np.linalg.norm(shown(bearing, elevation + turn) - pixels, axis=-1) for turn in (half, -half)]
-    # where a lens or a mirror's table ends within the ball, the other end tells its height
+    # where a lens or a mirror's table ends within the ball, the other end is used
     high, low = (np.where(np.isfinite(end), end, other) for end, other in zip(ends, ends[::-1], strict=True))
     heights = (high + low) / 2
     widths = np.linalg.norm(shown(bearing + aside, elevation) - shown(bearing - aside, elevation), axis=-1) / 2
@@ -61,15 +61,15 @@ def ball_sizes_px(
 
 @dataclass(frozen=True, eq=False)
 class BallSizes:
-    """How large balls on the floor look along rays of the picture that lead away from the robot."""
+    """Sizes of balls on the floor along rays of the picture that lead away from the robot."""
 
     camera: OmniCamera | PinholeCamera  #: with a known tilt
     height_m: float  #: of its viewpoint
     radius_m: float  #: of the ball
-    axis_px: tuple[float, float]  #: where, in the picture's plane, the rays start
-    ahead: tuple[float, float]  #: unit vector of one of them
+    axis_px: tuple[float, float]  #: origin of the rays in the picture's plane
+    ahead: tuple[float, float]  #: unit vector of one ray
     span_px: tuple[float, float]  #: distances from the axis between which the picture shows floor
-    beyond_px: float  #: how much farther to both sides the centre of a ball may lie that the picture cuts
+    beyond_px: float  #: greatest distance outside that range of a ball's centre that the picture cuts
     height_std: float  #: relative standard deviation of the viewpoint's height
     sway_rad: float  #: standard deviation of the camera's tilt
     seed_pitch: float  #: distance between seeds, in half sizes of the ball
@@ -77,7 +77,7 @@ class BallSizes:
 
     @property
     def shape_std(self) -> float:
-        """Standard deviation of the logarithms of size and slenderness: seen from lower, a ball is longer."""
+        """Standard deviation of the logarithms of size and slenderness: from a lower viewpoint a ball looks longer."""
         return math.hypot(_SHAPE_STD, self.height_std)
 
     @cached_property
@@ -91,13 +91,13 @@ class BallSizes:
         return along, across
 
     def at(self, u: float, v: float) -> tuple[float, float]:
-        """Return half the size, along and across the ray, of a ball with its centre there."""
+        """Return half the size, along and across the ray, of a ball with this centre."""
         (axis_u, axis_v), (along, across) = self.axis_px, self.along_across_px
         place = min(round(math.hypot(u - axis_u, v - axis_v)), len(along) - 1)
         return float(along[place]), float(across[place])
 
     def are_cut(self, u: float, v: float) -> bool:
-        """Whether a ball with its centre there may reach beyond the picture."""
+        """Whether a ball with this centre may extend beyond the picture."""
         reach = max(self.at(u, v)) - 0.5
         width, height = self.camera.size_px
         return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
@@ -119,12 +119,12 @@ class BallSizes:
         slack = _SIGMAS * radius_std * middle
         least = (middle - np.hypot(slack, middle - small)).min(axis=1)
         most = (middle + np.hypot(slack, large - middle)).max(axis=1)
-        # between two of the rows the radii lie between theirs
+        # bounds of the rows between are those of both neighbours
         bounds = np.stack([np.minimum(least[:-1], least[1:]), np.maximum(most[:-1], most[1:])], axis=1)
         return np.repeat(bounds, _ROWS, axis=0)[: self.camera.size_px[1]]
 
     def _swayed_radii_px(self) -> FloatArray:
-        """Return radii (3, R, 3) at ends and middle of some rows: of a camera swayed up, held, swayed down."""
+        """Return radii (3, R, 3) at ends and middle of some rows, for a camera swayed up, held, and swayed down."""
         camera, slack_rad = self.camera, _SIGMAS * self.sway_rad
         assert isinstance(camera, PinholeCamera)
         width, height = camera.size_px
@@ -137,21 +137,21 @@ class BallSizes:
 
     @cached_property
     def table(self) -> BallSize:
-        """The sizes as loops take them."""
+        """The sizes in the format of the kernels."""
         along, across = self.along_across_px
         known = (along > 0) & (across > 0)
         size = np.log(np.where(known, along * across, 1.0)) / 2
-        # neighbours tell how fast the size changes along the ray; at the ends of what is known they tell nothing
+        # the derivative along the ray is unknown at the ends of what is known
         change = np.abs(np.gradient(size)) * (known & np.roll(known, 1) & np.roll(known, -1))
         sway_px = self.sway_rad * self.camera.focal_px[1] if isinstance(self.camera, PinholeCamera) else 0.0
-        # where the sway is as long as the way to the horizon, any size may be
+        # bounded, because any size is possible where the sway reaches the horizon
         log_std = np.hypot(self.shape_std, np.minimum(sway_px * change, 0.8))
         (axis_u, axis_v), body_px = self.axis_px, self.span_px[0]
         return plain(BallSize(float(axis_u), float(axis_v), float(body_px), along, across, log_std, self.shape_std))
 
     @cached_property
     def seeds(self) -> Int32Array:
-        """Pixels (N, 2) int32, v and u, in rows so dense that a ball anywhere on the floor covers some of them."""
+        """Pixels (N, 2) int32, v and u, in rows so dense that a ball anywhere on the floor covers some."""
         (along, across), (width, height) = self.along_across_px, self.camera.size_px
         up_rad, reach_px = math.atan2(self.ahead[1], self.ahead[0]), math.hypot(width, height)
         min_half_px = min(_MIN_HALF_PX, _MIN_HALF_RATIO * (self.span_px[1] - self.span_px[0]))
@@ -168,5 +168,5 @@ class BallSizes:
             place += max(self.seed_pitch * along[round(place)], 1.0)
         pixels = np.rint(np.vstack(rows)).astype(np.int32)
         inside = (pixels >= 1).all(axis=1) & (pixels[:, 0] < width - 1) & (pixels[:, 1] < height - 1)
-        # in the order of memory
+        # sorted by memory address
         return np.ascontiguousarray(np.unique(pixels[inside][:, ::-1], axis=0))

@@ -1,1 +1,1 @@
-"""Whether a robot or a person stands on the floor."""
+"""Classification of obstacles as robots or persons."""

@@ -1,7 +1,7 @@
-"""The kind classifier: a small convolutional network, run by OpenCV, over upright pictures of obstacles of one size.
+"""Classifier of obstacles: a small convolutional network, run by OpenCV, on upright pictures of fixed scale.
 
-The camera projects an upright rectangle over the obstacle's foot into its frame. So cut out, a metre has the same
-number of pixels near and far, and what is upright is upright all over a fisheye's picture.
+The camera projects an upright rectangle over the obstacle's foot into the frame. Pictures cut out like that have the
+same number of pixels for each metre at any distance, and are upright all over a fisheye's picture.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from robocup_vision.perception.networks import Shrunk, read_network
 Kind = Literal["robot", "person"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
-# width and height of the network's input, metres of one pixel, and the foot's row counted from below
+# width and height of the network's input; size of a pixel, metres; row of the foot, counted from below
 SEEN_PX, PIXEL_M, FOOT_PX = (36, 48), 0.036, 4
-# columns and rows between exactly projected pixels; those between are interpolated
+# grid of exactly projected pixels; others are interpolated
 _GRID_PX = 4
-# smallest log-odds of a kind that is reported: 20 to 1
+# least log-odds of a reported kind, 20 to 1
 MIN_NATS = 3.0
-# farther away an obstacle has too few pixels, and none was in the training set
+# greatest range of an obstacle, because farther ones have too few pixels and were not in the training set
 MAX_RANGE_M = 8.0
 
 
@@ -39,17 +39,17 @@ def upright_pictures(shrunk: Shrunk, camera: PinholeCamera, places_m: FloatArray
     Parameters
     ----------
     camera : PinholeCamera
-        As held.
+        The camera as held in the frame.
     places_m : (N, 2) float64
         Feet on the floor, robot frame.
     rim_px : int
-        So many pixels more are cut on each side.
+        Additional pixels on each side.
     """
     width, height = (side + 2 * rim_px for side in SEEN_PX)
     foot = height - 1 - rim_px - FOOT_PX
     ahead = places_m - np.array(camera.offset_m)
     ahead = ahead / np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-6)[:, None]
-    # a lens bends so little from one of these columns and rows to the next
+    # distortion is nearly linear between these columns and rows
     columns, rows = (np.linspace(0, side - 1, side // _GRID_PX) for side in (width, height))
     aside = PIXEL_M * ((width - 1) / 2 - columns)
     points = np.empty((len(places_m), len(rows), len(columns), 3))
@@ -71,12 +71,12 @@ def upright_pictures(shrunk: Shrunk, camera: PinholeCamera, places_m: FloatArray
 
 
 class KindNetwork:
-    """The network; one object a thread.
+    """The network; not shared between threads.
 
     Parameters
     ----------
     content : bytes, optional
-        ONNX file; without it the package's own.
+        ONNX file; the package's own by default.
     """
 
     def __init__(self, content: bytes | None = None) -> None:
@@ -84,7 +84,7 @@ class KindNetwork:
         self._network = read_network(content or (folder / "kind.onnx").read_bytes())
 
     def nats(self, pictures: UInt8Array) -> FloatArray:
-        """Return what speaks for each of `KINDS` against all else, (N, 2), in upright pictures (N, 48, 36, 3)."""
+        """Return the log-odds (N, 2) of each of `KINDS` in upright pictures (N, 48, 36, 3)."""
         answers = np.empty((len(pictures), len(KINDS) + 1))
         for answer, picture in zip(answers, pictures, strict=True):
             self._network.setInput(cv2.dnn.blobFromImage(picture))
@@ -93,7 +93,7 @@ class KindNetwork:
 
 
 def log_odds(answers: FloatArray) -> FloatArray:
-    """Return the log-odds (N, 2) of each of `KINDS`, by the network's answers (N, 3): the last one is for all else."""
+    """Return the log-odds (N, 2) of each of `KINDS` from the network's answers (N, 3), whose last is all else."""
     rest = [np.logaddexp.reduce(np.delete(answers, kind, axis=1), axis=1) for kind in range(len(KINDS))]
     return np.asarray(answers[:, : len(KINDS)] - np.stack(rest, axis=1))
 
@@ -111,14 +111,14 @@ _OF_THREAD = _OfThread()
 
 @dataclass(frozen=True, eq=False)
 class KindSource:
-    """What the kinds of the things in one frame are told by."""
+    """A frame and its obstacles, of which the kinds are computed when needed."""
 
     frame: Callable[[], UInt8Array]  #: returns the frame, (H, W, 3) uint8, BGR
     camera: PinholeCamera  #: as held in the frame
-    places_m: FloatArray  #: (N, 2) float64: where the things stand, robot frame
+    places_m: FloatArray  #: (N, 2) float64: places of the obstacles, robot frame
 
     def kind(self, number: int) -> Kind | None:
-        """Return the kind of one thing, by its number; None where nothing tells."""
+        """Return the kind of an obstacle by its index; None if it is uncertain."""
         return self._kinds[number]
 
     @cached_property

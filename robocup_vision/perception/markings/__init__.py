@@ -1,1 +1,1 @@
-"""What one frame shows of a field's markings, robot frame: line segments, crossings, circles and goal posts."""
+"""Markings of the field in one frame, robot frame: line segments, crossings, circles, goal posts and penalty marks."""

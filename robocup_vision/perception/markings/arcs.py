@@ -1,4 +1,4 @@
-"""Circles and arcs of the field's radii in one frame's line points, on the floor, without a pose."""
+"""Circles and arcs of the field's radii in the line points of one frame, on the floor, without a pose."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from robocup_vision.perception.markings.line_pieces import LinePieces
 from robocup_vision.perception.markings.marking import MarkingSettings
 from robocup_vision.perception.markings.straight import fit_line, is_bare, middle_shifts_m, scale_m
 
-# deviations of the camera's attitude that are tried, standard deviations
+# deviations of the camera's tilt that are tested, standard deviations
 _SWAYS = (-1.3, 0.0, 1.3)
 _FIT_STEPS = 8
-# before this step the circle is known well enough to tell how perspective moves its middle
+# iteration from which the circle is accurate enough for a correction of its line's middle by perspective
 _MIDDLE_STEP = 5
 # half the arc over which a circle's curvature in the picture is measured
 _BEND_RAD = 0.05
 # parts of a turn in which an arc's extent is counted
 _PARTS = 36
-# largest number of pieces, evenly spread, that propose a centre on either side
+# greatest number of pieces, evenly spread, that propose a centre on either side
 _MAX_VOTERS = 60
-# width of a proposal, in gates
+# width of a proposal's gate, in gates
 _WIDE = 3.0
 
 
@@ -34,12 +34,12 @@ class Arc:
     """An arc of a circle."""
 
     center_m: FloatArray  #: (2,) float64: robot frame
-    covariance: FloatArray  #: (2, 2) float64: of its centre, with the errors of how the camera is held
-    deviations: FloatArray  #: (K,) float64: these errors as they fit, standard deviations
-    cost_nats: float  #: half the sum of the points' squared errors, in standard deviations of samples
-    noise_px: float  #: of the points
+    covariance: FloatArray  #: (2, 2) float64: of its centre, including the errors of the camera's attitude
+    deviations: FloatArray  #: (K,) float64: fitted errors of the attitude, standard deviations
+    cost_nats: float  #: half the sum of the samples' squared normalised residuals
+    noise_px: float  #: standard deviation of the points
     radius_m: float  #: of the field's circle
-    points: Int64Array  #: (P,) int64: which of the line points lie on it
+    points: Int64Array  #: (P,) int64: indices of its line points
 
 
 def find_arcs(
@@ -54,15 +54,15 @@ def find_arcs(
 ) -> list[Arc]:
     """Return the arcs of these radii, the one with most points first.
 
-    Arguments are as those of `find_straight`; `common_px`: see `common_error_px`; `free` (N,) are the points, and
-    `pieces` those, that lie on no straight line.
+    Arguments as in `find_straight`; `common_px`: see `common_error_px`; `free` (N,) and `pieces` are those on no
+    straight line.
     """
     slack_m = settings.slack_widths * line_width_m
     shifts = errors.shifts_m(points.pixels) if len(radii_m) else np.empty((0, 2, 0))
     piece_shifts = errors.shifts_m(pieces.pixels)
     free = free.copy()
     found: list[Arc] = []
-    # no more than the field has
+    # at most as many as the field has
     for radius, most in zip(*(part.tolist() for part in np.unique(radii_m, return_counts=True)), strict=True):
         for _ in range(most):
             start = _propose(pieces, piece_shifts, radius, slack_m, settings)
@@ -81,7 +81,7 @@ def find_arcs(
 def _propose(
     pieces: LinePieces, shifts: FloatArray, radius_m: float, slack_m: float, settings: MarkingSettings
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the centre (2,) and the errors of the camera (K,) that most pieces agree with; None: too few do."""
+    """Return the centre (2,) and the camera's errors (K,) with most inlier pieces; None if there are too few."""
     if len(pieces) < 4:
         return None
     errors = shifts.shape[-1]
@@ -123,7 +123,7 @@ def _fit(
     common_px: float,
     settings: MarkingSettings,
 ) -> Arc | None:
-    """Fit centre and camera together; None where too little of the circle is seen."""
+    """Fit centre and camera jointly; None if too little of the circle is visible."""
     slack_m = settings.slack_widths * line_width_m
     left = np.flatnonzero(free)
     floor, shifts, bend_px = points.floor_m[left], shifts[left], np.zeros(len(left))
@@ -166,7 +166,7 @@ def _fit(
 
 
 def _scale_m(per_px: FloatArray, outward: FloatArray) -> FloatArray:
-    """(P,) float64: how far a step in the picture moves points along their own directions, metres a pixel."""
+    """Return the motion (P,) of points along their own directions for a step in the picture, metres for each pixel."""
     return np.asarray(np.linalg.norm(np.einsum("nij,ni->nj", per_px, outward), axis=1))
 
 
@@ -178,26 +178,26 @@ def _middles(
     radius_m: float,
     line_width_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return points on the middle of a circle's line, how they move, and what they err by, now that it is about known.
+    """Return points on the middle of a circle's line, their shifts and their errors, given the approximate circle.
 
     Parameters
     ----------
     pixels, per_px : (P, 2) float64, (P, 2, 2) float64
-        Of the points, see `LinePoints`.
+        The points, see `LinePoints`.
     errors : FloorErrors
-        About the camera as it was taken to be held.
+        Errors relative to the camera's initial attitude.
     state : (2 + K,) float64
-        Centre, and the errors of how the camera is held.
+        Centre, and errors of the attitude.
     radius_m, line_width_m : float
-        Of the circle.
+        Radius of the circle and width of its line.
 
     Returns
     -------
     (P, 2), (P, 2, K), (P,) float64
-        Places and how they move, so that places and shifts by `state` are those of the camera that is held so: what a
-        far place moves by differs from one tilt to another. Then errors, pixels: a line is crossed along one of four
-        axes of the picture, and between the edges of one that bends, the middle of such a way lies inside by
-        half**2 tan(angle)**2 / (2 r), where half is half its width and r the radius of the bend in the picture.
+        Places and their shifts, linearised at the attitude of `state`, because the shifts of far places depend on the
+        tilt. Then errors, pixels: a line is crossed along one of four axes of the picture, and between the edges of a
+        curved line the middle of the crossing is displaced inwards by half**2 tan(angle)**2 / (2 r), where half is half
+        its width and r its radius of curvature in the picture.
     """
     fitted = errors.moved(state[2:])
     camera, shifts = fitted.camera, fitted.shifts_m(pixels)
@@ -219,11 +219,11 @@ def _middles(
 
 
 def _shows_carpet(points: LinePoints, errors: FloorErrors, arc: Arc, settings: MarkingSettings) -> bool:
-    """Whether bare carpet is seen on much of the circle as far as it is in view."""
+    """Whether bare carpet covers much of the circle as far as it is in view."""
     turn = np.linspace(0.0, math.tau, 2 * _PARTS, endpoint=False)
     circle = arc.center_m + arc.radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     camera = errors.camera
-    # where a camera that is held so shows it
+    # pixels for the fitted attitude
     shifted = circle - errors.shifts_m(camera.floor_to_pixel(circle)) @ arc.deviations
     bare = np.count_nonzero(is_bare(points, camera.floor_to_pixel(shifted)))
     turn = np.arctan2(*(points.floor_m[arc.points] - arc.center_m).T[::-1])
@@ -232,7 +232,7 @@ def _shows_carpet(points: LinePoints, errors: FloorErrors, arc: Arc, settings: M
 
 
 def _may_be_straight(points: LinePoints, arc: Arc, settings: MarkingSettings) -> bool:
-    """Whether a straight line is about as likely."""
+    """Whether a straight line is about equally likely."""
     angle, distance, _, _ = fit_line(points, arc.points, _angle_of(points.floor_m[arc.points]), settings)
     normal = np.array([math.cos(angle), math.sin(angle)])
     residual_px = (points.floor_m[arc.points] @ normal - distance) / scale_m(points, arc.points, normal)
@@ -242,6 +242,6 @@ def _may_be_straight(points: LinePoints, arc: Arc, settings: MarkingSettings) ->
 
 
 def _angle_of(floor_m: FloatArray) -> float:
-    """Return the direction of the normal of a line through some places."""
+    """Return the direction of the normal of a line through places."""
     way = np.linalg.svd(floor_m - floor_m.mean(axis=0), full_matrices=False)[2][0]
     return math.atan2(-way[0], way[1])

@@ -1,7 +1,7 @@
-"""Errors that the floor places of a frame's pixels have in common: of the camera's attitude, and of stretches of line.
+"""Correlated errors of floor places: of the camera's attitude, and of stretches of line.
 
-How the camera is held is known with limited accuracy and moves all places together. Paint, light and lens move
-stretches of line, not single points.
+The camera's attitude has a limited accuracy, and its error moves all places together. Paint, light and lens move
+stretches of line.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.marking import MarkingSettings
 from robocup_vision.perception.markings.straight import Straight, scale_m
 
-# width of a square of the picture whose points have correlated errors
+# side of a square of the picture whose points have correlated errors
 _SQUARE_PX = 24.0
-# the mean of a stripe of fewer points is not used
+# least number of points in a stripe whose mean is used
 _MIN_POINTS = 4
 # median of the square of a standard normal number
 _MEDIAN_CHI2 = 0.4549
@@ -31,9 +31,9 @@ _MEDIAN_CHI2 = 0.4549
 class FloorErrors:
     """A camera, and the errors of its attitude, height, focal length and pan."""
 
-    camera: OmniCamera | PinholeCamera  #: as the frame shows it to be held
-    #: (5, K) float64: columns are independent errors, each by one standard deviation: of a forward camera's tilt, roll,
-    #: height, logarithm of the focal length and pan, rad and m. (0, 0): a mirror camera's file is taken to be right.
+    camera: OmniCamera | PinholeCamera  #: attitude as measured by the frame
+    #: (5, K) float64: one column for each independent error, of one standard deviation, in a forward camera's tilt,
+    #: roll, height, logarithm of the focal length and pan, rad and m. (0, 0) for a mirror camera, taken as exact.
     root: FloatArray
 
     @classmethod
@@ -43,16 +43,16 @@ class FloorErrors:
         settings: MarkingSettings,
         held_covariance: FloatArray | None = None,
     ) -> FloorErrors:
-        """Return the errors of a camera whose attitude a frame has shown, or else its file gives.
+        """Return the errors of a camera whose attitude is measured by a frame or given by its file.
 
         Parameters
         ----------
         camera : OmniCamera or PinholeCamera
-            As the frame, or else its file, says that it is held.
+            The camera at that attitude.
         settings : MarkingSettings
-            Standard deviations that are assumed where neither gives them.
+            Standard deviations to assume if neither gives them.
         held_covariance : (4, 4) float64, optional
-            Of a forward camera's tilt, roll, height and logarithm of the focal length.
+            Covariance of a forward camera's tilt, roll, height and logarithm of the focal length.
         """
         if isinstance(camera, OmniCamera):
             return cls(camera, np.empty((0, 0)))
@@ -66,30 +66,29 @@ class FloorErrors:
 
     @cached_property
     def _others(self) -> tuple[tuple[PinholeCamera, PinholeCamera], ...]:
-        """The camera off by each error either way, one at a time."""
+        """The camera with each error of plus and of minus one standard deviation."""
         camera = self.camera
         if isinstance(camera, OmniCamera):
             return ()
         return tuple((_held(camera, column), _held(camera, -column)) for column in self.root.T)
 
     def moved(self, deviations: FloatArray) -> FloorErrors:
-        """Return the errors about the camera that is off by so many (K,) standard deviations of each."""
+        """Return the errors relative to the camera with these deviations (K,), in standard deviations."""
         if isinstance(self.camera, OmniCamera):
             return self
         return FloorErrors(_held(self.camera, self.root @ deviations), self.root)
 
     def shifts_m(self, pixels: FloatArray) -> FloatArray:
-        """How far floor places of pixels (..., 2) move by one standard deviation of each error, (..., 2, K), metres.
+        """Return the shifts of pixels' (..., 2) floor places by one standard deviation of each error, (..., 2, K), m.
 
-        A central difference: half of the way from the place at minus one deviation to that at plus one. NaN where a
-        pixel may be beyond the horizon.
+        Computed as central differences. NaN where a pixel may be beyond the horizon.
         """
         shifts = [(more.pixel_to_floor(pixels) - less.pixel_to_floor(pixels)) / 2 for more, less in self._others]
         return np.stack(shifts, axis=-1) if shifts else np.empty((*np.shape(pixels), 0))
 
 
 def _root(covariance: FloatArray) -> FloatArray:
-    """Return a root (N, K) of a covariance (N, N), lower triangular but for the columns of what does not err."""
+    """Return a root (N, K) of a covariance (N, N): the Cholesky factor, without the columns of exact parameters."""
     errs = np.diag(covariance) > 0.0
     root = np.zeros_like(covariance)
     root[np.ix_(errs, errs)] = np.linalg.cholesky(covariance[np.ix_(errs, errs)])
@@ -103,28 +102,28 @@ def _held(camera: PinholeCamera, error: FloatArray) -> PinholeCamera:
     return panned.as_fitted(
         (camera.tilt_rad or 0.0) + tilt,
         (camera.roll_rad or 0.0) + roll,
-        # a camera is above the floor
+        # must stay above the floor
         max(camera.height_m + height, 0.1 * camera.height_m),
         (fu * scale, fv * scale),
     )
 
 
 def common_error_px(points: LinePoints, lines: list[Straight], settings: MarkingSettings) -> float:
-    """Return the standard deviation of the error that neighbouring points have in common, pixels across the line.
+    """Return the standard deviation of the common error of neighbouring points, pixels across the line.
 
-    The points of each straight line are averaged stripe by stripe. The means scatter about the line by more than the
-    points' own errors explain; the excess is the common error. It is no less than `settings.bias_px`.
+    The points of each straight line are averaged in stripes. The excess of the means' scatter about the line over the
+    points' own errors is the common error. It is at least `settings.bias_px`.
     """
     squared, single = [np.empty(0)], [np.empty(0)]
     for line in lines:
         which = line.points
         residual_px = (points.floor_m[which] @ line.normal - line.distance_m) / scale_m(points, which, line.normal)
-        # cut along the line: cut across, its halves would err either way
+        # stripes divide the line's length; dividing its width would bias the halves
         pixels = points.pixels[which]
         stripe = _squares(pixels[:, [int(np.ptp(pixels, axis=0).argmax())]])
         number = np.bincount(stripe).astype(np.float64)
         full = number >= _MIN_POINTS
-        # the fit of a line takes two of the means
+        # a line has two parameters
         left = np.count_nonzero(full) - 2
         if left < 1:
             continue
@@ -139,7 +138,7 @@ def common_error_px(points: LinePoints, lines: list[Straight], settings: Marking
 
 
 def with_common_errors(points: LinePoints, line: Straight, common_px: float) -> Straight:
-    """Return a stretch of line whose covariance holds its points' common errors, see `common_covariance`."""
+    """Return a stretch of line with its points' common errors added to its covariance, see `common_covariance`."""
     which = line.points
     scale = scale_m(points, which, line.normal)
     weight = points.weight[which] / scale**2
@@ -150,17 +149,17 @@ def with_common_errors(points: LinePoints, line: Straight, common_px: float) -> 
 
 
 def common_covariance(gain: FloatArray, pixels: FloatArray, common_px: float | FloatArray) -> FloatArray:
-    """Return the covariance (S, S) of a fit by the errors that its points have in common.
+    """Return the covariance (S, S) of a fit due to the common errors of its points.
 
     Parameters
     ----------
     gain : (S, P) float64
-        By how much an error of each point, in pixels across its line, moves what is fitted.
+        Derivative of the fitted parameters by each point's error across its line, pixels.
     pixels : (P, 2) float64
-        Of the points.
+        Pixels of the points.
     common_px : float or (P,) float64
-        Standard deviation of an error common to all points, and of another common to those of each square of the
-        picture.
+        Standard deviation of an error that all points share, and of another that those of each square of the picture
+        share.
     """
     square = _squares(pixels)
     by_square = np.stack([np.bincount(square, row) for row in gain * common_px])
@@ -169,6 +168,6 @@ def common_covariance(gain: FloatArray, pixels: FloatArray, common_px: float | F
 
 
 def _squares(pixels: FloatArray) -> Int64Array:
-    """(P,) int64: in which square of the picture, or stripe, each of some pixels (P, 2 or 1) lies, counted from 0."""
+    """Return the index (P,) int64 of the square, or stripe, of each pixel (P, 2 or 1), counted from 0."""
     at = np.floor(pixels / _SQUARE_PX).astype(np.int64)
     return np.asarray(np.unique(at, axis=0, return_inverse=True)[1].ravel(), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Places where two straight stretches of line meet at right angles, and which of their arms go on there."""
+"""Crossings of two straight stretches of line at right angles, with their visible arms."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from robocup_vision.perception.markings.correlated_errors import FloorErrors
 from robocup_vision.perception.markings.marking import Crossing, CrossingKind, MarkingSettings
 from robocup_vision.perception.markings.straight import Straight, is_bare, marked_at
 
-# an arm is sampled from this distance off the crossing's centre (line widths, pixels) to a multiple of it
+# an arm is sampled from this distance to the crossing's centre (line widths, pixels) to a multiple of it
 _ARM_WIDTHS, _ARM_PX = 2.0, 6.0
 _ARM_ENDS = 3.0
 _SAMPLES = 12
-# smallest ratio of an arm's samples that show line, or carpet where it ends
+# least ratio of an arm's samples that show line, or carpet if the arm does not exist
 _ARM_SHARE = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinePicture:
-    """Where a frame shows line, and where bare carpet."""
+    """Pixels of a frame that show line, and those that show bare carpet."""
 
     points: LinePoints
     line: UInt8Array
@@ -50,7 +50,7 @@ class LinePicture:
 def find_crossings(
     lines: list[Straight], picture: LinePicture, errors: FloorErrors, line_width_m: float, settings: MarkingSettings
 ) -> list[Crossing]:
-    """Return the crossings of some stretches of line; arguments as those of `find_straight`."""
+    """Return the crossings of stretches of line; arguments as in `find_straight`."""
     found = []
     turns = [_turns_rad(line, errors) for line in lines]
     for i, one in enumerate(lines):
@@ -62,7 +62,7 @@ def find_crossings(
 
 
 def _turns_rad(line: Straight, errors: FloorErrors) -> FloatArray:
-    """(K,) float64: by how much a line turns by one standard deviation of each error of the camera."""
+    """Return the rotation (K,) of a line by one standard deviation of each error of the camera, radians."""
     ends = line.at(np.array(line.ends_m))
     shifts = errors.shifts_m(errors.camera.floor_to_pixel(ends))
     length_m = max(line.ends_m[1] - line.ends_m[0], 1e-9)
@@ -98,7 +98,7 @@ def _crossing(
         gap_px = float(np.hypot(*(camera.floor_to_pixel(nearest) - pixel)))
         if max(low - at, at - high) > reach_m and gap_px > settings.crossing_reach_px:
             return None
-    # how the lines' own errors move the place, then those of the camera
+    # the lines' own errors first, then those of the camera
     own = np.zeros((2, 2))
     for k, line in enumerate((one, two)):
         row = np.array([-float(place @ line.along), 1.0])
@@ -117,7 +117,7 @@ def _crossing(
 def _arms(
     place: FloatArray, lines: tuple[Straight, Straight], picture: LinePicture, errors: FloorErrors, line_width_m: float
 ) -> tuple[CrossingKind | None, tuple[float, ...]] | None:
-    """Return the kind and the arms that are seen; None where it is no crossing."""
+    """Return the kind and the visible arms; None if one of the lines has no arm."""
     camera = errors.camera
     ways = np.stack([sign * line.along for line in lines for sign in (1, -1)])
     pixels = camera.floor_to_pixel(place + 0.5 * line_width_m * ways)

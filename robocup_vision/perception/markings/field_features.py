@@ -1,4 +1,4 @@
-"""What of a field its measured markings are: lines, crossings, circles and posts by a pose."""
+"""Association of measured markings with the field's lines, crossings, circles and posts, by a pose."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from robocup_vision.perception.markings.marking import (
 
 _SAME_M = 1e-6
 _KINDS: dict[int, CrossingKind] = {2: "L", 3: "T", 4: "X"}
-# largest overhang of a measured stretch beyond its line: corners are wide
+# greatest overhang of a measured stretch beyond its line, because corners are wide
 _BEYOND_M = 0.2
 
 
@@ -34,16 +34,16 @@ class FieldFeatures:
     Parameters
     ----------
     gate_sigmas : float
-        What is measured farther than so many standard deviations from a feature is another one.
+        Greatest Mahalanobis distance of a marking from its feature.
 
     Attributes
     ----------
     crossings_m : (M, 2) float64
-        Where two straight lines meet at right angles, field frame, metres.
+        Places where two straight lines meet at right angles, field frame, metres.
     kinds : tuple of {"L", "T", "X"}
-        Of these.
+        Kinds of these crossings.
     posts_m : (P, 2) float64
-        Axes of the posts of goals that have posts.
+        Axes of the goal posts.
     penalty_marks_m : (K, 2) float64
         Middles of the penalty marks.
     """
@@ -63,7 +63,7 @@ class FieldFeatures:
         self.penalty_marks_m = read_only(np.array([(one.x_m, one.y_m) for one in field.marks]).reshape(-1, 2))
 
     def name(self, markings: Markings, pose: PoseEstimate) -> Markings:
-        """Return the markings with what of the field each is by a pose, and crossings with their kinds."""
+        """Return the markings with their features by a pose, and crossings with their kinds."""
         return Markings(
             tuple(self._named_segment(one, pose) for one in markings.segments),
             tuple(self._named_crossing(one, pose) for one in markings.crossings),
@@ -84,7 +84,7 @@ class FieldFeatures:
         turn = np.remainder(np.arctan2(-way[:, 0], way[:, 1]) - angle + math.pi / 2, math.pi) - math.pi / 2
         lie = np.stack([np.cos(angle + turn), np.sin(angle + turn)], axis=1)
         off = ((lines[:, :2] - middle) * lie).sum(axis=1)
-        # in the field frame by the pose; then of the angle, and of the distance at the middle
+        # in the field frame with the pose's errors; then of angle and distance at the middle
         by_pose = np.array([[0.0, 0.0, 1.0], [normal[0], normal[1], 0.0]])
         covariance = segment.covariance + by_pose @ estimate.covariance @ by_pose.T
         shift = np.array([[1.0, 0.0], [-float(along @ (middle - (pose.x_m, pose.y_m))), 1.0]])
@@ -118,7 +118,7 @@ class FieldFeatures:
     def _nearest(
         self, spot: Crossing | Circle | Post | PenaltyMark, places_m: FloatArray, estimate: PoseEstimate
     ) -> int | None:
-        """Return which of some places (N, 2) of the field a measured one is."""
+        """Return the index of the field's place (N, 2) that a marking is; None if none is within the gate."""
         if not len(places_m):
             return None
         pose = estimate.pose
@@ -135,7 +135,7 @@ class FieldFeatures:
 
 
 def _meetings(lines: FloatArray) -> Iterable[FloatArray]:
-    """Yield the places where lines along x and lines along y meet, each once."""
+    """Yield each place where a line along x and a line along y meet, once."""
     level = lines[np.abs(lines[:, 1] - lines[:, 3]) < _SAME_M]
     upright = lines[np.abs(lines[:, 0] - lines[:, 2]) < _SAME_M]
     seen: set[tuple[float, float]] = set()
@@ -150,7 +150,7 @@ def _meetings(lines: FloatArray) -> Iterable[FloatArray]:
 
 
 def _has_arm(lines: FloatArray, place: FloatArray, way: tuple[int, int]) -> bool:
-    """Whether some line goes on from a place along an axis."""
+    """Whether a line continues from a place along an axis."""
     beyond = place + 0.01 * np.array(way)
     low, high = np.minimum(lines[:, :2], lines[:, 2:]) - _SAME_M, np.maximum(lines[:, :2], lines[:, 2:]) + _SAME_M
     return bool(((beyond >= low) & (beyond <= high)).all(axis=1).any())

@@ -1,4 +1,4 @@
-"""Finds a field's markings in a frame, with a pose or without."""
+"""Search for the field's markings in a frame, with or without a pose."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from robocup_vision.perception.markings.marking import Circle, LineSegment, Mark
 from robocup_vision.perception.markings.painted_spots import SpotFinder
 from robocup_vision.perception.markings.straight import Straight, find_straight, fit_middles
 
-# cameras that differ by less, in tilt and roll and in logarithms of height and focal length, share a line finder:
-# to both a line is as wide
+# greatest differences, in tilt and roll and in logarithms of height and focal length, of cameras that share a line
+# finder, because lines have the same width in both
 _SAME_TILT_RAD, _SAME_LOG = math.radians(2.0), 0.02
 _FINGERPRINT_BYTES = 199
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkingSource:
-    """What the markings of one frame are found by, when somebody asks for them."""
+    """A frame, of which the markings are computed when needed."""
 
-    finder: MarkingFinder  #: of the camera
+    finder: MarkingFinder  #: finder of the camera
     frame: UInt8Array  #: (H, W, 3) uint8: BGR
-    camera: OmniCamera | PinholeCamera  #: in the attitude that the frame shows, or else that of its file
-    #: (4, 4) float64: of the camera's tilt, roll, height and logarithm of the focal length, where the frame shows them
+    camera: OmniCamera | PinholeCamera  #: at the attitude measured by the frame, or else that of its file
+    #: (4, 4) float64: covariance of tilt, roll, height and logarithm of the focal length, if measured by the frame
     held_covariance: FloatArray | None
-    fingerprint: bytes  #: of the frame as it was looked at
+    fingerprint: bytes  #: of the frame when it was looked at
 
     @classmethod
     def of(
@@ -49,11 +49,11 @@ class MarkingSource:
         camera: OmniCamera | PinholeCamera,
         held_covariance: FloatArray | None = None,
     ) -> MarkingSource:
-        """Return the source of a frame that is looked at now."""
+        """Return the source for a frame that is looked at now."""
         return cls(finder, frame, camera, held_covariance, _fingerprint(frame))
 
     def find(self, pose: PoseEstimate | NotLocated) -> Markings:
-        """Return the markings, with what of the field they are by a pose.
+        """Return the markings, with their features of the field by a pose.
 
         Raises
         ------
@@ -63,7 +63,7 @@ class MarkingSource:
         return self.finder.find(self.unchanged_frame("markings"), self.camera, pose, self.held_covariance)
 
     def unchanged_frame(self, asked: str) -> UInt8Array:
-        """Return the frame, for what a view is asked for.
+        """Return the frame; `asked` names the result that needs it.
 
         Raises
         ------
@@ -79,18 +79,18 @@ class MarkingSource:
 
 
 def _fingerprint(frame: UInt8Array) -> bytes:
-    """Return some pixels of a frame, spread over all of it: noise alone changes them from frame to frame."""
+    """Return some pixels of a frame, spread over all of it, which differ between frames by noise alone."""
     flat = frame.reshape(-1)
     return flat[:: max(len(flat) // _FINGERPRINT_BYTES, 1)].tobytes()
 
 
 class MarkingFinder:
-    """Finds markings frame after frame of one camera.
+    """Finds markings in successive frames of one camera.
 
     Parameters
     ----------
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never used.
     """
 
     def __init__(
@@ -98,14 +98,14 @@ class MarkingFinder:
     ) -> None:
         self.field, self.settings, self._mask = field, settings, mask
         self._radii_m = np.round(field.arcs[:, 2], 6)
-        # no line of a field is farther from a robot on it
+        # greatest distance of a line of the field from a robot on it
         self._reach_m = math.hypot(field.length_m, field.width_m)
         self._features = FieldFeatures(field, settings.gate_sigmas)
         self._posts, self._spots = PostFinder(field, settings), SpotFinder(field, settings)
         self._finder: LineFinder | None = None
 
     def __getstate__(self) -> dict[str, object]:
-        # its tables are large, and quickly made again
+        # not pickled, because its tables are large and quickly rebuilt
         return {**vars(self), "_finder": None}
 
     def find(
@@ -115,17 +115,17 @@ class MarkingFinder:
         pose: PoseEstimate | NotLocated = NotLocated("no pose is given"),
         held_covariance: FloatArray | None = None,
     ) -> Markings:
-        """Return the markings that a frame shows.
+        """Return the markings in a frame.
 
         Parameters
         ----------
         camera : OmniCamera or PinholeCamera
-            That took it, of known tilt.
+            The camera, with a known tilt.
         pose : PoseEstimate or NotLocated
-            The robot on the field: says what of the field the markings are.
+            Pose of the robot on the field, which identifies the markings.
         held_covariance : (4, 4) float64, optional
-            Of a forward camera's tilt and roll (rad), height (m) and logarithm of the focal length, as the
-            frame shows them; None: they are known as well as the camera file says.
+            Covariance of a forward camera's tilt and roll (rad), height (m) and logarithm of the focal length, if
+            measured by the frame; by default that of the camera file.
         """
         markings = self._find(frame, FloorErrors.of(camera, self.settings, held_covariance))
         return self._features.name(markings, pose) if isinstance(pose, PoseEstimate) else markings
@@ -165,13 +165,13 @@ class MarkingFinder:
         if finder.camera is not camera:
             found = LinePoints.from_pixels(camera, found.pixels, found.weight, found.bare_floor)
         near = np.hypot(*found.floor_m.T) <= self._reach_m
-        # a pixel that may be beyond the horizon has no place on the floor
+        # pixels that may be beyond the horizon have no floor place
         near &= np.isfinite(errors.shifts_m(found.pixels)).all(axis=(1, 2))
         return found.take(near)
 
 
 def _looks_alike(one: object, other: OmniCamera | PinholeCamera) -> bool:
-    """Whether lines look as wide to two cameras, wherever they are."""
+    """Whether lines have the same width for two cameras."""
     if one is other:
         return True
     if not isinstance(one, PinholeCamera) or not isinstance(other, PinholeCamera):
@@ -196,7 +196,7 @@ def std_at_middle_m(segment: LineSegment) -> float:
 
 
 def _segment(line: Straight, errors: FloorErrors) -> LineSegment:
-    """Return a stretch of line as a marking, whose covariance holds the errors of the camera's attitude."""
+    """Return a stretch of line as a marking, with the errors of the camera's attitude in its covariance."""
     low, high = line.ends_m
     ends = line.at(np.array([low, high]))
     shifts = errors.shifts_m(errors.camera.floor_to_pixel(ends))

@@ -1,4 +1,4 @@
-"""Goal posts in a forward camera's frame: upright strips on the carpet, as wide and as tall as a post is there."""
+"""Goal posts in a forward camera's frame: upright strips on the carpet that have a post's width and height there."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ class PostFinder:
         self._settings = settings
 
     def find(self, frame: UInt8Array, errors: FloorErrors) -> list[Post]:
-        """Return the posts that a frame (H, W, 3) uint8 BGR shows, the one that is known best first."""
+        """Return the posts in a frame (H, W, 3) uint8 BGR, the most accurate first."""
         camera, settings = errors.camera, self._settings
-        # a mirror shows upright things along rays
+        # in a mirror upright objects are radial, not vertical
         if not self._goals or not isinstance(camera, PinholeCamera):
             return []
         found: list[Post] = []
         contrast = 0.0
-        # the strongest strip is the post, fainter ones and those beside it are its net or its shadow
+        # fainter strips, and those next to a post, are its net or shadow
         for strip in sorted(self._strips(frame), key=lambda one: -one.strength):
             post = self._post(strip, camera, errors)
             own = strip.strength / max(strip.height, 1.0)
@@ -67,7 +67,7 @@ class PostFinder:
             yield from (strip for strip in found if _is_solid(white, strip, self._settings.min_solid_ratio))
 
     def _post(self, strip: Strip, camera: PinholeCamera, errors: FloorErrors) -> Post | None:
-        """Return the post that a strip is; None where it has not its size."""
+        """Return a strip as a post; None if it does not have its size."""
         settings, goal = self._settings, self._goals[0]
         if not math.isfinite(strip.foot):
             return None
@@ -78,7 +78,7 @@ class PostFinder:
             return None
         away = foot_m - camera.viewpoint_m[:2]
         range_m = float(np.hypot(*away))
-        # the foot in view is its near side
+        # the visible foot is the near side
         axis_m = foot_m + goal.post_radius_m * away / max(range_m, 1e-9)
         side_m = goal.post_radius_m * np.array([-away[1], away[0]]) / max(range_m, 1e-9)
         rim = camera.floor_to_pixel(np.stack([axis_m + side_m, axis_m - side_m]))
@@ -88,13 +88,13 @@ class PostFinder:
             return None
         if not 1 / settings.post_width_ratio <= strip.width_at(strip.foot) / width_px <= settings.post_width_ratio:
             return None
-        # a post that leaves the view is seen up to its rim
+        # a post that leaves the view is visible up to the picture's border
         top_px = max(float(top[1]), 0.0) if np.isfinite(top).all() else 0.0
         if strip.foot - strip.bottom > strip.width_at(strip.foot) + _WHITE_STEP:
             return None
         if strip.foot - strip.top < settings.min_post_ratio * (strip.foot - top_px):
             return None
-        # paint on the floor ends below the horizon
+        # the top of a post that is higher than the camera is above the horizon, unlike paint on the floor
         if goal.height_m > camera.height_m:
             horizon_px = camera.point_to_pixel(np.array([*axis_m, camera.height_m]))[1]
             if np.isfinite(horizon_px) and strip.top > horizon_px:
@@ -108,7 +108,7 @@ class PostFinder:
 
 
 def _is_solid(white: UInt8Array, strip: Strip, min_ratio: float) -> bool:
-    """Whether a strip is about as bright all over, which a net's cords, and what stands side by side, are not."""
+    """Whether a strip is about equally bright all over, unlike a net's cords or adjacent objects."""
     rows = np.linspace(strip.top, strip.bottom, 40)
     across = np.array([0.25, 0.5, 0.75])
     left, right = (np.array([at + lean * row for row in rows]) for at, lean in (strip.left, strip.right))

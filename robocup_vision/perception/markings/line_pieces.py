@@ -1,4 +1,4 @@
-"""Line points of one frame gathered in small squares of the picture: each piece has a place and a direction."""
+"""Line points of one frame grouped by small squares of the picture: each piece has a place and a direction."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.perception.line_points import LinePoints
 
 _SQUARE_PX = 8.0
-# fewer points have no direction of their own
+# fewer points do not determine a direction
 _MIN_POINTS = 4
-# variance along a piece by the one across it; where lines meet it is less
+# least ratio of the variances along and across a piece; it is less where lines meet
 _MIN_SLENDERNESS = 6.0
 
 
@@ -21,12 +21,12 @@ _MIN_SLENDERNESS = 6.0
 class LinePieces:
     """Pieces of lines."""
 
-    #: (E, 2) float64: their middles in the picture and on the floor, robot frame, metres
+    #: (E, 2) float64: middles in the picture, and on the floor, robot frame, metres
     pixels: FloatArray
     floor_m: FloatArray
     floor_per_px: FloatArray  #: (E, 2, 2) float64: see `LinePoints`
     along_px: FloatArray  #: (E, 2) float64: unit directions in the picture
-    weight: FloatArray  #: (E,) float64: sum of their points' weights
+    weight: FloatArray  #: (E,) float64: sums of the points' weights
 
     def __len__(self) -> int:
         return len(self.weight)
@@ -42,21 +42,21 @@ class LinePieces:
         )
 
     def across_m_per_px(self, normal_x: FloatArray, normal_y: FloatArray) -> FloatArray:
-        """Return how far a step in the picture moves pieces along normals (..., E) of the floor, metres a pixel."""
+        """Return the motion of pieces along floor normals (..., E) for a step in the picture, metres for each pixel."""
         a, b, c, d = self.floor_per_px.reshape(-1, 4).T
         return np.asarray(np.hypot(a * normal_x + c * normal_y, b * normal_x + d * normal_y))
 
     def is_along(self, way_x: FloatArray, way_y: FloatArray, direction_rad: float) -> BoolArray:
         """Whether pieces lie along directions (..., E) of the floor, within an angle in the picture."""
         a, b, c, d = self.floor_per_px.reshape(-1, 4).T
-        # the inverse but for its scale
+        # the inverse of the derivative, up to scale
         u, v = d * way_x - b * way_y, a * way_y - c * way_x
         across = u * self.along_px[:, 1] - v * self.along_px[:, 0]
         return np.asarray(across * across <= math.sin(direction_rad) ** 2 * (u * u + v * v))
 
 
 def gather_pieces(points: LinePoints) -> LinePieces:
-    """Return the pieces that line points form, those in no order that matters."""
+    """Return the pieces of line points, in arbitrary order."""
     columns = np.floor(points.pixels / _SQUARE_PX).astype(np.int64)
     _, member = np.unique(columns[:, 0] * 1_000_003 + columns[:, 1], return_inverse=True)
     member = member.ravel()

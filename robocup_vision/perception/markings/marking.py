@@ -1,6 +1,6 @@
-"""Markings of the field as one frame shows them, robot frame: what a team fuses into its own localisation.
+"""Markings of the field in one frame, robot frame, which a team can fuse into its own localisation.
 
-Each is measured by this frame. Where a pose is known, `feature_m` says which part of the field it is.
+Each is measured by one frame. With a known pose, `feature_m` identifies its part of the field.
 """
 
 from __future__ import annotations
@@ -19,36 +19,37 @@ _STILL = Pose2(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class MarkingSettings:
-    """What the search for markings can be tuned by."""
+    """Settings of the search for markings."""
 
-    #: smallest number of squares across the picture for which a line's width in pixels is computed
+    #: least number of cells across the picture for which a line's width in pixels is computed
     cells_across: int = 160
-    #: standard deviation of a line point across its line; no measured one is believed to be smaller
+    #: least standard deviation of a line point across its line
     noise_px: float = 0.1
-    #: lens, light and paint move whole stretches of line by no less than this, however straight the frame's lines are
+    #: least common error of whole stretches of line, due to lens, light and paint
     bias_px: float = 0.02
-    #: number of neighbouring points that count as one sample: their errors are correlated
+    #: number of neighbouring points that count as one independent sample
     points_per_sample: float = 2.0
-    slack_widths: float = 0.15  #: largest bend of a line by paint, carpet and lens, in line widths
-    gate_px: float = 1.5  #: largest distance of a line's points, beyond that slack
+    #: greatest deviation of a line from a straight one due to paint, carpet and lens, in line widths
+    slack_widths: float = 0.15
+    gate_px: float = 1.5  #: greatest distance of a line's points in addition to that
     direction_rad: float = math.radians(15.0)  #: largest angle in the picture between a line and its pieces
-    #: of a segment: its points, and its length in the picture
+    #: least number of points of a segment, and least length in the picture
     min_points: int = 10
     min_px: float = 20.0
     min_cover: float = 0.75  #: fraction of a segment's length in the picture on which points lie
-    min_along: float = 0.5  #: fraction of a segment's points in pieces that lie along it
-    #: smallest ratio of bare carpet in a gap of a line; with less, something stands before it
+    min_along: float = 0.5  #: least fraction of a segment's points in pieces that are parallel to it
+    #: least ratio of bare carpet in a gap between two lines; with less, something occludes one line
     min_bare_ratio: float = 0.5
-    #: smallest log-likelihood ratio of a line against an arc as curved as the field's
+    #: least log-likelihood ratio of a line to an arc of the field's curvature
     straight_nats: float = 4.0
     min_arc_rad: float = math.radians(70.0)  #: smallest visible part of a circle
-    max_arc_px: float = 0.35  #: largest noise of points about a circle: lines that resemble one have more
+    max_arc_px: float = 0.35  #: greatest noise of points of a circle; lines that resemble one have more
     #: largest distance of a line's end from its crossing, in line widths, and in pixels
     crossing_reach_widths: float = 2.5
     crossing_reach_px: float = 8.0
     gate_sigmas: float = 3.0  #: gate of errors, in standard deviations
     square_slack_rad: float = math.radians(3.0)  #: largest deviation from a right angle, beyond the lines' errors
-    max_std_m: float = 0.5  #: largest standard deviation of a reported place
+    max_std_m: float = 0.5  #: greatest standard deviation of a reported place
     min_post_px: float = 3.0  #: width in the picture of the thinnest post that can be distinguished from clutter
     #: largest ratio of a post's width in the picture to the expected one, and its inverse the smallest
     post_width_ratio: float = 1.35
@@ -56,14 +57,15 @@ class MarkingSettings:
     min_solid_ratio: float = 0.75  #: smallest brightness of a white post's dark parts, relative to its bright ones
     min_contrast_ratio: float = 0.75  #: smallest contrast of a post's edges relative to the clearest post's
     min_posts_apart: float = 0.5  #: smallest distance of two posts, in goal widths
-    #: of a post's foot in the picture: across it, and down it, where carpet begins in whole rows and is blurred
+    #: standard deviation of a post's foot in the picture: across, and down, where carpet begins in whole rows
     post_std_px: tuple[float, float] = (0.3, 0.7)
     #: smallest width or height of a penalty mark in the picture: smaller ones cannot be distinguished from dirt
     min_spot_px: float = 5.0
     #: largest ratio of a penalty mark's size to the expected one, and its inverse the smallest
     spot_size_ratio: float = 1.5
-    spot_std_px: float = 0.12  #: of a penalty mark's middle in the picture
-    sway_std_rad: float = 0.02  #: of a forward camera's tilt and roll, where the camera does not say: a walking robot's
+    spot_std_px: float = 0.12  #: standard deviation of a penalty mark's middle in the picture
+    #: standard deviation of a forward camera's tilt and roll if its file has none, of a walking robot
+    sway_std_rad: float = 0.02
 
 
 CrossingKind = Literal["L", "T", "X"]
@@ -73,17 +75,17 @@ CrossingKind = Literal["L", "T", "X"]
 class LineSegment:
     """A stretch of a straight line.
 
-    The line is x cos(angle_rad) + y sin(angle_rad) = distance_m. Its ends need not be those of the field's line: a
-    stretch may leave the view, or something stands on the line.
+    The line is x cos(angle_rad) + y sin(angle_rad) = distance_m. The ends may differ from those of the field's line,
+    where the stretch leaves the view or is occluded.
     """
 
-    #: its ends, robot frame, metres; the line's normal is to the right of the way from its start to its end
+    #: ends, robot frame, metres; the line's normal is to the right of the direction from start to end
     start_m: tuple[float, float]
     end_m: tuple[float, float]
     angle_rad: float  #: direction of the line's normal, away from the robot, robot frame
     distance_m: float  #: of the line from the robot's centre, never negative
     covariance: FloatArray  #: (2, 2) float64: of (angle_rad, distance_m), in rad and m
-    #: the field's line that it is part of, x0, y0, x1, y1, field frame; None: not known
+    #: the field's line of which it is a part, x0, y0, x1, y1, field frame; None if not known
     feature_m: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -91,7 +93,7 @@ class LineSegment:
 
     @property
     def length_m(self) -> float:
-        """From its start to its end."""
+        """Distance from start to end."""
         return float(np.hypot(self.end_m[0] - self.start_m[0], self.end_m[1] - self.start_m[1]))
 
 
@@ -99,7 +101,7 @@ class LineSegment:
 class MarkedSpot:
     """A marking at one place of the floor."""
 
-    #: its place (of a post the axis on the floor, else the middle), robot frame
+    #: its place, robot frame: the axis of a post on the floor, else the middle
     x_m: float
     y_m: float
     covariance: FloatArray  #: (2, 2) float64: of its place, square metres
@@ -112,19 +114,19 @@ class MarkedSpot:
 class Crossing(MarkedSpot):
     """A place where two lines meet at right angles."""
 
-    #: a corner, a line's end on another line, or two lines that both go on; None: an arm is hidden, or leaves the view,
-    #: and no pose says which it is
+    #: a corner, a line's end on another line, or two lines that both continue; None if an arm is occluded or out of
+    #: view and no pose identifies it
     kind: CrossingKind | None
-    arms_rad: tuple[float, ...]  #: directions of the arms that are seen, robot frame
-    feature_m: tuple[float, float] | None = None  #: the field's crossing that it is, field frame; None: not known
+    arms_rad: tuple[float, ...]  #: directions of the visible arms, robot frame
+    feature_m: tuple[float, float] | None = None  #: the field's crossing, field frame; None if not known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Circle(MarkedSpot):
     """The centre circle, or another arc of the field."""
 
-    radius_m: float  #: of the field's circle that fits
-    #: the centre of the field's circle that it is, field frame; None: not known
+    radius_m: float  #: radius of the fitting circle of the field
+    #: the centre of the field's circle, field frame; None if not known
     feature_m: tuple[float, float] | None = None
 
 
@@ -132,14 +134,14 @@ class Circle(MarkedSpot):
 class Post(MarkedSpot):
     """A goal post."""
 
-    feature_m: tuple[float, float] | None = None  #: the field's post that it is, field frame; None: not known
+    feature_m: tuple[float, float] | None = None  #: the field's post, field frame; None if not known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PenaltyMark(MarkedSpot):
     """A penalty mark: a dot or a small cross on the carpet."""
 
-    feature_m: tuple[float, float] | None = None  #: the field's mark that it is, field frame; None: not known
+    feature_m: tuple[float, float] | None = None  #: the field's mark, field frame; None if not known
 
 
 Spot = TypeVar("Spot", Crossing, Circle, Post, PenaltyMark)
@@ -147,9 +149,9 @@ Spot = TypeVar("Spot", Crossing, Circle, Post, PenaltyMark)
 
 @dataclass(frozen=True, slots=True)
 class Markings:
-    """All markings of one frame, each kind from the one that is known best."""
+    """All markings of one frame, each kind sorted by accuracy."""
 
-    #: those of each kind; empty where none is seen, or the camera's tilt is not known
+    #: markings of each kind; empty if none is visible or the camera's tilt is not known
     segments: tuple[LineSegment, ...] = ()
     crossings: tuple[Crossing, ...] = ()
     circles: tuple[Circle, ...] = ()
@@ -157,7 +159,7 @@ class Markings:
     penalty_marks: tuple[PenaltyMark, ...] = ()
 
     def moved(self, robot: Pose2) -> Markings:
-        """Return the markings as a robot sees them that has moved to `robot`, given in its frame before."""
+        """Return the markings in the frame of a robot that has moved to `robot`, given in its previous frame."""
         if robot == _STILL:
             return self
         motion = robot.inverse()
@@ -187,7 +189,7 @@ def _moved(segment: LineSegment, motion: Pose2) -> LineSegment:
     normal = np.array([np.cos(angle), np.sin(angle)])
     along = float(-normal[1] * motion.x_m + normal[0] * motion.y_m)
     distance = segment.distance_m + float(normal @ (motion.x_m, motion.y_m))
-    # a turn of the line moves it where the robot is now
+    # a rotation of the line moves it at the robot's new place
     row = np.array([[1.0, 0.0], [along, 1.0]])
     covariance = row @ segment.covariance @ row.T
     if distance < 0.0:

@@ -1,4 +1,4 @@
-"""Penalty marks in one frame: holes in the bare carpet, as large as a mark is there, white, and flat on the floor."""
+"""Penalty marks in one frame: white holes in the bare carpet that have a mark's size on the floor."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors
 from robocup_vision.perception.markings.marking import MarkingSettings, PenaltyMark
 
-# margin of bare carpet before what lies on it
+# width by which holes in the bare carpet exceed what lies on it
 _BARE_MARGIN_PX = 4
-# points of a mark's outline
+# directions of the points of a mark's outline
 _OUTLINE = np.linspace(0.0, math.tau, 17)[:-1]
-# grey levels that white differs from carpet by, and the fraction of the brightest from which a pixel counts
+# least contrast of white to carpet, grey levels, and least fraction of the greatest for a pixel to count
 _MIN_CONTRAST, _MIN_RATIO = 30.0, 0.15
-# of the lens's blur, pixels
+# standard deviation of the lens' blur, pixels
 _BLUR_PX = 0.8
 
 
@@ -34,7 +34,7 @@ class SpotFinder:
             self._area_m2, self._spread_m2 = _area_and_spread(self._mark, field.line_width_m)
 
     def find(self, frame: UInt8Array, points: LinePoints, errors: FloorErrors) -> list[PenaltyMark]:
-        """Return the marks that a frame (H, W, 3) uint8 BGR shows, the one that is known best first."""
+        """Return the marks in a frame (H, W, 3) uint8 BGR, the most accurate first."""
         if self._mark is None or points.bare_floor is None:
             return []
         hidden = np.asarray(~points.bare_floor, dtype=np.uint8)
@@ -51,7 +51,7 @@ class SpotFinder:
         return sorted(found, key=lambda one: float(np.trace(one.covariance)))
 
     def _is_as_large(self, box: list[int], place_m: FloatArray, errors: FloorErrors) -> bool:
-        """Whether a hole in the bare carpet is as large as one about a mark there."""
+        """Whether a hole in the bare carpet has the size of a mark there."""
         assert self._mark is not None
         rim_m = place_m + self._mark.size_m / 2 * np.stack([np.cos(_OUTLINE), np.sin(_OUTLINE)], axis=1)
         rim_px = errors.camera.floor_to_pixel(rim_m)
@@ -64,7 +64,7 @@ class SpotFinder:
         return bool(is_large and ((own_px <= ratio * size_px + px) & (own_px >= size_px / ratio - px)).all())
 
     def _measured(self, frame: UInt8Array, box: list[int], errors: FloorErrors) -> PenaltyMark | None:
-        """Return what lies in a box of the picture, where it is a mark."""
+        """Return the mark in a box of the picture; None if it is none."""
         settings, camera = self._settings, errors.camera
         left, top, width, height = box
         window = np.ascontiguousarray(frame[top : top + height, left : left + width])
@@ -84,7 +84,7 @@ class SpotFinder:
         if not np.isfinite(floor).all():
             return None
         by_v, by_u = np.gradient(floor, axis=0), np.gradient(floor, axis=1)
-        # how much of the floor each pixel shows: so perspective does not move the middle
+        # weighted by floor area, so that perspective does not move the middle
         weight = paint * np.abs(by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0])
         area = float(weight.sum())
         place = np.einsum("vu,vui->i", weight, floor) / area
@@ -111,5 +111,5 @@ def _area_and_spread(mark: Mark, line_width_m: float) -> tuple[float, float]:
     if mark.kind == "dot":
         return math.pi / 4 * size**2, size**2 / 16
     area = 2 * size * width - width**2
-    # of both strokes, less their common square
+    # two strokes minus their common square
     return area, (size * width * (size**2 + width**2) - width**4) / (12 * area)

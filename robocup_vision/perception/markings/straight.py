@@ -1,7 +1,7 @@
-"""Straight stretches of line in one frame's line points, on the floor, without a pose.
+"""Straight stretches of line in the line points of one frame, on the floor, without a pose.
 
-Every two pieces of line that lie along the way between them propose a line. Each proposal is scored once by all pieces;
-the best takes its points away, and the next best of the rest follows. Nothing is drawn at random.
+Pairs of pieces that are parallel to the line between them propose lines. Each proposal is scored once by all pieces.
+The points of the best are removed, and the next best follows. The search is deterministic.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from robocup_vision.perception.line_points import FloorCamera, LinePoints
 from robocup_vision.perception.markings.line_pieces import LinePieces
 from robocup_vision.perception.markings.marking import MarkingSettings
 
-# distances in the picture at which each piece looks for a partner to propose a line
+# distances in the picture of the partners with which each piece proposes lines
 _PAIRS_PX = (20.0, 60.0, 180.0)
 _MAX_LINES = 40
 _FIT_STEPS = 2
-# proposals with at least this ratio of pieces in common are the same
+# least ratio of common pieces of two equivalent proposals
 _ALIKE_SHARE = 0.8
-# largest distance of neighbouring points along a line without a gap
+# greatest distance of neighbouring points along a line without a gap
 _GAP_PX = 8.0
 _COVER_PX = 6.0
 
@@ -41,11 +41,11 @@ class Straight:
     #: x cos(angle) + y sin(angle) = distance, robot frame
     angle_rad: float
     distance_m: float
-    #: mean place of its points along the line, from the foot of the robot's perpendicular, to the left of the normal
+    #: mean position of its points along the line, from the foot of the robot's perpendicular, to the left of the normal
     middle_m: float
-    ends_m: tuple[float, float]  #: its ends, likewise
-    covariance: FloatArray  #: (2, 2) float64: of angle and distance, but for how the camera is held
-    points: Int64Array  #: (P,) int64: which of the line points lie on it
+    ends_m: tuple[float, float]  #: positions of its ends
+    covariance: FloatArray  #: (2, 2) float64: of angle and distance, without the errors of the camera's attitude
+    points: Int64Array  #: (P,) int64: indices of its line points
 
     @property
     def normal(self) -> FloatArray:
@@ -58,7 +58,7 @@ class Straight:
         return _axes(self.angle_rad)[1]
 
     def at(self, along_m: FloatArray) -> FloatArray:
-        """Places (..., 2) at distances (...) along the line."""
+        """Return the places (..., 2) at positions (...) along the line."""
         return np.asarray(self.distance_m * self.normal + np.asarray(along_m)[..., None] * self.along)
 
 
@@ -70,22 +70,22 @@ def find_straight(
     radii_m: FloatArray,
     settings: MarkingSettings,
 ) -> tuple[list[Straight], BoolArray, BoolArray]:
-    """Return the straight stretches of line, the one with most points first, and what is left for arcs.
+    """Return the straight stretches of line, the one with most points first, and the points and pieces left for arcs.
 
     Parameters
     ----------
     radii_m : (R,) float64
-        Of the field's arcs: a stretch that may be part of one is left out.
+        Radii of the field's arcs; a stretch that may be part of one is not returned.
 
     Returns
     -------
     list of Straight, (N,) bool, (E,) bool
-        The stretches; the points, and the pieces, that lie on none of them.
+        The stretches; masks of the points and of the pieces on none of them.
     """
     slack_m = settings.slack_widths * line_width_m
     agrees = _proposals(pieces, slack_m, settings)
     weight, found = pieces.weight.copy(), []
-    # what may be part of an arc is looked at once, and left for arcs
+    # possible parts of arcs are tested once and left for arcs
     open_points, left_points = np.ones(len(points), dtype=np.bool_), np.ones(len(points), dtype=np.bool_)
     left_pieces = np.ones(len(pieces), dtype=np.bool_)
     for _ in range(_MAX_LINES):
@@ -100,20 +100,20 @@ def find_straight(
         for straight in stretches:
             on_it = _lies_on(pieces, straight, slack_m, settings)
             open_points[straight.points], weight[on_it] = False, 0.0
-            # what only crosses a line lies near it, too
+            # the points of lines that cross this one are near it but in pieces of another direction
             along = pieces.weight[on_it].sum() / points.weight[straight.points].sum()
             if along >= settings.min_along and not _may_be_arc(points, straight, radii_m, settings):
                 found.append(straight)
                 left_points[straight.points], left_pieces[on_it] = False, False
         if not stretches:
-            # nor do proposals of nearly the same pieces
+            # equivalent proposals would not give one either
             alike = (agrees & members) @ weight >= _ALIKE_SHARE * score
             agrees = agrees[~alike]
     return sorted(found, key=lambda one: -len(one.points)), left_points, left_pieces
 
 
 def _proposals(pieces: LinePieces, slack_m: float, settings: MarkingSettings) -> BoolArray:
-    """(H, E) bool: which pieces agree with each proposed line."""
+    """Return the inlier pieces (H, E) bool of each proposed line."""
     count = len(pieces)
     if count < 2:
         return np.zeros((0, count), dtype=np.bool_)
@@ -122,7 +122,7 @@ def _proposals(pieces: LinePieces, slack_m: float, settings: MarkingSettings) ->
     apart_px = np.hypot(u[:, None] - u, v[:, None] - v)
     along = pieces.is_along(x[:, None] - x, y[:, None] - y, settings.direction_rad)
     pairs = along & along.T & (apart_px >= _PAIRS_PX[0] / 2)
-    # long pairs know the direction of a long line, short ones are those of a short line
+    # long pairs are accurate for long lines, and short lines have only short ones
     nearest = [
         np.where(pairs, np.abs(np.log(apart_px + 1e-9) - math.log(px)), np.inf).argmin(axis=1) for px in _PAIRS_PX
     ]
@@ -138,7 +138,7 @@ def _proposals(pieces: LinePieces, slack_m: float, settings: MarkingSettings) ->
 
 
 def _lies_on(pieces: LinePieces, straight: Straight, slack_m: float, settings: MarkingSettings) -> BoolArray:
-    """Which pieces (E,) a stretch accounts for."""
+    """Return the pieces (E,) that belong to a stretch."""
     normal, along = straight.normal, straight.along
     off_m = np.abs(pieces.floor_m @ normal - straight.distance_m)
     at = pieces.floor_m @ along
@@ -148,7 +148,7 @@ def _lies_on(pieces: LinePieces, straight: Straight, slack_m: float, settings: M
 
 
 def scale_m(points: LinePoints, which: Int64Array, normal: FloatArray) -> FloatArray:
-    """(P,) float64: how far a step in the picture moves some points along a normal of the floor, metres a pixel."""
+    """Return the motion (P,) of points along a floor normal for a step in the picture, metres for each pixel."""
     a, b, c, d = points.floor_per_px.reshape(-1, 4)[which].T
     return np.asarray(np.hypot(a * normal[0] + c * normal[1], b * normal[0] + d * normal[1]))
 
@@ -156,12 +156,12 @@ def scale_m(points: LinePoints, which: Int64Array, normal: FloatArray) -> FloatA
 def fit_line(
     points: LinePoints, which: Int64Array, angle_rad: float, settings: MarkingSettings
 ) -> tuple[float, float, float, FloatArray]:
-    """Fit a line to some points, their errors in pixels alike.
+    """Fit a line to points with equal errors in pixels.
 
     Returns
     -------
     float, float, float, (2, 2) float64
-        Angle, distance, mean place along the line, and covariance of angle and distance; see `Straight`.
+        Angle, distance, mean position along the line, and covariance of angle and distance; see `Straight`.
     """
     floor, own = points.floor_m[which], points.weight[which]
     for _ in range(_FIT_STEPS):
@@ -188,7 +188,7 @@ def fit_line(
 def _near(
     points: LinePoints, angle_rad: float, distance_m: float, which: Int64Array, slack_m: float, gate_px: float
 ) -> Int64Array:
-    """Return which points lie on a line."""
+    """Return the points that lie on a line."""
     normal, _ = _axes(angle_rad)
     off_m = np.abs(points.floor_m[which] @ normal - distance_m)
     return which[off_m <= gate_px * scale_m(points, which, normal) + slack_m]
@@ -203,7 +203,7 @@ def _stretches(
     slack_m: float,
     settings: MarkingSettings,
 ) -> list[Straight]:
-    """Return the stretches of a proposed line, where something but carpet lies between them only joined to one."""
+    """Return the stretches of a proposed line, divided only where there is bare carpet between them."""
     places = pieces.floor_m[members]
     middle = places.mean(axis=0)
     way = np.linalg.svd(places - middle)[2][0]
@@ -227,7 +227,7 @@ def _stretches(
 
 
 def stretch_of(points: LinePoints, which: Int64Array, angle_rad: float, settings: MarkingSettings) -> Straight:
-    """Return the straight stretch of line that some points of one lie on, about so turned."""
+    """Return the stretch of line through points; `angle_rad` is an approximate direction."""
     angle, distance, middle, covariance = fit_line(points, which, angle_rad, settings)
     at = points.floor_m[which] @ _axes(angle)[1]
     return Straight(angle, distance, middle, (float(at.min()), float(at.max())), covariance, which)
@@ -241,14 +241,14 @@ def _runs(
     camera: FloorCamera,
     settings: MarkingSettings,
 ) -> list[Int64Array]:
-    """Cut the points of a line where bare carpet lies between them."""
+    """Divide the points of a line where bare carpet lies between them."""
     normal, along = _axes(angle_rad)
     at = points.floor_m[which] @ along
     order = np.argsort(at, kind="stable")
     which, at = which[order], at[order]
     step_px = np.hypot(*np.diff(points.pixels[which], axis=0).T)
     gaps = np.flatnonzero(step_px > _GAP_PX)
-    # of the points between gaps
+    # length in the picture of the points between gaps
     extent_px = np.add.reduceat(
         np.append(np.where(step_px > _GAP_PX, 0.0, step_px), 0.0), np.concatenate([[0], gaps + 1])
     )
@@ -256,7 +256,7 @@ def _runs(
     for index, gap in enumerate(gaps.tolist()):
         between = np.linspace(at[gap], at[gap + 1], 34)[1:-1]
         pixels = camera.floor_to_pixel(distance_m * normal + between[:, None] * along)
-        # nobody hides more than is seen of a line on either side
+        # a gap longer than the visible line on either side is not attributed to occlusion
         if (
             step_px[gap] > extent_px[index : index + 2].min()
             or is_bare(points, pixels).mean() > settings.min_bare_ratio
@@ -273,7 +273,7 @@ def is_bare(points: LinePoints, pixels: FloatArray) -> BoolArray:
 
 
 def marked_at(picture: npt.NDArray[np.generic], pixels: FloatArray) -> BoolArray:
-    """Whether a picture (H, W) is other than 0 at pixels (..., 2); it is 0 outside."""
+    """Whether a picture (H, W) is non-zero at pixels (..., 2); false outside."""
     height, width = picture.shape
     shown = np.asarray(np.isfinite(pixels).all(axis=-1))
     at = np.rint(np.where(shown[..., None], pixels, -1.0)).astype(np.int64)
@@ -283,7 +283,7 @@ def marked_at(picture: npt.NDArray[np.generic], pixels: FloatArray) -> BoolArray
 
 
 def _is_whole(points: LinePoints, straight: Straight, camera: FloorCamera, settings: MarkingSettings) -> bool:
-    """Whether a stretch is long in the picture, and points lie on most of it."""
+    """Whether a stretch is long enough in the picture and mostly covered by points."""
     low, high = straight.ends_m
     path = camera.floor_to_pixel(straight.at(np.linspace(low, high, 65)))
     way_px = np.append(0.0, np.cumsum(np.nan_to_num(np.hypot(*np.diff(path, axis=0).T))))
@@ -315,12 +315,12 @@ def _may_be_arc(points: LinePoints, straight: Straight, radii_m: FloatArray, set
 
 
 def middle_shifts_m(camera: FloorCamera, places_m: FloatArray, normals: FloatArray, line_width_m: float) -> FloatArray:
-    """Return how far (P, 2) the pixels midway between a line's edges lie from its middle on the floor, metres.
+    """Return the offsets (P, 2) of the point midway between a line's edges in the picture from its middle, metres.
 
     Parameters
     ----------
     places_m, normals : (P, 2) float64
-        Of the line's middle, and the directions across it, robot frame.
+        Middles of the line, and the directions across it, robot frame.
     """
     half = 0.5 * line_width_m * normals
     midway = 0.5 * (camera.floor_to_pixel(places_m + half) + camera.floor_to_pixel(places_m - half))
@@ -330,7 +330,7 @@ def middle_shifts_m(camera: FloorCamera, places_m: FloatArray, normals: FloatArr
 def fit_middles(
     points: LinePoints, lines: list[Straight], camera: FloorCamera, line_width_m: float, settings: MarkingSettings
 ) -> tuple[LinePoints, list[Straight]]:
-    """Return line points on the middles of the lines that they lie on, and the lines through these."""
+    """Return line points corrected to the middles of their lines, and the lines refitted to them."""
     floor = points.floor_m.copy()
     for line in lines:
         places = floor[line.points]
