@@ -1,6 +1,6 @@
-"""Draws what is seen behind a field, from a seed: a room's clutter, or a finer backdrop for cameras near the floor.
+"""Backgrounds of a field, from a seed: a room's clutter, or a finer backdrop for cameras near the floor.
 
-The backdrop has white and coloured uprights in it, which are what a goal can be mistaken for.
+The backdrop contains white and coloured uprights, which resemble goals.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from robocup_vision.arrays import Float32Array, FloatArray
 
 BackdropKind = Literal["plain", "hall", "orange"]
 
-# of the room's clutter
+# size and resolution of the room's clutter
 ROOM_HEIGHT_M, ROOM_ROWS_PER_M, _ROOM_COLUMNS = 4.0, 24, 1440
-# of the backdrop
+# size and resolution of the backdrop
 CELL_M = 0.0125
 HEIGHT_M = 3.5
-DRAWN_RADIUS_M = 5.0  # the wall is drawn for a room of this size, and stretched in others
+DRAWN_RADIUS_M = 5.0  # radius of the room for which the wall is drawn; it is stretched in others
 
 
 @dataclass(frozen=True, slots=True)
 class Backdrop:
     """A round room about the field's centre."""
 
-    #: An even grey wall, a hall full of things, or a hall with an orange wall.
+    #: A plain grey wall, a full hall, or a hall with an orange wall.
     kind: BackdropKind = "hall"
-    #: Which room.
+    #: Seed of the room.
     seed: int = 0
 
     def colors(self, x_m: Float32Array, y_m: Float32Array, z_m: Float32Array) -> Float32Array:
-        """Colours (N, 3) BGR of points on the room's wall, field frame, metres."""
+        """Return the colours (N, 3) BGR of points on the room's wall, field frame, metres."""
         if not len(x_m):
             # OpenCV refuses empty maps
             return np.empty((0, 3), dtype=np.float32)
@@ -57,7 +57,7 @@ class Backdrop:
 
 @lru_cache(maxsize=4)
 def _panorama(backdrop: Backdrop) -> Float32Array:
-    """(H, W, 3) float32: the room's wall unrolled, azimuth to the right, height upwards."""
+    """Return the unrolled wall of the room (H, W, 3) float32, azimuth to the right, height upwards."""
     rng = np.random.default_rng(backdrop.seed)
     rows, columns = round(HEIGHT_M / CELL_M), round(math.tau * DRAWN_RADIUS_M / CELL_M)
     wall = rng.uniform(95, 190) * rng.uniform(0.9, 1.1, 3)
@@ -72,7 +72,7 @@ def _panorama(backdrop: Backdrop) -> Float32Array:
         _draw_furniture(picture, rng)
         _draw_people(picture, rng)
         noise = np.empty_like(picture)
-        for row in noise:  # a row stays in the processor's cache
+        for row in noise:  # row by row, to stay in the processor's cache
             row[:] = rng.normal(0, 12, row.shape)
         picture += cv2.GaussianBlur(noise, (0, 0), 2.0)
     for _ in range(int(rng.integers(6, 14))):  # ceiling lamps, brighter than white
@@ -89,7 +89,7 @@ def _block(picture: Float32Array, left: int, top: int, width: int, height: int, 
 
 
 def _any_color(rng: np.random.Generator) -> FloatArray:
-    """One of what halls are full of: mostly greys, dark cloth and white, sometimes something bright."""
+    """Return a typical colour of a hall: mostly grey, dark or white, sometimes bright."""
     kind = rng.random()
     if kind < 0.35:
         return np.asarray(rng.uniform(25, 80) * rng.uniform(0.85, 1.15, 3))

@@ -1,4 +1,4 @@
-"""Cameras by name or file, so that pictures can be rendered before any camera is calibrated."""
+"""Cameras by name or file, for rendering before a camera is calibrated."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def camera_by_name(name_or_path: str | Path) -> Camera:
     Raises
     ------
     ArgumentError
-        If it is no file and another name, or a size does not follow.
+        If it is no file and no known name, or the size is invalid.
     FileError
         If the camera file is missing or wrong.
     """

@@ -21,7 +21,7 @@ TRUTH_COLUMNS = ("image", "x_m", "y_m", "theta_rad", "ball_x_m", "ball_y_m")
 
 
 class EncodedPicture(NamedTuple):
-    """A picture as it stands in the dataset: the file's name and content, and its row of truth.csv."""
+    """A picture of a dataset: the file's name and content, and its row of truth.csv."""
 
     name: str
     content: bytes
@@ -39,7 +39,7 @@ def encode_picture(drawn: Sample, jpeg_quality: int | None = None) -> EncodedPic
 
 
 class SampleByIndex(Protocol):
-    """Such as `sample` or `sample_goal` with all arguments given but for the last."""
+    """A function such as `sample` or `sample_goal` with all arguments bound except the last."""
 
     def __call__(self, *, indices: Iterable[int]) -> Iterator[Sample]:
         """Yield the pictures of these numbers."""
@@ -52,7 +52,7 @@ class DrawPictures:
     Parameters
     ----------
     sample : callable
-        Yields the pictures of given numbers, each of which depends on its number alone.
+        Yields the pictures of given numbers, which must depend on their numbers only.
     jpeg_quality : int, optional
         See `encode_picture`.
     """
@@ -61,7 +61,7 @@ class DrawPictures:
     jpeg_quality: int | None = None
 
     def __call__(self) -> Callable[[int], EncodedPicture]:
-        """Return what draws a picture; it prepares its renderer for all."""
+        """Return a function that draws a picture; they share one renderer."""
         asked: deque[int] = deque()
         drawn = self.sample(indices=iter(asked.popleft, None))
 
@@ -81,22 +81,22 @@ def write_dataset(
     symmetry: Literal["none", "point"] = "none",
     command: str | None = None,
 ) -> int:
-    """Write dataset.toml, camera.toml, truth.csv and images/NNNN.png or .jpg; all of them, or nothing.
+    """Write dataset.toml, camera.toml, truth.csv and images/NNNN.png or .jpg; nothing is left after an error.
 
     Parameters
     ----------
     folder : str or Path
-        Made if absent; must be empty.
+        Created if absent; must be empty.
     field_name_or_path : str or Path
         Built-in field; or a field file, which is copied into the folder.
     camera : OmniCamera or PinholeCamera
-        The camera handed to the localiser.
+        The camera for the localiser.
     samples : iterable of Sample or EncodedPicture
         The pictures, drawn one at a time.
     symmetry : {"none", "point"}
-        How errors count.
+        Symmetry of the field when errors are computed.
     command : str, optional
-        The command that makes this dataset, noted in it.
+        The command that makes this dataset, written into it.
 
     Returns
     -------

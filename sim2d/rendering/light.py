@@ -1,4 +1,4 @@
-"""Computes the light along each ray: paint, shade, lamps and the room behind, the same for every camera."""
+"""Light along rays for all cameras: paint, shade, lamps and the room behind."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sim2d.rendering.rays import RaySet
 from sim2d.rendering.scene import GROUND_BGR, LAMP_DIRECTION_RAD, Light, Scene
 from sim2d.rendering.scene_table import ThingTable, floor_paint
 
-# numbers of the carpet and of the ground around it among the surfaces
+# surface numbers of the carpet and of the ground around it
 FLOOR, GROUND = range(2)
 SMOOTH_TEXTURE_M, FINE_TEXTURE_M = 0.15, 0.012  # cells of the carpet's two noises
 _LAMP = np.array([math.cos(LAMP_DIRECTION_RAD), math.sin(LAMP_DIRECTION_RAD)], dtype=np.float32)
@@ -29,35 +29,35 @@ _LAMP = np.array([math.cos(LAMP_DIRECTION_RAD), math.sin(LAMP_DIRECTION_RAD)], d
 
 @dataclass(frozen=True, eq=False)
 class TracedLight:
-    """The light of N rays, and what they met."""
+    """The light of N rays, and the surfaces they meet."""
 
-    #: What was traced, and from where: the viewpoint's place and the robot's heading, field frame.
+    #: The rays; position of the viewpoint and heading of the robot, field frame.
     rays: RaySet
     eye: Pose2
     #: (3, N) float32: horizontal directions and slopes of the rays, field axes.
     directions: Float32Array
-    #: (N,) float32: how far they went, horizontally, metres.
+    #: (N,) float32: horizontal length of the rays, metres.
     distance_m: Float32Array
-    #: (N,) int32: `FLOOR`, `GROUND` or a thing's colour.
+    #: (N,) int32: `FLOOR`, `GROUND` or an object's colour.
     surface: Int32Array
-    #: (M,) intp: those that ended on the room's wall.
+    #: (M,) intp: rays that end on the room's wall.
     in_room: npt.NDArray[np.intp]
-    #: (N, 3) float32: BGR; 255 is a sensor's white, more is possible.
+    #: (N, 3) float32: BGR; 255 is a sensor's white, higher values are possible.
     light: Float32Array
 
     @property
     def x_m(self) -> Float32Array:
-        """(N,) float32: where they ended, field frame, metres."""
+        """(N,) float32: x of the ends, field frame, metres."""
         return np.asarray(self.distance_m * self.directions[0] + np.float32(self.eye.x_m))
 
     @property
     def y_m(self) -> Float32Array:
-        """(N,) float32: where they ended, field frame, metres."""
+        """(N,) float32: y of the ends, field frame, metres."""
         return np.asarray(self.distance_m * self.directions[1] + np.float32(self.eye.y_m))
 
     @property
     def z_m(self) -> Float32Array:
-        """(N,) float32: height at which they ended, metres."""
+        """(N,) float32: height of the ends, metres."""
         return np.asarray(self.distance_m * self.rays.slope + np.float32(self.rays.height_m))
 
     @property
@@ -65,20 +65,20 @@ class TracedLight:
         """(P, 3) float32: mean light of each pixel's rays."""
         samples = self.light.reshape(-1, self.rays.samples, 3)
         total = samples[:, 0].copy()
-        for k in range(1, samples.shape[1]):  # many times faster than a mean over so short an axis
+        for k in range(1, samples.shape[1]):  # much faster than a mean over a short axis
             total += samples[:, k]
         return np.asarray(total / np.float32(samples.shape[1]))
 
 
 def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
-    """Follow rays into a scene.
+    """Trace rays into a scene.
 
     Parameters
     ----------
     rays : RaySet
-        In the robot's frame.
+        Rays in the robot's frame.
     eye : Pose2
-        The viewpoint's place and the robot's heading, field frame.
+        Position of the viewpoint and heading of the robot, field frame.
     """
     prepare("pictures", "sim2d")
     c, s = np.float32(math.cos(eye.theta_rad)), np.float32(math.sin(eye.theta_rad))
@@ -111,7 +111,7 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
 
 
 def _paint(traced: TracedLight, scene: Scene) -> tuple[npt.NDArray[np.intp], Float32Array]:
-    """Return the rays that end on the carpet, and the painted fractions of their patches; mark those on the ground."""
+    """Return the rays that end on the carpet, with the painted fractions of their patches; mark those on the ground."""
     on_floor = traced.surface == FLOOR
     on_floor[traced.in_room] = False
     floor = np.flatnonzero(on_floor)
@@ -125,7 +125,7 @@ def _paint(traced: TracedLight, scene: Scene) -> tuple[npt.NDArray[np.intp], Flo
 def _room_light(
     scene: Scene, eye: Pose2, height_m: float, directions: Float32Array, distance_m: Float32Array
 ) -> tuple[npt.NDArray[np.intp], Float32Array]:
-    """Rays that end on the room's round wall, and the light from there; their distances are set."""
+    """Return the rays that end on the room's round wall, and their light; sets their distances."""
     radius, away = scene.room_radius_m, math.hypot(eye.x_m, eye.y_m)
     far = np.flatnonzero(distance_m > max(radius - away, 0.0))
     x, y = np.float32(eye.x_m), np.float32(eye.y_m)
@@ -144,7 +144,7 @@ def _room_light(
 
 
 def _carpet_texture(light: Light, x: Float32Array, y: Float32Array, patch_m: Float32Array) -> Float32Array:
-    """Relative brightness of carpet at floor points: two octaves of value noise, the fine one averaged over a patch."""
+    """Return the relative brightness of carpet: two octaves of value noise, the fine one averaged over a patch."""
     rng = np.random.default_rng([light.texture_seed, 0xCA57])
     tiles = rng.standard_normal((2, 256, 256), dtype=np.float32)
     smooth = _noise(tiles[0], x, y, SMOOTH_TEXTURE_M)
@@ -159,7 +159,7 @@ def _noise(tile: Float32Array, x: Float32Array, y: Float32Array, cell_m: float) 
     maps: list[Float32Array] = []
     for v in (x, y):
         cells = np.pad(v, (0, padding)) * np.float32(1 / cell_m)
-        # the remainder, bit for bit because the size is a power of 2, and many times faster than np.mod
+        # the remainder; exact because the size is a power of 2, and much faster than np.mod
         cells -= np.floor(cells * np.float32(1 / tile.shape[0])) * np.float32(tile.shape[0])
         maps.append(cells.reshape(-1, width))
     found = cv2.remap(tile, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
@@ -167,7 +167,7 @@ def _noise(tile: Float32Array, x: Float32Array, y: Float32Array, cell_m: float) 
 
 
 def illuminate(light: Float32Array, shade: Float32Array, scene: Scene, x: Float32Array, y: Float32Array) -> None:
-    """Turn paint (N, 3) of given shade (N,) at places x, y (m) into light, in place."""
+    """Convert paint (N, 3) with shade (N,) at places x, y (m) to light, in place."""
     lamp = scene.light
     gain = shade * np.float32(lamp.level)
     if lamp.gradient:

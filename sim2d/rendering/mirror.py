@@ -19,14 +19,14 @@ SPIN_POSES = 5
 
 
 class MirrorRenderer:
-    """Renders the pictures of one camera.
+    """Renders pictures of one camera.
 
     Parameters
     ----------
     camera : OmniCamera
         The true camera, with a known viewpoint height.
     supersample : int
-        Rays a pixel along each image axis.
+        Rays for each pixel along each image axis.
 
     Raises
     ------
@@ -48,14 +48,14 @@ class MirrorRenderer:
         Parameters
         ----------
         pose : Pose2
-            The robot in the field frame; in the middle of the exposure if it spins.
+            Pose of the robot in the field frame, in the middle of the exposure.
         spin_rad : float
-            Angle it turns by during the exposure.
+            Rotation of the robot during the exposure.
 
         Returns
         -------
         (H, W, 3) float32
-            Linear light, BGR; 255 is a sensor's white, more is possible.
+            Linear light, BGR; 255 is a sensor's white, higher values are possible.
         """
         if not spin_rad:
             return self._image(self._rays, self._trace(self._rays, scene, pose))
@@ -75,7 +75,7 @@ class MirrorRenderer:
         return np.asarray(image)
 
     def _trace(self, rays: MirrorRays, scene: Scene, pose: Pose2) -> Float32Array:
-        """(P, 3) float32: mean light of each traced pixel's rays."""
+        """Return the mean light (P, 3) float32 of each traced pixel's rays."""
         x, y = pose.transform(self.camera.offset_m)
         traced = trace_light(rays, scene, Pose2(float(x), float(y), pose.theta_rad))
         lay_nets(traced, scene)

@@ -1,8 +1,8 @@
-"""Goal nets: the rectangles they hang in, and how the ray caster sees through them.
+"""Goal nets: their rectangles, and the light of rays through them.
 
-A net covers what is behind it by the cords' fraction of a ray's patch. With cords d thick, s apart, that is
-1 - (1 - d / s)^2 where a patch is wider than many meshes; nearer cords are seen as lines. Where a ray meets two
-nets their order makes no difference, as their cords have one colour and nearly the same light.
+A net covers what is behind it by the fraction of a ray's patch that is cord. With cords of width d at a distance s,
+that is 1 - (1 - d / s)^2 if a patch is wider than many meshes; nearer cords are drawn as lines. The order of two nets
+on a ray does not matter, because their cords have one colour and nearly the same light.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sim2d.rendering.light import TracedLight, illuminate
 from sim2d.rendering.scene import Scene
 from sim2d.rendering.scene_table import WHITE
 
-# range beyond which the patch of floor that a ray covers does not grow any more
+# range beyond which the floor patch of a ray does not grow
 _FARTHEST_M = 1e3
 
 
@@ -35,20 +35,20 @@ def net_rows(field: Field) -> FloatArray:
             rows.append([x0, y0, 0, *along, 0, 0, 0, 1, length, net.height_m])
         rows.append([goal.line_x_m, -half, net.height_m, goal.side, 0, 0, 0, 1, 0, goal.depth_m, goal.width_m])
         for row in rows[-4:]:
-            # whole meshes
+            # a whole number of meshes
             row += [size / max(round(size / net.mesh_m), 1) for size in row[9:11]] + [net.cord_m]
     return np.array(rows, dtype=np.float64).reshape(-1, 14)
 
 
 def nets_of(field: Field, cast_bgr: npt.NDArray[np.float64]) -> Nets:
-    """Return a field's nets as the compiled loops take them, in a sensor's colours."""
+    """Return a field's nets in the format of the compiled loops, in a sensor's colours."""
     colors = [COLOR_NAMES[goal.net.color] for goal in field.goals if goal.net is not None]
     color = np.array(colors[0] if colors else (0.0, 0.0, 0.0)) * cast_bgr
     return Nets(net_rows(field), color.astype(np.float32))
 
 
 def lay_nets(traced: TracedLight, scene: Scene) -> None:
-    """Cover by nets, in place, the light of rays that meet something behind them."""
+    """Cover the light of rays by the nets in front of what they meet, in place."""
     if not len(net_rows(scene.field)):
         return
     rays, nets = traced.rays, nets_of(scene.field, WHITE)

@@ -1,7 +1,7 @@
-"""Pictures that show no field: constants, noise, patterns, rooms, cut-up pictures; nothing in them is to give a pose.
+"""Pictures without a field, in which no pose may be found: constants, noise, patterns, rooms, shuffled pictures.
 
-They are made to be hard: most have large areas of one colour, many of them green, with straight, bright edges and
-strokes as a field's lines have, but no pitch.
+They are hard: most have large areas of one colour, often green, with straight bright edges and strokes like a field's
+lines, but no pitch.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ CARPET_BGR = (50.0, 130.0, 45.0)
 
 
 def constant(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """One colour all over."""
+    """Paint one colour."""
     width, height = size_px
     return np.full((height, width, 3), _color(rng), dtype=np.uint8)
 
 
 def noise(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """Independent values about one colour, from faint to full."""
+    """Paint independent noise about one colour, from weak to strong."""
     width, height = size_px
     values = rng.normal(_color(rng), rng.uniform(1.0, 120.0), (height, width, 3))
     return np.clip(values, 0, 255).astype(np.uint8)
 
 
 def clouds(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """Smooth patches of several sizes."""
+    """Paint smooth patches of several sizes."""
     width, height = size_px
     picture = np.full((height, width, 3), _color(rng), dtype=np.float64)
     for cells in (2, 5, 11, 30):
@@ -42,7 +42,7 @@ def clouds(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
 
 
 def stripes(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """Parallel stripes, or a chequered pattern, at any angle."""
+    """Paint parallel stripes, or a chequered pattern, at any angle."""
     width, height = size_px
     v, u = np.mgrid[:height, :width]
     angle, period = rng.uniform(0.0, np.pi), rng.uniform(4.0, width / 2)
@@ -53,7 +53,7 @@ def stripes(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
 
 
 def shapes(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """Rectangles, discs and triangles of any colour."""
+    """Paint rectangles, discs and triangles of any colour."""
     width, height = size_px
     picture = constant(size_px, rng)
     for _ in range(rng.integers(3, 40)):
@@ -71,7 +71,7 @@ def shapes(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
 
 
 def strokes(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """Bright strokes, arcs and letters on a carpet's green or any colour: no pitch is painted so."""
+    """Paint bright strokes, arcs and letters on a carpet's green or any colour, unlike a pitch's lines."""
     width, height = size_px
     ground = CARPET_BGR if rng.random() < 0.6 else _color(rng)
     picture = np.full((height, width, 3), ground, dtype=np.uint8)
@@ -95,9 +95,9 @@ def strokes(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
 
 
 def room(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """Paint a floor, walls with doors and windows, tables and people, as a camera held level sees them.
+    """Paint a floor, walls with doors and windows, tables and people, as seen by a level camera.
 
-    Their frames have any colour but white: a white frame on green ground is a goal for all that a picture tells.
+    No frame is white, because a white frame on green ground could be a goal.
     """
     width, height = size_px
     picture = np.full((height, width, 3), _color(rng), dtype=np.uint8)
@@ -114,7 +114,7 @@ def room(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
 
 
 def mosaic(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """Cut a picture of shapes or strokes into tiles, and shuffle them."""
+    """Paint a picture of shapes or strokes, divided into shuffled tiles."""
     picture = shapes(size_px, rng) if rng.random() < 0.5 else strokes(size_px, rng)
     tile = int(rng.integers(6, 40))
     rows, columns = picture.shape[0] // tile, picture.shape[1] // tile
@@ -134,14 +134,14 @@ PAINTERS: dict[str, Painter] = {
 
 
 def no_field_picture(size_px: tuple[int, int], index: int, seed: int) -> tuple[str, UInt8Array]:
-    """Return picture number `index` and its kind; it depends on size, seed and number alone."""
+    """Return the kind and the picture of number `index`; it depends on size, seed and number only."""
     rng = np.random.default_rng([seed, index])
     name = list(PAINTERS)[index % len(PAINTERS)]
     return name, PAINTERS[name](size_px, rng)
 
 
 def _color(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Any colour, one in four near a carpet's."""
+    """Return a random colour, one in four near a carpet's."""
     if rng.random() < 0.25:
         blue, green, red = np.clip(rng.normal(CARPET_BGR, 15.0), 0, 255).tolist()
     else:
@@ -150,7 +150,7 @@ def _color(rng: np.random.Generator) -> tuple[float, float, float]:
 
 
 def _grained(picture: UInt8Array, rng: np.random.Generator) -> UInt8Array:
-    """Blur a picture and add noise, as a sensor does."""
+    """Add blur and noise like a sensor."""
     blurred = cv2.GaussianBlur(picture, (0, 0), float(rng.uniform(0.3, 1.5))).astype(np.float32)
     blurred += rng.normal(0.0, rng.uniform(0.5, 12.0), picture.shape).astype(np.float32)
     return np.clip(blurred, 0, 255).astype(np.uint8)

@@ -21,9 +21,9 @@ from sim2d.rendering.nets import lay_nets
 from sim2d.rendering.rays import RaySet, sample_offsets
 from sim2d.rendering.scene import Scene
 
-COARSE = 2  # rays a pixel along each axis before it is known where the edges are
-RAYS_AT_ONCE = 1 << 14  # so many stay in the processor's cache
-EDGE_CONTRAST = 8.0  # grey levels between neighbouring rays that call for more of them
+COARSE = 2  # rays for each pixel along each axis, before edges are known
+RAYS_AT_ONCE = 1 << 14  # number that fits into the processor's cache
+EDGE_CONTRAST = 8.0  # least difference of neighbouring rays, grey levels, at which more are cast
 
 
 class PinholeRays(RaySet):
@@ -32,14 +32,14 @@ class PinholeRays(RaySet):
     Parameters
     ----------
     camera : PinholeCamera
-        With a known tilt.
+        Must have a known tilt.
     supersample : int
-        Rays a pixel along each image axis.
+        Rays for each pixel along each image axis.
     pixel_index : (P,) intp, optional
-        Flat indices of the pixels; without it all of them.
+        Flat indices of the pixels; all by default.
     turn_rad : float
-        How far the camera pans while its rows are read from the first to the last (a rolling shutter); the camera's
-        own pan is that of the middle row.
+        Pan of the camera from the first row to the last (a rolling shutter); the camera's own pan is that of the middle
+        row.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class PinholeRays(RaySet):
             part = slice(start, start + step)
             along_axis = camera.pixel_to_camera_ray(centers[part, None, :] + offsets)
             if is_fisheye:
-                # whatever lies ahead stands in for what a lens's circle does not show: those pixels are black
+                # any ray serves for pixels outside a lens's circle, which become black
                 along_axis[np.isnan(along_axis[..., 0])] = (1.0, 0.0, 0.0)
             turned = np.matmul(along_axis, camera.camera_to_robot.T, out=directions[part])
             if turn_rad:
@@ -71,7 +71,7 @@ class PinholeRays(RaySet):
                 x, y = turned[..., 0].copy(), turned[..., 1].copy()
                 turned[..., 0], turned[..., 1] = c * x - s * y, s * x + c * y
             patches = radial[part], tangential[part]
-            # equal angles are about equally long in a fisheye's picture
+            # a fisheye's picture is about equidistant
             cosine = np.ones(along_axis.shape[:-1]) if is_fisheye else along_axis[..., 0]
             pinhole_patches(camera.height_m, rays_per_rad, cosine, turned, *patches)
         super().__init__(camera.height_m, index, directions, radial, tangential)
@@ -93,24 +93,24 @@ def render_pinhole(
     Parameters
     ----------
     camera : PinholeCamera
-        As the neck holds it: its tilt must be known, an unknown pan or roll counts as 0.
+        As held by the neck: its tilt must be known, an unknown pan or roll counts as 0.
     pose : Pose2
-        The robot in the field frame (the camera itself if its offset and pan are 0).
+        Pose of the robot in the field frame (of the camera if its offset and pan are 0).
     backdrop : Backdrop, optional
-        Hangs on the room's wall in place of the scene's own clutter.
+        Replaces the scene's clutter on the room's wall.
     glare : sequence of Glare
-        Lamps reflected in the goals' paint.
+        Reflections of lamps in the goals' paint.
     sun : sequence of SunPatch
         Sunlight through windows.
     supersample : int
-        Rays along each axis of a pixel that an edge may cross; others get fewer.
+        Rays along each axis of a pixel that may contain an edge; others get fewer.
     turn_rad : float
-        How far the camera pans from its first row to its last, as a rolling shutter shows it.
+        Pan of the camera from its first row to its last (a rolling shutter).
 
     Returns
     -------
     (H, W, 3) float32
-        Linear light, BGR; 255 is a sensor's white, more is possible.
+        Linear light, BGR; 255 is a sensor's white, higher values are possible.
 
     Raises
     ------
@@ -153,19 +153,19 @@ def render_pinhole(
 
 
 def dark_pixels(camera: PinholeCamera) -> npt.NDArray[np.bool_]:
-    """Return which pixels (H, W) the lens leaves dark."""
+    """Return a mask (H, W) of the pixels that the lens leaves dark."""
     width, height = camera.size_px
     u, v = np.meshgrid(np.arange(width), np.arange(height))
     return np.asarray(np.isnan(camera.pixel_to_camera_ray(np.stack([u, v], axis=-1))).any(axis=-1))
 
 
 def _pixels_at_edges(traced: TracedLight, shape: tuple[int, int]) -> npt.NDArray[np.intp]:
-    """Flat indices of pixels whose own or neighbours' rays differ in what they met or in brightness."""
+    """Return flat indices of pixels whose rays, or neighbours' rays, differ in surface or brightness."""
     rays = traced.rays
     count = rays.samples
     surface = traced.surface.astype(np.float32)
     surface[traced.in_room] = -1.0
-    # clutter on the room's wall is blurred already: only what stands before it has edges
+    # the room's wall is already blurred, so it has no edges
     light = traced.light.copy()
     light[traced.in_room] = 0.0
     features = np.column_stack([light, surface * np.float32(2 * EDGE_CONTRAST)]).reshape(-1, count, 4)
@@ -178,10 +178,10 @@ def _pixels_at_edges(traced: TracedLight, shape: tuple[int, int]) -> npt.NDArray
 
 
 def smear(image: Float32Array, length_px: float) -> Float32Array:
-    """Blur an image along its rows as a camera does that pans by `length_px` pixels during the exposure."""
+    """Blur an image along its rows by a pan of `length_px` pixels during the exposure."""
     if length_px <= 0:
         return image
-    # a mixture of the two nearest boxes of an odd number of cells, so that the variance is exactly that of the motion
+    # a mixture of the two nearest boxes of odd length, with exactly the motion's variance
     inner = 2 * int((math.sqrt(length_px**2 + 1) - 1) / 2) + 1
     inner_ratio = (length_px**2 - (inner**2 - 1)) / ((inner + 2) ** 2 - inner**2)
     kernel = np.full(inner + 2, inner_ratio / (inner + 2))

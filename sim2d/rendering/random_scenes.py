@@ -1,4 +1,4 @@
-"""Random poses, scenes and frames under named conditions: the pictures that figures are reported on."""
+"""Random poses, scenes and frames under named conditions, on which the reported figures are measured."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from sim2d.rendering.pinhole import render_pinhole, smear
 from sim2d.rendering.scene import Ball, Box, Highlight, Light, Robot, Room, Scene, Shadow, any_box_color
 from sim2d.rendering.sensor import Sensor
 
-BALL_RANGE_M = 1.5  # a ball lies at most this far from the robot
-CLEARANCE_M = 0.01  # between any two things that stand on the field
-OPEN_M = 0.10  # around a ball in the open
+BALL_RANGE_M = 1.5  # greatest distance of a ball from the robot
+CLEARANCE_M = 0.01  # between any two objects on the field
+OPEN_M = 0.10  # free distance around a ball
 TRIES = 2000
 CIRCLE = np.stack([np.cos(np.arange(8) * math.pi / 4), np.sin(np.arange(8) * math.pi / 4)], axis=1)
 RING_BOXES = (7, 8)
@@ -31,14 +31,14 @@ RING_RANGE_M = (0.17, 0.42)
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """How pictures are disturbed, and what stands on the field.
+    """Disturbances of pictures, and objects on the field.
 
     Parameters
     ----------
     noise_sigma, blur_px, vignette, cast_bgr, gain, jpeg_quality
-        Of the `Sensor`.
+        Parameters of the `Sensor`.
     light_gradient : float
-        Relative gain of light from the field's centre over half its length; the direction is random.
+        Relative change of light from the field's centre over half its length, in a random direction.
     texture : float
         Relative standard deviation of the carpet's brightness.
     shadow : bool
@@ -46,21 +46,21 @@ class Condition:
     highlights : int
         Number of lamp reflections.
     spin_rad : float
-        Turn during the exposure.
+        Rotation during the exposure.
     obstacles : (int, int)
         Least and greatest number of boxes.
     ring : bool
-        The boxes stand around the robot: the nearest point of each is 0.17 to 0.42 m from the robot's centre.
-        Where too few fit, because walls are near, the rest stand anywhere.
+        The boxes surround the robot: the nearest point of each is 0.17 to 0.42 m from the robot's centre. If too few
+        fit because of walls, the rest are placed anywhere.
     ball_rate : float
         Fraction of frames with a ball.
     center_offset_px : (float, float)
-        True image centre minus the given camera's.
+        True image centre minus that of the given camera.
     tilt_rad : (float, float)
-        True tilt minus the given camera's, about the robot's x and y axis: of a pinhole camera its roll, and its tilt
+        True tilt minus that of the given camera, about the robot's x and y axis: a pinhole camera's roll, and its tilt
         downwards.
     robots : int
-        Number of robots, and `robot_height_m` how tall they are.
+        Number of robots, and their height `robot_height_m`.
     """
 
     noise_sigma: float = 8.0
@@ -94,7 +94,7 @@ class Condition:
 
     @property
     def sensor(self) -> Sensor:
-        """The sensor these pictures are taken with."""
+        """The sensor of these pictures."""
         return Sensor(self.noise_sigma, self.blur_px, self.vignette, self.cast_bgr, self.gain, self.jpeg_quality)
 
     @overload
@@ -102,7 +102,7 @@ class Condition:
     @overload
     def true_camera(self, camera: Camera) -> Camera: ...
     def true_camera(self, camera: Camera) -> Camera:
-        """Return the camera that takes the pictures when `camera` is the one handed out."""
+        """Return the camera that takes the pictures if `camera` is given to the localiser."""
         (u, v), (du, dv) = camera.center_px, self.center_offset_px
         center_px, (dtx, dty) = (u + du, v + dv), self.tilt_rad
         if isinstance(camera, PinholeCamera):
@@ -128,7 +128,7 @@ CONDITIONS: dict[str, Condition] = {
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One picture with its truth: the frame (H, W, 3) uint8, the scene, the robot's pose, and its number."""
+    """One picture with its truth: frame (H, W, 3) uint8, scene, the robot's pose, and number."""
 
     frame: npt.NDArray[np.uint8]
     scene: Scene
@@ -146,15 +146,15 @@ def sample(
     indices: Iterable[int] | None = None,
     supersample: int = 3,
 ) -> Iterator[Sample]:
-    """Yield random pictures; sample i depends on `seed` and i alone.
+    """Yield random pictures; sample i depends on `seed` and i only.
 
     Parameters
     ----------
     field : Field
         The pitch.
     camera : OmniCamera or PinholeCamera
-        The camera handed to the localiser; pictures are taken with `condition.true_camera(camera)`. A pinhole camera's
-        tilt must be known; the ball then lies where it looks.
+        Camera for the localiser; pictures are taken with `condition.true_camera(camera)`. A pinhole camera's tilt must
+        be known; the ball is then in its view.
     condition : Condition
         Disturbances and obstacles.
     seed : int
@@ -164,7 +164,7 @@ def sample(
     indices : iterable of int, optional
         Make these samples instead.
     supersample : int
-        Rays a pixel along each image axis.
+        Rays for each pixel along each image axis.
     """
     true, view = condition.true_camera(camera), BallView.of(camera)
     renderer = MirrorRenderer(true, supersample) if isinstance(true, OmniCamera) else None
@@ -182,7 +182,7 @@ def sample(
 
 @dataclass(frozen=True, slots=True)
 class BallView:
-    """Where a camera sees a ball: bearings about `middle_rad` by `half_rad`, from a range on; whether with patches."""
+    """The part of the floor on which a camera sees a ball: bearings, least range; and whether patches are drawn."""
 
     middle_rad: float = 0.0
     half_rad: float = math.pi
@@ -191,7 +191,7 @@ class BallView:
 
     @classmethod
     def of(cls, camera: Camera) -> BallView:
-        """Return where a camera sees a ball."""
+        """Return the part of the floor on which a camera sees a ball."""
         if not isinstance(camera, PinholeCamera):
             return cls()
         (width, height), (u, _) = camera.size_px, camera.center_px
@@ -204,7 +204,7 @@ class BallView:
 def random_scene(
     field: Field, condition: Condition, rng: np.random.Generator, view: BallView = BallView()
 ) -> tuple[Scene, Pose2]:
-    """Draw a robot's pose anywhere on the floor, at any heading, and what stands around it."""
+    """Draw a random pose of the robot on the floor, and its surroundings."""
     bare = Scene(field)
     x, y = _place(bare, field.robot_radius_m, rng)
     pose = Pose2(x, y, rng.uniform(-math.pi, math.pi))
@@ -248,7 +248,7 @@ def _light(field: Field, condition: Condition, rng: np.random.Generator) -> Ligh
 
 
 def _place(scene: Scene, radius_m: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Draw the centre of a disc that is clear of everything upright on the floor."""
+    """Draw the centre of a disc without anything upright in it."""
     low, high = scene.field.floor_polygon.min(axis=0), scene.field.floor_polygon.max(axis=0)
     for _ in range(TRIES):
         x, y = rng.uniform(low, high)
@@ -285,7 +285,7 @@ def _add_ring(scene: Scene, pose: Pose2, count: int, boxes: list[Box], rng: np.r
             return
         wanted_m, bearing = rng.uniform(*RING_RANGE_M), rng.uniform(-math.pi, math.pi)
         box = Box(0.0, 0.0, float(rng.uniform(0, math.pi / 2)), color_bgr=any_box_color(rng))
-        # move it out along the bearing until its nearest point is as far away as wanted
+        # bisection along the bearing for the wanted distance of its nearest point
         near, far = wanted_m, wanted_m + box.width_m
         for _ in range(20):
             middle = (near + far) / 2
@@ -299,7 +299,7 @@ def _add_ring(scene: Scene, pose: Pose2, count: int, boxes: list[Box], rng: np.r
 def _robots(
     scene: Scene, pose: Pose2, boxes: list[Box], ball: Ball | None, condition: Condition, rng: np.random.Generator
 ) -> tuple[Robot, ...]:
-    """Draw robots that stand clear of everything else."""
+    """Draw robots that touch nothing."""
     radius, robots = scene.field.robot_radius_m, list[Robot]()
     for _ in range(TRIES):
         if len(robots) == condition.robots:
@@ -318,7 +318,7 @@ def _robots(
 
 
 def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator, view: BallView) -> Ball | None:
-    """Place a ball in the open: on the floor, in the camera's view, clear of everything; None if nothing was found."""
+    """Place a ball with free floor around it, in the camera's view; None if no place was found."""
     field = scene.field
     radius = field.ball_radius_m
     with_boxes = Scene(field, boxes=tuple(boxes))

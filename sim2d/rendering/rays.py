@@ -10,36 +10,36 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera
 from sim2d.kernels.ray_casting import LEVEL, MIN_RUN
 
-# how far the mirror's edge lies outside the usable radius, in pixels of a 256 x 220 image
+# width of the mirror's rim outside the usable radius, relative to it: 4 of 112 pixels in a 256 x 220 image
 RIM_MARGIN = 4.0 / 112.0
 
 
 class RaySet:
-    """Rays of a camera in the frame of its robot, `samples` a pixel, pixels sorted by bearing.
+    """Rays of a camera in its robot's frame, `samples` for each pixel, with pixels sorted by bearing.
 
-    A ray is a horizontal direction (cos, sin), a slope (rise over run) and a start at the viewpoint; every upright
-    surface is then met at a horizontal distance that depends on the horizontal direction alone. Of N = P * samples
+    A ray is a horizontal direction (cos, sin), a slope (rise over run) and a start at the viewpoint, so that the
+    horizontal distance of an upright surface depends on the horizontal direction only. Of N = P * samples
     rays, samples of one pixel follow one another.
 
     Parameters
     ----------
     height_m : float
-        Of the viewpoint over the floor.
+        Height of the viewpoint above the floor.
     pixel_index : (P,) intp
         Flat image index of each pixel.
     directions : (P, samples, 3) float64
         Directions, robot frame.
     radial_m, tangential_m : (P, samples) float64
-        Size on the floor of the patch a ray stands for, along and across it, metres.
+        Size of a ray's patch on the floor, along and across it, metres.
 
     Attributes
     ----------
     pixel_index : (P,) intp
-        As given, sorted.
+        Sorted indices.
     cos, sin, slope : (N,) float32
         Directions.
     floor_m : (N,) float32
-        Horizontal distance at which a ray meets the floor, metres; inf from the horizon on.
+        Horizontal distance at which a ray meets the floor, metres; inf at and above the horizon.
     patch_m : (2, N) float32
         Radial and tangential sizes.
     """
@@ -71,12 +71,12 @@ class MirrorRays(RaySet):
     Parameters
     ----------
     camera : OmniCamera
-        With a known viewpoint height.
+        Must have a known viewpoint height.
 
     Attributes
     ----------
     traced_part, body_part : (H, W) float32
-        Parts of each pixel that see the scene and the robot's own body; the rest is black.
+        Fractions of each pixel that show the scene and the robot's own body; the rest is black.
     """
 
     def __init__(self, camera: OmniCamera, supersample: int) -> None:
@@ -104,7 +104,7 @@ class MirrorRays(RaySet):
         self.body_part = (radius_of_pixel <= inner).astype(np.float32).reshape(height, width)
         self.body_part.ravel()[candidates] = (radius < inner).mean(axis=1)
 
-        # unseen rays of a partly seen pixel stand in for a seen one of the same pixel
+        # unseen rays of a partly seen pixel are replaced by a seen one of it
         stand_in = np.where(seen, np.arange(samples), np.argmax(seen, axis=1)[:, None])
         ray = np.take_along_axis(ray, stand_in[..., None], axis=1)
         radius = np.take_along_axis(radius, stand_in, axis=1)
@@ -122,9 +122,10 @@ class MirrorRays(RaySet):
 
 
 def sample_offsets(supersample: int) -> FloatArray:
-    """(n^2, 2): a grid sheared both ways, so that each sample has its own u and its own v.
+    """Return offsets (n^2, 2): a grid sheared both ways, so that all samples differ in u and in v.
 
-    An edge along a pixel row or column then moves the mean in n^2 steps, not in n; a half turn maps it onto itself.
+    An edge along a pixel row or column then changes the mean in n^2 steps, not in n. A half turn maps the grid onto
+    itself.
     """
     n = supersample
     a, b = (index.ravel() for index in np.mgrid[:n, :n])

@@ -1,4 +1,4 @@
-"""What stands on a field and how it is lit: plain values that a renderer turns into pictures.
+"""Objects on a field and their light, as plain values for a renderer.
 
 Positions are in the field frame, metres. Colours are BGR of a frame under white light of level 1.
 """
@@ -19,9 +19,9 @@ from robocup_vision.geometry import Pose2
 Bgr = tuple[float, float, float]
 
 GROUND_BGR: Bgr = (95, 105, 112)  # around the carpet
-LAMP_DIRECTION_RAD = 0.9  # in the field frame: uprights facing it are lighter than those facing away
+LAMP_DIRECTION_RAD = 0.9  # in the field frame: upright surfaces that face it are lighter
 
-# what obstacles are painted in: the field's own colours and a few of everyday things
+# colours of obstacles: the field's own, and some everyday ones
 BOX_COLORS: dict[str, Bgr] = {
     "red": (40, 40, 200),
     "orange": COLOR_NAMES["orange"],
@@ -58,13 +58,13 @@ class Box:
         return Pose2(self.x_m, self.y_m, self.yaw_rad).transform(half)
 
     def faces(self) -> Iterator[Wall]:
-        """Yield its upright faces as they are lit; the box is to the left of each."""
+        """Yield its upright faces with their light; the box is to the left of each."""
         corners = self.corners
         for (x0, y0), (x1, y1) in zip(np.roll(corners, 1, axis=0).tolist(), corners.tolist(), strict=True):
             yield Wall(x0, y0, x1, y1, self.height_m, self.color_bgr, self.color_bgr).lit
 
     def distance_m(self, x_m: float, y_m: float) -> float:
-        """Distance of a point from the footprint, 0 inside it."""
+        """Return the distance of a point from the footprint, 0 inside it."""
         local = np.abs(Pose2(self.x_m, self.y_m, self.yaw_rad).inverse().transform([x_m, y_m]))
         return float(np.hypot(*np.maximum(local - (self.width_m / 2, self.depth_m / 2), 0.0)))
 
@@ -83,7 +83,7 @@ class Robot:
 
 @dataclass(frozen=True, slots=True)
 class Ball:
-    """A ball that lies on the floor; `patches_bgr`: of its dark patches, turned by `turn_rad` about x, y, z."""
+    """A ball on the floor; `patches_bgr`: colour of its dark patches, rotated by `turn_rad` about x, y, z."""
 
     x_m: float
     y_m: float
@@ -95,9 +95,9 @@ class Ball:
 
 @dataclass(frozen=True, slots=True)
 class Shadow:
-    """A hard shadow: the strip low <= x cos(direction) + y sin(direction) <= high, and the light left there.
+    """A hard shadow: the strip low <= x cos(direction) + y sin(direction) <= high, and its remaining light.
 
-    The light left is bluer than the lamp's: it comes from the sky or from walls.
+    The remaining light is bluer than the lamp's, because it comes from the sky or from walls.
     """
 
     direction_rad: float
@@ -108,7 +108,7 @@ class Shadow:
 
 @dataclass(frozen=True, slots=True)
 class Highlight:
-    """A blurred reflection of a lamp: white light added around a place, `amplitude` grey levels at its middle."""
+    """A blurred reflection of a lamp: white light around a place, with `amplitude` grey levels in the middle."""
 
     x_m: float
     y_m: float
@@ -118,16 +118,16 @@ class Highlight:
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """How the scene is lit."""
+    """Light in the scene."""
 
-    #: Overall brightness, 1 = colours as named.
+    #: Overall brightness; at 1 colours are as named.
     level: float = 1.0
-    #: Relative gain of light from the field's centre over half its length, in this direction.
+    #: Relative change of light from the field's centre over half its length, in this direction.
     gradient: float = 0.0
     gradient_direction_rad: float = 0.0
     #: Standard deviation of the carpet's brightness, relative.
     texture: float = 0.0
-    #: Which carpet.
+    #: Seed of the texture.
     texture_seed: int = 0
     #: A hard shadow.
     shadow: Shadow | None = None
@@ -137,19 +137,19 @@ class Light:
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """What is seen beyond the floor: a round room full of clutter, drawn from a seed."""
+    """The background beyond the floor: a round room full of clutter, drawn from a seed."""
 
-    #: Which room.
+    #: Seed of the room.
     seed: int = 0
-    #: From the floor's farthest corner to the clutter.
+    #: Distance from the floor's farthest corner to the clutter.
     distance_m: float = 0.6
-    #: People and furniture that stand between the floor's end and the room's wall.
+    #: Number of people and pieces of furniture between the floor's end and the room's wall.
     bystanders: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Wall:
-    """An upright sheet over a segment: height, and colours seen from its left and from its right."""
+    """An upright sheet over a segment: height, and the colours of its left and right side."""
 
     x0_m: float
     y0_m: float
@@ -161,7 +161,7 @@ class Wall:
 
     @property
     def lit(self) -> Wall:
-        """The same sheet with each side's colour in the light that falls on it."""
+        """The same sheet with each side's colour in its light."""
         normal_rad = math.atan2(self.y1_m - self.y0_m, self.x1_m - self.x0_m) + math.pi / 2
         left_bgr, right_bgr = _lit(self.left_bgr, normal_rad), _lit(self.right_bgr, normal_rad + math.pi)
         return replace(self, left_bgr=left_bgr, right_bgr=right_bgr)
@@ -169,7 +169,7 @@ class Wall:
 
 @dataclass(frozen=True, slots=True)
 class Post:
-    """An upright cylinder of the field's own: a goal post or a beacon; `bands_bgr` from the foot up."""
+    """An upright cylinder of the field, a goal post or a beacon; `bands_bgr` from the foot up."""
 
     x_m: float
     y_m: float
@@ -180,7 +180,7 @@ class Post:
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A goal's bar: a level cylinder along y, the height of its axis, its length to either side of the middle."""
+    """A goal's bar: a horizontal cylinder along y, the height of its axis, half its length."""
 
     x_m: float
     half_length_m: float
@@ -191,17 +191,17 @@ class Bar:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A field, what stands on it, its light and its surroundings."""
+    """A field, the objects on it, its light and its surroundings."""
 
     field: Field
-    #: What stands or lies on it.
+    #: Objects on the field.
     boxes: tuple[Box, ...] = ()
     robots: tuple[Robot, ...] = ()
     ball: Ball | None = None
     light: Light = Light()
-    #: What is seen beyond the floor.
+    #: The background.
     room: Room = Room()
-    #: How far the carpet goes on beyond the floor polygon where nothing bounds it.
+    #: Width of the carpet beyond the floor polygon if nothing bounds it.
     carpet_margin_m: float = 0.0
 
     @property
@@ -218,7 +218,7 @@ class Scene:
         return float(np.hypot(*self.carpet_polygon.T).max()) + self.room.distance_m
 
     def fixed(self) -> Iterator[Wall | Post | Bar | Box]:
-        """Yield everything that does not move, walls as they are lit: what every renderer draws."""
+        """Yield all objects that do not move, walls with their light."""
         yield from (wall.lit for wall in self.walls())
         yield from self.posts()
         yield from self.bars()
@@ -266,7 +266,7 @@ class Scene:
                 yield Bar(goal.line_x_m, goal.width_m / 2, goal.post_radius_m, goal.height_m, color)
 
     def bystanders(self) -> Iterator[Box | Post]:
-        """Yield the people and furniture around the floor, which `free_range_m` leaves out: they stand beyond it."""
+        """Yield the people and furniture around the floor, which `free_range_m` does not include."""
         rng = np.random.default_rng([self.room.seed, 0xB0D1])
         half = np.abs(self.carpet_polygon).max(axis=0)
         for _ in range(self.room.bystanders):
@@ -283,7 +283,7 @@ class Scene:
                 yield Box(float(x), float(y), float(rng.uniform(0, 0.3)), width_m, width_m, height_m, _bgr(color))
 
     def footprint_segments(self, above_m: float = 0.0) -> FloatArray:
-        """(S, 4) float64: feet of all walls, panels and box faces higher than this, as x0, y0, x1, y1, metres."""
+        """Return (S, 4) float64: feet of all walls, panels and box faces above a height, as x0, y0, x1, y1, metres."""
         rows = [[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in self.walls() if w.height_m > above_m]
         for box in self.boxes:
             if box.height_m <= above_m:
@@ -293,26 +293,26 @@ class Scene:
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     def footprint_circles(self, above_m: float = 0.0) -> FloatArray:
-        """(C, 3) float64: feet of all posts, beacons and robots higher than this, as x, y, radius, metres."""
+        """Return (C, 3) float64: feet of all posts, beacons and robots above a height, as x, y, radius, metres."""
         round_things: list[Post | Robot] = [*self.posts(), *self.robots]
         rows = [[r.x_m, r.y_m, r.radius_m] for r in round_things if r.height_m > above_m]
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     def free_range_m(self, pose: Pose2, bearing_rad: npt.ArrayLike, above_m: float = 0.0) -> FloatArray:
-        """Exact free range from the robot's centre: the benchmarks' truth.
+        """Return the exact free range from the robot's centre, the truth for benchmarks.
 
         Parameters
         ----------
         bearing_rad : (N,) array_like
             Bearings in the robot frame.
         above_m : float
-            Only what is higher than this counts.
+            Height above which objects are included.
 
         Returns
         -------
         (N,) float64
-            Distance to the first wall, goal, beacon, box or robot, metres; inf where there is none. A ball does not
-            count, nor does the end of a carpet.
+            Distance to the first wall, goal, beacon, box or robot, metres; inf if there is none. A ball and the end of
+            a carpet are not included.
         """
         direction = pose.theta_rad + np.asarray(bearing_rad, dtype=np.float64)
         dx, dy = np.cos(direction)[:, None], np.sin(direction)[:, None]
@@ -335,7 +335,7 @@ class Scene:
         return nearest
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
-        """Distance of a floor point from the nearest foot of anything upright, metres; inf if there is nothing."""
+        """Return the distance of a floor point from the nearest upright foot, metres; inf if there is none."""
         nearest = math.inf
         segments = self.footprint_segments()
         if len(segments):
@@ -349,7 +349,7 @@ class Scene:
 
 
 def _lit(color: Bgr, normal_rad: float) -> Bgr:
-    """Return a colour on an upright face in the light that its normal's direction gets."""
+    """Return a colour on an upright face in the light of its direction."""
     factor = 0.78 + 0.14 * math.cos(normal_rad - LAMP_DIRECTION_RAD)
     return (color[0] * factor, color[1] * factor, color[2] * factor)
 

@@ -1,4 +1,4 @@
-"""A scene as the compiled loops of every renderer take it: rows of what stands there and of what is painted."""
+"""Scenes in the format of the compiled loops: rows of objects and of paint."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WHITE = np.ones(3)
 
 
 class ThingTable:
-    """The rows of some things, and the colours that they name by number."""
+    """Rows of objects, and the colours to which they refer by number."""
 
     def __init__(self, things: Iterable[Thing], first_color: int = 0) -> None:
         self.rows: list[list[float]] = []
@@ -29,12 +29,12 @@ class ThingTable:
 
     @property
     def values(self) -> UprightThings:
-        """They as the loops take them, in their own colours."""
+        """The objects in the format of the loops, in their own colours."""
         rows = np.array(self.rows, dtype=np.float64).reshape(-1, COLUMNS)
         return UprightThings(rows, in_cast(self.colors, WHITE))
 
     def _color(self, *colors: Bgr) -> int:
-        """Keep colours; return the number of the first."""
+        """Add colours; return the number of the first."""
         self.colors += colors
         return self._first + len(self.colors) - len(colors)
 
@@ -68,12 +68,12 @@ class ThingTable:
 
 
 def in_cast(colors: Iterable[Bgr], cast_bgr: FloatArray) -> Float32Array:
-    """Return colours (C, 3) float32 BGR as a sensor of this white balance has them."""
+    """Return colours (C, 3) float32 BGR for a sensor with this white balance."""
     return np.asarray(np.array([*colors], dtype=np.float64).reshape(-1, 3) * cast_bgr, dtype=np.float32)
 
 
 def floor_paint(scene: Scene, cast_bgr: FloatArray = WHITE) -> FloorPaint:
-    """Return what is painted on a scene's floor, in a sensor's colours."""
+    """Return the paint on a scene's floor, in a sensor's colours."""
     field, corners = scene.field, scene.carpet_polygon
     colors = COLOR_NAMES["green"], COLOR_NAMES[field.line_color], GROUND_BGR
     return FloorPaint(

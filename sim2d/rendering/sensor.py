@@ -1,4 +1,4 @@
-"""From linear light to the bytes a camera delivers: vignette, blur, white balance, noise, clipping, compression."""
+"""Conversion of linear light to a camera's bytes: vignette, blur, white balance, noise, clipping, compression."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import Float32Array, UInt8Array
 
 Bgr = tuple[float, float, float]
-# a lens scatters light near and far, standard deviations as fractions of the width
+# standard deviations of scattered light in a lens, near and far, as fractions of the width
 BLOOM_SPREAD = (0.005, 0.02)
-MIN_LENGTH_PX = 1.0  # a shorter way does not show beside the lens's own blur
+MIN_LENGTH_PX = 1.0  # shorter motion is hidden by the lens's own blur
 _POINTS = 64
 
 
@@ -36,7 +36,7 @@ class Sensor:
     gain: float = 1.0
     #: Compress and expand with chroma at half resolution, at this quality.
     jpeg_quality: int | None = None
-    #: Fraction of the light beyond white that spreads around where it falls: what is burnt out bleeds over its border.
+    #: Fraction of the light beyond white that spreads around overexposed places.
     bloom: float = 0.0
 
     def __post_init__(self) -> None:
@@ -52,7 +52,7 @@ class Sensor:
             raise ArgumentError(f"jpeg_quality must be within 1 to 100, got {self.jpeg_quality}")
 
     def expose(self, radiance: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
-        """Turn linear light (H, W, 3) float32, BGR, 255 is white, into a frame (H, W, 3) uint8; `rng` draws noise."""
+        """Convert linear light (H, W, 3) float32, BGR, 255 is white, to a frame (H, W, 3) uint8; `rng` draws noise."""
         light = radiance.astype(np.float32)
         if self.vignette:
             light *= vignette_gain(light.shape[0], light.shape[1], self.vignette)[..., None]
@@ -87,9 +87,9 @@ def _jpeg_round_trip(frame: npt.NDArray[np.uint8], quality: int) -> npt.NDArray[
 
 
 def motion_kernel(du_px: float, dv_px: float) -> Float32Array:
-    """Return the mean of pixels (K, L) along a way of so many pixels, in the middle of the kernel; its sum is 1."""
+    """Return the kernel (K, L) of a motion by this many pixels, centred; its sum is 1."""
     length = math.hypot(du_px, dv_px)
-    # points are shared out among whole pixels, which is itself a blur: of variance 1/6, as a way of sqrt(2) pixels
+    # distributing points to whole pixels is itself a blur, of variance 1/6 like a motion by sqrt(2) pixels
     shorter = math.sqrt(max(length * length - 2.0, 0.0)) / max(length, 1e-9)
     half_u, half_v = math.ceil(abs(du_px) / 2), math.ceil(abs(dv_px) / 2)
     kernel = np.zeros((2 * half_v + 3, 2 * half_u + 3))
@@ -112,7 +112,7 @@ def motion_kernel(du_px: float, dv_px: float) -> Float32Array:
 
 
 def motion_blur(frame: UInt8Array, du_px: float, dv_px: float) -> UInt8Array:
-    """Return a frame (H, W, 3) as exposed while its picture moves by so many pixels right and down."""
+    """Return a frame (H, W, 3) with motion blur of this many pixels right and down."""
     if math.hypot(du_px, dv_px) < MIN_LENGTH_PX:
         return frame
     blurred = cv2.filter2D(frame, -1, motion_kernel(du_px, dv_px), borderType=cv2.BORDER_REPLICATE)

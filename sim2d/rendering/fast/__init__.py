@@ -1,1 +1,1 @@
-"""Frames of cameras in match time."""
+"""Fast rendering of frames for matches."""

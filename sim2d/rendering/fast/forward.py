@@ -1,8 +1,7 @@
-"""Frames of a forward camera in match time: one ray a pixel, four where an edge crosses it, nothing worked out twice.
+"""Fast frames of a forward camera: one ray for each pixel, and four at edges.
 
-It draws walls, goals with their nets, beacons, boxes, bystanders, robots, ball and lines under evenly changing light
-before the room's wall or a hall's backdrop, as `render_pinhole` does. Only `render_pinhole` draws texture, shadows,
-highlights, glare and patches of sun.
+It draws walls, goals with nets, beacons, boxes, bystanders, robots, ball and lines under evenly changing light in front
+of the room's wall or a backdrop, like `render_pinhole`, but no texture, shadows, highlights, glare and patches of sun.
 """
 
 from __future__ import annotations
@@ -26,31 +25,31 @@ from sim2d.rendering.fast.match_frames import MatchFrames
 from sim2d.rendering.scene import Ball, Robot, Scene
 from sim2d.rendering.sensor import Sensor
 
-TILE_PX = (8, 32)  # rows and columns: most edges run across the image
+TILE_PX = (8, 32)  # rows and columns; wide, because most edges are horizontal
 
 
 class EyeInField(NamedTuple):
-    """A camera's centre of projection and where it looks, field frame."""
+    """A camera's centre of projection and orientation, field frame."""
 
     #: Centre of projection.
     x_m: float
     y_m: float
     height_m: float
-    #: Orientation when the middle row is read; see `camera_rotation`.
+    #: Orientation at the middle row; see `camera_rotation`.
     heading_rad: float
     tilt_rad: float
     roll_rad: float
-    #: How far it turns about its own axes (ahead, left, up) while its rows are read from the first to the last.
+    #: Rotation about its own axes (ahead, left, up) from the first row to the last.
     turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class ForwardFrames(MatchFrames):
-    """Draws for a pinhole or fisheye camera, whose place and orientation do not matter; see `MatchFrames`.
+    """Draws for a pinhole or fisheye camera, whose place and orientation are not used; see `MatchFrames`.
 
     Parameters
     ----------
     backdrop : Backdrop, optional
-        Hangs on the room's wall in place of the scene's own clutter.
+        Replaces the scene's clutter on the room's wall.
 
     Raises
     ------
@@ -71,7 +70,7 @@ class ForwardFrames(MatchFrames):
         self._outlines = _empty_outlines(0)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, eye: EyeInField) -> UInt8Array:
-        """Draw a frame (H, W, 3) uint8 of other robots and the ball: light through the lens, without blur and noise."""
+        """Draw a frame (H, W, 3) uint8 with other robots and the ball: light through the lens, not blur and noise."""
         things = self._things(robots, ball)
         floor = len(self._paint.edges) + len(self._paint.lines) + len(self._paint.arcs) * ARC_PIECES
         count = floor + len(things.rows) + 1 + len(self._nets.rows)
@@ -94,9 +93,9 @@ def lens_table(camera: PinholeCamera, gain: Float32Array) -> ForwardLens:
     Parameters
     ----------
     camera : PinholeCamera
-        Its orientation does not matter.
+        Its orientation is not used.
     gain : (H, W) float32
-        Light that each pixel gets, relative.
+        Relative light of each pixel.
 
     Raises
     ------
@@ -106,7 +105,7 @@ def lens_table(camera: PinholeCamera, gain: Float32Array) -> ForwardLens:
     width, height = camera.size_px
     tall, wide = TILE_PX
     rows, columns = -(-height // tall), -(-width // wide)
-    # the pixels of a last tile that is not whole lie outside the image, where a lens need not show anything
+    # pixels of incomplete tiles outside the image are clipped, because a lens may not show anything there
     u, v = np.minimum(np.arange(columns * wide), width - 1), np.minimum(np.arange(rows * tall), height - 1)
     right, down = _slopes(camera, u, v)
     of_pixels = np.stack([right, down]).reshape(2, rows, tall, columns, wide)
@@ -124,7 +123,7 @@ def lens_table(camera: PinholeCamera, gain: Float32Array) -> ForwardLens:
     low, high = slopes.min(axis=3) - margin, slopes.max(axis=3) + margin
     u = np.arange(2 * columns + 1) * (wide / 2) - 0.5
     corners = np.stack(_slopes(camera, np.minimum(u, width - 0.5), np.minimum(v, height - 0.5)), axis=-1)
-    # what is interpolated between a tile's corners goes on beyond the image at the same rate
+    # interpolation between a tile's corners is extrapolated beyond the image
     corners += np.maximum(u - width + 0.5, 0.0)[:, None] * by_u[-1, -1]
     corners += np.maximum(v - height + 0.5, 0.0)[:, None, None] * by_v[-1, -1]
     return ForwardLens(
@@ -140,7 +139,7 @@ def lens_table(camera: PinholeCamera, gain: Float32Array) -> ForwardLens:
 def _slopes(
     camera: PinholeCamera, u: npt.NDArray[np.float64] | npt.NDArray[np.int64], v: npt.NDArray[np.float64]
 ) -> tuple[FloatArray, FloatArray]:
-    """Slopes right and down (V, U) of pixels at columns u (U,) and rows v (V,)."""
+    """Return the slopes right and down (V, U) of pixels at columns u (U,) and rows v (V,)."""
     ray = camera.pixel_to_camera_ray(np.stack(np.meshgrid(u, v), axis=-1))
     if not np.isfinite(ray).all():
         raise ArgumentError("the camera's lens distortion leaves part of the image without rays")

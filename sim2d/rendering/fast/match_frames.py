@@ -1,4 +1,4 @@
-"""What the match frames of every camera have in common: one scene, even light that may change, the sensor's colours."""
+"""Fast frames of all cameras: one scene, even light that may change, the sensor's colours."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from sim2d.rendering.sensor import Sensor, vignette_gain
 
 
 class MatchFrames:
-    """Draws one field and all fixed objects around it for one type of camera.
+    """Draws one field and all fixed objects around it for one kind of camera.
 
     Parameters
     ----------
     scene : Scene
-        Field, boxes, light and room; its robots and ball do not matter.
+        Field, boxes, light and room; its robots and ball are not used.
     sensor : Sensor
-        Whose vignette, gain and white balance are applied; blur and noise are not.
+        Its vignette, gain and white balance are applied, but not its blur and noise.
 
     Raises
     ------
@@ -57,7 +57,7 @@ class MatchFrames:
         self._wall = WallPicture(cells, picture.shape[1], rows_per_m, radius_m)
 
     def set_light(self, light: Light) -> None:
-        """Light the field so from now on; the room behind it keeps its light.
+        """Set the light on the field; the room behind keeps its light.
 
         Raises
         ------
@@ -72,7 +72,7 @@ class MatchFrames:
         self._light = Lighting(float(light.level), *along, 0.05 * light.level, LAMP_DIRECTION_RAD)
 
     def _things(self, robots: tuple[Robot, ...], ball: Ball | None) -> UprightThings:
-        """Return everything that stands or lies in the scene, with robots and a ball."""
+        """Return all objects in the scene, with robots and a ball."""
         moving = ThingTable((*robots, *(() if ball is None else (ball,))), len(self._fixed.colors))
         fixed = len(self._fixed.rows)
         count = fixed + len(moving.rows)
@@ -85,7 +85,7 @@ class MatchFrames:
 
 
 def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tuple[Float32Array, float]:
-    """Return what the room's wall shows, row 0 at the floor, and its rows a metre; a pixel is `pixel_m` wide there."""
+    """Return the picture of the room's wall, row 0 at the floor, and its rows per metre; `pixel_m`: a pixel there."""
     if backdrop is None:
         picture = room_panorama(scene.room.seed)
         half = picture.shape[1] // 2
@@ -94,7 +94,7 @@ def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tu
             ROOM_ROWS_PER_M
         )
     picture, rows_per_m = backdrop.unrolled()
-    # one cell is averaged over at most one pixel
+    # reduced to at least one cell for each pixel
     coarser = max(1, int(pixel_m * rows_per_m))
     rows, columns = picture.shape[:2]
     if coarser > 1:

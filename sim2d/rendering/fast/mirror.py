@@ -1,9 +1,9 @@
-"""A mirror camera's frames in match time: one ray a pixel from precomputed tables, edges averaged along each bearing.
+"""Fast frames of a mirror camera: one ray for each pixel from tables, with edges averaged along each bearing.
 
-It draws walls, goals with their nets, boxes, robots, ball and lines under evenly changing light, as `MirrorRenderer`
-does. Only `MirrorRenderer` draws texture, shadows, highlights and bystanders. Along a bearing of an upright mirror what
-stands on the floor hides the rest in one order, which is several times faster a pixel than the tiles of
-`ForwardFrames`; these need rays that change evenly from pixel to pixel, and a mirror's do not.
+It draws walls, goals with nets, boxes, robots, ball and lines under evenly changing light, like `MirrorRenderer`, but
+no texture, shadows, highlights and bystanders. Along a bearing of an upright mirror objects hide each other in one
+order, which is several times faster than the tiles of `ForwardFrames`; these need rays that change evenly from pixel to
+pixel, unlike a mirror's.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from sim2d.rendering.rays import RIM_MARGIN, MirrorRays
 from sim2d.rendering.scene import Ball, Robot, Scene
 from sim2d.rendering.sensor import Sensor
 
-ENTRIES, SPANS = 14, 32  # most things along a bearing, and most spans they make
-# a lean's derivatives are differences over so much; less leans are not drawn: they move nothing by a tenth of a pixel
+ENTRIES, SPANS = 14, 32  # greatest numbers of objects along a bearing, and of spans they make
+# step of the derivatives by a lean; and least lean that is drawn, which moves the picture by a tenth of a pixel
 _STEP_RAD, _MIN_LEAN_RAD = math.radians(1.0), math.radians(0.01)
-# of maps whose two coordinates stand together
+# second map for OpenCV, which is not used for interleaved coordinates
 _NO_MAP = np.empty(0, dtype=np.float32)
 
 
@@ -79,14 +79,14 @@ class MirrorFrames(MatchFrames):
         pitch_rad: float = 0.0,
         roll_rad: float = 0.0,
     ) -> UInt8Array:
-        """Draw a frame (H, W, 3) uint8 of other robots and the ball: light through the lens, without blur and noise.
+        """Draw a frame (H, W, 3) uint8 with other robots and the ball: light through the lens, without blur and noise.
 
         Parameters
         ----------
         pose : Pose2
-            Of the robot that carries the camera, field frame.
+            Pose of the robot that carries the camera, field frame.
         pitch_rad, roll_rad : float
-            How its body leans about its foot: nose up and right side down are positive.
+            Lean of its body about its foot: nose up and right side down are positive.
         """
         if not (pitch_rad or roll_rad):
             return self._draw_upright(robots, ball, pose)
@@ -124,15 +124,15 @@ class MirrorFrames(MatchFrames):
 
 @dataclass(frozen=True, eq=False)
 class PixelTable:
-    """A camera's pixels as the compiled loops take them (`kernels.match_pixels`)."""
+    """A camera's pixels in the format of the compiled loops (`kernels.match_pixels`)."""
 
     #: Height of the viewpoint.
     height_m: float
-    #: Rays of every pixel that shows the scene.
+    #: Rays of the pixels that show the scene.
     rays: PixelRays
-    #: (3, H * W) float32: floor point and gain of every pixel in the order of the image; 0 where no ray goes.
+    #: (3, H * W) float32: floor point and gain of every pixel of the image; 0 without a ray.
     floor: Float32Array
-    #: (3, H * W) uint8: the picture where no ray goes: the robot's own body, and black.
+    #: (3, H * W) uint8: the picture without rays: the robot's own body, and black.
     body: UInt8Array
 
 
@@ -142,14 +142,14 @@ def mirror_pixels(camera: OmniCamera, gain: Float32Array, farthest_m: float) -> 
     Parameters
     ----------
     camera : OmniCamera
-        With a known viewpoint height.
+        Must have a known viewpoint height.
     gain : (H, W) float32
-        Light that each pixel gets, relative.
+        Relative light of each pixel.
     farthest_m : float
-        Floor points farther away are moved to this distance.
+        Greatest distance of floor points; farther ones are moved to it.
     """
     drawn = MirrorRays(camera, 1)
-    per_turn = round(math.tau * camera.usable_radius_px[1])  # as many bearings as the rim has pixels
+    per_turn = round(math.tau * camera.usable_radius_px[1])  # one bearing for each pixel of the rim
     pixel = drawn.pixel_index
     width = camera.size_px[0]
     low, high = _slope_range(camera, np.stack([pixel % width, pixel // width], axis=-1).astype(np.float64))
@@ -194,7 +194,7 @@ def mirror_pixels(camera: OmniCamera, gain: Float32Array, farthest_m: float) -> 
 
 
 def _spread(along: FloatArray, reach: FloatArray) -> FloatArray:
-    """Return a straight line (constant, per metre of distance) above every reach (N,) to the side."""
+    """Return a straight line (constant, slope by distance) above every lateral reach (N,)."""
     near, far = np.argmin(along), np.argmax(along)
     per_m = max(0.0, float(reach[far] - reach[near]) / max(float(along[far] - along[near]), 1e-9))
     return np.array([float((reach - per_m * along).max()), per_m])
@@ -214,9 +214,9 @@ def _slope_range(camera: OmniCamera, pixels: FloatArray) -> tuple[FloatArray, Fl
 
 
 class LeaningMirror:
-    """Leans a mirror camera's frames over: what a body that sways a little does to pictures drawn upright.
+    """Applies a small lean of the body to pictures of an upright mirror camera.
 
-    Each pixel shows what the upright picture shows where its ray would come from there, which is linear in the lean.
+    The upright pixel with the same ray, which each pixel shows, is linear in the lean.
     """
 
     def __init__(self, camera: OmniCamera) -> None:
@@ -229,7 +229,7 @@ class LeaningMirror:
         from_center = pixels - camera.center_px
         radius = np.hypot(from_center[..., 0], from_center[..., 1])
         inner, rim = camera.usable_radius_px[0], camera.usable_radius_px[1] * (1 + RIM_MARGIN)
-        # the robot's own body leans with its camera, and beyond the mirror's rim it is black
+        # the robot's body leans with its camera, and pixels outside the rim are black
         shows = (radius > inner) & (radius < rim)
         with np.errstate(invalid="ignore"):
             rays = camera.pixel_to_ray(pixels)
@@ -238,11 +238,11 @@ class LeaningMirror:
         )
 
     def shift_m(self, pitch_rad: float, roll_rad: float) -> tuple[float, float]:
-        """Return how far forward and left of its upright place the camera is: the body leans about its foot."""
+        """Return the camera's shift forward and left by a lean of the body about its foot."""
         return -self._height_m * math.sin(pitch_rad), -self._height_m * math.sin(roll_rad)
 
     def lean(self, frame: UInt8Array, pitch_rad: float, roll_rad: float) -> UInt8Array:
-        """Return a frame (H, W, 3) uint8 as the leaning camera takes it; itself where it is as good as upright.
+        """Return a frame (H, W, 3) uint8 as seen by the leaning camera; unchanged for tiny leans.
 
         Parameters
         ----------
@@ -253,7 +253,7 @@ class LeaningMirror:
             return frame
         cv2.scaleAdd(self._by_pitch, pitch_rad, self._upright, self._source)
         cv2.scaleAdd(self._by_roll, roll_rad, self._source, self._source)
-        # OpenCV is fastest at whole pixels and their fractions
+        # OpenCV is fastest with whole pixels and fractions
         whole, parts = cv2.convertMaps(self._source, _NO_MAP, cv2.CV_16SC2)
         moved = cv2.remap(frame, whole, parts, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(moved, dtype=np.uint8)
@@ -262,7 +262,7 @@ class LeaningMirror:
 def _derivative(
     camera: OmniCamera, rays: FloatArray, shows: npt.NDArray[np.bool_], lean: tuple[float, float]
 ) -> Float32Array:
-    """Return how far the source of each pixel moves a radian (H, W, 2) float32, by differences to either side."""
+    """Return the derivative of each pixel's source by the lean (H, W, 2) float32, by central differences."""
     pixels = []
     for sign in (1.0, -1.0):
         turned = rays @ camera_rotation(0.0, sign * lean[0], sign * lean[1]).T

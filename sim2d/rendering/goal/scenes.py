@@ -1,4 +1,4 @@
-"""Pictures of a goal by a pinhole camera, under named conditions, with truth; and pictures that show no whole goal.
+"""Pictures of a goal by a pinhole camera under named conditions, with truth; and pictures without a whole goal.
 
 The 66 places are those of Yako et al., section 3.1 and table 1.
 """
@@ -38,8 +38,8 @@ View = Literal["goal", "no_goal", "half_goal", "goal_behind_robot", "orange_wall
 NEGATIVE_VIEWS: tuple[View, ...] = ("no_goal", "half_goal", "goal_behind_robot", "orange_wall")
 
 ERS7_FIELD_OF_VIEW_RAD = math.radians(56.9)
-FRAME_MARGIN = 0.03  # distance that a whole goal keeps from the image's border, as a fraction of its width
-AIM_SPREAD_RAD = (0.12, 0.10)  # how far the axis strays from the goal's middle, pan and tilt
+FRAME_MARGIN = 0.03  # least distance of a whole goal from the image's border, as a fraction of its width
+AIM_SPREAD_RAD = (0.12, 0.10)  # greatest deviation of the axis from the goal's middle, pan and tilt
 ROLL_STD_RAD = 0.03
 TRIES = 200
 CLEAR_SHOT = Sensor(noise_sigma=2.0, blur_px=0.5, vignette=0.10)
@@ -70,23 +70,23 @@ def _head_camera(size_px: tuple[int, int], focal: float, height_m: float, height
 
 @dataclass(frozen=True, slots=True)
 class GoalCondition:
-    """How pictures of a goal are disturbed, and what stands around it."""
+    """Disturbances of pictures of a goal, and objects around it."""
 
-    #: The camera handed to the localiser: without pan, tilt and roll.
+    #: Camera for the localiser, without pan, tilt and roll.
     camera: PinholeCamera
-    #: How much of the goal's paint shines white: a few patches, many, or streaks along whole posts and bar.
+    #: Glare on the goal's paint: a few patches, many, or streaks along whole posts and bar.
     glare: GlareLevel = "none"
     #: Noise, blur, compression.
     sensor: Sensor = CLEAR_SHOT
-    #: Greatest motion blur along the rows, by panning.
+    #: Greatest motion blur along the rows.
     smear_px: float = 0.0
-    #: What hangs on the room's wall.
+    #: Picture on the room's wall.
     backdrop: BackdropKind = "hall"
-    #: Least and greatest number of other robots on the field; they leave the posts in view.
+    #: Least and greatest number of other robots on the field, none of which hides a post.
     robots: tuple[int, int] = (0, 2)
     #: Greatest number of patches of sunlight.
     sun_patches: int = 0
-    #: How far the true camera height strays from the given one.
+    #: Standard deviation of the true camera height about the given one.
     height_std_m: float = 0.0
 
 
@@ -110,21 +110,21 @@ GOAL_CONDITIONS: dict[str, GoalCondition] = {
 
 @dataclass(frozen=True, eq=False)
 class GoalSample(Sample):
-    """One picture with its truth; its pose is the camera's own place on the floor and its optical axis's heading."""
+    """One picture with its truth; its pose is the camera's foot and the heading of its optical axis."""
 
     #: The true camera, with its height, tilt and roll; its pan is 0.
     camera: PinholeCamera
-    #: The goal that was aimed at.
+    #: The goal at which the camera is aimed.
     goal: Goal
-    #: "goal", or why there is none to find.
+    #: "goal", or why there is none.
     view: View
 
 
 def paper_places(field: Field) -> list[tuple[float, float]]:
     """Return the 66 places (x, y), field frame, metres, from which Yako et al. photographed the goal at +x.
 
-    A grid of 0.5 m, 0.5 to 5.0 m before the goal line and up to 1.5 m to either side, row by row from the goal, less
-    the four places so near that the goal is not wholly in view. The paper's X grows to the left post's side as y does.
+    A grid of 0.5 m, 0.5 to 5.0 m in front of the goal line and up to 1.5 m to either side, row by row from the goal,
+    without the four places from which the goal does not fit into the view. The paper's X increases like y.
     """
     places = []
     for distance in range(50, 501, 50):
@@ -146,17 +146,17 @@ def sample_goal(
     indices: Iterable[int] | None = None,
     supersample: int = 8,
 ) -> Iterator[GoalSample]:
-    """Yield pictures; sample i depends on `seed` and i alone (and on `places[i]`, where places are given).
+    """Yield pictures; sample i depends on `seed` and i only (and on `places[i]`, if places are given).
 
     Parameters
     ----------
     field : Field
-        With goals of posts and a bar.
+        Must have goals of posts and a bar.
     count : int
         Samples 0 to count - 1 are made.
     places : sequence of (x, y), optional
-        Where the camera stands, field frame, metres, taken in turn; without it anywhere in view of a random goal.
-        From given places it looks at the goal at +x.
+        Places of the camera, field frame, metres, in turn; by default random ones in view of a random goal. From given
+        places it looks at the goal at +x.
     views : tuple of str
         Sample i shows `views[i % len(views)]`.
     indices : iterable of int, optional
@@ -199,7 +199,7 @@ def _sample(
         raise ArgumentError(f"the whole goal is never in view from ({x:.2f}, {y:.2f})")
     pose, camera = aimed
     without_goal = view in ("no_goal", "orange_wall")
-    # through a white net the goal is located a little less often
+    # without nets, because a white net hides the goal slightly
     bare = tuple(dataclasses.replace(one, net=None) for one in field.goals)
     shown = dataclasses.replace(field, goals=() if without_goal else bare)
     robots = passing_robots(field, goal, pose, condition.robots, rng)
@@ -229,7 +229,7 @@ def _sample(
 
 
 def _random_place(field: Field, goal: Goal, rng: np.random.Generator) -> tuple[float, float]:
-    """Draw a place on the field from which the goal is not seen from its side."""
+    """Draw a place on the field that is not beside the goal."""
     far = min(field.length_m - 0.3, 7.5)
     while True:
         x = goal.line_x_m - goal.side * rng.uniform(0.5, far)
@@ -241,7 +241,7 @@ def _random_place(field: Field, goal: Goal, rng: np.random.Generator) -> tuple[f
 def _aim(
     camera: PinholeCamera, goal: Goal, x: float, y: float, view: View, rng: np.random.Generator
 ) -> tuple[Pose2, PinholeCamera] | None:
-    """Turn the neck at random so that the goal is wholly in the picture, or half, or not; None if it does not fit."""
+    """Aim the camera at random so that the picture shows all of the goal, half, or nothing; None if that fails."""
     outline = goal_outline(goal) - (x, y, camera.height_m)
     bearing = np.arctan2(outline[:, 1], outline[:, 0])
     middle = float(bearing[0])
@@ -259,7 +259,7 @@ def _aim(
     for attempt in range(TRIES):
         pan, tilt = strays[attempt] * (1 - attempt / TRIES)  # the last tries hardly stray
         if view == "half_goal":
-            # one post is cut by the border or outside it, the other in view
+            # one post is cut by the border or outside, the other is in view
             side = 1.0 if strays[attempt, 0] > 0 else -1.0
             pan = side * (half_view + rng.uniform(-0.4, 0.7) * float(np.ptp(spread)) / 2)
         heading = wrap_angle(middle + pan)
@@ -279,6 +279,6 @@ def _aim(
 
 
 def _turned(points: FloatArray, heading_rad: float) -> FloatArray:
-    """Points (N, 3) about a viewpoint, seen in a frame that heads there."""
+    """Return points (N, 3) relative to a viewpoint in a frame with this heading."""
     flat = Pose2(0.0, 0.0, -heading_rad).transform(points[:, :2])
     return np.column_stack([flat, points[:, 2]])

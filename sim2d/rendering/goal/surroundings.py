@@ -1,4 +1,4 @@
-"""What stands, lies and shines around a goal in a picture: robots, boards, a ball, glare in its paint, sunlight."""
+"""Objects and light around a goal in a picture: robots, boards, a ball, glare on its paint, sunlight."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ TRIES = 200
 
 @dataclass(frozen=True, slots=True)
 class Glare:
-    """White light that a post or a bar reflects: a soft-edged patch on its round side."""
+    """A reflection of a lamp on a post or bar: a patch of white light with soft edges on its round side."""
 
     #: +1 for the goal at +x, -1 for the one at -x.
     goal_side: int
-    #: Which post, or the bar.
+    #: One of the posts, or the bar.
     member: Member
-    #: Along the member, as fractions of its length; 0 is its foot (bar: the end at negative y).
+    #: Position along the member, as fractions of its length; 0 is its foot (bar: the end at negative y).
     middle: float
     half_length: float
-    #: About its axis, 0 where it faces the camera; pi/2 is its silhouette.
+    #: Angle about its axis, 0 towards the camera; pi/2 is its silhouette.
     turn_rad: float
     half_width_rad: float
-    #: Added at the middle, grey levels; enough of it is white whatever the paint.
+    #: Light added in the middle, grey levels.
     amplitude: float
 
     def add_to(self, traced: TracedLight, goal: Goal) -> None:
-        """Add this light to the rays that met the goal's paint there."""
+        """Add this light to the rays that meet the goal's paint there."""
         eye, rays = traced.eye, traced.rays
         met = np.flatnonzero(traced.surface != FLOOR)
         x, y, z = traced.x_m[met] - goal.line_x_m, traced.y_m[met], traced.z_m[met]
@@ -64,23 +64,23 @@ class Glare:
 
 @dataclass(frozen=True, slots=True)
 class SunPatch:
-    """A window's parallelogram of sunlight, on the floor and on what stands in its beam."""
+    """A parallelogram of sunlight from a window, on the floor and on objects in the beam."""
 
-    #: Its middle and the direction of its length on the floor.
+    #: Its middle, and the direction of its length on the floor.
     x_m: float
     y_m: float
     yaw_rad: float
     #: Size of the patch.
     length_m: float
     width_m: float
-    #: Where the sun stands, field frame.
+    #: Direction of the sun, field frame.
     sun_azimuth_rad: float
     sun_elevation_rad: float
-    #: Light there, relative to the hall's.
+    #: Light in it, relative to the hall's.
     factor: float
 
     def shine_on(self, traced: TracedLight) -> None:
-        """Brighten every ray that met something sunlit, except the room's wall."""
+        """Brighten every ray that meets something sunlit, except the room's wall."""
         drop = np.maximum(traced.z_m, 0) / math.tan(self.sun_elevation_rad)
         dx = traced.x_m - drop * math.cos(self.sun_azimuth_rad) - self.x_m
         dy = traced.y_m - drop * math.sin(self.sun_azimuth_rad) - self.y_m
@@ -91,7 +91,7 @@ class SunPatch:
 
 
 def goal_outline(goal: Goal) -> FloatArray:
-    """Points (N, 3) around both posts' feet and tops, field frame, metres: in view if the whole goal is."""
+    """Return points (N, 3) around the feet and tops of both posts, field frame, metres."""
     turn = np.linspace(0, math.tau, 12, endpoint=False)
     ring = goal.post_radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     points = []
@@ -103,7 +103,7 @@ def goal_outline(goal: Goal) -> FloatArray:
 
 
 def _post_bearings(goal: Goal, pose: Pose2) -> list[tuple[float, float]]:
-    """(distance, bearing) of the positive-y and the negative-y post, pose's frame."""
+    """Return (distance, bearing) of the posts at positive and negative y in the pose's frame."""
     posts = pose.inverse().transform([[goal.line_x_m, side * goal.width_m / 2] for side in (1, -1)])
     return [(float(np.hypot(*p)), float(math.atan2(p[1], p[0]))) for p in posts]
 
@@ -111,7 +111,7 @@ def _post_bearings(goal: Goal, pose: Pose2) -> list[tuple[float, float]]:
 def passing_robots(
     field: Field, goal: Goal, pose: Pose2, least_and_most: tuple[int, int], rng: np.random.Generator
 ) -> tuple[Robot, ...]:
-    """Place other robots ahead that hide neither post."""
+    """Place other robots ahead, none of which hides a post."""
     count = int(rng.integers(least_and_most[0], least_and_most[1] + 1))
     pale = goal.color == "white"  # Naos are white, and taller than dogs
     robots: list[Robot] = []
@@ -136,12 +136,12 @@ def passing_robots(
 
 
 def screening_robot(goal: Goal, pose: Pose2, eye_height_m: float, rng: np.random.Generator) -> Robot:
-    """Place a robot so near that it hides one post from foot to top."""
+    """Place a nearby robot that hides one post from foot to top."""
     away, bearing = _post_bearings(goal, pose)[int(rng.integers(2))]
     radius = float(rng.uniform(0.10, 0.14))
     distance = min(float(rng.uniform(0.35, 0.6)), 0.6 * away)
     place = pose.transform([distance * math.cos(bearing), distance * math.sin(bearing)])
-    # its rim towards the goal must cover the bar's upper edge as seen over it
+    # seen over its far rim, the bar's upper edge must be covered
     rise = (goal.height_m + goal.post_radius_m - eye_height_m) / (away - goal.post_radius_m)
     height = eye_height_m + max(rise, 0.0) * (distance + radius) + float(rng.uniform(0.03, 0.12))
     tone = rng.uniform(190, 235) if goal.color == "white" else float(rng.choice([40.0, 60.0, 210.0]))
@@ -149,7 +149,7 @@ def screening_robot(goal: Goal, pose: Pose2, eye_height_m: float, rng: np.random
 
 
 def painted_boards(field: Field, pose: Pose2, rng: np.random.Generator) -> tuple[Box, ...]:
-    """Place orange and goal-coloured boards ahead: they could pass for a goal's paint, but not for its shape."""
+    """Place orange and goal-coloured boards ahead, which have a goal's colour but not its shape."""
     boxes = []
     for color in ("orange", "orange", *(goal.color for goal in field.goals)):
         if rng.random() < 0.4:
@@ -172,9 +172,9 @@ def lying_ball(field: Field, pose: Pose2, rng: np.random.Generator) -> Ball | No
 
 
 def lamp_glare(level: GlareLevel, goal: Goal, rng: np.random.Generator) -> tuple[Glare, ...]:
-    """Draw patches on the upper parts of the posts and anywhere on the bar, for there the lamps hang; or whole streaks.
+    """Draw glare: patches on the upper parts of posts and anywhere on the bar, where lamps are above; or whole streaks.
 
-    A lamp far from a smooth round bar is mirrored along all of it.
+    Streaks occur because a far lamp is reflected along all of a smooth round bar.
     """
     if level == "none":
         return ()

@@ -1,4 +1,4 @@
-"""What goes on in a hall: people who walk to and fro in it, and light that changes."""
+"""Movement in a hall: people who walk to and fro, and changing light."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from sim2d.rendering.hall.hall import Hall, HallLight
 from sim2d.rendering.hall.solids import Panel, prism, swung
 from sim2d.rendering.hall.textures import clothes
 
-# length of two steps, and how far a leg swings to either side
+# length of two steps, and amplitude of a leg's swing
 _STEP_M, _SWING_RAD = 1.3, 0.4
-# people keep this far from the robot
+# least distance of people from the robot
 _ROOM_M = 0.9
 
 
 @dataclass(frozen=True, slots=True)
 class Passer:
-    """A person who walks to and fro between two places, and waits a little at each."""
+    """A person who walks to and fro between two places, with a pause at each."""
 
-    #: Places between which the person walks.
+    #: Ends of the way.
     start_m: tuple[float, float]
     end_m: tuple[float, float]
-    #: How fast they walk.
+    #: Walking speed.
     speed_mps: float
-    #: How long they wait.
+    #: Duration of a pause.
     wait_s: float
-    #: When they set out.
+    #: Time of the start.
     late_s: float
-    #: How tall they are.
+    #: Height.
     height_m: float
     #: Textures.
     jacket: int
@@ -46,7 +46,7 @@ class Passer:
             raise ArgumentError(f"a person needs a positive speed and height, got {self.speed_mps}, {self.height_m}")
 
     def panels(self, t_s: float, robot: Pose2) -> list[Panel]:
-        """Return the person at a time, stepped aside where the robot is near."""
+        """Return the person at a time, moved aside if the robot is near."""
         away = np.subtract(self.end_m, self.start_m)
         length_m = float(np.hypot(*away))
         there_s = length_m / self.speed_mps
@@ -83,17 +83,17 @@ class Passer:
 
 @dataclass(frozen=True, slots=True)
 class Bustle:
-    """People and light of one visit to a hall."""
+    """People and light during one visit to a hall."""
 
-    #: Who is there.
+    #: The people.
     people: tuple[Passer, ...]
-    #: The lamps, all on, and the daylight's mean.
+    #: Light with all lamps on and the mean daylight.
     light: HallLight
-    #: Ratio by which daylight rises and falls.
+    #: Relative amplitude of the daylight.
     clouds: float = 0.3
-    #: How long that takes.
+    #: Period of the daylight.
     cloud_s: float = 31.0
-    #: How long a lamp stays on, and off in turn; each lamp at its own time.
+    #: Time for which a lamp stays on or off; each lamp has its own phase.
     flicker_s: float = 17.0
 
     def panels(self, t_s: float, robot: Pose2) -> list[Panel]:
@@ -117,7 +117,7 @@ def populated(
     light: HallLight,
     rng: np.random.Generator,
 ) -> tuple[Hall, Bustle]:
-    """Let a person walk each of some ways: return the hall with their clothes among its textures, and what goes on."""
+    """Add a person for each way; return the hall with their clothes among its textures, and the movement in it."""
     textures = list(hall.textures)
     people = []
     for start, end in ways_m:

@@ -1,6 +1,6 @@
-"""Renders a hall with walls, posters and furniture around a field, for a pinhole camera or a rig of three.
+"""Rendering of a hall with walls, posters and furniture around a field, for a pinhole camera or a rig of three.
 
-Everything is a textured rectangle that hides what is behind it. Field frame, metres; the hall is centred on the field.
+All surfaces are textured opaque rectangles. Field frame, metres; the hall is centred on the field.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ _LEVELS = 9
 _NEAREST_M = 0.02
 # along x, along y, and height
 SIZE_M: Vector = (9.0, 7.0, 3.0)
-# of one turn of `loop_path`
+# length of one turn of `loop_path`
 _LOOP_M = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class HallLight:
-    """How the hall is lit."""
+    """Light in the hall."""
 
     #: Overall brightness.
     level: float = 1.0
-    #: Fraction of the light that comes from everywhere.
+    #: Fraction of ambient light.
     ambient: float = 0.55
-    #: Strength: light on a surface that faces the lamp 1 m away.
+    #: Position and strength: the light on a surface that faces the lamp at 1 m.
     lamps: tuple[tuple[float, float, float, float], ...] = ((-2.2, 0.0, 2.8, 2.5), (2.2, 0.0, 2.8, 2.5))
 
     def __post_init__(self) -> None:
@@ -50,7 +50,7 @@ class HallLight:
 
 @dataclass(frozen=True, eq=False)
 class Hall:
-    """Panels and the textures they wear."""
+    """Panels and their textures."""
 
     #: Walls, posters, furniture.
     panels: tuple[Panel, ...]
@@ -59,7 +59,7 @@ class Hall:
 
     @property
     def arrays(self) -> Panels:
-        """The panels as the compiled loops take them."""
+        """The panels in the format of the compiled loops."""
         return panel_arrays(self.panels)
 
     @cached_property
@@ -81,7 +81,7 @@ class Hall:
         return Pyramids(np.concatenate(texels), levels)
 
     def rearranged(self, fraction: float, rng: np.random.Generator) -> Hall:
-        """Return the hall with this fraction of its posters moved along their wall or covered by a sheet, by turns."""
+        """Return the hall with this fraction of its posters moved along their wall or covered, alternately."""
         if not 0 <= fraction <= 1:
             raise ArgumentError(f"fraction must be within 0 to 1, got {fraction}")
         posters = [i for i, panel in enumerate(self.panels) if panel.is_poster]
@@ -100,12 +100,12 @@ class Hall:
 
 
 class HallBuilder:
-    """A hall that is being built: its panels and textures so far.
+    """A hall in construction: its panels and textures so far.
 
     Attributes
     ----------
     walls : list of (corner, direction, width)
-        Each wall's left corner as seen from inside, its direction to the right, its width.
+        Left corner of each wall as seen from inside, direction to the right, width.
     """
 
     def __init__(self, size_m: Vector) -> None:
@@ -120,7 +120,7 @@ class HallBuilder:
         ]
 
     def wear(self, texture: UInt8Array) -> int:
-        """Keep a texture; return its number."""
+        """Add a texture; return its number."""
         self._textures.append(texture)
         return len(self._textures) - 1
 
@@ -141,7 +141,7 @@ class HallBuilder:
 
     @property
     def hall(self) -> Hall:
-        """What has been built."""
+        """The hall as built so far."""
         return Hall(tuple(self.panels), tuple(self._textures))
 
 
@@ -152,12 +152,12 @@ def make_hall(
     furniture: int = 18,
     crates: int = 4,
 ) -> Hall:
-    """Furnish a hall; the same seed makes the same one.
+    """Build a hall; the same seed gives the same hall.
 
     Parameters
     ----------
     posters, furniture, crates : int
-        How many posters hang on the walls, shelves and cupboards stand before them, and crates lie in the middle.
+        Numbers of posters on the walls, of shelves and cupboards in front of them, and of crates in the middle.
     """
     rng = np.random.default_rng([seed, 0x4A11])
     length, depth, height = SIZE_M
@@ -173,14 +173,14 @@ def make_hall(
     widths = np.array([wall[2] for wall in walls])
     for number in range(posters):
         corner, along, width = walls[int(rng.choice(4, p=widths / widths.sum()))]
-        # every third a picture, as far as they go
+        # every third is a picture, while there are any
         is_picture = number % 3 == 0 and number // 3 < len(pictures)
         drawn = pictures[order[number // 3]] if is_picture else hall_textures.notice(rng)
         wide = float(rng.uniform(0.45, 1.3))
         high = min(wide * drawn.shape[0] / drawn.shape[1], 0.9 * height)
         start = float(rng.uniform(0.05, width - wide - 0.05))
         low = float(rng.uniform(0.15, max(height - high - 0.1, 0.16)))
-        # posters overlap: each hangs a little before the one below it
+        # posters overlap, so each is slightly in front of the previous one
         before = inward(along, 0.004 + 0.0005 * number)
         x, y, _ = (float(c + a * start + n) for c, a, n in zip(corner, along, before, strict=True))
         panels.append(Panel((x, y, low), along, (0.0, 0.0, 1.0), (wide, high), wear(drawn), is_poster=True))
@@ -204,7 +204,7 @@ def make_hall(
 
 
 class HallCamera:
-    """Renders a hall for one pinhole camera; keeps the camera's rays.
+    """Renders a hall for one pinhole camera, whose rays are computed once.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ class HallCamera:
         Parameters
         ----------
         passers : sequence of Panel
-            What is there for the moment, in the hall's textures.
+            Temporary objects, in the hall's textures.
 
         Returns
         -------
@@ -257,11 +257,11 @@ class HallCamera:
         return image
 
     def depths_m(self) -> Float32Array:
-        """Return (H, W) float32: how far along the optical axis what each pixel of the last picture shows is."""
+        """Return (H, W) float32: depth along the optical axis of each pixel of the last picture."""
         return np.asarray(self._hits.depth.min(axis=2), dtype=np.float32)
 
     def _windows(self, panels: Panels, pose: Pose2) -> npt.NDArray[np.int64]:
-        """Return the part of the image each panel can be in; all of it where it reaches behind the camera."""
+        """Return the part of the image in which each panel may be; all of it if the panel extends behind the camera."""
         origin = panels.origin
         width, height = self.camera.size_px
         a, b = panels.along * panels.size[:, :1], panels.up * panels.size[:, 1:]
@@ -271,7 +271,7 @@ class HallCamera:
         window = np.tile(np.array([0, height, 0, width], dtype=np.int64), (len(origin), 1))
         pixels = self.camera.camera_ray_to_pixel(camera)
         whole = (camera[..., 0] > _NEAREST_M).all(axis=1) & np.isfinite(pixels).all(axis=(1, 2))
-        # a curved lens bends edges outwards of their corners
+        # distortion bends edges beyond their corners
         margin = 2 + 0.05 * max(width, height) * self.camera.is_bent
         low, high = pixels[whole].min(axis=1) - margin, pixels[whole].max(axis=1) + margin
         window[whole] = np.stack([low[:, 1], high[:, 1] + 1, low[:, 0], high[:, 0] + 1], axis=1).astype(np.int64)
@@ -282,14 +282,14 @@ class HallCamera:
 
 
 def loop_path(count: int, *, shift_m: float = 0.0, turns: float = 1.0) -> list[Pose2]:
-    """Poses along an oval of 10 m about the hall's middle, looking ahead.
+    """Return poses along an oval of 10 m about the hall's middle, looking ahead.
 
     Parameters
     ----------
     shift_m : float
-        Outwards of the oval.
+        Offset outwards from the oval.
     turns : float
-        How far round it goes.
+        Number of turns.
     """
     ratio = 0.75
     angles = np.linspace(0, math.tau, 4097)

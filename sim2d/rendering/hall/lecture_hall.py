@@ -1,7 +1,7 @@
-"""A lecture hall as hard for landmarks as the one of Ogawa et al. (2011): much of it is there many times over.
+"""A lecture hall with ambiguous landmarks, like that of Ogawa et al. (2011): many of its parts are repeated.
 
-Rows of one kind of chair, a few posters hung again and again, partitions of one pattern, tiles. What goes on in it,
-people who pass and light that changes, is `bustle.py`'s.
+It has rows of one kind of chair, a few posters many times, partitions of one pattern, and tiles. People and changing
+light are in `bustle.py`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sim2d.rendering.hall.solids import Panel, Vector, box, inward
 from sim2d.rendering.sensor import Sensor
 
 SIZE_M: Vector = (13.0, 7.0, 3.0)
-# the way through it: ahead between chairs and the wall, a quarter turn to the left, ahead; 9.9 m
+# the way through it: straight between chairs and the wall, a quarter turn to the left, straight; 9.9 m
 _START_M = (-5.2, -1.9)
 _AHEAD_M, _TURN_M = 6.6, 1.2
 WAY_M = 9.9
@@ -26,7 +26,7 @@ _CHAIR_PITCH_M = (0.85, 0.56)
 # a small camera in poor light
 LECTURE_SENSOR = Sensor(noise_sigma=3.5, blur_px=0.6)
 _LAMPS = tuple((x, y, 2.7, 1.6) for x in (-4.5, -1.5, 1.5, 4.5) for y in (-1.7, 1.7))
-# who walks where: across the aisle, along it, and about its end
+# ways of the people: across the aisle, along it, and around its end
 _WALKS_M = (
     ((1.2, -2.9), (1.2, 2.2)),
     ((3.0, -2.4), (3.4, 2.6)),
@@ -38,7 +38,7 @@ _WALKS_M = (
 
 
 def make_lecture_hall(seed: int) -> Hall:
-    """Furnish a lecture hall; the same seed makes the same one."""
+    """Build a lecture hall; the same seed gives the same hall."""
     rng = np.random.default_rng([seed, 0x1EC7])
     length, depth, height = SIZE_M
     built = HallBuilder(SIZE_M)
@@ -74,7 +74,7 @@ def make_lecture_hall(seed: int) -> Hall:
 
 
 def visit(hall: Hall, seed: int, *, level: float = 0.9) -> tuple[Hall, Bustle]:
-    """Light the lamps and let people in, by a seed: return the hall with their clothes at hand, and what goes on."""
+    """Add light and people, by a seed; return the hall with their clothes among its textures, and its movement."""
     rng = np.random.default_rng([seed, 0xB057])
     moved = [tuple(tuple((np.array(end) + rng.uniform(-0.2, 0.2, 2)).tolist()) for end in walk) for walk in _WALKS_M]
     ways = [((a[0], a[1]), (b[0], b[1])) for a, b in moved]
@@ -82,7 +82,7 @@ def visit(hall: Hall, seed: int, *, level: float = 0.9) -> tuple[Hall, Bustle]:
 
 
 def way(count: int, *, shift_m: float = 0.0) -> list[Pose2]:
-    """Poses evenly along the way, looking ahead, `shift_m` to its left."""
+    """Return poses evenly spaced along the way, looking ahead, `shift_m` to its left."""
     poses = []
     quarter_m = _TURN_M * math.pi / 2
     for s in np.linspace(0.0, WAY_M, count):

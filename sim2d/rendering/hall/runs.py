@@ -1,4 +1,4 @@
-"""Runs through a hall as a rig of three cameras and a single camera take them: frames with truth, one at a time."""
+"""Runs of a rig of three cameras and of a single camera through a hall: frames with truth, one at a time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sim2d.rendering.hall.hall import Hall, HallCamera, HallLight
 from sim2d.rendering.hall.solids import Panel
 from sim2d.rendering.sensor import Sensor
 
-# what the paper's Digiclops delivers: 320 x 240, cameras 99.6 mm apart; its field of view is not printed
+# as the paper's Digiclops: 320 x 240, cameras 99.6 mm apart; its field of view is not given
 HALL_CAMERA = PinholeCamera((320, 240), (277.0, 277.0), (159.5, 119.5), 0.6, pan_rad=0.0, tilt_rad=0.0, roll_rad=0.0)
 HALL_RIG = TrinocularRig(HALL_CAMERA, 0.0996)
 HALL_SENSOR = Sensor(noise_sigma=2.0, blur_px=0.5)
@@ -29,7 +29,7 @@ SUPERSAMPLE = 2
 
 @dataclass(frozen=True, slots=True)
 class HallFrame:
-    """One moment: the robot's pose, each camera's picture, (H, W, 3) uint8 BGR, and the depths in it if asked."""
+    """Frames of one moment: the robot's pose, each camera's picture, (H, W, 3) uint8 BGR, and depths if wanted."""
 
     pose: Pose2
     images: tuple[UInt8Array, ...]
@@ -54,17 +54,17 @@ def take(
     Parameters
     ----------
     cameras : sequence of PinholeCamera
-        Of one robot, exposed together.
+        Cameras of one robot, exposed together.
     seed : int
-        Of the sensor's noise; frame i depends on it and on `first` + i alone.
+        Seed of the sensor's noise; frame i depends on it and on `first` + i only.
     bustle : Bustle, optional
-        What goes on there; its light then takes the place of `light`.
+        People and light; its light replaces `light`.
     interval_s : float
         Time from frame to frame.
     first : int
         Number of the first frame.
     depths : bool
-        Whether to keep how far away what each pixel shows is.
+        Whether to return each pixel's depth.
     """
     renderers = [HallCamera(camera, SUPERSAMPLE) for camera in cameras]
     for index, pose in enumerate(poses, start=first):

@@ -1,4 +1,4 @@
-"""What a hall is built of: textured rectangles, and boxes and prisms made of them. Field frame, metres."""
+"""Parts of a hall: textured rectangles, and boxes and prisms made of them. Field frame, metres."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A rectangle with a texture on its front: a corner, two unit edges (the front is along x up) and their lengths."""
+    """A rectangle with a texture on its front: corner, two unit edges (the front is along x up) and their lengths."""
 
     origin_m: Vector
     along: Vector
@@ -28,7 +28,7 @@ class Panel:
 
 
 def panel_arrays(panels: Sequence[Panel]) -> Panels:
-    """Return panels as the compiled loops take them."""
+    """Return panels in the format of the compiled loops."""
     return Panels(
         np.array([p.origin_m for p in panels], dtype=np.float64).reshape(-1, 3),
         np.array([p.along for p in panels], dtype=np.float64).reshape(-1, 3),
@@ -39,12 +39,12 @@ def panel_arrays(panels: Sequence[Panel]) -> Panels:
 
 
 def inward(along: Vector, by_m: float) -> Vector:
-    """From a wall towards the room: the front of a panel along it."""
+    """Return a vector of this length from a wall into the room."""
     return along[1] * by_m, -along[0] * by_m, 0.0
 
 
 def box(place: Pose2, size_m: Vector, skins: Sequence[int], base_m: float = 0.0) -> list[Panel]:
-    """Return the four sides and the top of an upright box, the skins by turns on its sides, the last on its top.
+    """Return the four sides and the top of an upright box; the skins alternate on its sides, and the last is on top.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def box(place: Pose2, size_m: Vector, skins: Sequence[int], base_m: float = 0.0)
     size_m : (float, float, float)
         Along that edge, across it, and height.
     base_m : float
-        Where it begins above the floor.
+        Height of its bottom above the floor.
     """
     wide, deep, high = size_m
     corners = place.transform(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (wide / 2, deep / 2))
@@ -66,7 +66,7 @@ def box(place: Pose2, size_m: Vector, skins: Sequence[int], base_m: float = 0.0)
 def prism(
     place: Pose2, radii_m: tuple[float, float], heights_m: tuple[float, float], skins: Sequence[int]
 ) -> list[Panel]:
-    """Return the sides of an upright prism over an ellipse, a skin each, the first where the heading points.
+    """Return the sides of an upright prism over an ellipse, one skin each, the first in the direction of the heading.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def prism(
     radii_m : (float, float)
         Along the heading and across it.
     heights_m : (float, float)
-        Where it begins and ends above the floor.
+        Heights of bottom and top above the floor.
     """
     angles = (np.arange(len(skins)) - 0.5) * (math.tau / len(skins))
     corners = place.transform(np.column_stack([np.cos(angles), np.sin(angles)]) * radii_m)
@@ -83,13 +83,13 @@ def prism(
 
 
 def swung(panels: Sequence[Panel], pivot_m: Vector, heading_rad: float, angle_rad: float) -> list[Panel]:
-    """Return panels swung forwards about a horizontal axis through a pivot, across a heading."""
+    """Return panels rotated forwards about a horizontal axis through a pivot, across a heading."""
     ahead = np.array([math.cos(heading_rad), math.sin(heading_rad), 0.0])
     upright = np.array([0.0, 0.0, 1.0])
     c, s = math.cos(angle_rad), math.sin(angle_rad)
 
     def turned(vector: Sequence[float]) -> FloatArray:
-        """Turn a vector; what hangs below the pivot goes ahead."""
+        """Rotate a vector; points below the pivot move ahead."""
         v = np.asarray(vector, dtype=np.float64)
         a, b = float(v @ ahead), float(v[2])
         return v + (a * (c - 1) - b * s) * ahead + (a * s + b * (c - 1)) * upright
@@ -110,7 +110,7 @@ def swung(panels: Sequence[Panel], pivot_m: Vector, heading_rad: float, angle_ra
 
 
 def _sides(corners_m: FloatArray, base_m: float, high: float, skins: Sequence[int]) -> list[Panel]:
-    """Upright panels from corner to corner, counter-clockwise, seen from outside."""
+    """Return upright panels from corner to corner, counter-clockwise from above, with fronts outside."""
     faces = []
     for k, start in enumerate(corners_m):
         end = corners_m[(k + 1) % len(corners_m)]

@@ -1,6 +1,6 @@
-"""What a hall and its people wear: pictures, notices, shelves, walls, patterns that repeat, clothes, from a seed.
+"""Textures of a hall and its people, from a seed: pictures, notices, shelves, walls, repeated patterns, clothes.
 
-The pictures are those that come with scikit-image; where a version lacks some, drawn ones take their place.
+The pictures are those that come with scikit-image; drawn ones replace missing ones.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from robocup_vision.arrays import UInt8Array
 
-# of surfaces that repeat
+# resolution of repeated textures
 TEXELS_PER_M = 160
 _PICTURES = (
     "astronaut.png",
@@ -48,7 +48,7 @@ _WORDS = (
 
 @lru_cache(maxsize=1)
 def bundled_pictures() -> tuple[UInt8Array, ...]:
-    """Return scikit-image's own pictures, BGR; none where it is not installed."""
+    """Return scikit-image's own pictures, BGR; empty if it is not installed."""
     spec = find_spec("skimage")
     if spec is None or spec.origin is None:
         return ()
@@ -70,7 +70,7 @@ def some_color(rng: np.random.Generator, low: float = 20, high: float = 235) -> 
 
 
 def grain(rng: np.random.Generator, drawn: UInt8Array, sigma: float) -> UInt8Array:
-    """Add unevenness from the size of a texel to a tenth of the picture."""
+    """Add noise with scales from a texel to an eighth of the picture."""
     picture = drawn.astype(np.float32)
     rows, columns = picture.shape[:2]
     for cell, fraction in ((1, 0.5), (8, 0.6), (max(rows // 8, 2), 1.0)):
@@ -205,19 +205,19 @@ def crate(rng: np.random.Generator) -> UInt8Array:
 
 
 def sheet(rng: np.random.Generator) -> UInt8Array:
-    """Draw a plain sheet, such as covers a poster."""
+    """Draw a plain sheet that covers a poster."""
     return grain(rng, np.full((64, 64, 3), rng.uniform(100, 220, 3), dtype=np.uint8), 2.0)
 
 
 def tiled(tile: UInt8Array, width_m: float, height_m: float) -> UInt8Array:
-    """Lay a tile again and again over a surface."""
+    """Repeat a tile over a surface."""
     rows, columns = round(height_m * TEXELS_PER_M), round(width_m * TEXELS_PER_M)
     times = (-(-rows // tile.shape[0]), -(-columns // tile.shape[1]), 1)
     return np.ascontiguousarray(np.tile(tile, times)[:rows, :columns])
 
 
 def bricks(rng: np.random.Generator) -> UInt8Array:
-    """Draw 2 m of a painted brick wall that meets itself at its edges."""
+    """Draw 2 m of a painted brick wall that can be repeated."""
     picture = np.full((320, 320, 3), 160, dtype=np.uint8)
     for row in range(32):
         for column in range(16):
@@ -285,7 +285,7 @@ def partition(rng: np.random.Generator) -> UInt8Array:
 
 
 def clothes(rng: np.random.Generator) -> tuple[UInt8Array, UInt8Array, UInt8Array, UInt8Array]:
-    """Draw what one person wears: jacket, trousers, the front and the back of the head."""
+    """Draw the clothes of one person: jacket, trousers, front and back of the head."""
     jacket = np.full((96, 48, 3), some_color(rng, 30, 220), dtype=np.uint8)
     stripe, at = some_color(rng, 30, 220), int(rng.integers(20, 70))
     if rng.random() < 0.6:
