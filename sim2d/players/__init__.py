@@ -1,1 +1,1 @@
-"""The built-in players: from camera frames and odometry alone to commands."""
+"""The built-in players, which command a robot from its camera frames and odometry alone."""

@@ -1,4 +1,4 @@
-"""What a player knows of the ball: its own sightings, who hides it, and what others told."""
+"""A player's estimate of the ball: its own sightings, robots that hide it, and messages."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from robocup_vision.team.message import BallSighting
 from sim2d.players.team_talk import TeamTalk
 from sim2d.robot_link import Point
 
-# of a ball in the robot's mouth, along each axis
+# standard deviation of a ball in the robot's mouth, along each axis
 _MOUTH_STD_M = 0.01
-# of a ball beyond the floor: its bearing is no better than a pixel of a small head's frame, its errors depend on others
+# bounds for a ball beyond the floor: standard deviation of its bearing, a pixel of a small frame; and correlation
 _MIN_BEARING_STD_RAD, _MAX_CORRELATION = 0.005, 0.99
 
 
@@ -29,27 +29,28 @@ _MIN_BEARING_STD_RAD, _MAX_CORRELATION = 0.005, 0.99
 class BallMemorySettings:
     """Values of `BallMemory` and `HiddenBall`."""
 
-    #: A ball unseen for so long may be anywhere: a kicked one crosses a field in this time.
+    #: Time after which an unseen ball may be anywhere: a kicked one crosses a field in it.
     forget_s: float = 4.0
-    #: Weight of a new velocity against the remembered one: smooths the error of two positions a frame apart.
+    #: Weight of a new velocity, which is noisy if computed from two positions a frame apart.
     velocity_gain: float = 0.4
-    #: Longest time between two positions of which a velocity is made: after more the ball may have turned.
+    #: Greatest time between two positions for a velocity; after more the ball may have turned.
     max_gap_s: float = 0.25
-    #: A faster ball is a wrong detection.
+    #: Greatest speed of a ball; a faster one is a wrong detection.
     max_speed_mps: float = 4.0
-    #: A ball unseen for so long at a visible place is gone from there.
+    #: Time after which a ball that is not seen at a visible place is not there.
     missed_s: float = 0.5
-    #: A ball that others told of is not there if the robot sees the floor there from no farther than this: small
-    #: cameras miss balls that are far.
+    #: Greatest distance at which a reported ball is rejected if the robot sees the floor there, because small cameras
+    #: miss far balls.
     reported_missed_m: float = 1.0
-    #: A ball unseen for so long is hidden by the robot that held it.
+    #: Time after which an unseen ball is assumed to be hidden by the robot that held it.
     hidden_s: float = 0.15
-    #: A ball nearer than this to another robot's centre, in reaches (robot radius plus ball radius), is held by it.
+    #: Distance of a ball from another robot's centre, in reaches (robot radius plus ball radius), within which it is
+    #: held.
     taken_reaches: float = 2.0
 
 
 class BallMemory:
-    """The ball as last seen, in the field frame."""
+    """The last seen ball, field frame."""
 
     def __init__(self, settings: BallMemorySettings = BallMemorySettings()) -> None:
         self.settings = settings
@@ -63,7 +64,7 @@ class BallMemory:
         Parameters
         ----------
         velocity_mps : (float, float), optional
-            Its velocity, where that is known; else it is computed from positions.
+            Its velocity if known; otherwise it is computed from positions.
         """
         settings = self.settings
         gap_s = t_s - self._seen_s
@@ -80,30 +81,30 @@ class BallMemory:
         self._place, self._seen_s = place, t_s
 
     def miss(self) -> None:
-        """Update with the fact that it is not where it was last seen."""
+        """Update with the ball missing at its last place."""
         self._place = None
 
     def place(self, t_s: float) -> Point | None:
-        """Where it was last seen, field frame; None when that is too long ago."""
+        """Return its last place, field frame; None after too long a time."""
         return self._place if self.age_s(t_s) <= self.settings.forget_s else None
 
     @property
     def velocity_mps(self) -> Point:
-        """Its velocity when last seen, field frame."""
+        """Its last velocity, field frame."""
         return self._velocity
 
     def age_s(self, t_s: float) -> float:
-        """Seconds since it was seen."""
+        """Return the seconds since it was last seen."""
         return t_s - self._seen_s
 
 
 class HiddenBall:
-    """The ball behind the robot that held it when it was last seen, in the field frame.
+    """The ball hidden behind the robot that held it when it was last seen, field frame.
 
     Parameters
     ----------
     reach_m : float
-        From a robot's centre to the centre of a ball that it touches.
+        Distance from a robot's centre to the centre of a ball in contact.
     """
 
     def __init__(self, reach_m: float, settings: BallMemorySettings = BallMemorySettings()) -> None:
@@ -111,14 +112,14 @@ class HiddenBall:
         self._carrier: int | None = None
 
     def update(self, ball: Point, tracks: Sequence[Track], age_s: float) -> None:
-        """Update with where the ball is seen, and the robots that are tracked, as of `age_s` ago."""
+        """Update with the ball's place and the tracked robots, as of `age_s` ago."""
         away = {track.number: math.dist(track.place_after(age_s), ball) for track in tracks}
         nearest = min(away, key=away.__getitem__, default=None)
         is_taken = nearest is not None and away[nearest] < self._settings.taken_reaches * self._reach_m
         self._carrier = nearest if is_taken else None
 
     def place(self, robot: Point, tracks: Sequence[Track], age_s: float) -> tuple[Point, Point] | None:
-        """Return where the ball is, hidden from the robot, and its velocity; None if no known robot holds it."""
+        """Return the hidden ball's place and velocity; None if no known robot holds it."""
         track = next((track for track in tracks if track.number == self._carrier), None)
         if track is None:
             return None
@@ -128,7 +129,7 @@ class HiddenBall:
 
 
 def block_ball(free_space: FreeSpace, ball: Point, radius_m: float) -> FreeSpace:
-    """Return free space in which the ball (robot frame) is an obstacle too, so that steering goes round it."""
+    """Return free space with the ball (robot frame) as an obstacle, so that steering goes around it."""
     away = math.hypot(*ball)
     if away <= radius_m:
         return free_space
@@ -140,7 +141,7 @@ def block_ball(free_space: FreeSpace, ball: Point, radius_m: float) -> FreeSpace
 
 
 def is_in_sight(free_space: FreeSpace, place: Point) -> bool:
-    """Whether nothing hides a place on the floor (robot frame)."""
+    """Whether a place on the floor (robot frame) is visible."""
     off = np.abs(np.remainder(free_space.bearing_rad - math.atan2(place[1], place[0]) + math.pi, math.tau) - math.pi)
     nearest = int(np.argmin(off))
     return bool(off[nearest] < math.radians(5) and free_space.range_m[nearest] >= math.hypot(*place))
@@ -148,7 +149,7 @@ def is_in_sight(free_space: FreeSpace, place: Point) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class KnownBall:
-    """Where the ball is now, field frame: metres, metres a second; no place where nobody knows it."""
+    """The present ball, field frame: metres, metres per second; no place if it is unknown."""
 
     place: Point | None
     velocity_mps: Point
@@ -156,15 +157,15 @@ class KnownBall:
 
 @dataclass(frozen=True, slots=True)
 class NoddingCamera:
-    """A camera near the ground whose body nods."""
+    """A camera near the ground on a nodding body."""
 
-    #: Greatest x and y of the floor that a ball may lie on, field frame.
+    #: Greatest x and y of a ball on the floor, field frame.
     limits_m: Point
-    #: The camera does not see the floor nearer than this.
+    #: Range of the nearest visible floor.
     blind_m: float
 
     def within(self, robot: Pose2, ball: Pose2) -> Pose2:
-        """Return where a ball (robot frame) is that seems to lie beyond the floor: where its ray leaves the floor."""
+        """Return the place of a ball (robot frame): beyond the floor, that where its ray leaves the floor."""
         here, there = (robot.x_m, robot.y_m), robot.compose(ball)
         part = 1.0
         for start, end, limit_m in zip(here, (there.x_m, there.y_m), self.limits_m, strict=True):
@@ -174,16 +175,16 @@ class NoddingCamera:
 
 
 class BallKnowledge:
-    """Keeps what one player knows of the ball.
+    """A player's estimate of the ball.
 
     Parameters
     ----------
     reach_m : float
-        From a robot's centre to the centre of a ball that it touches.
+        Distance from a robot's centre to the centre of a ball in contact.
     hides : bool
-        Believe that a ball that went out of sight is with the robot that held it.
+        Whether a ball that is no longer visible is assumed to be with the robot that held it.
     nods : NoddingCamera or None
-        The camera, if its body nods: sightings are filtered. None: it does not.
+        The camera, if its body nods; then sightings are filtered.
     """
 
     def __init__(
@@ -199,7 +200,7 @@ class BallKnowledge:
         self._nods = nods
         self._moved_s = -math.inf
         self._memory = BallMemory(settings)
-        # what others are told is filtered, too: each of them gets two sightings a second of thirty
+        # sightings for messages are filtered, too, because others get only two of thirty each second
         self._track = None if talk is None and nods is None else BallTrack()
         self._hidden = HiddenBall(reach_m, settings) if hides else None
         self._known: KnownBall | None = None
@@ -207,28 +208,28 @@ class BallKnowledge:
 
     @property
     def sighting(self) -> BallSighting | None:
-        """The ball as the player last saw it itself."""
+        """The player's own last sighting of the ball."""
         return None if self._track is None else self._track.sighting
 
     def place(self, t_s: float) -> Point | None:
-        """Return where the ball is, as the player last saw it, or with messages as all last saw it."""
+        """Return the ball's place by the player's own last sighting, or with messages by all."""
         if self._talk is not None and self._known is not None and self._known_t_s == t_s:
             return self._known.place
         return self._memory.place(t_s)
 
     def see(self, robot: PoseEstimate, ball: Ball, t_s: float, tracks: tuple[Track, ...], age_s: float) -> None:
-        """Update with a ball that a frame shows.
+        """Update with a ball in a frame.
 
         Parameters
         ----------
         robot : PoseEstimate
-            Where the robot was when the frame was taken.
+            Pose of the robot at the frame's time.
         ball : Ball
-            The ball in the robot frame of then.
+            The ball in the robot frame at that time.
         t_s : float
-            When it was taken.
+            Time of the frame.
         tracks : tuple of Track
-            Robots that are tracked, as of `age_s` ago.
+            Tracked robots, as of `age_s` ago.
         """
         if t_s < self._moved_s:
             return
@@ -247,7 +248,7 @@ class BallKnowledge:
         self._update((mouth.x_m, mouth.y_m), robot, mount, _MOUTH_STD_M**2 * np.eye(2), t_s)
 
     def forget(self, t_s: float) -> None:
-        """Forget all that was seen before a time: somebody put the ball elsewhere."""
+        """Forget all sightings before a time, because the ball has been moved."""
         self._moved_s = t_s
         self._miss()
         if self._talk is not None:
@@ -256,16 +257,16 @@ class BallKnowledge:
     def locate(
         self, robot: Pose2 | None, free_space: FreeSpace | None, t_s: float, tracks: tuple[Track, ...], age_s: float
     ) -> KnownBall:
-        """Return where the ball is now.
+        """Return the present ball.
 
         Parameters
         ----------
         robot : Pose2 or None
-            Where the robot is; None: it does not know.
+            Pose of the robot; None if it is not located.
         free_space : FreeSpace or None
-            What it sees of the floor now, robot frame.
+            Present free space, robot frame.
         tracks : tuple of Track
-            Robots that are tracked, as of `age_s` ago.
+            Tracked robots, as of `age_s` ago.
         """
         memory, settings = self._memory, self._settings
         ball, unseen_s = memory.place(t_s), memory.age_s(t_s)
@@ -291,12 +292,12 @@ class BallKnowledge:
         return known
 
     def _with_others(self, talk: TeamTalk, own: KnownBall, is_hidden: bool, t_s: float) -> KnownBall:
-        """Return the ball as all know it together."""
+        """Return the ball fused with the others' sightings."""
         sighting = self.sighting
         if own.place is None:
             sighting = None
         elif is_hidden and sighting is not None:
-            # it went with the robot that has it
+            # it moves with the robot that has it
             sighting = BallSighting(sighting.t_s, *own.place, 0.0, 0.0, sighting.covariance)
         if talk.is_own_enough(sighting, t_s):
             return own
@@ -306,7 +307,7 @@ class BallKnowledge:
         return KnownBall((fused.x_m, fused.y_m), (fused.vx_mps, fused.vy_mps))
 
     def _covariance(self, ball: Ball, mount: Pose2) -> FloatArray:
-        """Return the covariance of a ball, robot frame, that is taken to be at `mount`, nearer on its ray or there."""
+        """Return the covariance of a ball, robot frame, that is moved to `mount`, a nearer place on its ray."""
         range_m = math.hypot(mount.x_m, mount.y_m)
         nearer = range_m / max(math.hypot(ball.x_m, ball.y_m), 1e-9)
         if nearer == 1.0:
@@ -315,7 +316,7 @@ class BallKnowledge:
         x, y = mount.x_m / max(range_m, 1e-9), mount.y_m / max(range_m, 1e-9)
         on_ray = np.array([[x, -y], [y, x]])
         (along, both), (_, across) = (on_ray.T @ ball.covariance @ on_ray).tolist()
-        # near the horizon a ball is so far off that rounding hides how well its bearing is known
+        # near the horizon a ball is so far away that rounding hides the accuracy of its bearing
         across = max(nearer**2 * across, (_MIN_BEARING_STD_RAD * range_m) ** 2)
         along = max(nearer**4 * along, across)
         most = _MAX_CORRELATION * math.sqrt(along * across)
@@ -336,7 +337,7 @@ class BallKnowledge:
             self._memory.update((filtered.x_m, filtered.y_m), t_s, (filtered.vx_mps, filtered.vy_mps))
 
     def _sees(self, robot: Pose2 | None, free_space: FreeSpace | None, ball: Point, within_m: float) -> bool:
-        """Whether the robot sees the floor where the ball should be, no farther off than this."""
+        """Whether the robot sees floor at the ball's expected place, within this distance."""
         if robot is None or free_space is None:
             return False
         x_m, y_m = robot.inverse().transform(ball).tolist()

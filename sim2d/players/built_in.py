@@ -1,4 +1,4 @@
-"""The built-in player: computes commands for one robot from its camera frames and odometry alone.
+"""The built-in player: commands for one robot from its camera frames and odometry alone.
 
 `Vision` and `Memory` estimate, `tactics` decides in the team's frame, `driving` finds the way and the command.
 """
@@ -39,7 +39,7 @@ from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, Player, PlayerSet
 _NO_MOTION = Pose2(0.0, 0.0, 0.0)
 
 
-# what a player may use besides the frames and the odometry of its own robot, and what for
+# features that a player may use in addition to the frames and the odometry of its own robot
 USES = {
     "memory": "track other robots and keep a map of the floor: steering then keeps clear of where the others will be",
     "plans": "plan ways between others, speeds, shots and where a head looks; it has a memory then, too",
@@ -51,18 +51,18 @@ USES = {
 
 @dataclass(frozen=True, slots=True)
 class BuiltInTeam:
-    """Makes built-in players with options; equal to another one of the same options, in other processes too.
+    """Makes built-in players with options; equal to another one with the same options, also in other processes.
 
     Raises
     ------
     ArgumentError
-        If it uses what there is not.
+        If it uses an unknown feature.
     """
 
-    #: What its players use: names of `USES`.
+    #: Features of its players: names of `USES`.
     uses: tuple[str, ...] = ()
     settings: PlayerSettings = PlayerSettings()
-    #: What makes its parts; replace some to play with parts of your own.
+    #: Makers of its parts, which may be replaced by one's own.
     parts: PlayerParts = PlayerParts()
 
     def __post_init__(self) -> None:
@@ -102,7 +102,7 @@ class BuiltInPlayer:
                 looks_again=plans and "floor_looks" in uses,
                 settings=settings.head,
             )
-        # a camera that neither turns nor sees all around is turned with the robot
+        # a fixed camera that does not see all around turns with the robot
         is_fixed = self._sees_ahead_only and self._head is None
         self._pose_look = PoseLook(field, settings.look) if is_fixed else None
         self._localizer = parts.localizer(setup, settings, plans or "memory" in uses)
@@ -110,7 +110,7 @@ class BuiltInPlayer:
             raise ArgumentError("a player's localizer must have a memory")
         self._memory = self._localizer.memory
         self._filter = self._memory.poses
-        # the rules fix where it begins; a frame may contradict
+        # the start by the rules, which a frame may contradict
         self._start = kick_off_pose(field, setup.attacks, setup.number, setup.players, limits.radius_m)
         self._filter.expect(self._start)
         self._straight: StraightFrames | None = None
@@ -128,9 +128,9 @@ class BuiltInPlayer:
         self._view: View | None = None
         self._view_t_s = self._looked_s = -math.inf
         self._floor = SteadyFreeSpace(settings.floor_margin_ratio)
-        # what a camera that sees a part of the floor saw of it lately
+        # the recently visible floor of a camera that sees a part of it
         self._recent = RecentFreeSpace(limits.radius_m, settings.recent_floor) if self._sees_ahead_only else None
-        # in the last frame, and where to drive
+        # free space in the last frame, and for driving
         self._free_space: FreeSpace | None = None
         self._drivable: FreeSpace | None = None
         self._last_frame: UInt8Array | None = None
@@ -142,7 +142,7 @@ class BuiltInPlayer:
         self._shooter: Shooter | None = None
         if plans and self._memory.free_map is not None:
             self._planner = TravelPlanner(field, limits, self._memory.free_map.looks_to_free, settings.travel)
-            # a keeper does not shoot
+            # keepers do not shoot
             if field.goals and not self._tactics.is_keeper:
                 planned = self._planner
                 self._shooter = Shooter(
@@ -156,7 +156,7 @@ class BuiltInPlayer:
                     keeper=settings.tactics.keeper,
                 )
         self._travel: Travel | None = None
-        # where the robot drives to, field frame
+        # target of the drive, field frame
         self._target: Point | None = None
 
     @property
@@ -185,7 +185,7 @@ class BuiltInPlayer:
         )
 
     def act(self, senses: Senses) -> Command:
-        """Return what the robot shall do until the next senses come."""
+        """Return the command until the next senses come."""
         self._travel = self._why = self._target = None
         self._update(senses)
         self._look(senses)
@@ -222,7 +222,7 @@ class BuiltInPlayer:
             self._held_since_s = senses.t_s
 
     def _look(self, senses: Senses) -> None:
-        """Process the frame, unless there is none or it is the last one again: then the camera has stopped."""
+        """Process the frame, unless there is none or it is the same as the last one of a stopped camera."""
         frame, frame_t_s = senses.frame, senses.frame_t_s
         if frame is None or frame_t_s is None:
             return
@@ -272,7 +272,7 @@ class BuiltInPlayer:
         is_late = senses.t_s - self._view_t_s > self._settings.max_frame_age_s
         if not belief or motion is None or is_late or self._view is None or not self._free_space or not self._drivable:
             if self._talk is not None:
-                # it does not see the floor around it, but others may tell it of the ball
+                # it does not see the floor around it, but others may report the ball
                 pose = belief.pose if belief else None
                 known = self._ball.locate(pose, None, senses.t_s, *self._tracks(senses.t_s))
                 self._talk.role(pose, known.place, senses.t_s)
@@ -282,7 +282,7 @@ class BuiltInPlayer:
         in_view = self._free_space_now(self._free_space, motion)
         free_space = in_view if self._recent is None else self._free_space_now(self._drivable, motion)
         seen_from = pose.compose(motion.inverse())
-        # nothing but the ball has room so near
+        # only the ball fits into this range
         nearest = self._setup.limits.radius_m + 2 * self._setup.field.ball_radius_m
         c, s = math.cos(seen_from.theta_rad), math.sin(seen_from.theta_rad)
         things = [
@@ -373,19 +373,19 @@ class BuiltInPlayer:
         )
 
     def _tracks(self, t_s: float) -> tuple[tuple[Track, ...], float]:
-        """Return the robots that are tracked, and as of how long ago."""
+        """Return the tracked robots, and the age of these tracks."""
         belief = None if self._view is None else self._view.belief
         return ((), 0.0) if belief is None else (belief.tracks, t_s - belief.t_s)
 
     def _others(self, t_s: float) -> tuple[Point, ...]:
-        """Return where tracked robots are now, team frame; nothing for players that do not plan."""
+        """Return the present places of tracked robots, team frame; empty for players that do not plan."""
         if self._planner is None:
             return ()
         tracks, age_s = self._tracks(t_s)
         return tuple(self._point_in_team(track.place_after(age_s)) for track in tracks)
 
     def _moving(self, robot: Pose2, t_s: float) -> tuple[Disc, ...]:
-        """Return tracked robots as moving obstacles, where they are now, robot frame."""
+        """Return tracked robots as moving obstacles at their present places, robot frame."""
         tracks, age_s = self._tracks(t_s)
         return tuple(track.as_disc(robot, self._setup.limits.radius_m, age_s) for track in tracks)
 

@@ -1,4 +1,4 @@
-"""The built-in players by name, for command lines and for the files that name the players."""
+"""The built-in players by name, for command lines and files."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ PLAYERS: dict[str, PlayerFactory] = {
 
 
 def player_factory(name: str) -> PlayerFactory:
-    """Return what makes the players of a name, of what they use, or of an import path as ``package.module:Name``.
+    """Return the maker of players by a name, by the features they use, or by an import path ``package.module:Name``.
 
-    What built-in players use is named as ``memory+plans``. Modules in the current folder are found, too.
+    Features are joined as in ``memory+plans``. Modules in the current folder are found, too.
 
     Raises
     ------
     ArgumentError
-        If there is no such player, or what the path names cannot be imported or makes no players.
+        If there is no such player, or the path cannot be imported or is not callable.
     """
     if ":" in name:
         return _imported(name)
@@ -45,7 +45,7 @@ def player_factory(name: str) -> PlayerFactory:
 
 def _imported(path: str) -> PlayerFactory:
     module_name, _, name = path.partition(":")
-    # an installed command does not look there; other processes of this machine are given this list
+    # an installed command does not have it; other processes of this machine get this list
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
@@ -62,7 +62,7 @@ def _imported(path: str) -> PlayerFactory:
 
 
 def player_name(factory: PlayerFactory) -> str:
-    """Return the name of what makes players: that above, or else the name of their class or function."""
+    """Return the name of a maker of players: that above, or the name of its class or function."""
     for name, known in PLAYERS.items():
         if known == factory:
             return name

@@ -1,4 +1,4 @@
-"""Where a player's camera looks: a head to ball, goals and undecided floor; a fixed camera with its robot."""
+"""Gaze of a player's camera: a head looks at ball, goals and undecided floor; a fixed camera turns with its robot."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class FieldHalfSettings:
     """Values of `FieldHalf`."""
 
     question: GoalQuestionSettings = GoalQuestionSettings()
-    #: A robot that has moved so far asks anew: goals that it missed may be found from there.
+    #: Distance moved after which the robot starts a new question, because missed goals may be visible from there.
     elsewhere_m: float = 0.3
 
 
 class FieldHalf:
-    """Asks for the half of the field while the pose filter has two mirrored modes. The filter weighs the answers."""
+    """Looks for the half of the field while the pose filter has two mirrored modes, which it then weighs."""
 
     def __init__(self, field: Field, camera: PinholeCamera, neck: Neck, settings: FieldHalfSettings) -> None:
         self._field, self._settings = field, settings
@@ -51,12 +51,12 @@ class FieldHalf:
         self._asked_m: tuple[float, float] | None = None
 
     def choose(self, hypotheses: Sequence[Hypothesis], pan_rad: float, blockers: Sequence[Disc]) -> Fixation | None:
-        """Return where to look; None if the half is known, or no look from here decides.
+        """Return a fixation; None if the half is known, or no look from here decides.
 
         Parameters
         ----------
         hypotheses : sequence of Hypothesis
-            Of the pose filter, most probable first.
+            Hypotheses of the pose filter, most probable first.
         blockers : sequence of Disc
             Robots that may hide a goal, field frame of the first hypothesis.
         """
@@ -77,7 +77,7 @@ class FieldHalf:
         return fixation
 
     def observe(self, hypotheses: Sequence[Hypothesis], pan_rad: float, view: View) -> None:
-        """Take in the view of a frame that was taken at this pan while a question is open."""
+        """Update with the view of a frame at this pan, while a question is open."""
         halves = mirrored(hypotheses)
         if self._asked_m is None or not halves:
             return
@@ -86,7 +86,7 @@ class FieldHalf:
         self._question.observe(halves, pan_rad, identified_goal(self._field, camera))
 
     def forget(self) -> None:
-        """End the question: the next one begins without missed goals."""
+        """End the question and forget its missed goals."""
         self._question.forget()
         self._asked_m = None
 
@@ -104,7 +104,7 @@ class FloorLookSettings:
     """Values of `FloorLook`."""
 
     look: SelectiveLookSettings = SelectiveLookSettings()
-    #: A frame taken so near to the wanted pan counts as a look.
+    #: Greatest difference from the wanted pan at which a frame counts as a look.
     arrived_rad: float = 0.15
 
 
@@ -120,7 +120,7 @@ class FloorLook:
     def __init__(self, limits: RobotLimits, half_view_rad: float, settings: FloorLookSettings) -> None:
         self._limits, self._half_view_rad, self._settings = limits, half_view_rad, settings
         self._planner: SelectiveLook | None = None
-        # pan, place and position of the look that was chosen last
+        # pan, place and position of the last chosen look
         self._wanted: tuple[float, Point, Point] | None = None
 
     def choose(self, floor: MapPicture, robot: Pose2, target: Point) -> tuple[float, str] | None:
@@ -129,7 +129,7 @@ class FloorLook:
         Parameters
         ----------
         target : (float, float)
-            Where it drives to, field frame; one off the map counts as on its rim.
+            Place to drive to, field frame; a place off the map is moved to its border.
         """
         self._wanted = None
         here = (robot.x_m, robot.y_m)
@@ -142,7 +142,7 @@ class FloorLook:
             radius_m = self._limits.radius_m
             self._planner = SelectiveLook(floor.cell_m, radius_m, self._half_view_rad, self._settings.look)
         free, no_go = floor.state == FREE, floor.state == NO_GO
-        # the robot stands there, and its camera does not show the floor under it
+        # the floor under the robot is free, but not visible to its camera
         x, y = (corner[k] + floor.cell_m * (np.arange(len(floor.state)) + 0.5) for k in (0, 1))
         free |= np.hypot(x[:, None] - here[0], y - here[1]) < 2.0 * self._limits.radius_m
         chosen = self._planner.choose(free, no_go & ~free, floor.corner_m, here, (float(inside[0]), float(inside[1])))
@@ -154,7 +154,7 @@ class FloorLook:
         return pan_rad, chosen.reason
 
     def observe(self, pan_rad: float) -> None:
-        """Take in that a frame was taken at this pan."""
+        """Update with a frame at this pan."""
         if self._planner is None or self._wanted is None:
             return
         wanted_rad, at_m, from_m = self._wanted
@@ -167,17 +167,17 @@ class FloorLook:
 class PoseLookSettings:
     """Values of `PoseLook`."""
 
-    #: Standard deviation of the position from which on it looks. On a large field a robot is off by 1.3 times what it
-    #: states; at three of these it is no longer located within 15 cm.
+    #: Standard deviation of the position at which it starts to look. On a large field errors are 1.3 times the standard
+    #: deviation, and at three times this the robot is not located within 15 cm.
     unsure_m: float = 0.035
-    #: It looks until the standard deviation is this small.
+    #: Standard deviation at which it stops looking.
     sure_m: float = 0.0175
-    #: A crossing nearer than this would soon lie below the picture.
+    #: Least distance of a crossing; nearer ones would soon be below the picture.
     nearest_m: float = 0.5
 
 
 class PoseLook:
-    """Decides where one robot turns its fixed camera."""
+    """Chooses directions for a robot with a fixed camera."""
 
     def __init__(self, field: Field, settings: PoseLookSettings = PoseLookSettings()) -> None:
         self._settings = settings
@@ -185,9 +185,9 @@ class PoseLook:
         self._looks = False
 
     def direction_rad(self, robot: PoseEstimate) -> float | None:
-        """Return the direction to turn to, field frame; None where the robot is sure of its place, or nothing helps.
+        """Return the direction to face, field frame; None if the position is accurate, or nothing helps.
 
-        Two lines that cross tell all of a pose, and the nearest ones tell it best.
+        Two crossing lines determine a pose completely, and the nearest ones most accurately.
         """
         settings, (x_m, y_m) = self._settings, (robot.pose.x_m, robot.pose.y_m)
         self._looks = max(robot.std[:2]) > (settings.sure_m if self._looks else settings.unsure_m)
@@ -201,7 +201,7 @@ class PoseLook:
         return math.atan2(y, x)
 
     def on_the_way(self, plan: Plan, robot: PoseEstimate, attacks: int) -> Plan:
-        """Return the plan of a robot that attacks so, with the heading to look there unless the ball is close."""
+        """Return the plan with the heading for a look, unless the ball is close; `attacks` as in the setup."""
         look_rad = self.direction_rad(robot)
         if look_rad is None or plan.close or plan.holding:
             return plan
@@ -212,20 +212,20 @@ class PoseLook:
 class HeadSettings:
     """Values of `Head`."""
 
-    #: The head watches the ball for so long, then looks for goals for so long, in turn.
+    #: Durations of watching the ball and of looking for goals, in turn.
     watch_s: float = 1.5
     sweep_s: float = 1.5
-    #: A sweep reaches so far to either side: goals seldom stand behind.
+    #: Greatest pan of a sweep; goals are seldom behind.
     sweep_rad: float = 1.4
-    #: Standard deviation of the heading from which on the head looks for goals though it would watch the ball: at three
-    #: of them a robot is no longer located within 5 degrees.
+    #: Standard deviation of the heading at which the head looks for goals instead of the ball: at three times this the
+    #: robot is not located within 5 degrees.
     unsure_rad: float = 0.03
-    #: It looks for goals as well after so many frames in a row without a pose: where robots crowd around the ball it
-    #: hides everything else, and a push turns a robot by more than its odometry tells.
+    #: Number of successive frames without a pose after which it also looks for goals: robots crowding around the ball
+    #: hide everything else, and a push turns a robot without its odometry noticing.
     unlocated_looks: int = 6
-    #: A planned gaze is computed anew after this time.
+    #: Time after which a planned gaze is computed again.
     replan_s: float = 0.1
-    #: Standard deviations by which a pose drifts in a second without frames.
+    #: Standard deviations of a pose's drift in a second without frames.
     drift_m: float = 0.03
     drift_rad: float = 0.05
     gaze: PoseGazeSettings = PoseGazeSettings()
@@ -235,11 +235,11 @@ class HeadSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeadView:
-    """The estimates from which a head is turned, field frame."""
+    """The estimates for a head's gaze, field frame."""
 
     #: Pose of the robot.
     pose: PoseEstimate | NotLocated
-    #: Poses that it may have, most probable first.
+    #: Hypotheses of its pose, most probable first.
     hypotheses: tuple[Hypothesis, ...]
     #: Position of the ball.
     ball: Point | None
@@ -247,7 +247,7 @@ class HeadView:
     tracks: tuple[Track, ...]
     #: The map of the free floor.
     floor: MapPicture | None
-    #: Where the robot drives to.
+    #: Target of the robot's drive.
     target: Point | None
 
 
@@ -255,9 +255,9 @@ class HeadView:
 class HeadPlan:
     """A planned pan of the head."""
 
-    #: From straight ahead, positive to the left.
+    #: Angle from straight ahead, positive to the left.
     pan_rad: float
-    #: For the pose, or without a plan; for the half of the field; for undecided floor.
+    #: Purpose: for the pose, or without a plan; for the half of the field; for undecided floor.
     choice: Literal["planned", "sweep", "half", "floor"]
     #: Reason of the choice.
     reason: str
@@ -269,18 +269,18 @@ class Head:
     Parameters
     ----------
     plans : bool
-        Look for goals at the pan that measures the pose best; else sweep.
+        Whether to look for goals at the pan that measures the pose best; otherwise it sweeps.
     asks : bool
-        Ask for the half of the field by looks at goals while it is not known.
+        Whether to look for goals that decide the half of the field while it is unknown.
     looks_again : bool
-        Look at undecided floor on the way.
+        Whether to look at undecided floor on the way.
 
     Attributes
     ----------
     pan_rad : float
-        Of the last frame.
+        Pan of the last frame.
     gaze : HeadPlan or None
-        The last plan; None if nothing is planned now.
+        The last plan; None if there is none.
     """
 
     def __init__(
@@ -306,11 +306,11 @@ class Head:
         half_view_rad = math.atan(camera.size_px[0] / 2 / camera.focal_px[0])
         self._floor = FloorLook(limits, half_view_rad, settings.floor) if looks_again else None
         self._planned_s = -math.inf
-        # frames without a pose since the last one with
+        # number of frames since the last one with a pose
         self._unlocated = 0
 
     def observe(self, view: View, hypotheses: Sequence[Hypothesis]) -> None:
-        """Let the planners observe the view of the last frame, with the pose filter's hypotheses before it."""
+        """Update with the view of the last frame, and the pose filter's hypotheses before it."""
         self._unlocated = 0 if view.pose else self._unlocated + 1
         if self._planner is not None:
             self._planner.observe(bool(view.pose), self.pan_rad)
@@ -347,7 +347,7 @@ class Head:
         return is_unsure or self._unlocated >= settings.unlocated_looks
 
     def _ask(self, t_s: float, now: HeadView) -> HeadPlan | None:
-        """Return a look that decides the half of the field; None if it is known, or no look decides."""
+        """Return a look that decides the half of the field; None if it is known or no look decides."""
         if self._half is None or not now.pose:
             return None
         if self.gaze is not None and self.gaze.choice == "half" and t_s - self._planned_s < self._settings.replan_s:
@@ -359,7 +359,7 @@ class Head:
         return HeadPlan(fixation.pan_rad, "half", fixation.reason)
 
     def _look_at_floor(self, now: HeadView) -> HeadPlan | None:
-        """Return a look at undecided floor on the way, where the head reaches it."""
+        """Return a look at undecided floor on the way; None if the head cannot reach it."""
         if self._floor is None or not now.pose or now.floor is None or now.target is None:
             return None
         look = self._floor.choose(now.floor, now.pose.pose, now.target)

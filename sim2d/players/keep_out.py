@@ -1,4 +1,4 @@
-"""Where the rules forbid a robot to be: round the ball, along its way to where it is placed, in a defence area."""
+"""Areas forbidden by the rules: around the ball, along its way during placement, in a defence area."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.robot_link import Point
 
-# extra distance to a zone that is left, so that noise does not bring the robot back into it
+# additional distance to a zone that the robot leaves, so that noise does not bring it back
 _CLEAR_M = 0.02
 
 
@@ -22,10 +22,10 @@ class KeepOut(Protocol):
     """A convex area of the floor that no part of a robot may be in. Any frame, metres."""
 
     def signed_distance_m(self, place: Point) -> float:
-        """Return how far a place is from its edge; negative inside."""
+        """Return the signed distance of a place from its edge; negative inside."""
 
     def moved_out(self, place: Point, clearance_m: float) -> Point:
-        """Return the nearest place that is `clearance_m` from its edge, for one that is nearer."""
+        """Return the nearest place at least `clearance_m` from its edge."""
 
     def edge(self) -> FloatArray:
         """Return corners (N, 2) of its outline, counter-clockwise."""
@@ -33,7 +33,7 @@ class KeepOut(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Capsule:
-    """All places within a radius of the way from `start` to `end`; a disc where both are one place."""
+    """All places within a radius of the segment from `start` to `end`; a disc if both are equal."""
 
     start: Point
     end: Point
@@ -49,11 +49,11 @@ class Capsule:
         return self.start[0] + fraction * along_x, self.start[1] + fraction * along_y
 
     def signed_distance_m(self, place: Point) -> float:
-        """Return how far a place is from its edge; negative inside."""
+        """Return the signed distance of a place from its edge; negative inside."""
         return math.dist(place, self._foot(place)) - self.radius_m
 
     def moved_out(self, place: Point, clearance_m: float) -> Point:
-        """Return the nearest place that is `clearance_m` from its edge, for one that is nearer."""
+        """Return the nearest place at least `clearance_m` from its edge."""
         foot = self._foot(place)
         away = math.dist(place, foot)
         reach = self.radius_m + clearance_m
@@ -62,7 +62,7 @@ class Capsule:
         if away > 1e-6:
             out = (place[0] - foot[0]) / away, (place[1] - foot[1]) / away
         else:
-            # on the way itself it moves aside
+            # from the segment itself to its side
             length = math.dist(self.start, self.end)
             along = (
                 ((self.end[0] - self.start[0]) / length, (self.end[1] - self.start[1]) / length)
@@ -90,17 +90,17 @@ class Area:
     high: Point
 
     def signed_distance_m(self, place: Point) -> float:
-        """Return how far a place is from its edge; negative inside."""
+        """Return the signed distance of a place from its edge; negative inside."""
         x = max(self.low[0] - place[0], place[0] - self.high[0])
         y = max(self.low[1] - place[1], place[1] - self.high[1])
         return math.hypot(max(x, 0.0), max(y, 0.0)) + min(max(x, y), 0.0)
 
     def moved_out(self, place: Point, clearance_m: float) -> Point:
-        """Return the nearest place that is `clearance_m` from its edge, for one that is nearer."""
+        """Return the nearest place at least `clearance_m` from its edge."""
         if self.signed_distance_m(place) >= clearance_m:
             return place
         (x0, y0), (x1, y1) = self.low, self.high
-        # past a corner it goes by the corner's box: a little farther than needed
+        # at a corner it uses the corner's box, which is slightly farther than needed
         ways = (
             (x0 - clearance_m, place[1]),
             (x1 + clearance_m, place[1]),
@@ -116,13 +116,13 @@ class Area:
 
 
 def allowed_target(target: Point, here: Point, zones: Sequence[KeepOut], radius_m: float) -> Point:
-    """Return where to drive: out of the zones the robot is in, else to the allowed place nearest to its target."""
+    """Return where to drive: out of zones that the robot is in, else to the allowed place nearest to its target."""
     inside = [zone for zone in zones if zone.signed_distance_m(here) < radius_m - 1e-9]
     if inside:
-        # it leaves first the zone that it is deepest in
+        # it first leaves the zone in which it is deepest
         worst = min(inside, key=lambda zone: zone.signed_distance_m(here))
         return worst.moved_out(here, radius_m + 2 * _CLEAR_M)
-    # moving out of one zone may lead into another: a few rounds
+    # moving out of one zone may lead into another, so this is iterated
     for _ in range(4):
         moved = target
         for zone in zones:
@@ -135,12 +135,12 @@ def allowed_target(target: Point, here: Point, zones: Sequence[KeepOut], radius_
 
 
 def block_zones(free_space: FreeSpace, robot: Pose2, zones: Sequence[KeepOut], radius_m: float) -> FreeSpace:
-    """Return free space in which zones are obstacles, too; those that the robot is in are left out, so it can leave.
+    """Return free space with zones as obstacles, except those that the robot is in, so that it can leave.
 
     Parameters
     ----------
     robot : Pose2
-        In the zones' frame.
+        Pose of the robot in the zones' frame.
     """
     ranges = free_space.range_m
     for zone in zones:
@@ -151,7 +151,7 @@ def block_zones(free_space: FreeSpace, robot: Pose2, zones: Sequence[KeepOut], r
 
 
 def ranges_to_segments(bearing_rad: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return the ranges (J,) at which rays from the origin meet a closed polygon of corners (N, 2); inf: never."""
+    """Return the ranges (J,) at which rays from the origin meet a closed polygon of corners (N, 2); inf if never."""
     x0, y0 = corners[:, 0], corners[:, 1]
     dx, dy = np.roll(x0, -1) - x0, np.roll(y0, -1) - y0
     c, s = np.cos(bearing_rad)[:, None], np.sin(bearing_rad)[:, None]

@@ -1,7 +1,7 @@
-"""The parts of a built-in player, each of which may be replaced by one's own: what makes them, and what each must do.
+"""Interfaces and makers of the parts of a built-in player, each of which may be replaced.
 
-A part is made by a function or class that gets the player's setup and settings. Those at module level may be sent to
-other processes, as tournaments do.
+A part is made by a function or class from the player's setup and settings. Those at module level may be sent to other
+processes, as tournaments do.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from sim2d.robot_link import Command, PlayerSetup, Point
 
 
 class LocalizerPart(Protocol):
-    """Turns frames into views, and keeps the pose filter, tracks and map in its memory; `Vision` does."""
+    """Turns frames into views, and has the pose filter, tracks and map in its memory, like `Vision`."""
 
     @property
     def memory(self) -> Memory | None:
@@ -47,45 +47,45 @@ class LocalizerPart(Protocol):
 
     @property
     def colors(self) -> Colors | None:
-        """Colours that it uses."""
+        """Colours in use."""
 
     @property
     def online(self) -> CameraRefiner | None:
-        """What calibrates its camera meanwhile; a player's status tells the state of an `OnlineCalibration`."""
+        """Online calibration of its camera; a player's status shows the state of an `OnlineCalibration`."""
 
     def look(
         self, frame: UInt8Array | Sequence[UInt8Array | None], t_s: float, *, pan_rad: float | None = None
     ) -> View:
-        """Return what a frame shows."""
+        """Return the view of a frame."""
 
 
 class BallPart(Protocol):
-    """Keeps what the player knows of the ball; see `BallKnowledge`, which does, for the arguments."""
+    """Estimates the ball, like `BallKnowledge`, which explains the arguments."""
 
     @property
     def sighting(self) -> BallSighting | None:
-        """The ball as the player last saw it itself, for messages."""
+        """The player's own last sighting of the ball, for messages."""
 
     def place(self, t_s: float) -> Point | None:
-        """Return where the ball is, field frame."""
+        """Return the place of the ball, field frame."""
 
     def see(self, robot: PoseEstimate, ball: Ball, t_s: float, tracks: tuple[Track, ...], age_s: float) -> None:
-        """Update with a ball that a frame shows."""
+        """Update with a ball in a frame."""
 
     def hold(self, robot: PoseEstimate, t_s: float) -> None:
         """Update with a ball in the robot's mouth."""
 
     def forget(self, t_s: float) -> None:
-        """Forget all that was seen before a time."""
+        """Forget all sightings before a time."""
 
     def locate(
         self, robot: Pose2 | None, free_space: FreeSpace | None, t_s: float, tracks: tuple[Track, ...], age_s: float
     ) -> KnownBall:
-        """Return where the ball is now."""
+        """Return the present place of the ball."""
 
 
 class TacticsPart(Protocol):
-    """Decides where to go and what to do there; `Tactics` does."""
+    """Chooses plans, like `Tactics`."""
 
     @property
     def is_keeper(self) -> bool:
@@ -96,7 +96,7 @@ class TacticsPart(Protocol):
 
 
 class DrivingPart(Protocol):
-    """Drives the robot to where its plan wants it; `Motion` does."""
+    """Drives the robot by its plans, like `Motion`."""
 
     @property
     def now_mps(self) -> tuple[float, float]:
@@ -104,7 +104,7 @@ class DrivingPart(Protocol):
 
     @property
     def pending_mps(self) -> tuple[float, float]:
-        """What was commanded last, robot frame."""
+        """The last commanded velocity, robot frame."""
 
     def update(self, odometry: Pose2, t_s: float) -> None:
         """Update with the odometry since the last call."""
@@ -122,7 +122,7 @@ class DrivingPart(Protocol):
 
 
 def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool) -> LocalizerPart:
-    """Return `Vision` with a memory, of tracks and map, too, if the player remembers."""
+    """Return `Vision` with a memory, which includes tracks and map if the player remembers."""
     of_memory = settings.memory
     if isinstance(setup.camera, PinholeCamera):
         noise = settings.legs_odometry if setup.has_legs else settings.wheels_odometry
@@ -136,7 +136,7 @@ def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool
 
 
 def make_ball(setup: PlayerSetup, settings: PlayerSettings, hides: bool, talk: TeamTalk | None) -> BallPart:
-    """Return what keeps the ball; `hides` and `talk` as in `BallKnowledge`."""
+    """Return the estimator of the ball; `hides` and `talk` as in `BallKnowledge`."""
     reach_m = setup.limits.radius_m + setup.field.ball_radius_m
     nods: NoddingCamera | None = None
     if isinstance(setup.camera, PinholeCamera):
@@ -146,7 +146,7 @@ def make_ball(setup: PlayerSetup, settings: PlayerSettings, hides: bool, talk: T
 
 
 def _blind_m(camera: PinholeCamera) -> float:
-    """Return how near the floor is that the camera sees straight ahead; 0 where its tilt is not known."""
+    """Return the range of the nearest floor that the camera sees straight ahead; 0 if its tilt is not known."""
     if camera.tilt_rad is None:
         return 0.0
     below = -camera.tilt_rad + math.atan((camera.size_px[1] - camera.center_px[1]) / camera.focal_px[1])
@@ -154,7 +154,7 @@ def _blind_m(camera: PinholeCamera) -> float:
 
 
 def make_role(setup: PlayerSetup, settings: PlayerSettings, is_keeper: bool) -> ChoosesRole:
-    """Return what agrees on roles, for players that speak."""
+    """Return the chooser of roles, for players that send messages."""
     return RoleChooser(setup.number, is_keeper, setup.limits.speed_mps, settings.talk.roles)
 
 
@@ -171,12 +171,12 @@ def make_driving(setup: PlayerSetup, settings: PlayerSettings) -> DrivingPart:
 
 @dataclass(frozen=True, slots=True)
 class PlayerParts:
-    """What makes the parts of a player.
+    """Makers of the parts of a player.
 
     Parameters
     ----------
     localizer, ball, role, tactics, driving : callable
-        Each makes its part; see the functions above for the arguments.
+        Each returns its part; see the functions above for the arguments.
     """
 
     localizer: Callable[[PlayerSetup, PlayerSettings, bool], LocalizerPart] = make_localizer

@@ -1,4 +1,4 @@
-"""What a player's planners and tactics decide from, and what tactics decide.
+"""Inputs of a player's planners and tactics, and the plans of tactics.
 
 `Situation` and `Plan` are in the team's frame (the opponent's goal at +x), `Surroundings` in the field frame.
 """
@@ -22,18 +22,18 @@ from sim2d.robot_link import Phase, Point, Reason, RobotLimits
 class Surroundings:
     """One player's estimates at one time."""
 
-    #: Now.
+    #: Present time.
     t_s: float
     #: Pose of the robot.
     robot: PoseEstimate
     #: Its velocity, and the command that it obeys until the next one.
     velocity_mps: Point
     pending_mps: Point
-    #: Robots that are tracked, as of `age_s` ago.
+    #: Tracked robots, as of `age_s` ago.
     tracks: tuple[Track, ...]
-    #: Since the last frame.
+    #: Time since the last frame.
     age_s: float
-    #: Which floor is free.
+    #: Map of the free floor.
     floor: MapPicture | None
 
     @property
@@ -42,20 +42,20 @@ class Surroundings:
         return self.robot.pose.x_m, self.robot.pose.y_m
 
     def others(self, limits: RobotLimits, ahead_s: float, apart_radii: float) -> dict[int, Disc]:
-        """Return the other robots by number, where they will be when this one gets there.
+        """Return the other robots by number, predicted to when this one gets there.
 
         Parameters
         ----------
         ahead_s : float
-            They are predicted at most so far ahead.
+            Greatest time of the prediction.
         apart_radii : float
-            Two tracks whose centres are nearer than this, in robot radii, are of one robot.
+            Two tracks whose centres are closer, in robot radii, belong to one robot.
         """
         robot, discs = self.robot.pose, {}
         taken = [self.here]
         for track in sorted(self.tracks, key=lambda track: -track.probability):
             place = (track.x_m, track.y_m)
-            # the less probable of two tracks in one place is left out
+            # the less probable of two tracks at one place is dropped
             if any(math.dist(place, other) < apart_radii * limits.radius_m for other in taken):
                 continue
             taken.append(place)
@@ -68,33 +68,33 @@ class Surroundings:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What a player estimates now, team frame, metres and seconds."""
+    """A player's present estimates, team frame, metres and seconds."""
 
     #: Pose of the robot.
     pose: Pose2
-    #: The ball, where it was last seen.
+    #: Last place of the ball.
     ball: Point | None
     #: Its velocity then.
     ball_velocity_mps: Point
     #: The robot holds the ball.
     in_mouth: bool
-    #: For how long.
+    #: Duration of that.
     held_s: float
-    #: Whatever stands on the floor and is no wall.
+    #: Obstacles other than walls.
     obstacles: tuple[Point, ...]
-    #: What the referee announced.
+    #: Phase announced by the referee.
     phase: Phase
     #: Own team has the kick-off, free kick, penalty or ball placement.
     own_turn: bool
-    #: Now.
+    #: Present time.
     t_s: float
-    #: What to do with the ball in the mouth, where that was planned.
+    #: Planned use of the ball in the mouth.
     shot: ShotPlan | None = None
-    #: Robots that are tracked; empty for players that do not plan.
+    #: Tracked robots; empty for players that do not plan.
     others: tuple[Point, ...] = ()
-    #: Where the ball shall be placed, in phase "ball_placement".
+    #: Place for the ball, in phase "ball_placement".
     placement: Point | None = None
-    #: What the player's part in the team is, where its robots speak to each other.
+    #: The player's role, if its team has messages.
     role: ChosenRole | None = None
 
     @property
@@ -105,31 +105,31 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Where to go and what to do there, team frame."""
+    """A plan of tactics, team frame."""
 
-    #: A word or two for films and reports.
+    #: One or two words for films and reports.
     intent: str
     #: Place to drive to.
     target: Point
     #: Direction to face.
     heading_rad: float
-    #: Speed to kick with now; 0: do not.
+    #: Speed of a kick now; 0 for none.
     kick_mps: float = 0.0
     #: Whether the dribbler spins.
     dribble: bool = False
-    #: Go round the ball.
+    #: Drive around the ball.
     avoid_ball: bool = False
-    #: Close to the ball: others may be touched, walls not.
+    #: Close to the ball: others may be touched, but not walls.
     close: bool = False
-    #: With the ball in the mouth: turn gently.
+    #: The ball is in the mouth: turn gently.
     holding: bool = False
-    #: Reason of the choice, where it was weighed.
+    #: Reason of the choice, if it was weighed.
     why: Reason | None = None
-    #: The rules allow no more now; None: any speed.
+    #: Speed limit by the rules, if any.
     speed_mps: float | None = None
-    #: Where the rules forbid the robot to be now.
+    #: Areas forbidden by the rules now.
     keep_outs: tuple[KeepOut, ...] = ()
-    #: Face the heading on the way, too.
+    #: Face the heading also on the way.
     looks: bool = False
-    #: To a ball that whoever is first has: straight, and at full speed.
+    #: The first robot gets the ball: drive straight, at full speed.
     races: bool = False

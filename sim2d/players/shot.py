@@ -1,4 +1,4 @@
-"""When a player that holds the ball kicks it, and where: it asks the shot planner. Field frame."""
+"""Shots of a player that holds the ball, by the shot planner. Field frame."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 class ShotSettings:
     """Values of `Shooter`."""
 
-    #: A kicked ball's direction about the heading.
+    #: Standard deviation of a kick's direction relative to the heading.
     kick_std_rad: float = 0.03
-    #: Part of a kick's speed that is left when the ball rolls: 5/7 for a solid sphere.
+    #: Ratio of a rolling ball's speed to the kick's: 5/7 for a solid sphere.
     rolling_speed: float = 5 / 7
-    #: Other robots run for a ball so long after the kick.
+    #: Reaction time of other robots after a kick.
     reaction_s: float = 0.3
-    #: Mean time for which a ball is held where an opponent can reach it, and where none can.
+    #: Mean time for which a ball is held if an opponent can reach it, and if none can.
     lost_s: float = 0.5
     slips_s: float = 8.0
-    #: Standard deviation of the position assumed for a keeper that is not seen.
+    #: Standard deviation of the position assumed for an unseen keeper.
     keeper_std_m: float = 0.1
-    #: Which kicks are compared.
+    #: Settings of the planner.
     planner: ShotPlannerSettings = ShotPlannerSettings()
 
 
@@ -45,9 +45,9 @@ class Shooter:
     attacks : int
         +1: the goal at +x of the field frame; -1: that at -x.
     motion : MotionSettings
-        How a robot drives with the ball.
+        Speeds of a robot with the ball.
     keeper : KeeperSettings
-        Where a keeper stands.
+        Place of a keeper.
     """
 
     def __init__(
@@ -79,10 +79,10 @@ class Shooter:
         )
 
     def plan(self, surroundings: Surroundings, turn_rps: float) -> ShotPlan:
-        """Plan what to do with the ball in the mouth; `turn_rps`: how fast the robot turns now."""
+        """Plan the use of the ball in the mouth; `turn_rps`: the robot's present turning rate."""
         robot = surroundings.robot.pose
         mouth = robot.compose(Pose2(self._reach_m, 0.0, 0.0))
-        # by the time the command works, the robot has turned on, and the ball has its velocity too
+        # when the command takes effect, the robot has turned further, and the ball also has the robot's velocity
         heading = robot.theta_rad + turn_rps * (self._limits.dead_time_s + CONTROL_PERIOD_S / 2)
         v_x, v_y = surroundings.velocity_mps
         kick = self._limits.kick_speed_mps
@@ -93,7 +93,7 @@ class Shooter:
         )
 
     def _defenders(self, surroundings: Surroundings) -> list[Disc]:
-        """Return tracked robots of either side, and a keeper, unless the goal's mouth is seen empty."""
+        """Return tracked robots of both sides, and an assumed keeper unless the goal's mouth is known to be empty."""
         t, radius_m = surroundings.age_s, self._limits.radius_m
         known = [
             Disc(*one.place_after(t), radius_m, one.covariance[:2, :2], vx_mps=one.vx_mps, vy_mps=one.vy_mps)
@@ -109,7 +109,7 @@ class Shooter:
         return abs(x_m - self._line_m) < 2 * self._keeper_radii * radius_m and abs(y_m) < self._half_m + radius_m
 
     def _is_empty(self, floor: MapPicture | None) -> bool:
-        """Whether all floor where a keeper would stand is known to be free."""
+        """Whether all floor on which a keeper would stand is known to be free."""
         if floor is None:
             return False
         y = np.arange(-self._half_m, self._half_m, floor.cell_m)

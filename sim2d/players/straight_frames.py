@@ -1,4 +1,4 @@
-"""Straightens a player's frames: how fast head and body turned is known by the neck's joint and the odometry."""
+"""Correction of a player's frames for the rolling shutter, by the neck's joint and the odometry."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import PinholeCamera, RollingShutter
 from robocup_vision.localization.filter.pose_filter import PoseFilter
 
-# a head may have swung to and fro between frames farther apart
+# greatest time between frames, after which a head may have swung to and fro
 _MAX_GAP_S = 0.15
 
 
 class StraightFrames:
-    """Takes the lean of a rolling shutter out of one robot's frames.
+    """Removes the skew of a rolling shutter from one robot's frames.
 
     Parameters
     ----------
     camera : PinholeCamera
-        As its file says; its `readout_s` is the shutter's.
+        As in its file; its `readout_s` is the shutter's.
     """
 
     def __init__(self, camera: PinholeCamera, odometry: PoseFilter) -> None:
         self._shutter = RollingShutter(camera)
         self._odometry = odometry
-        self._last: tuple[float, float] | None = None  # of the last frame: when it was exposed, and the pan
+        self._last: tuple[float, float] | None = None  # exposure time and pan of the last frame
 
     def straighten(self, frame: UInt8Array, frame_t_s: float, pan_rad: float) -> UInt8Array:
-        """Return a frame (H, W, 3) uint8 as a camera that stands takes it; itself where that is not known."""
+        """Return a frame (H, W, 3) uint8 as taken by a resting camera; unchanged if the rotation is not known."""
         last, self._last = self._last, (frame_t_s, pan_rad)
         if last is None:
             return frame

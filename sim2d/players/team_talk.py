@@ -1,4 +1,4 @@
-"""What a player tells the others of its team, and what it makes of their messages: the ball, and its role."""
+"""Messages of a player to its team and from it: the ball, and roles."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from sim2d.robot_link import TIME_SLACK_S, PlayerSetup, Point
 class TeamTalkSettings:
     """Values of `TeamTalk`."""
 
-    #: Time between two messages: the channel carries no more.
+    #: Time between two messages, by the channel's capacity.
     period_s: float = 0.5
     ball: BallFusionSettings = BallFusionSettings()
     roles: RoleSettings = RoleSettings()
 
 
 class ChoosesRole(Protocol):
-    """Chooses the player's role from messages of others; see `RoleChooser`, which does, for the arguments."""
+    """Chooses the player's role from messages of others, like `RoleChooser`, which explains the arguments."""
 
     role: Role
 
     def update(self, message: TeamMessage) -> None:
-        """Take in a message."""
+        """Update with a message."""
 
     def choose(self, t_s: float, place: Point | None, ball: Point | None, time_to_ball_s: float) -> ChosenRole:
-        """Return the role for now."""
+        """Return the present role."""
 
 
 class TeamTalk:
@@ -50,12 +50,12 @@ class TeamTalk:
         self.refused = 0
 
     def hear(self, messages: Sequence[bytes], own: BallSighting | None) -> None:
-        """Take in what others sent.
+        """Update with the messages of others.
 
         Parameters
         ----------
         own : BallSighting or None
-            The ball as this player last saw it.
+            This player's last sighting of the ball.
         """
         for data in messages:
             try:
@@ -64,49 +64,49 @@ class TeamTalk:
                 self.refused += 1
                 continue
             if message.sender == self._number:
-                # some radios give back what was sent
+                # some radios return what was sent
                 continue
             self._ball.update(message, own)
             self._roles.update(message)
 
     def ball(self, own: BallSighting | None, t_s: float) -> FusedBall | None:
-        """Return the ball as this player and the others know it; see `TeamBall.fuse`."""
+        """Return the ball by the sightings of this player and the others; see `TeamBall.fuse`."""
         return self._ball.fuse(own, t_s)
 
     def is_own_enough(self, own: BallSighting | None, t_s: float) -> bool:
-        """Whether the player sees the ball so well itself that messages would add nothing."""
+        """Whether the player's own sighting is so accurate that messages add nothing."""
         return own is not None and self._ball.is_own_enough(own, t_s)
 
     def forget(self, t_s: float) -> None:
-        """Forget what others saw of the ball before a time."""
+        """Forget the others' sightings of the ball before a time."""
         self._ball.forget(t_s)
 
     def reject(self, ball: FusedBall) -> None:
-        """Forget what others told of a ball that is not there."""
+        """Forget the others' sightings of a ball that is not there."""
         self._ball.reject(ball.sources)
 
     def role(self, pose: Pose2 | None, ball: Point | None, t_s: float) -> ChosenRole:
-        """Return what this player is to do now."""
+        """Return the player's present role."""
         place = None if pose is None else (pose.x_m, pose.y_m)
         chosen = self._roles.choose(t_s, place, ball, self._time_to_ball_s(pose, ball))
         if self._attacks > 0:
             return chosen
-        # counted from the right side as the team sees it
+        # places are counted from the team's own right
         return replace(chosen, place=chosen.places - 1 - chosen.place)
 
     def tell(
         self, t_s: float, belief: PoseEstimate | NotLocated, own: BallSighting | None, ball: Point | None
     ) -> bytes | None:
-        """Return the message that is due now; None between two messages.
+        """Return the message if one is due, else None.
 
         Parameters
         ----------
         belief : PoseEstimate or NotLocated
-            Where the player is; with more than one candidate it tells neither its place nor the ball's.
+            Pose of the player; with more than one candidate it sends neither its own place nor the ball's.
         own : BallSighting or None
-            The ball as it last saw it itself.
+            Its own last sighting of the ball.
         ball : (float, float) or None
-            Where it takes the ball to be, from all it knows.
+            Its estimate of the ball from all sources.
         """
         if t_s < self._sent_s + self._settings.period_s - TIME_SLACK_S:
             return None

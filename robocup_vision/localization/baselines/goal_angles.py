@@ -189,7 +189,6 @@ class GoalAnglesEstimator:
 
     The paper knows the goal's colour. Here, of goals of several hues, the one with the largest region that has the
     shape of two posts and a bar is used.
-    region which has the shape of two posts and a bar.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""How a player gets to a target: the way, the speed, the command."""
+"""Driving of a player to its target: way, speed and command."""

@@ -1,4 +1,4 @@
-"""From a plan to a command: avoid obstacles, turn to the heading, get free where the robot is stuck."""
+"""Conversion of plans to commands: avoid obstacles, turn to the heading, escape if stuck."""
 
 from __future__ import annotations
 
@@ -22,50 +22,50 @@ from sim2d.robot_link import CONTROL_PERIOD_S, Command, RobotLimits
 class MotionSettings:
     """Values of `Motion`."""
 
-    #: Clearance kept on the way; none close to the ball, where others may be touched.
+    #: Clearance on the way; none close to the ball, where others may be touched.
     margin_m: float = 0.01
-    #: Steering looks at distances in steps of this.
+    #: Sample distance of steering.
     step_m: float = 0.01
-    #: The heading's error is turned away in about this time: shorter overshoots by the dead time.
+    #: Time in which the heading's error is removed; a shorter one would overshoot because of the dead time.
     turn_time_s: float = 0.18
-    #: Limits with the ball in the mouth where none are planned: slow enough for any dribbler.
+    #: Limits with the ball in the mouth without a plan, slow enough for any dribbler.
     holding_mps: float = 0.6
     holding_rps: float = 2.2
-    #: Speed of pushing close to the ball where no direction is safe.
+    #: Speed of pushing close to the ball if no direction is safe.
     push_mps: float = 0.25
-    #: A robot whose rim is so near would be pushed; with the ball before it, sooner.
+    #: Distances to a robot's rim at which it would be pushed: without the ball, and with it.
     near_m: float = 0.02
     near_holding_m: float = 0.1
-    #: Only a robot within this of the way ahead is.
+    #: Greatest angle of such a robot from the direction of motion.
     pushed_rad: float = 1.3
-    #: Obstacles move on: a longer detour is dropped.
+    #: Time after which a detour is dropped, because obstacles move.
     detour_s: float = 1.5
-    #: So near to its target, in robot radii, the robot is not stuck, even where others or its own slip keep it from
-    #: getting nearer.
+    #: Distance from the target, in robot radii, at which the robot does not count as stuck, even if others or slip keep
+    #: it from getting closer.
     arrived_radii: float = 1.0
-    #: One that has moved less than this for so long without having arrived is stuck.
+    #: A robot that has moved less than this in this time without arriving is stuck.
     stuck_m: float = 0.04
     stuck_s: float = 1.5
-    #: It then drives in a random free direction for so long.
+    #: Time for which it then drives in a random free direction.
     escape_s: float = 0.7
-    #: A robot that sees ahead only faces its way while its target is farther away than this, unless its plan looks
-    #: elsewhere. From here on it faces what its plan wants, and goes there sideways.
+    #: Distance of the target up to which a robot with a forward camera faces as planned and moves sideways; from there
+    #: on it faces its way, unless its plan looks elsewhere.
     face_way_m: float = 0.4
-    #: It turns no faster, unless the ball is close: quick turns blur and lean the picture, and slip.
+    #: Greatest turning rate of such a robot, unless the ball is close: quick turns blur and skew the picture, and slip.
     calm_rps: float = 2.0
-    #: How such a robot keeps off whom it has bumped into.
+    #: Settings of contacts of such a robot.
     bumps: BumpSettings = BumpSettings()
 
 
 class Motion:
-    """Drives one robot to where its plans want it.
+    """Drives one robot by its plans.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Chooses a direction where the robot is stuck.
+        For the direction of an escape.
     sees_ahead_only : bool
-        Its camera does not see all around: it faces its way, and keeps off whom it bumps into.
+        Whether its camera does not see all around; then it faces its way, and keeps away from robots it has touched.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Motion:
 
     @property
     def pending_mps(self) -> tuple[float, float]:
-        """What was commanded last, robot frame."""
+        """The last commanded velocity, robot frame."""
         return self._wheels.pending_mps
 
     def update(self, odometry: Pose2, t_s: float) -> None:
@@ -126,9 +126,9 @@ class Motion:
         pose : Pose2
             The robot, in the plan's frame.
         moving : sequence of Disc
-            Robots that move around this one: steering keeps clear of them, unless the plan is `close` or `holding`.
+            Moving robots, which steering avoids unless the plan is `close` or `holding`.
         travel : Travel, optional
-            Planned way and speed. With one that does not press, no known robot is pushed.
+            Planned way and speed. If it does not press, no known robot is pushed.
         """
         settings = self._settings
         first = plan.target if travel is None else travel.waypoint
@@ -139,7 +139,7 @@ class Motion:
         speed_mps = None if travel is None else travel.speed_mps
         if plan.speed_mps is not None:
             speed_mps = min(plan.speed_mps, self._limits.speed_mps if speed_mps is None else speed_mps)
-        # with the ball in the mouth it may push others
+        # with the ball in the mouth the robot may push others
         touched = () if plan.holding else self._bumps.discs
         if touched:
             free_space = self._bumps.block(free_space)
@@ -158,7 +158,7 @@ class Motion:
         elif self._sees_ahead_only and not plan.close:
             fastest = min(fastest, settings.calm_rps)
         turn = max(-fastest, min(fastest, turn))
-        # a planned way goes round the ball like round any obstacle
+        # a planned way round the ball treats it as any obstacle
         is_close = plan.close and not (travel is not None and plan.avoid_ball)
         steering = self._close if is_close else self._travel
         if t_s - self._direct_s > settings.detour_s:
@@ -178,7 +178,7 @@ class Motion:
         if plan.holding and travel is None:
             part = min(1.0, settings.holding_mps / max(math.hypot(v_x, v_y), 1e-9))
             v_x, v_y = part * v_x, part * v_y
-        # by the time the command works, the robot will have turned on
+        # when the command takes effect, the robot will have turned further
         ahead = -turn * (self._limits.dead_time_s + CONTROL_PERIOD_S / 2)
         c, s = math.cos(ahead), math.sin(ahead)
         wanted = (c * v_x - s * v_y, s * v_x + c * v_y)
@@ -186,7 +186,7 @@ class Motion:
         return Command(*wanted, turn, plan.kick_mps, plan.dribble)
 
     def _would_push(self, moving: Sequence[Disc], bearing_rad: float, near_m: float) -> bool:
-        """Whether driving that way would push a robot."""
+        """Whether driving in a direction would push a robot."""
         near, ahead_rad = 2 * self._limits.radius_m + near_m, self._settings.pushed_rad
         return any(
             math.hypot(o.x_m, o.y_m) < near and abs(wrap_angle(math.atan2(o.y_m, o.x_m) - bearing_rad)) < ahead_rad
@@ -194,7 +194,7 @@ class Motion:
         )
 
     def _escape(self, free_space: FreeSpace, t_s: float) -> None:
-        """Choose a random direction for a while, the farther it is free the more probable."""
+        """Choose a random direction for some time, with probabilities that grow with the free range."""
         self._forget_detours(t_s)
         escape_s = self._settings.escape_s
         self._anchor_s, self._escape_until_s = t_s + escape_s, t_s + escape_s

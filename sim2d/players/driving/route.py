@@ -1,4 +1,4 @@
-"""Which way a player takes to a target: straight, or through one of the gaps in the row of robots across it."""
+"""Way of a player to a target: straight, or through a gap in the row of robots across it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from sim2d.robot_link import Point, Reason, RobotLimits
 
 Key = tuple[int, int]
 
-# the field's right and left border, where a robot's number stands
+# numbers of the field's right and left border
 _RIGHT, _LEFT = -1, -2
 
 
@@ -37,13 +37,13 @@ _RIGHT, _LEFT = -1, -2
 class RowSettings:
     """Values of `row_across`."""
 
-    #: A robot so near to the way counts, besides one in it.
+    #: Distance from the way within which robots count, in addition to their radii.
     beside_m: float = 0.12
-    #: Robots whose places differ by less than so many radii along the way stand in one row across it.
+    #: Greatest distance along the way, in radii, of robots in one row.
     row_radii: float = 4.0
-    #: On a field without walls a robot may leave the field by so many radii.
+    #: Distance, in radii, by which a robot may leave a field without walls.
     outside_radii: float = 4.0
-    #: A gap with a smaller sine of the angle to the way lies along it.
+    #: Least sine of the angle between a gap and the way; below, the gap is parallel to it.
     alongside_sin: float = 0.2
 
 
@@ -51,13 +51,13 @@ class RowSettings:
 class Row:
     """Gaps from right to left."""
 
-    #: Estimated gaps; the middle of each is where it is best crossed: near the straight way, clear of its ends.
+    #: Estimated gaps, with the best place to cross as the middle: near the straight way, clear of its ends.
     gaps: tuple[Gap, ...]
     #: Numbers of the robots at its ends; negative: the field's border.
     keys: tuple[Key, ...]
     #: Ends of each gap.
     ends: tuple[tuple[Point, Point], ...]
-    #: Through which of them the straight way leads.
+    #: Index of the gap on the straight way.
     straight: int
 
 
@@ -65,16 +65,16 @@ class Row:
 class RouteSettings:
     """Values of `RoutePlanner`."""
 
-    #: Which robots stand in one row.
+    #: Settings of rows.
     row: RowSettings = RowSettings()
-    #: A gap is changed for another only if that saves so much: changing to and fro costs more.
+    #: Least time that another gap must save, because changes cost time.
     better_s: float = 0.25
-    #: A gap whose probability to be wide enough lies between these gets a second look.
+    #: Bounds of the probability to be wide enough between which a gap is looked at again.
     narrow: float = 0.02
     wide: float = 0.95
-    #: A viewpoint so near is reached.
+    #: Distance at which a viewpoint is reached.
     here_m: float = 0.02
-    #: A gap so near is passed.
+    #: Distance at which a gap is passed.
     passed_m: float = 0.06
     #: Time between two plans.
     replan_s: float = 0.1
@@ -85,7 +85,7 @@ class RouteSettings:
     pose_std_rad: float = 0.01
     #: Standard deviation of a tracked robot's position.
     others_std_m: float = 0.015
-    #: Settings of looks and of passing where a gap may be too narrow.
+    #: Settings of looks and passing at a gap that may be too narrow.
     gate: GatePlannerSettings = GatePlannerSettings()
     passage: PassageSettings = PassageSettings()
     speed: SpeedPlannerSettings = SpeedPlannerSettings()
@@ -95,9 +95,9 @@ class RouteSettings:
 class Route:
     """A way to a target."""
 
-    #: Where it leads, target last.
+    #: Waypoints, target last.
     points: tuple[Point, ...]
-    #: Ends of the gap that is taken.
+    #: Ends of the chosen gap.
     ends: tuple[Point, Point] | None
     #: Reason of the choice.
     reason: Reason
@@ -110,15 +110,15 @@ class RoutePlanner:
 
     def __init__(self, field: Field, limits: RobotLimits, settings: RouteSettings) -> None:
         self._field, self._limits, self._settings = field, limits, settings
-        # between which robots the gap is that was taken, by their numbers
+        # numbers of the robots at the ends of the last chosen gap
         self._taken: Key | None = None
 
     def forget(self) -> None:
-        """Forget which gap was taken."""
+        """Forget the chosen gap."""
         self._taken = None
 
     def plan(self, here: Point, target: Point, others: Mapping[int, Disc]) -> Route:
-        """Choose between the gaps of the first row that stands across the straight way."""
+        """Choose among the gaps of the first row across the straight way."""
         row = row_across(here, target, others, self._field, self._limits.radius_m, self._settings.row)
         if row is None:
             self._taken = None
@@ -126,14 +126,14 @@ class RoutePlanner:
         return self._gate(here, target, row) or self._choose(here, target, row)
 
     def _gate(self, here: Point, target: Point, row: Row) -> Route | None:
-        """Ask the gate planner where the gap on the straight way may be too narrow."""
+        """Use the gate planner if the gap on the straight way may be too narrow."""
         settings, straight = self._settings, row.straight
         gap, needed_m = row.gaps[straight], self._times.narrowest_m
         if min(row.keys[straight]) < 0 or not settings.narrow < gap.wide_enough(needed_m) < settings.wide:
             return None
         rest = [k for k in range(len(row.gaps)) if k != straight]
         detour = rest[choose_gap(self._times, here, target, [row.gaps[k] for k in rest]).index]
-        # wide enough is what can be passed at a safe speed
+        # wide enough to be passed at a safe speed
         gates = GatePlanner(self._limits, WidthSensor(), needed_m, self._settings.gate)
         plan = gates.plan(here, gap, target, [row.gaps[detour].center_m])
         if plan.action == "look" and plan.viewpoint_m is not None:
@@ -147,7 +147,7 @@ class RoutePlanner:
         return Route(self._through(here, target, row.gaps[taken]), row.ends[taken], Reason("gap", choice, plan.reason))
 
     def _choose(self, here: Point, target: Point, row: Row) -> Route:
-        """Take the gap with the shortest expected time, and stay with it."""
+        """Choose the gap with the shortest expected time, with hysteresis."""
         better_s = self._settings.better_s
         chosen = choose_gap(self._times, here, target, row.gaps)
         index, text = chosen.index, chosen.reason
@@ -179,7 +179,7 @@ def speed_planner(limits: RobotLimits, settings: RouteSettings) -> SpeedPlanner:
 
 @functools.lru_cache(maxsize=4)
 def _passage_times(limits: RobotLimits, settings: RouteSettings) -> PassageTimes:
-    """Return the same table for all robots that are alike: it takes a second to make."""
+    """Return one table for all robots of a kind, because it takes a second to compute."""
     return PassageTimes(speed_planner(limits, settings), limits.radius_m, settings.others_std_m, settings.passage)
 
 
@@ -191,7 +191,7 @@ def row_across(
     radius_m: float,
     settings: RowSettings = RowSettings(),
 ) -> Row | None:
-    """Return the first row that stands across the straight way; None if no robot stands in it.
+    """Return the first row across the straight way; None if no robot is in it.
 
     Parameters
     ----------
@@ -215,25 +215,25 @@ def row_across(
         tuple(_crossed(gap, here, along, radius_m + beside_m, settings.alongside_sin) for gap in gaps),
         tuple((a, b) for (a, _), (b, _) in pairs),
         tuple(_ends(gap) for gap in gaps),
-        # so many robots stand on its right
+        # number of robots on its right
         sum(places[k][1] < 0 for k in row),
     )
 
 
 def unit(start: Point, end: Point) -> Point:
-    """Return the direction from one place to another; any, if they are the same."""
+    """Return the unit direction from one place to another; any, if they are equal."""
     away = math.dist(start, end)
     return ((end[0] - start[0]) / away, (end[1] - start[1]) / away) if away > 0 else (1.0, 0.0)
 
 
 def in_way(disc: Disc, start: Point, along: Point) -> Point:
-    """Return where a disc's middle lies along a way and to the left of it."""
+    """Return the position of a disc's middle along a way and to the left of it."""
     dx, dy = disc.x_m - start[0], disc.y_m - start[1]
     return along[0] * dx + along[1] * dy, along[0] * dy - along[1] * dx
 
 
 def _borders(here: Point, along: Point, at_m: float, field: Field, outside_m: float) -> tuple[Disc, Disc]:
-    """Where the row ends, right and left of the way."""
+    """Return the ends of the row, right and left of the way."""
     room = 0.0 if field.is_bounded else outside_m
     half = field.length_m / 2 + room, field.width_m / 2 + room
     start = here[0] + at_m * along[0], here[1] + at_m * along[1]
@@ -260,7 +260,7 @@ def _crossed(gap: Gap, here: Point, along: Point, clear_m: float, alongside_sin:
     across = (-math.sin(gap.across_rad), math.cos(gap.across_rad))
     x, y = gap.center_m[0] - here[0], gap.center_m[1] - here[1]
     slope = across[0] * along[1] - across[1] * along[0]
-    # from its middle to the straight way, which may run alongside it
+    # from its middle to the straight way, unless that is parallel
     shift = (along[0] * y - along[1] * x) / slope if abs(slope) > alongside_sin else 0.0
     limit = max(0.5 * gap.width_m - clear_m, 0.0)
     shift = max(-limit, min(limit, shift))

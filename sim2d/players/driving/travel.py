@@ -1,4 +1,4 @@
-"""Which way and how fast a player drives to its target, and why: it asks the planners of gaps, speeds and floor.
+"""Way and speed of a player to its target, with reasons, by the planners of gaps, speeds and undecided floor.
 
 Everything is in the field frame.
 """
@@ -20,7 +20,7 @@ from sim2d.players.driving.route import RoutePlanner, RouteSettings, in_way, spe
 from sim2d.players.plan import Surroundings
 from sim2d.robot_link import CONTROL_PERIOD_S, Point, Reason, RobotLimits
 
-# to where a ball is taken before a kick, in the mean
+# mean distance over which a ball is taken before a kick
 _SHORT_M = 0.35
 
 
@@ -28,47 +28,47 @@ _SHORT_M = 0.35
 class TravelSettings:
     """Values of `TravelPlanner`."""
 
-    #: Settings of the choice between gaps; its `replan_s` is the time between two plans here too.
+    #: Settings of the choice between gaps; its `replan_s` is also the time between two plans here.
     route: RouteSettings = RouteSettings()
-    #: A target that moved by less keeps its plan.
+    #: Greatest motion of a target that keeps its plan.
     same_m: float = 0.06
-    #: Other robots are predicted to when this one comes, at most so far ahead: their velocities change.
+    #: Greatest time for which other robots are predicted, because their velocities change.
     ahead_s: float = 0.6
-    #: So short a way, in robot radii, is left to steering: a keeper must be quick.
+    #: Length of a way, in robot radii, that is left to steering, because a keeper must be quick.
     short_radii: float = 3.5
-    #: A robot so near to the target counts only once this one comes near.
+    #: Robots this near to the target are ignored until this one is near.
     at_target_m: float = 0.35
-    #: A slower robot stands.
+    #: Greatest speed of a robot that counts as standing.
     stands_mps: float = 0.25
-    #: A ball so near to another robot's rim is held by it.
+    #: Greatest distance of a ball from the rim of the robot that has it.
     taken_m: float = 0.04
-    #: That robot is left so much room.
+    #: Distance to keep from that robot.
     room_m: float = 0.06
-    #: Two tracks whose centres are nearer than this, in robot radii, are of one robot: two robots would overlap.
+    #: Two tracks whose centres are closer, in robot radii, belong to one robot, because two would overlap.
     apart_radii: float = 1.6
-    #: Where no speed is safe, the robot creeps on by steering; no plan makes it slower.
+    #: Speed of the robot if no speed is safe, and least speed of all plans.
     creep_mps: float = 0.2
-    #: A ball in the mouth is turned with the robot by no larger an acceleration: half of what a dribbler pulls with.
+    #: Greatest acceleration of a ball that turns with the robot: half of that of a dribbler's pull.
     hold_mps2: float = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """How to get to a target."""
+    """A planned way to a target."""
 
-    #: Where to drive first.
+    #: First place to drive to.
     waypoint: Point
     #: Speed limit.
     speed_mps: float
-    #: Ends of the gap that is taken, field frame.
+    #: Ends of the chosen gap, field frame.
     gap: tuple[Point, Point] | None
     #: Reasons of the choice.
     reasons: tuple[Reason, ...]
-    #: The drive ends at the waypoint for now, not at the target.
+    #: The drive ends at the waypoint for now.
     ends_there: bool = False
     #: Limit of the turning rate.
     turn_rps: float = math.inf
-    #: Close to the ball, and with it, others may be touched.
+    #: Others may be touched, close to the ball and with it.
     presses: bool = False
 
 
@@ -78,7 +78,7 @@ class TravelPlanner:
     Parameters
     ----------
     looks : int
-        How many frames decide a cell of the floor.
+        Number of frames that decide a cell of the floor.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class TravelPlanner:
         self._last: tuple[float, Point, Travel] | None = None
 
     def plan(self, surroundings: Surroundings, target: Point) -> Travel:
-        """Plan a way to a target; every `replan_s`, in between the last plan stands."""
+        """Plan a way to a target every `replan_s`; between, the last plan is kept."""
         if self._last is not None:
             planned_s, there, travel = self._last
             if (
@@ -104,9 +104,9 @@ class TravelPlanner:
         return travel
 
     def approach(self, surroundings: Surroundings, target: Point, ball: Point | None) -> Travel:
-        """Plan the last piece to a ball, straight, at a speed from which the robot can stop before others.
+        """Plan the last piece to a ball, straight, at a speed at which the robot can stop before others.
 
-        A robot that has the ball is left room where it stands between the ball and this one. `ball`: None if unknown.
+        If a robot that has the ball is between it and this one, this one keeps away. `ball`: None if unknown.
         """
         here = surroundings.here
         way = unit(here, target)
@@ -139,22 +139,22 @@ class TravelPlanner:
         return Travel(target, speed, None, (Reason("speed", "slow: at the ball", text),))
 
     def race(self, target: Point) -> Travel:
-        """Go to a ball before others are there: straight, and not slower for them."""
+        """Return the way to a ball that the first robot gets: straight, at full speed."""
         return self._at_full_speed(target, "to the ball", math.inf)
 
     def carry(self, target: Point) -> Travel:
-        """Take the ball to a target as fast as it can be held: who gives way loses it."""
+        """Return the way with the ball at the greatest speed at which it can be held, because giving way loses it."""
         return self._at_full_speed(target, "with the ball", self.holding_rps)
 
     @property
     def holding_rps(self) -> float:
-        """How fast the robot can turn without losing the ball in its mouth, which goes round with it."""
+        """Greatest turning rate without losing the ball in the mouth."""
         reach_m = self._limits.radius_m + self._field.ball_radius_m
         return min(math.sqrt(self._settings.hold_mps2 / reach_m), self._limits.turn_rps)
 
     @property
     def holding_mps(self) -> float:
-        """How fast the ball is taken a short way from rest, in the mean."""
+        """Mean speed of the ball over a short way from rest."""
         return min(math.sqrt(self._limits.acceleration_mps2 * _SHORT_M / 2), self._limits.speed_mps)
 
     def _at_full_speed(self, target: Point, why: str, turn_rps: float) -> Travel:
@@ -163,7 +163,7 @@ class TravelPlanner:
         return Travel(target, self._limits.speed_mps, None, (reason,), turn_rps=turn_rps, presses=True)
 
     def _holder(self, here: Point, others: Sequence[Disc], ball: Point) -> Disc | None:
-        """Return the robot that has the ball and stands between it and this one."""
+        """Return the robot that has the ball and is between it and this one."""
         nearest = min(others, key=lambda disc: math.dist((disc.x_m, disc.y_m), ball), default=None)
         if nearest is None:
             return None
@@ -182,7 +182,7 @@ class TravelPlanner:
         others = surroundings.others(self._limits, self._settings.ahead_s, self._settings.apart_radii)
         way = self._routes.plan(here, target, others)
         path = np.array([here, *way.points])
-        # the planner of speeds takes obstacles that stand; steering avoids those that move
+        # the planner of speeds uses standing obstacles; steering avoids moving ones
         moving = {t.number for t in surroundings.tracks if math.hypot(t.vx_mps, t.vy_mps) > self._settings.stands_mps}
         speed, why = self._speed(path, surroundings, [disc for number, disc in others.items() if number not in moving])
         if way.waits:
@@ -191,10 +191,10 @@ class TravelPlanner:
         return Travel(way.points[0], speed, way.ends, (way.reason, why))
 
     def _speed(self, path: FloatArray, surroundings: Surroundings, others: Sequence[Disc]) -> tuple[float, Reason]:
-        """Return the largest speed that is safe among known robots and over floor that is not decided yet."""
+        """Return the greatest safe speed among known robots and over undecided floor."""
         ahead = unit(tuple(path[0].tolist()), tuple(path[1].tolist()))
         target = tuple(path[-1].tolist())
-        # a robot that is left behind is no danger
+        # robots behind this one are ignored
         before = [
             d
             for d in others
@@ -218,24 +218,24 @@ class TravelPlanner:
         return speed, why
 
     def _floor(self, surroundings: Surroundings) -> UndecidedFloor | None:
-        """Return the undecided cells; blocked ones are obstacles to steering too."""
+        """Return the undecided cells; blocked ones are obstacles for steering."""
         if surroundings.floor is None:
             return None
         looks = np.where(surroundings.floor.state.T == UNDECIDED, self._looks, FREE)
         robot = surroundings.robot.pose
-        # a tracked robot is no undecided floor, though the map leaves it out
+        # tracked robots are not undecided floor, although the map does not contain them
         side = (np.arange(looks.shape[0]) + 0.5) * surroundings.floor.cell_m
         x, y = surroundings.floor.corner_m[0] + side, surroundings.floor.corner_m[1] + side[:, None]
         reach = 2 * self._limits.radius_m
         for disc in [*((t.x_m, t.y_m) for t in surroundings.tracks), (robot.x_m, robot.y_m)]:
             looks[np.hypot(x - disc[0], y - disc[1]) < reach] = FREE
-        # no robot drives beyond the walls
+        # nothing is beyond the walls
         if self._field.is_bounded:
             looks[(np.abs(x) > self._field.length_m / 2) | (np.abs(y) > self._field.width_m / 2)] = FREE
         return UndecidedFloor(looks, surroundings.floor.corner_m, surroundings.floor.cell_m)
 
     def _paced(self, plan: SpeedPlan, what: str) -> tuple[float, Reason]:
-        """Return a plan's speed, and the reason in words."""
+        """Return a plan's speed and its reason."""
         if not plan.safe or plan.speed_mps < self._settings.creep_mps:
             return self._settings.creep_mps, Reason("speed", f"creep: {what}", plan.reason)
         if plan.reason.startswith("full speed"):

@@ -1,7 +1,7 @@
-"""What a robot's wheels tell: its velocity now, and whom it has bumped into.
+"""Velocity and contacts of a robot, by its wheels.
 
-A camera that looks ahead does not see who is beside it. A contact changes the wheels' velocity by more than their
-motors can; what was touched lies where the change points away from.
+A forward camera does not see robots beside it. A contact changes the wheels' velocity by more than their motors can, in
+the direction away from what was touched.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class WheelVelocity:
 
     @property
     def jolt_mps(self) -> Velocity:
-        """By how much the last odometry is off all that the motors can do, robot frame when it began: a contact."""
+        """Excess of the last change of velocity over what the motors can do, robot frame at its start: a contact."""
         return self._jolt
 
     @property
@@ -42,7 +42,7 @@ class WheelVelocity:
 
     @property
     def pending_mps(self) -> Velocity:
-        """The command under way: obeyed until the next one is."""
+        """The present command, which is obeyed until the next one."""
         return self._pending
 
     def sense(self, odometry: Pose2) -> None:
@@ -52,7 +52,7 @@ class WheelVelocity:
         jump = math.hypot(jump_x, jump_y)
         beyond = max(jump - self._limits.acceleration_mps2 * self._period_s, 0.0)
         self._jolt = (beyond * jump_x / jump, beyond * jump_y / jump) if beyond > 0.0 else (0.0, 0.0)
-        # which command was obeyed over the second half of the period
+        # command obeyed during the second half of the period
         obeyed = self._before if self._limits.dead_time_s > self._period_s / 2 else self._pending
         off_x, off_y = obeyed[0] - x, obeyed[1] - y
         size = math.hypot(off_x, off_y)
@@ -63,7 +63,7 @@ class WheelVelocity:
         self._now = (c * x + s * y, c * y - s * x)
 
     def command(self, velocity_mps: Velocity) -> None:
-        """Update with the command of now, robot frame."""
+        """Update with the present command, robot frame."""
         self._before, self._pending = self._pending, velocity_mps
 
 
@@ -71,10 +71,10 @@ class WheelVelocity:
 class BumpSettings:
     """Values of `Bumps`."""
 
-    #: A jolt of the wheels from this on is a bump: by so much their velocity changes more than their motors can change
-    #: it in a period. Odometry errs by less.
+    #: Least jolt of a bump: change of velocity in a period beyond what the motors can do. Errors of odometry are
+    #: smaller.
     min_jolt_mps: float = 0.03
-    #: A robot that was touched is kept off for so long: the other one has moved on then, or is seen.
+    #: Time for which the robot keeps away from a touched one, which has then moved on or is visible.
     lasts_s: float = 1.0
 
 
@@ -92,7 +92,7 @@ class Bumps:
     Parameters
     ----------
     radius_m : float
-        Of this robot and of the others.
+        Radius of this robot and of the others.
     """
 
     def __init__(self, radius_m: float, settings: BumpSettings = BumpSettings()) -> None:
@@ -101,7 +101,7 @@ class Bumps:
 
     @property
     def discs(self) -> tuple[Disc, ...]:
-        """The robots that were touched lately, where they were then, robot frame."""
+        """The robots touched recently, at their places then, robot frame."""
         return tuple(Disc(bump.x_m, bump.y_m, self._radius_m) for bump in self._bumps)
 
     def move(self, odometry: Pose2, jolt_mps: tuple[float, float], t_s: float) -> None:
@@ -116,7 +116,7 @@ class Bumps:
         self._bumps = tuple(replace(bump, x_m=x, y_m=y) for bump, (x, y) in zip(kept, moved, strict=True))
 
     def block(self, free_space: FreeSpace) -> FreeSpace:
-        """Return a free space (robot frame) that ends at the robots that were touched."""
+        """Return free space (robot frame) limited by the touched robots."""
         if not self._bumps:
             return free_space
         range_m = free_space.range_m
@@ -126,7 +126,7 @@ class Bumps:
         return FreeSpace(free_space.bearing_rad, range_m)
 
     def _ranges_m(self, bump: _Bump, bearing_rad: FloatArray) -> FloatArray:
-        """(J,) float64: how far it is to a robot's rim in each direction, infinite beside it."""
+        """Return the distance (J,) float64 to a robot's rim in each direction, infinite beside it."""
         off_rad = bearing_rad - math.atan2(bump.y_m, bump.x_m)
         away_m = math.hypot(bump.x_m, bump.y_m)
         half2 = self._radius_m**2 - (away_m * np.sin(off_rad)) ** 2

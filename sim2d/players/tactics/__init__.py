@@ -1,1 +1,1 @@
-"""What a player does next: one module a role or situation."""
+"""Choice of a player's next plan: one module for each role or situation."""

@@ -1,4 +1,4 @@
-"""What a player does with the ball in its mouth: shoot, clear, dribble."""
+"""Decisions of a player with the ball in its mouth: shoot, clear, dribble."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from sim2d.robot_link import Point, Reason, RobotLimits
 class BallHolderSettings:
     """Values of `BallHolder`; lengths in radii are robot radii unless the line names ball radii."""
 
-    #: Places in the goal's mouth that are tried, less than a ball apart, and odd so that the middle is one.
+    #: Number of places tested in the goal's mouth: less than a ball apart, and odd to include the middle.
     places: int = 21
-    #: A robot in the shot's way starts so long after the kick.
+    #: Reaction time of a robot in the shot's way.
     reaction_s: float = 0.3
-    #: A shot must be open to either side by at least the smaller angle, about what kicks scatter by. It may miss its
-    #: aim by half of what is open, but by no less than the smaller angle; one that is not open, by the larger.
+    #: The smaller angle is about the scatter of kicks: a shot must be open by at least that to either side. The aim may
+    #: be off by half of the open angle, but at least by the smaller angle; if the shot is not open, by the larger one.
     max_aim_rad: float = 0.35
     min_aim_rad: float = 0.06
-    #: Where another robot is so near, the ball is lost soon: a keeper clears it, others do not hold it for long.
+    #: Distance, in radii, of another robot at which the ball is soon lost: a keeper clears it, others act quickly.
     pressed_radii: float = 3.0
-    #: It clears only where it looks forward by this cosine: no kick goes to its own goal.
+    #: Least cosine of the heading for clearing, so that no kick goes to the own goal.
     min_forward_cos: float = 0.3
-    #: A planned shot that promises less is none.
+    #: Least probability of a goal by a planned shot.
     min_chance: float = 0.05
-    #: A ball that others or a wall keep from the goal for so long is shot in any case, and kicked off in any direction:
-    #: opponents end longer holds. With free way it is held for the time that the way takes, too.
+    #: Times after which a ball that is kept from the goal by others or a wall is shot in any case, and is kicked in any
+    #: direction, because opponents end longer holds. Without obstacles the time for the way is added.
     max_held_s: float = 3.0
     clear_after_s: float = 4.5
-    #: Length of a step of dribbling: far enough to get speed, near enough to react.
+    #: Length of a step of dribbling: long enough to gain speed, short enough to react.
     max_step_m: float = 0.4
     min_step_m: float = 0.15
-    #: Before a turn by more than this with less room ahead it draws back: the ball would wedge between robot and wall.
+    #: It draws back before a turn by more than this with less room ahead, which would wedge the ball against a wall.
     turn_rad: float = 0.6
     turn_room_reaches: float = 1.5
-    #: How far it draws back before such a turn.
+    #: Distance of drawing back.
     draw_back_m: float = 0.3
 
 
@@ -55,7 +55,7 @@ class BallHolder:
     is_keeper : bool
         A keeper clears the ball under pressure and shoots from any distance.
     keeper : KeeperSettings
-        Where a keeper that is not seen is taken to stand.
+        Place assumed for an unseen keeper.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class BallHolder:
         self._kick_speed_mps, self._limits, self._keeper = limits.kick_speed_mps, limits, keeper
 
     def decide(self, now: Situation) -> Plan:
-        """Turn the ball to the opponent's goal; kick it there, or where nobody stands."""
+        """Turn the ball towards the opponent's goal; kick it there, or to a free place."""
         settings, pose = self._settings, now.pose
         ball = self._team.mouth(pose)
         if now.shot is not None:
@@ -89,9 +89,9 @@ class BallHolder:
             return self._kick("shoot", ball, wanted)
         away, goal_half = math.dist(ball, target), self._team.goal_half_m
         if now.held_s > settings.clear_after_s + (0.0 if is_stopped else away / self._limits.speed_mps):
-            # held in vain, in a corner or a scrum: any way out is good
+            # held too long, in a corner or a scrum: any direction is better
             return self._kick("clear", ball, pose.theta_rad)
-        # who plans its speed drives faster, and needs the way to stop
+        # players that plan their speed drive faster, and need a longer way to stop
         farthest = (
             settings.max_step_m if now.shot is None else self._limits.speed_mps**2 / self._limits.acceleration_mps2
         )
@@ -99,25 +99,25 @@ class BallHolder:
         return self._dribble(pose, offset(now.place, wanted, step), wanted)
 
     def _is_pressed(self, now: Situation) -> bool:
-        """Whether another robot is so near that the ball is soon lost, and a kick would not go to the own goal."""
+        """Whether another robot is so near that the ball is soon lost, and a kick would go forward."""
         near_m = self._settings.pressed_radii * self._team.robot_radius_m
         is_forward = math.cos(now.pose.theta_rad) > self._settings.min_forward_cos
         return is_forward and any(math.dist(other, now.place) < near_m for other in now.others)
 
     def _is_stopped(self, ball: Point, obstacles: tuple[Point, ...]) -> bool:
-        """Whether the ball gets no farther: another robot or a wall is near, or the holder keeps the goal."""
+        """Whether the ball cannot advance: another robot or a wall is near, or the holder is the keeper."""
         team, settings = self._team, self._settings
         near_m = settings.pressed_radii * team.robot_radius_m
         is_at_wall = team.is_near_wall(ball, settings.turn_room_reaches * team.reach_m)
         return self._is_keeper or is_at_wall or any(math.dist(other, ball) < near_m for other in obstacles)
 
     def _aim(self, pose: Pose2, ball: Point, obstacles: tuple[Point, ...]) -> tuple[Point, float]:
-        """Choose the place in the goal's mouth whose way is most open; else the middle. Return it and `_open_rad`.
+        """Return the place in the goal's mouth with the most open way, or the middle, and its `_open_rad`.
 
-        A keeper's kick shall only get past those before it: it takes the least turn to an open way to the end line.
+        A keeper only has to kick past the nearest robots: it takes the least turn to an open way to the end line.
         """
         team, settings = self._team, self._settings
-        # posts and nets are no robots
+        # posts and nets are not robots
         others = [one for one in obstacles if one[0] < team.half_length_m - team.robot_radius_m]
         keeper = team.half_length_m - self._keeper.line_radii * team.robot_radius_m, 0.0
         is_seen = any(math.dist(one, keeper) < team.goal_half_m + team.robot_radius_m for one in others)
@@ -135,7 +135,7 @@ class BallHolder:
         return best, opens[best]
 
     def _open_rad(self, ball: Point, place: Point, others: list[Point]) -> float:
-        """Return by how much a shot may miss a place, to either side, before a post or a robot that runs stops it."""
+        """Return the greatest error of a shot at a place, to either side, that no post or running robot stops."""
         team, way_rad, open_rad = self._team, direction_rad(ball, place), self._settings.max_aim_rad
         if not self._is_keeper:
             half_m = team.mouth_half_m - team.ball_radius_m
@@ -153,7 +153,7 @@ class BallHolder:
         return open_rad
 
     def _follow(self, now: Situation, ball: Point, shot: ShotPlan) -> Plan | None:
-        """Kick, turn or go nearer, whichever the shot plan chose; None where its probability is small."""
+        """Kick, turn or approach as in the shot plan; None if its probability is small."""
         if shot.chance < self._settings.min_chance or now.held_s > self._settings.max_held_s:
             return None
         why = Reason("shot", shot.action, shot.reason)
@@ -167,7 +167,7 @@ class BallHolder:
         return Plan(intent, target, heading_rad, self._kick_speed_mps, True, close=True, holding=True, why=why)
 
     def _dribble(self, pose: Pose2, target: Point, wanted_rad: float, why: Reason | None = None) -> Plan:
-        """Take the ball to a place; draw back first where turning would wedge it between robot and wall."""
+        """Take the ball to a place; draw back first if turning would wedge it between robot and wall."""
         team, settings = self._team, self._settings
         is_small_turn = abs(wrap_angle(wanted_rad - pose.theta_rad)) <= settings.turn_rad
         if is_small_turn or team.room_ahead_m(pose) >= settings.turn_room_reaches * team.reach_m:
@@ -178,7 +178,7 @@ class BallHolder:
 
 
 def dash_m(time_s: float, limits: RobotLimits) -> float:
-    """Return how far a robot that stood drives in a time."""
+    """Return the distance that a robot covers from rest in a time."""
     speed, acceleration = limits.speed_mps, limits.acceleration_mps2
     faster_s = min(max(time_s, 0.0), speed / acceleration)
     return acceleration * faster_s**2 / 2 + speed * max(time_s - faster_s, 0.0)

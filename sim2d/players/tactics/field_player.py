@@ -1,4 +1,4 @@
-"""What a player does without the ball: get at a free one, support, leave it to the keeper, search."""
+"""Decisions of a player without the ball: fetch a free one, support, leave it to the keeper, search."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ from sim2d.robot_link import Point
 class FetchSettings:
     """Values of `Fetch`; lengths in reaches (robot radius plus ball radius) unless the name has a unit."""
 
-    #: The ball is met where it rolls to in this time: about the way's length for the last piece.
+    #: The ball is met where it will be after this time, about that of the last piece of the way.
     lead_s: float = 0.15
-    #: Within this angle of the line from ball to opponent's goal the robot takes the ball from where it is.
+    #: Greatest angle from the line between ball and opponent's goal at which the robot drives straight to the ball.
     straight_rad: float = 0.9
-    #: Farther away than this it drives straight too: the ball moves on before it arrives.
+    #: Distance from which it also drives straight, because the ball moves on before it arrives.
     straight_reaches: float = 6.0
-    #: A ball so near to a wall leaves no room to go round it.
+    #: Distance of a ball from a wall that leaves no room to go round it.
     wall_reaches: float = 2.2
-    #: The target lies so far before the ball's middle, so that the robot arrives with speed enough to take the ball.
+    #: Distance of the target before the ball's middle, so that the robot arrives with speed.
     through_reaches: float = 0.75
-    #: From here on other robots may be touched.
+    #: Distance from which other robots may be touched.
     close_reaches: float = 3.0
     #: Radius of the way round the ball.
     round_reaches: float = 1.5
-    #: Part of that way driven towards at a time.
+    #: Angle of that way to drive towards at a time.
     step_rad: float = 1.2
 
 
 class Fetch:
-    """Takes one player to the ball."""
+    """Drives one player to the ball."""
 
     def __init__(self, team: TeamField, settings: FetchSettings) -> None:
         self._team, self._settings = team, settings
 
     def decide(self, now: Situation, ball: Point, towards: Point | None = None) -> Plan:
-        """Go behind the ball as seen from where it shall go, where that is near; else straight to it.
+        """Go behind the ball relative to its target if that is near; else straight to it.
 
         Parameters
         ----------
         towards : (float, float), optional
-            Where it shall go; default: into the opponent's goal.
+            Target of the ball; by default the opponent's goal.
         """
         team, settings, reach = self._team, self._settings, self._team.reach_m
         ball = self.meeting_place(now, ball)
@@ -59,7 +59,7 @@ class Fetch:
         if is_straight or team.is_near_wall(ball, settings.wall_reaches * reach):
             place = team.inside(offset(ball, to_ball, -settings.through_reaches * reach))
             return Plan("fetch", place, to_ball, dribble=True, close=is_close, races=True)
-        # on the near side round it
+        # around it on the nearer side
         side = 1.0 if off > 0 else -1.0
         approach_rad = to_goal + math.pi + side * max(abs(off) - settings.step_rad, 0.0)
         place = team.inside(offset(ball, approach_rad, settings.round_reaches * reach))
@@ -75,31 +75,29 @@ class Fetch:
 class FieldPlayerSettings:
     """Values of `FieldPlayer`."""
 
-    #: A supporter stays so many reaches behind the ball: a lost ball is still before it, and two robots that fight for
-    #: the ball have room.
+    #: Distance of a supporter behind the ball, in reaches: a lost ball is still in front of it, and robots that fight
+    #: for the ball have room.
     behind_ball_reaches: float = 4.0
     #: Least x as a part of half the length (negative: own half), greatest x in metres.
     support_limits: tuple[float, float] = (-0.4, 0.3)
-    #: Where it supports alone, it stays on the other side of the field than the ball, by this part of the ball's
-    #: distance from the middle.
+    #: A single supporter stays on the side without the ball, by this part of the ball's distance from the middle.
     other_side_part: float = 0.5
-    #: While the keeper fetches the ball it waits in this part of the own half, and moves to either side by it.
+    #: While the keeper fetches the ball it waits at this part of the own half, and moves to either side by this part.
     wait_part: float = 0.3
-    #: A search goes round the corners of a rectangle this part of the field's size.
+    #: Size of the rectangle around whose corners a search leads, relative to the field.
     search_part: float = 0.4
     #: Time for each corner.
     search_corner_s: float = 3.0
-    #: It turns on the way, so that a camera with a narrow view looks everywhere: by about 1 rad/s (by this within
-    #: `MotionSettings.turn_time_s`), as faster turns blur the picture, and slip.
+    #: Rotation during a search, for a camera with a narrow view: about 1 rad/s (this angle within
+    #: `MotionSettings.turn_time_s`), because faster turns blur the picture and slip.
     search_turn_rad: float = 0.2
 
 
 class FieldPlayer:
     """Decides for one player without the ball.
 
-    Field players divide the field into strips along its length, so that two of a team do not run for the same ball: in
-    the order in which they stand at a kick-off, so that none has to cross another's. Those that heard of each other
-    divide it among the ones that support now.
+    Field players divide the field into strips along its length, so that two of a team do not go for the same ball, in
+    their order at a kick-off, so that none has to cross another's. With messages, the present supporters divide it.
     """
 
     def __init__(self, team: TeamField, number: int, players: int, settings: FieldPlayerSettings) -> None:
@@ -107,7 +105,7 @@ class FieldPlayer:
         self._strip = kick_off_row(number, players)
 
     def is_in_own_strip(self, ball: Point) -> bool:
-        """Whether the ball lies in this player's strip."""
+        """Whether the ball is in this player's strip."""
         strips = max(self._players - 1, 1)
         strip = min(int((ball[1] / self._team.half_width_m + 1) / 2 * strips), strips - 1)
         return strip == self._strip
@@ -125,25 +123,25 @@ class FieldPlayer:
         return self._face(now, "support", (x, y), ball)
 
     def leave_to_keeper(self, now: Situation, ball: Point) -> Plan:
-        """Wait before the own goal, moving aside and back so that the way of a kick does not stay blocked."""
+        """Wait in front of the own goal, moving to and fro so that a kick's way is not blocked for long."""
         team, part = self._team, self._settings.wait_part
         y, places = self._own_strip(now)
-        # beside each other
+        # so that several stay beside each other
         way_m = min(part * team.half_width_m, max(team.half_width_m / places - team.robot_radius_m, 0.0))
         target = (-part * team.half_length_m, y + way_m * math.sin(0.5 * now.t_s))
         return self._face(now, "leave it to the keeper", target, ball)
 
     def _own_strip(self, now: Situation) -> tuple[float, int]:
-        """Return the middle of the player's own strip, and how many strips there are."""
+        """Return the middle of the player's own strip, and the number of strips."""
         place, places = self._strip, max(self._players - 1, 1)
         if now.role is not None and now.role.is_agreed:
             place, places = now.role.place, now.role.places
         return self._team.half_width_m * ((2 * place + 1) / places - 1), places
 
     def search(self, now: Situation) -> Plan:
-        """Go round the field's middle, to look behind whatever hides the ball."""
+        """Go around the field's middle, to look behind what may hide the ball."""
         settings = self._settings
-        # those that search together begin at different corners
+        # several searchers start at different corners
         first = max(self._number - 1, 0) if now.role is None else now.role.place
         corner = (int(now.t_s / settings.search_corner_s) + first) % 4
         part = settings.search_part

@@ -1,4 +1,4 @@
-"""How a keeper decides: where it stands, which balls it fetches, and how it blocks a shot."""
+"""Decisions of a keeper: its place, the balls it fetches, and blocking of a shot."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from sim2d.robot_link import Point, Reason
 class KeeperSettings:
     """Values of `Keeper`."""
 
-    #: It stands so many robot radii before its goal's line: clear of the posts, but near enough to cover the mouth.
+    #: Distance from its goal's line in robot radii, clear of the posts but near enough to cover the mouth.
     line_radii: float = 1.3
-    #: It fetches a ball within so many robot radii of its goal's middle to either side, and of the end line.
+    #: It fetches balls within these robot radii of its goal's middle to either side, and of the end line.
     area_radii: float = 7.0
     area_depth_radii: float = 6.0
-    #: It fetches no faster ball: that one is met on the line.
+    #: Greatest speed of a ball that it fetches; faster ones are met on the line.
     slow_ball_mps: float = 0.6
-    #: A ball that comes at least so fast is met where it will cross the line; a slower one has no sure direction.
+    #: Least speed of a ball that is met where it will cross the line; the direction of a slower one is uncertain.
     rolling_mps: float = 0.2
-    #: Within so many goal widths it goes out to block a ball that another robot has.
+    #: Distance, in goal widths, within which it blocks a ball that another robot has.
     block_widths: float = 4 / 3
-    #: It leaves the ball so much room when it blocks, to avoid a foul.
+    #: Distance from the ball when it blocks, to avoid a foul.
     block_room_m: float = 0.03
-    #: It stands on the way from the ball to a place so far behind the goal's middle.
+    #: It stands on the line from the ball to a place this far behind the goal's middle.
     aim_depth_m: float = 0.3
-    #: Without a ball it sways over this part of the mouth, so that nothing hides the ball for long.
+    #: Part of the mouth over which it sways without a ball, so that nothing hides the ball for long.
     sway: float = 0.3
 
 
@@ -41,7 +41,7 @@ class Keeper:
 
     def __init__(self, team: TeamField, fetch: Fetch, settings: KeeperSettings, ball: BallMemorySettings) -> None:
         self._team, self._fetch, self._settings, self._ball_settings = team, fetch, settings, ball
-        # distance back from the field's centre, and how far to either side
+        # distance back from the field's centre, and greatest distance to either side
         self._line_m = -team.half_length_m + settings.line_radii * team.robot_radius_m
         self._side_m = team.goal_half_m - 0.5 * team.robot_radius_m
 
@@ -52,7 +52,7 @@ class Keeper:
         return is_deep and abs(ball[1]) < settings.area_radii * radius
 
     def decide(self, now: Situation) -> Plan:
-        """Stand between the ball and the goal; fetch a ball that lies in front of it; block one that another has."""
+        """Stand between ball and goal; fetch a ball in front of it; block one that another robot has."""
         settings = self._settings
         if now.ball is None:
             return Plan("keep", (self._line_m, settings.sway * self._side_m * math.sin(now.t_s)), 0.0)
@@ -71,7 +71,7 @@ class Keeper:
         return Plan("keep", target, direction_rad(now.place, ball), dribble=True)
 
     def _crossing_y(self, ball: Point, velocity_mps: Point) -> float:
-        """Return where to stand on the line: where a rolling ball will cross it, or on the way to the goal."""
+        """Return the position on the line: where a rolling ball will cross it, or between ball and goal."""
         (x, y), (v_x, v_y) = ball, velocity_mps
         if v_x < -self._settings.rolling_mps and x > self._line_m:
             return y + v_y / -v_x * (x - self._line_m)
@@ -79,18 +79,18 @@ class Keeper:
         return y * ((self._line_m + back + aim_m) / max(x + back + aim_m, aim_m))
 
     def _is_anothers(self, now: Situation, ball: Point) -> bool:
-        """Whether another robot has the ball: is close to it, and nearer than this one."""
+        """Whether another robot has the ball: it is close to it, and closer than this one."""
         away = math.dist(now.place, ball)
         near = min(away, self._ball_settings.taken_reaches * self._team.reach_m)
         return any(math.dist(other, ball) < near for other in now.others)
 
     def _block(self, now: Situation, ball: Point) -> Plan:
-        """Stand between a ball that another robot has and the goal, so near that nothing of the goal is open."""
+        """Stand between goal and a ball that another robot has, so close to it that the goal is covered."""
         end, half = -self._team.half_length_m, self._team.goal_half_m
         cover = cover_goal(ball, ((end, half), (end, -half)), self._team.reach_m, self._settings.block_room_m)
         x, y = cover.place_m
         if x < self._line_m:
-            # there is no room so far back: where the way there is crossed, or beside a ball that lies behind
+            # not behind its line: on the crossing with the way there, or beside a ball that is behind
             y += min((self._line_m - x) / max(ball[0] - x, 1e-6), 1.0) * (ball[1] - y)
             x = self._line_m
         open_deg = math.degrees(cover.open_rad)

@@ -1,4 +1,4 @@
-"""What a player does while the rules bind it: kick-off, stop, free kick, penalty, ball placement."""
+"""Decisions of a player while the rules bind it: kick-off, stop, free kick, penalty, ball placement."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from sim2d.robot_link import Point
 class RestartSettings:
     """Values of `Restart`; the rules are those of the small-size league."""
 
-    #: From any part of a robot to the ball during a stop and the other team's set pieces: 0.5 m by the rules, and some
-    #: for what is not known of the ball's place.
+    #: Distance from the robot to the ball during a stop and the other team's set pieces: 0.5 m by the rules, plus the
+    #: error of the ball's place.
     ball_room_m: float = 0.57
-    #: Largest speed during a stop: 1.5 m/s by the rules, less what a velocity overshoots.
+    #: Greatest speed during a stop: 1.5 m/s by the rules, minus the overshoot of a velocity.
     stop_mps: float = 1.3
-    #: Who takes a kick-off or a penalty waits so many reaches behind the ball, so as not to touch it before.
+    #: Distance behind the ball, in reaches, before a kick-off or a penalty, so as not to touch it too early.
     behind_reaches: float = 2.0
-    #: Behind the ball at a penalty: 1 m by the rules, and a robot.
+    #: Distance behind the ball at a penalty: 1 m by the rules, plus a robot.
     penalty_room_m: float = 1.3
-    #: A carried ball so near to where it shall be is let go; one that lies so near is placed: 0.15 m by the rules, less
-    #: what is not known of its place.
+    #: Distances from its place at which a carried ball is released, and at which a ball counts as placed: 0.15 m by the
+    #: rules, minus the error of its place.
     release_m: float = 0.05
     placed_m: float = 0.12
-    #: Who has placed the ball goes so far away from it.
+    #: Distance to the placed ball at which the robot leaves it.
     left_m: float = 0.75
-    #: A ball so near to a wall (in reaches) cannot be got behind: it is taken from before it, within this angle of
-    #: straight on, and pulled away so far.
+    #: A ball closer to a wall than this, in reaches, has no room behind: it is taken from the front, within this angle,
+    #: and pulled away by this distance.
     wall_reaches: float = 2.5
     pull_m: float = 0.4
     straight_rad: float = 0.3
@@ -51,9 +51,9 @@ class KickOff:
         self._is_taker = number == min(1, players - 1)
 
     def decide(self, now: Situation) -> Plan:
-        """Go home straight, then to the kick-off place; who takes the kick waits right behind the ball."""
+        """Go straight to the own half, then to the kick-off place; the taker waits just behind the ball."""
         if now.place[0] > 0.0:
-            # places lie side by side near the middle: those that went there at once would meet before it
+            # places are close together near the middle, so that robots on straight ways would meet
             home = (self._place.x_m, now.place[1])
             return Plan("kick-off", self._team.inside(home), direction_rad(home, (0.0, 0.0)), avoid_ball=True)
         x = -self._behind_reaches * self._team.reach_m if now.own_turn and self._is_taker else self._place.x_m
@@ -67,7 +67,7 @@ class Restart:
     Parameters
     ----------
     number, players : int
-        As in `PlayerSetup`; number 1 takes what is its team's turn, a single player as number 0.
+        As in `PlayerSetup`; number 1 takes its team's set pieces, or number 0 if it is alone.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Restart:
         self._is_taker = number == min(1, players - 1)
 
     def decide(self, now: Situation) -> Plan | None:
-        """Return what to do, or None where that is what is done in play."""
+        """Return the plan; None if it is the same as in play."""
         penalty = now.phase in ("prepare_penalty", "penalty")
         if penalty:
             return self._penalty(now)
@@ -117,7 +117,7 @@ class Restart:
         )
 
     def _zones(self, now: Situation) -> tuple[KeepOut, ...]:
-        """Return the room that the rules leave round the ball, and along its way where it is placed."""
+        """Return the area that the rules keep free around the ball, and along its way during placement."""
         if now.ball is None or (now.own_turn and now.phase == "free_kick"):
             return ()
         end = now.placement if now.phase == "ball_placement" and now.placement else now.ball
@@ -129,7 +129,7 @@ class Restart:
         return Plan("free kick", ahead, heading, self._kick_speed_mps, True, close=True, holding=True)
 
     def _penalty(self, now: Situation) -> Plan | None:
-        """Let the kicker and the keeper play it out; everybody else stays behind the ball."""
+        """Leave it to the kicker and the keeper; all others stay behind the ball."""
         team, ball = self._team, now.ball
         plays = self._is_taker if now.own_turn else self._is_keeper
         if plays and now.phase == "penalty":
@@ -141,7 +141,7 @@ class Restart:
             return Plan("prepare penalty", behind, 0.0, avoid_ball=True)
         if self._is_keeper and not now.own_turn:
             return replace(self._keeper.guard(now, (0.0, 0.0)), intent="prepare penalty", dribble=False)
-        # behind the ball as seen from the goal that is shot at
+        # behind the ball as seen from the target goal
         x = ball[0] + (-1.0 if now.own_turn else 1.0) * self._settings.penalty_room_m
         y = now.place[1]
         if self._is_keeper:
@@ -153,7 +153,7 @@ class Restart:
         team, settings = self._team, self._settings
         away_m = math.dist(ball, place)
         if away_m < (settings.release_m if now.in_mouth else settings.placed_m):
-            # it lies there: back out, straight, and stay away
+            # placed: go straight back and stay away
             out = direction_rad(ball, now.place)
             return Plan("leave the ball", offset(ball, out, settings.left_m), now.pose.theta_rad, close=True)
         wall = team.away_from_wall(ball, settings.wall_reaches * team.reach_m)
@@ -161,13 +161,13 @@ class Restart:
             return self._pull(now, ball, wall)
         if not now.in_mouth:
             return replace(self._fetch.decide(now, ball, place), intent="place: fetch", speed_mps=settings.stop_mps)
-        # pushed ahead, it stays in the mouth; near the place the heading is kept
+        # a ball that is pushed ahead stays in the mouth; the heading is kept near the place
         heading = direction_rad(ball, place) if away_m > 2 * team.reach_m else now.pose.theta_rad
         target = offset(place, heading, -team.reach_m)
         return Plan("place the ball", target, heading, dribble=True, close=True, holding=True)
 
     def _pull(self, now: Situation, ball: Point, away_rad: float) -> Plan:
-        """Take a ball at a wall, straight on, and pull it away from there."""
+        """Take a ball at a wall from the front, and pull it away."""
         reach, facing = self._team.reach_m, away_rad + math.pi
         if now.in_mouth:
             target = offset(now.place, away_rad, self._settings.pull_m)

@@ -1,4 +1,4 @@
-"""Which role decides: the choice between kick-off, ball holder, keeper and field player."""
+"""Choice of the deciding role: kick-off, ball holder, keeper or field player."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ class TacticsSettings:
     fetch: FetchSettings = FetchSettings()
     field_player: FieldPlayerSettings = FieldPlayerSettings()
     restart: RestartSettings = RestartSettings()
-    #: Targets leave so much room between robot and wall: less than steering keeps would stop it on the way.
+    #: Least distance between robot and wall at a target; steering would stop the robot before a closer one.
     wall_clearance_m: float = 0.015
-    #: Players from number 2 on fetch a ball in their own strip, as those must that cannot agree who does. Else number 1
-    #: alone fetches.
+    #: Whether players from number 2 on fetch a ball in their own strip, without agreement; else only number 1 fetches.
     fetches_in_strip: bool = True
-    #: Number 1 leaves a ball in another's strip for so long after it saw a robot nearer to it, and within so many
-    #: reaches of it: that is its mate, or one whom its mate meets. A head looks at the ball again within that time.
+    #: Without agreement, number 1 leaves a ball in another's strip for this time after it saw a robot closer to it,
+    #: within this number of reaches: that is its mate, or an opponent whom its mate meets. A head looks at the ball
+    #: again within that time.
     give_way_reaches: float = 3.0
     give_way_s: float = 1.5
 
 
 class Tactics:
-    """Decides for one player, by its number and its situation; a halt or time-out is not asked of it.
+    """Decides for one player, by its number and its situation; not called during a halt or time-out.
 
-    Number 0 keeps the goal where there are others. Who of the others fetches the ball is agreed by messages where there
-    are any; else number 1 does, and further ones take it only in their own strip of the field. There number 1 gives way
-    to whoever is nearer to the ball.
+    Number 0 is the keeper if there are others. Who of the others fetches the ball is agreed by messages. Without
+    messages number 1 does, further ones only fetch it in their own strip of the field, and number 1 gives way to a
+    robot that is closer to the ball.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Tactics:
         self._keeper = Keeper(team, self._fetch, settings.keeper, ball)
         self._field_player = FieldPlayer(team, number, players, settings.field_player)
         self._settings, self._reach_m = settings, team.reach_m
-        # when number 1 last saw somebody nearer to a ball in another's strip
+        # when number 1 last saw a robot closer to a ball in another's strip
         self._nearer_s = -math.inf
         self._restart = Restart(
             team,
@@ -99,7 +99,7 @@ class Tactics:
         return self._field_player.support(now, now.ball)
 
     def _takes(self, now: Situation, ball: Point) -> bool:
-        """Whether a player that agrees with nobody goes for the ball."""
+        """Whether a player without agreement fetches the ball."""
         settings = self._settings
         if not settings.fetches_in_strip:
             return self._number < 2

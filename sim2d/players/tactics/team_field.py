@@ -1,4 +1,4 @@
-"""The field in a team's frame (the opponent's goal at +x): places that a robot or a ball can be in."""
+"""The field in a team's frame (the opponent's goal at +x): possible places of robots and balls."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ class TeamField:
     Parameters
     ----------
     wall_clearance_m : float
-        Room that a target leaves between robot and wall.
+        Distance between wall and robot at a target.
 
     Attributes
     ----------
     half_length_m, half_width_m, goal_half_m : float
         Half the field's length and width, and half a goal's width (a sixth of the field's without goals).
     mouth_half_m : float
-        Half of what is open between the posts.
+        Half of the opening between the posts.
     reach_m : float
-        From a robot's centre to the centre of a ball that it touches.
+        Distance from a robot's centre to the centre of a ball in contact.
     """
 
     def __init__(self, field: Field, limits: RobotLimits, wall_clearance_m: float) -> None:
@@ -35,26 +35,26 @@ class TeamField:
         self.mouth_half_m = self.goal_half_m - (field.goals[0].post_radius_m if field.goals else 0.0)
         self.ball_radius_m, self.robot_radius_m = field.ball_radius_m, limits.radius_m
         self.reach_m = limits.radius_m + field.ball_radius_m
-        # without walls nothing keeps a robot from the lines
+        # without walls robots may cross the lines
         self._inset_m = limits.radius_m + wall_clearance_m if field.is_bounded else 0.0
-        # boards may stand some way beyond the lines
+        # boards may be some way beyond the lines
         beyond = np.abs(field.floor_polygon).max(axis=0) if field.boundary == "boards" else np.zeros(2)
         self._wall_x_m = max(self.half_length_m, float(beyond[0]))
         self._wall_y_m = max(self.half_width_m, float(beyond[1]))
 
     def inside(self, place: Point) -> Point:
-        """Return the nearest place a robot can stand in."""
+        """Return the nearest place at which a robot can be."""
         limit_x, limit_y = self._wall_x_m - self._inset_m, self._wall_y_m - self._inset_m
         return max(-limit_x, min(limit_x, place[0])), max(-limit_y, min(limit_y, place[1]))
 
     def nearest_ball_place(self, place: Point) -> Point:
-        """Return the nearest place a ball can lie in; the goals reach 0.1 m behind their lines."""
+        """Return the nearest place at which a ball can be; the goals extend 0.1 m behind their lines."""
         x, y = place
         limit_y = self.half_width_m - self.ball_radius_m
         return max(-self.half_length_m - 0.1, min(self.half_length_m + 0.1, x)), max(-limit_y, min(limit_y, y))
 
     def is_near_wall(self, place: Point, room_m: float) -> bool:
-        """Whether a wall is nearer than this; never on a field without walls."""
+        """Whether a wall is nearer than this; false on a field without walls."""
         x, y = abs(place[0]), abs(place[1])
         return self._inset_m > 0 and (x > self._wall_x_m - room_m or y > self._wall_y_m - room_m)
 
@@ -68,7 +68,7 @@ class TeamField:
         return math.atan2(off_y, off_x)
 
     def room_ahead_m(self, pose: Pose2) -> float:
-        """Distance from the robot's centre straight ahead to a wall; infinite without walls."""
+        """Return the distance from the robot's centre straight ahead to a wall; infinite without walls."""
         if not self._inset_m:
             return math.inf
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
@@ -91,5 +91,5 @@ def direction_rad(start: Point, end: Point) -> float:
 
 
 def offset(place: Point, heading_rad: float, way_m: float) -> Point:
-    """Return the place so far along a direction."""
+    """Return the place at a distance in a direction."""
     return place[0] + way_m * math.cos(heading_rad), place[1] + way_m * math.sin(heading_rad)
