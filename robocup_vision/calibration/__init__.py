@@ -1,1 +1,1 @@
-"""From images to camera and colour files: no chessboard, no slider, no tape measure."""
+"""Calibration of cameras and colours from images of the field, without a chessboard or measured points."""

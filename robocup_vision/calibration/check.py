@@ -1,8 +1,8 @@
-"""Checks a set-up by its own images: sizes, light, camera, field, mirroring, heading, centre, curve and colours.
+"""Checks of a set-up by its own images: sizes, light, camera, field, mirroring, heading, centre, curve and colours.
 
-Each finding comes with its evidence. Where few images are located, or their poses contradict truth or odometry, set-ups
-near this one are tried, and the one that fits is named. A finding is "unknown" where images do not decide it: a field
-looks the same in a mirror, so mirroring and heading need odometry or truth.
+Each finding states its evidence. If few images are located, or their poses contradict truth or odometry, similar
+set-ups are tested, and one that fits is reported. A finding is "unknown" if the images do not decide it: a field looks
+the same in a mirror, so that mirroring and heading need odometry or truth.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from robocup_vision.progress import progress
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
-# darker ground has the colour of the sensor's noise
+# least brightness for a reliable colour
 _MIN_COUNTS = 16
-# what a set-up near this one has wrong that all edges in view tell better
+# subjects of `NearSetUp` that a calibration by edges determines more precisely
 _BY_EDGES = ("focal length", "height")
 
 
 def shows_carpet(view: View, frame: UInt8Array) -> bool | None:
-    """Whether most of the ground nearest to the robot is green rather than red or blue; None if it is too dark to tell.
+    """Whether the ground nearest to the robot is mainly green rather than red or blue; None if it is too dark to tell.
 
     Parameters
     ----------
     view : View
-        Of the frame; where it has no floor samples (a camera of unknown tilt), the lower third of the frame is taken.
+        View of the frame; without floor samples (a camera of unknown tilt) the lower third of the frame is used.
     """
     polar = view.polar
     if polar is None:
@@ -66,74 +66,77 @@ State = Literal["ok", "wrong", "unknown"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was checked."""
+    """Result of one check."""
 
     #: "size", "pictures", "camera", "channels", "field", "mirrored", "heading", "centre", "curve", "lens", "colours",
+    #: "truth", "odometry", or the subject of a similar set-up that fits
     #: "truth", "odometry", or what is wrong by a set-up near this one that fits
     subject: str
     state: State  #: the result
-    evidence: str  #: a sentence with the figures
+    evidence: str  #: a sentence with numbers
 
 
 @dataclass(frozen=True, slots=True)
 class CheckSettings:
     """Settings of the check of a dataset."""
 
-    #: images that are used, evenly spread; those that are tried with newly learnt colours, and that calibrate a pinhole
+    #: greatest number of images in use, evenly spread; of images tested with learnt colours; and of images for the
+    #: calibration of a pinhole camera
     #: camera
     max_images: int = 24
     max_tried: int = 8
     max_calibrated: int = 12
-    #: of the images, those that must be located on the field; with fewer than the second something is wrong, between
+    #: ratios of located images above which the field is right, and below which it is wrong; between them the images may
+    #: just show too little
     #: them they may just show too little
     min_located_ratio: float = 0.8
     min_some_ratio: float = 0.3
-    min_some_agreeing: float = 0.5  #: of the located images, those that must agree with truth or odometry
-    max_dark: float = 16.0  #: counts that a hundredth of a picture's pixels must exceed: below is the sensor's noise
-    #: counts between a picture's darkest and brightest hundredth, below which it shows nothing
+    min_some_agreeing: float = 0.5  #: least ratio of located images whose poses agree with truth or odometry
+    #: counts that the 99th percentile of a picture's pixels must exceed, above the sensor's noise
+    max_dark: float = 16.0
+    #: least difference in counts between the 1st and the 99th percentile of a picture's pixels
     min_contrast: float = 8.0
-    #: robots' cameras are between these heights
+    #: bounds of the height of robots' cameras
     max_height_m: float = 3.0
     min_height_m: float = 0.02
     #: range of a lens's focal length, in picture widths
     min_focal_ratio: float = 0.2
     max_focal_ratio: float = 20.0
-    #: odometry is followed until the robot has gone or turned so far, or over so many frames: less tells little
+    #: distance, angle or number of frames over which odometry is compared; shorter motions are not significant
     max_way_m: float = 0.5
     max_way_rad: float = math.radians(15.0)
     max_way_frames: int = 15
-    #: pictures of something else: no more of them are located, and at least so many show ground before the robot that
-    #: is not green. Of 60 photographs of other things two thirds do, of those of fields none.
+    #: pictures of another subject: greatest ratio of located ones, and least ratio of those with ground in front of the
+    #: robot that is not green
     max_stray_ratio: float = 0.1
     min_other_ratio: float = 0.5
-    min_agreement: float = 0.6  #: mean inlier ratio of a right set-up
-    #: errors that matter: of the centre, of the image's smaller side; of the floor range, relative
+    min_agreement: float = 0.6  #: least mean inlier ratio of a correct set-up
+    #: significant errors of the centre, relative to the image's smaller side, and of the floor range, relative
     max_center_ratio: float = 0.0015
     max_range_error: float = 0.01
-    significance: float = 3.0  #: standard deviations by which a centre must be off
-    #: common error of all headings that is a wrong heading of the camera
+    significance: float = 3.0  #: standard deviations of a significant error
+    #: significant mean error of the headings
     max_heading_error_rad: float = math.radians(3.0)
-    #: of the floor by fixed colours or by colours learnt from the image, the part on which both agree
+    #: least intersection over union of the floor by fixed and by learnt colours
     min_color_agreement: float = 0.8
-    min_turns: int = 3  #: headings, or pictures of a calibration, that are needed for a decision
-    #: evidence of an image, and of all images, that counts for the order of the channels
+    min_turns: int = 3  #: least number of headings, or of pictures of a calibration, for a decision
+    #: least evidence of an image, and of all images, about the order of the channels
     min_channel_nats: float = 1.0
     report_channel_nats: float = math.log(100.0)
 
 
 def check_dataset(dataset: Dataset, settings: CheckSettings = CheckSettings()) -> list[Finding]:
-    """Find errors in a dataset's files by some of its images.
+    """Find errors in a dataset's files from some of its images.
 
     Parameters
     ----------
     dataset : Dataset
-        A folder of images; of a video the first images are used.
+        A folder of images, or a video, of which the first images are used.
 
     Returns
     -------
     list of Finding
-        In the order in which they should be corrected. An error hides what would be checked after it: that is left
-        out.
+        In the order in which errors should be corrected. Checks whose result depends on a found error are omitted.
     """
     images = list(_some_images(dataset, settings.max_images))
     findings = [_check_size(dataset, images)]
@@ -171,12 +174,12 @@ def _check_size(dataset: Dataset, images: list[tuple[str, UInt8Array | FrameErro
 
 
 def _other_size(dataset: Dataset, images: list[tuple[str, UInt8Array | FrameError]]) -> list[Finding]:
-    """Look at pictures of another size than the camera's, as they are."""
+    """Test pictures of another size than the camera's, without scaling."""
     if dataset.is_video:
         return []
     pictures = []
     for name, _ in images:
-        # files that cannot be read are reported with their size
+        # unreadable files are reported with the sizes
         with suppress(FrameError):
             pictures.append(Picture(name, read_image(dataset.path / name)))
     if not pictures or len({picture.frame.shape for picture in pictures}) > 1:
@@ -197,7 +200,7 @@ def _of_doctor(doctor: Doctor, found: tuple[NearSetUp, int], count: int) -> Find
 
 
 def _check_light(frames: list[UInt8Array], settings: CheckSettings) -> list[Finding]:
-    """Find pictures that show nothing."""
+    """Return findings about dark or uniform pictures."""
     count = len(frames)
     levels = [np.percentile(frame[::4, ::4].max(axis=2), (1, 99)).tolist() for frame in frames]
     dark = sum(high < settings.max_dark for _, high in levels)
@@ -210,7 +213,7 @@ def _check_light(frames: list[UInt8Array], settings: CheckSettings) -> list[Find
 
 
 def _check_height(camera: OmniCamera | PinholeCamera, settings: CheckSettings) -> list[Finding]:
-    """Find a height that no robot has."""
+    """Return findings about a height outside those of robots."""
     height_m = camera.height_m
     if height_m is None or settings.min_height_m <= height_m <= settings.max_height_m:
         return []
@@ -220,7 +223,7 @@ def _check_height(camera: OmniCamera | PinholeCamera, settings: CheckSettings) -
 
 
 def _check_lens(camera: OmniCamera | PinholeCamera, settings: CheckSettings) -> list[Finding]:
-    """Find a focal length that no lens has."""
+    """Return findings about a focal length outside those of lenses."""
     if not isinstance(camera, PinholeCamera):
         return []
     ratio = camera.focal_px[0] / camera.size_px[0]
@@ -234,7 +237,7 @@ def _check_lens(camera: OmniCamera | PinholeCamera, settings: CheckSettings) -> 
 
 
 class _Check:
-    """The checks that need images of the right size."""
+    """Checks of images of the right size."""
 
     def __init__(self, dataset: Dataset, names: list[str], frames: list[UInt8Array], settings: CheckSettings) -> None:
         self.settings = settings
@@ -278,7 +281,7 @@ class _Check:
         return findings
 
     def _check_agreement(self, doctor: Doctor) -> Finding | None:
-        """Whether poses agree with truth or odometry; None where there is none, or no pose."""
+        """Compare poses with truth or odometry; None without these, or without a pose."""
         placed, fitting = sum(bool(view.pose) for view in self.views), doctor.fitting()
         if not doctor.compares or not placed:
             return None
@@ -288,14 +291,14 @@ class _Check:
         return Finding(doctor.compares, "wrong", f"{evidence}, and none of the slips tried explains that")
 
     def _check_mirroring(self, agreement: Finding | None) -> Finding:
-        """Whether the mirror is looked into the right way round, by how poses agree with truth or odometry."""
+        """Whether the camera file's mirroring is right, by the comparison of poses with truth or odometry."""
         if agreement is None:
             missing = "a field looks the same in a mirror: truth.csv, or frames.csv with odometry, is needed"
             return Finding("mirrored", "unknown", missing)
         return replace(agreement, subject="mirrored", state="ok" if agreement.state == "ok" else "unknown")
 
     def _picture(self, name: str, frame: UInt8Array) -> Picture:
-        """Return a picture with a later one to which odometry tells of a turn or a way, unless its pose is known."""
+        """Return a picture with a later one after a significant motion by odometry, unless its true pose is known."""
         dataset, settings = self.dataset, self.settings
         if dataset.times is None or dataset.is_video or name in dataset.truth:
             return Picture(name, frame)
@@ -322,7 +325,7 @@ class _Check:
         return views
 
     def _check_channels(self) -> Finding | None:
-        """Whether red and blue are swapped, by goals and ball; None where the field has none of a telling colour."""
+        """Whether red and blue are swapped, by goals and ball; None if the field has none of a suitable colour."""
         count = len(self.views)
         nats = np.array(self.channel_nats)
         for_swapped, for_own = (int((sign * nats >= self.settings.min_channel_nats).sum()) for sign in (1, -1))
@@ -345,7 +348,7 @@ class _Check:
         return Finding("channels", "unknown", "no ball, and no goal that could tell, is seen in its own colour")
 
     def _other_pictures(self) -> Finding | None:
-        """Report pictures of something else than a field; None where poses or the ground's colour speak for a field."""
+        """Report pictures of another subject; None if poses or the ground's colour indicate a field."""
         settings, count = self.settings, len(self.views)
         placed = sum(bool(view.pose) for view in self.views)
         if placed > settings.max_stray_ratio * count:
@@ -376,7 +379,7 @@ class _Check:
         return Finding("field", "wrong", f"{evidence}; nor with any slip in field, camera or pictures that was tried")
 
     def _check_heading(self, camera: OmniCamera) -> list[Finding]:
-        # twice the angle: it is the same for both halves of a symmetric field
+        # double angles are equal for both halves of a symmetric field
         off = np.array([2 * (pose.theta_rad - truth_rad) for pose, truth_rad in self._headings()])
         if len(off) < self.settings.min_turns:
             return []
@@ -390,7 +393,7 @@ class _Check:
         return [Finding("heading", "ok", f"headings differ from the truth by {degrees:+.1f} deg (median)")]
 
     def _headings(self) -> Iterator[tuple[Pose2, float]]:
-        """Poses of pictures whose true heading is known, with that."""
+        """Yield estimated poses with the known true headings."""
         for name, view in zip(self.names, self.views, strict=True):
             truth = self.dataset.truth.get(name)
             found = view.pose if self.dataset.pose_of == "robot" else view.camera_pose
@@ -430,7 +433,7 @@ class _Check:
         return Finding("curve", "ok", evidence)
 
     def _check_by_edges(self, start: OmniCamera | PinholeCamera) -> list[Finding]:
-        """Calibrate a pinhole camera of known tilt from a start, and compare its file with the result."""
+        """Calibrate a pinhole camera of known tilt from a start, and compare the result with the camera file."""
         camera, settings = self.dataset.camera, self.settings
         if not isinstance(start, PinholeCamera) or not isinstance(camera, PinholeCamera) or camera.tilt_rad is None:
             return []
@@ -479,5 +482,5 @@ class _Check:
 
 
 def _agreement(views: list[View]) -> float:
-    """Mean inlier ratio of the views' poses; 0 for a view without pose."""
+    """Return the mean inlier ratio of the views' poses, 0 without a pose."""
     return float(np.mean([view.pose.inlier_ratio if isinstance(view.pose, PoseEstimate) else 0.0 for view in views]))

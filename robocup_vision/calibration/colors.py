@@ -1,9 +1,9 @@
-"""Learns a colour file from images of the field, without a click: floor, white paint, ball and goals.
+"""Calibration of colours from unlabelled images of the field: floor, white paint, ball and goals.
 
-The floor is learnt in each frame as `Vision` learns it. The frames' median is kept: a few frames with a robot before
-the lens do no harm. A coloured thing is searched where it must be (a goal where the pose puts it, the ball anywhere),
-by the colour that the field file names, under the light that white paint shows. The median of the pixels found is its
-own colour.
+The floor is learnt in each frame as by `Vision`, and the frames' median is used, which is robust against a few frames
+with a robot in front of the lens. Coloured objects are searched near their projected places (a goal, if the pose is
+known) or everywhere (the ball), by the colour in the field file adapted to the light on white paint. The median of
+their pixels is the result.
 """
 
 from __future__ import annotations
@@ -37,30 +37,30 @@ COLORED = ("ball", "goal_positive_x", "goal_negative_x")
 class ColorCalibrationSettings:
     """Settings of the calibration of colours."""
 
-    #: samples of a picture without a camera file: as many as a view of the floor has
+    #: sampling grid of a picture without a camera file, about that of a floor view
     rows: int = 120
     columns: int = 150
-    #: a frame whose floor differs more than this from the frames' median, in log ratios, shows something else
+    #: greatest difference, in log ratios, of a frame's floor from the frames' median
     max_floor_difference: float = 0.35
-    #: distance, in log ratios, of a thing's colour from the one its name has under this light
+    #: greatest distance, in log ratios, of an object's colour from the named one under this light
     max_color_distance: float = 0.6
-    min_level: float = 0.35  #: its brightness, of the floor's: below it hue is noise
-    min_pixels: int = 30  #: pixels of a thing that determine its colour
-    #: of a thing found by its colour alone, the pixels that others of it surround: clutter is not compact
+    min_level: float = 0.35  #: least brightness relative to the floor's, above which hue is reliable
+    min_pixels: int = 30  #: least number of pixels to determine an object's colour
+    #: least ratio of an object's pixels that are surrounded by others of it, as clutter is not compact
     min_inner_ratio: float = 0.3
-    spacing_m: float = 0.02  #: of the places on goals and lines that are projected into the picture
-    max_spread: float = 0.15  #: upper bound of the floor's spread: a wider one takes in other things
-    min_line_level: float = 1.2  #: painted lines are brighter than the floor by this factor
-    min_line_width_px: float = 4.0  #: smallest width of a line whose middle pixels show no floor
+    spacing_m: float = 0.02  #: spacing of projected points on goals and lines
+    max_spread: float = 0.15  #: greatest spread of the floor's colour; a wider one would include other objects
+    min_line_level: float = 1.2  #: least brightness of painted lines relative to the floor
+    min_line_width_px: float = 4.0  #: least width of a line whose middle pixels are pure paint
 
 
 @dataclass(frozen=True)
 class ColorCalibration:
-    """Colours learnt from images."""
+    """Colours learnt from images, the result of `calibrate_colors`."""
 
     colors: Colors  #: content of a colour file
     frames: int  #: number of frames used
-    #: of each coloured class, the number of pixels that its colour was learnt from; 0: not in view, the colour is the
+    #: number of pixels from which each coloured class was learnt; 0 if it was not seen and has the field file's colour
     #: one that the field file names
     pixels: Mapping[str, int]
     notes: tuple[str, ...] = ()  #: messages for the user
@@ -68,7 +68,7 @@ class ColorCalibration:
 
 @dataclass(frozen=True, eq=False)
 class _FrameColors:
-    """Colours of one frame, and of each coloured class the log R/G, B/G (2,) and number of pixels."""
+    """Colours of one frame, and for each coloured class log R/G, B/G (2,) and number of pixels."""
 
     colors: Colors
     things: Mapping[str, tuple[FloatArray, int]]
@@ -82,19 +82,19 @@ def calibrate_colors(
     mask: UInt8Array | None = None,
     settings: ColorCalibrationSettings = ColorCalibrationSettings(),
 ) -> ColorCalibration | NotCalibrated:
-    """Learn a field's colours from frames, one at a time.
+    """Learn a field's colours from frames, which are read one at a time.
 
     Parameters
     ----------
     frames : iterable of (str, callable)
-        Name of each frame, and a function that reads it: (H, W, 3) uint8 BGR. One that cannot be read is noted and
-        left out.
+        Name of each frame, and a function that reads it: (H, W, 3) uint8 BGR. Unreadable frames are noted and left
+        out.
     camera : OmniCamera or PinholeCamera, optional
-        Locates the nearest floor in the picture, and with a pose the goals.
+        Projects the nearest floor into the picture, and with a pose the goals.
     poses : mapping of str to Pose2, optional
-        Of the robot on the field, by the frame's name. Without it `Vision` locates each frame, where it can.
+        Poses of the robot on the field, by the frame's name. Without one, `Vision` locates the frame if it can.
     mask : (H, W) uint8, optional
-        Pixels where it is not zero are not used.
+        Non-zero pixels are ignored.
     """
     observer = _FrameObserver(field, camera, mask, settings)
     seen, notes = [], []
@@ -133,7 +133,7 @@ def calibrate_colors(
 
 
 class _FrameObserver:
-    """Measures colours in one frame after the other, with or without a known camera."""
+    """Measures colours in successive frames, with or without a known camera."""
 
     def __init__(
         self,
@@ -204,7 +204,7 @@ class _FrameObserver:
                 if other not in same:
                     is_it &= distance[name] <= distance[other]
             if poses and self._camera is not None and name in self._goals and (len(poses) == 1 or len(same) == 1):
-                # of two poses half a turn apart, the colour decides
+                # of two poses half a turn apart, the colour selects one
                 is_it &= _where(self._goals[name], self._camera, poses, is_it.shape)
             elif name in self._goals and len(same) > 1:
                 continue  # without a pose goals of one colour are ambiguous, and their named colour is good enough
@@ -218,7 +218,7 @@ class _FrameObserver:
 def _scattered(
     frame: UInt8Array, mask: UInt8Array | None, settings: ColorCalibrationSettings
 ) -> tuple[UInt8Array, UInt8Array]:
-    """Sample a whole picture of an unknown camera; no place counts as the nearest floor."""
+    """Sample a whole picture of an unknown camera."""
     height, width = frame.shape[:2]
     rows = np.linspace(1, height - 2, settings.rows).astype(int)
     columns = np.linspace(1, width - 2, settings.columns).astype(int)
@@ -232,7 +232,7 @@ def _scattered(
 
 
 def _goal_points(goal: Goal, spacing_m: float) -> FloatArray:
-    """Places (N, 3) on a goal's panels or posts, field frame, metres."""
+    """Return points (N, 3) on a goal's panels or posts, field frame, metres."""
     up = np.arange(0.0, goal.height_m, spacing_m)
     half = goal.width_m / 2
     if goal.kind == "posts":
@@ -248,7 +248,7 @@ def _goal_points(goal: Goal, spacing_m: float) -> FloatArray:
 
 
 def _line_points(field: Field, spacing_m: float) -> FloatArray:
-    """Both edges (2, N, 3) of the field's lines and arcs, metres."""
+    """Return points (2, N, 3) on both edges of the field's lines and arcs, metres."""
     middle, across = [], []
     for x0, y0, x1, y1 in field.lines:
         length = max(math.hypot(x1 - x0, y1 - y0), 1e-9)
@@ -270,7 +270,7 @@ def _line_points(field: Field, spacing_m: float) -> FloatArray:
 def _line_pixels(
     edges_m: FloatArray, camera: OmniCamera | PinholeCamera, pose: Pose2, shape: tuple[int, ...], min_width_px: float
 ) -> npt.NDArray[np.int64]:
-    """Pixels (N, 2), u and v, on the middle of lines that are so wide there that no floor is mixed in."""
+    """Return pixels (N, 2), u and v, on the middle of lines that are wide enough for pure paint."""
     to_robot = pose.inverse()
     left, right = (camera.point_to_pixel(np.column_stack([to_robot.transform(e[:, :2]), e[:, 2]])) for e in edges_m)
     wide = np.hypot(*(left - right).T) >= min_width_px
@@ -282,7 +282,7 @@ def _line_pixels(
 def _pixels(
     points_m: FloatArray, camera: OmniCamera | PinholeCamera, pose: Pose2, shape: tuple[int, ...]
 ) -> npt.NDArray[np.int64]:
-    """Pixels (N, 2), u and v, inside a picture, of places (M, 3) on the field."""
+    """Return the pixels (N, 2), u and v, of places (M, 3) on the field that are inside a picture."""
     local = np.column_stack([pose.inverse().transform(points_m[:, :2]), points_m[:, 2]])
     pixels = camera.point_to_pixel(local)
     pixels = np.rint(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
@@ -293,7 +293,7 @@ def _pixels(
 def _white_of(
     frame: UInt8Array, pixels: npt.NDArray[np.int64], floor: FloorColor, settings: ColorCalibrationSettings
 ) -> PaintColor | None:
-    """Return the white of the field's lines, by those of their pixels that are brighter than the floor, not clipped."""
+    """Return the white of the field's lines, from pixels that are brighter than the floor and not saturated."""
     colors = frame[pixels[:, 1], pixels[:, 0]].astype(np.float64)
     level = (colors[:, 2] + 2 * colors[:, 1] + colors[:, 0]) / 4
     blue, green, red = np.maximum(
@@ -307,7 +307,7 @@ def _white_of(
 def _where(
     points_m: FloatArray, camera: OmniCamera | PinholeCamera, poses: Sequence[Pose2], shape: tuple[int, ...]
 ) -> BoolArray:
-    """Mask (H, W) of the pixels near places on the field, at any of the poses."""
+    """Return a mask (H, W) of the pixels near places on the field at any of the poses."""
     seen = np.zeros(shape, dtype=np.uint8)
     for pose in poses:
         u, v = _pixels(points_m, camera, pose, shape).T
@@ -324,7 +324,7 @@ def _beside_white(colors: Colors) -> FloatArray:
 
 
 def _median_floor(floors: Sequence[FloorColor], max_spread: float) -> FloorColor:
-    """Return the frames' median, with the floor's colour compared at the same absolute brightness."""
+    """Return the median of the frames' floors, with colours compared at equal absolute brightness."""
     level = float(np.exp(np.median(np.log([f.level for f in floors]))))
     curves = {
         key: np.array([np.interp(LEVELS + math.log(level / f.level), LEVELS, np.log(getattr(f, key))) for f in floors])

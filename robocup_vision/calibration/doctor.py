@@ -1,4 +1,4 @@
-"""Looks at some pictures with set-ups near the one at hand, and says which one fits more of them."""
+"""Comparison of similar set-ups by the number of pictures that fit."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from robocup_vision.vision import Vision
 
 @dataclass(frozen=True, slots=True)
 class DoctorSettings:
-    """Settings of the search for a set-up that fits."""
+    """Settings of the search for a better set-up."""
 
-    max_pictures: int = 8  #: pictures looked at with each set-up, evenly spread
-    min_fitting: float = 0.6  #: of them, those that another set-up must fit
-    min_more: float = 0.3  #: of them, those that it must fit beyond those that fit as it is
-    decided_ratio: float = 0.8  #: ratio of fitting pictures from which the remaining kinds of slips are not tried
-    #: poses this near to truth or odometry agree with it, with three of the pose's own standard deviations on top
+    max_pictures: int = 8  #: greatest number of pictures tested with each set-up, evenly spread
+    min_fitting: float = 0.6  #: least ratio of them that fit a better set-up
+    min_more: float = 0.3  #: least increase of this ratio over the given set-up
+    decided_ratio: float = 0.8  #: ratio of fitting pictures at which other kinds of mistakes are no longer tested
+    #: greatest difference of a pose from truth or odometry, to which three of its standard deviations are added
     max_error_m: float = 0.1
     max_error_rad: float = math.radians(3.0)
-    odometry_error: float = 0.1  #: of the way between two pictures, what odometry may be off
+    odometry_error: float = 0.1  #: greatest relative error of odometry between two pictures
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture as it is, and, where odometry tells of the way to it, a later one."""
+    """An unchanged picture, and a later one if odometry between them is known."""
 
-    name: str  #: of the picture
+    name: str  #: its file name
     frame: UInt8Array  #: (H, W, 3) uint8: BGR
     later: UInt8Array | None = None  #: (H, W, 3) uint8: a later picture
-    moved: Pose2 | None = None  #: how the robot moved until then, by odometry
+    moved: Pose2 | None = None  #: motion of the robot between them, by odometry
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +60,12 @@ class _Best:
 
 
 def make_vision(dataset: Dataset, field: Field, camera: OmniCamera | PinholeCamera, *, learnt: bool = False) -> Vision:
-    """Return what looks at a dataset's pictures by another field or camera, or by colours that it learns.
+    """Return a `Vision` for a dataset's pictures with the given field and camera, or with learnt colours.
 
     Raises
     ------
     ArgumentError
-        If the dataset's method needs what these have not.
+        If the dataset's method does not support them.
     """
     colors = None if learnt else dataset.colors
     needs_bounds = dataset.method in ("floor", "hull") and not field.is_bounded
@@ -74,14 +74,14 @@ def make_vision(dataset: Dataset, field: Field, camera: OmniCamera | PinholeCame
 
 
 class Doctor:
-    """Tries set-ups on some pictures.
+    """Tests set-ups on pictures.
 
     Parameters
     ----------
     pictures : sequence of Picture
-        All of one size, which need not be the camera's.
+        All of one size, possibly different from the camera's.
     own_views : mapping of str to View, optional
-        What pictures show by the set-up at hand, where that is known.
+        Known views of pictures with the given set-up.
     """
 
     def __init__(
@@ -94,28 +94,28 @@ class Doctor:
         self._dataset, self._pictures, self._settings = dataset, pictures, settings
         height, width = pictures[0].frame.shape[:2]
         self.own = SetUp(dataset.field, dataset.camera, (width, height), dataset.truth)
-        # of the set-up at hand: other truth needs no other look
+        # poses with the given set-up, which do not depend on the truth
         self._own_poses = {(name, False): self._pose(view) for name, view in (own_views or {}).items()}
         self._own_vision: Vision | None = None
 
     @property
     def compares(self) -> str:
-        """What poses are compared with: "truth" or "odometry"; empty where there is nothing."""
+        """Reference of the poses: "truth" or "odometry"; empty without any."""
         if any(one.name in self.own.truth for one in self._pictures):
             return "truth"
         return "odometry" if any(one.later is not None for one in self._pictures) else ""
 
     @property
     def measure(self) -> str:
-        """What fitting means, to follow "pictures"."""
+        """Description of fitting, to follow "pictures"."""
         return f"agree with the {self.compares}" if self.compares else "are located"
 
     def fitting(self, set_up: SetUp | None = None) -> int:
-        """Return how many of all pictures a set-up fits; unless given, that at hand."""
+        """Return the number of all pictures that fit a set-up, by default the given one."""
         return sum(look.fits for look in self._looks(set_up or self.own, self._pictures, 0))
 
     def find(self) -> tuple[NearSetUp, int] | None:
-        """Return the near set-up that fits most pictures, and how many of all; None if none fits clearly more."""
+        """Return the set-up that fits most pictures, with their number; None if none is clearly better."""
         settings = self._settings
         chosen = self._pictures[:: -(-len(self._pictures) // settings.max_pictures)]
         count = len(chosen)
@@ -140,13 +140,13 @@ class Doctor:
         return None if best is None else (best.near, self.fitting(best.near.set_up))
 
     def _looks(self, set_up: SetUp, pictures: Sequence[Picture], needed: int) -> list[_Look]:
-        """Look at pictures as long as so many of them can still fit."""
+        """Test pictures until fewer than `needed` of them can fit."""
         own = self.own
         is_own = (set_up.field, set_up.camera, set_up.seen) == (own.field, own.camera, own.seen)
         try:
             vision = self._vision_of_own() if is_own else make_vision(self._dataset, set_up.field, set_up.camera)
         except ArgumentError:
-            # the dataset's method needs what this one has not
+            # the dataset's method does not support this set-up
             return []
         looks: list[_Look] = []
         missed = 0
@@ -195,7 +195,7 @@ class Doctor:
         return _Look(fits, pose.residual_px)
 
     def _is_near(self, pose: PoseEstimate, places: Sequence[tuple[float, float, float | None]], way: float) -> bool:
-        """Whether a candidate lies near one of these poses, as far as odometry over this way tells them."""
+        """Whether a candidate is near one of these poses, within the error of odometry over this way."""
         settings = self._settings
         slack = 3 * pose.std + settings.odometry_error * way
         symmetric = self._dataset.symmetry == "point"

@@ -1,6 +1,6 @@
-"""Points on the field's edges in a forward camera's picture: predicted by a pose, and searched for along their normals.
+"""Points on the field's edges in a forward camera's picture, predicted from a pose and searched along the normals.
 
-The samples are those of the follower (`kernels.model_edges`).
+The samples are those of the edge follower (`kernels.model_edges`).
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from robocup_vision.kernels.model_edges.search import search
 from robocup_vision.localization.model_edges.field_edges import field_edges
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
-# points of one picture, at most
+# greatest number of samples in a picture
 _MAX_SAMPLES = 600
-# places of focal length and centre in a lens's table
+# indices of focal length and centre in a lens table
 _FOCAL_V, _CENTER_V = 1, 3
 
 
 class EdgePoints(NamedTuple):
-    """Points that were found, with derivatives along the normals of their edges."""
+    """Measured edge points, with derivatives along the normals of their edges."""
 
-    #: (N, C) float64: how far from its prediction each candidate of a point lies; infinite where there are fewer
+    #: (N, C) float64: offset of each candidate from the prediction; infinite for missing candidates
     offset_px: FloatArray
     by_camera: FloatArray  #: (N, 6) float64: derivatives by tilt, roll, height, logarithm of the focal length, centre
     by_frame: FloatArray  #: (N, 6) float64: by the camera's place and heading on the field, and tilt, roll and height
-    by_line_width: FloatArray  #: (N,) float64: by the logarithm of the painted lines' width
-    feature: Int64Array  #: (N,) int64: number of the edge
+    by_line_width: FloatArray  #: (N,) float64: derivatives by the logarithm of the painted lines' width
+    feature: Int64Array  #: (N,) int64: index of the edge
     pixels: FloatArray  #: (N, 2) float64: the predictions
     normal: FloatArray  #: (N, 2) float64
 
     def residual(self, expected_px: FloatArray) -> FloatArray:
-        """Return what is expected (N,) less the candidate nearest to it."""
+        """Return the expected offset (N,) minus that of the nearest candidate."""
         nearest = np.argmin(np.abs(self.offset_px - expected_px[:, None]), axis=1)
         return np.asarray(expected_px - self.offset_px[np.arange(len(nearest)), nearest])
 
@@ -51,7 +51,7 @@ class EdgePointFinder:
     Parameters
     ----------
     settings : EdgeSettings
-        How edges are searched for.
+        Settings of the search.
     mask : (H, W) uint8, optional
         Pixels where it is not zero are not used.
     """
@@ -79,11 +79,11 @@ class EdgePointFinder:
         lens : (L,) float64
             The camera's `lens_table`.
         unknowns : (7,) float64
-            Of `kernels.model_edges`: the camera's place, heading, tilt, roll and height; then 0.
+            Unknowns of `kernels.model_edges`: the camera's place, heading, tilt, roll and height; then 0.
         reach_px : float
-            How far from its prediction a point is searched for.
+            Range of the search on either side of the prediction.
         edges : FieldEdges, optional
-            The field's edges, with paint as bright as the picture shows it.
+            The field's edges, with the paint brightness of this picture.
         """
         edges, workspace, carpet = edges or self.edges, self._workspace, np.zeros(CARPET)
         frame, samples, found = plain_frame(frame), workspace.samples, workspace.found

@@ -1,4 +1,4 @@
-"""A forward camera as a short vector of numbers that a fit can move: mounting, lens, and the width of painted lines."""
+"""A forward camera as a vector of parameters for a fit: mounting, lens, and the width of painted lines."""
 
 from __future__ import annotations
 
@@ -11,44 +11,45 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 
-# places: tilt, roll (rad), height (m), logarithm of the focal length's scale, centre (px), logarithm of the painted
-# lines' width by that of the field file; then the first coefficients of the distortion
+# indices: tilt, roll (rad), height (m), logarithm of the focal length's scale, centre (px), logarithm of the painted
+# lines' width relative to the field file; then the first coefficients of the distortion
 TILT, ROLL, HEIGHT, LOG_FOCAL, LINE_WIDTH = 0, 1, 2, 3, 6
 CENTER = slice(4, 6)
 LENS = 7
-# coefficients of the distortion that are fitted where a lens is free
+# number of distortion coefficients fitted for a free lens
 _COEFFICIENTS = 2
-# step of the numerical derivatives, in each number's own unit
+# step of the numerical derivatives, in each parameter's unit
 _STEP = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
 class StartStd:
-    """How well a start is known: standard deviations before any picture."""
+    """Standard deviations of a start before any picture."""
 
     #: of tilt and roll, of the height, and of the logarithm of the focal length
     angle_rad: float = 0.1
     height_m: float = 0.1
     log_focal: float = 0.15
-    #: of each coordinate of the centre, by the picture's width: of a fisheye as lenses sit on sensors; of a pinhole
-    #: camera less, as its centre is hardly told from its tilt
+    #: of each coordinate of the centre, relative to the picture's width: a fisheye's is the tolerance of lenses on
+    #: sensors; a pinhole camera's is smaller, because its centre and tilt are hardly separable
     center_ratio: float = 0.005
     fisheye_center_ratio: float = 0.02
-    log_line_width: float = 0.05  #: of the logarithm of the painted lines' width: a tape measure's or a painter's tenth
-    #: of the first two coefficients of the distortion, and of a fisheye: those of common lenses
+    #: of the logarithm of the painted lines' width: the tolerance of tape measures and painting
+    log_line_width: float = 0.05
+    #: of the first two coefficients of the distortion, of a pinhole camera and of a fisheye: the range of common lenses
     coefficients: tuple[float, float] = (0.2, 0.2)
     fisheye_coefficients: tuple[float, float] = (0.05, 0.02)
 
 
 class ForwardParameters:
-    """Turns cameras into vectors and back.
+    """Converts cameras to vectors and back.
 
     Parameters
     ----------
     start : PinholeCamera
-        What no number of the vector says is as of this camera. Its tilt is known.
+        Provides all that is not in the vector. Its tilt is known.
     bends : bool
-        Whether the distortion is unknown; else it is the start's.
+        Whether the distortion is fitted; otherwise it is the start's.
     """
 
     def __init__(self, start: PinholeCamera, std: StartStd = StartStd(), *, bends: bool = True) -> None:
@@ -61,7 +62,7 @@ class ForwardParameters:
 
     @property
     def start_std(self) -> FloatArray:
-        """(G,) float64: of a start."""
+        """(G,) float64: standard deviations of a start."""
         s, is_fisheye = self.std, isinstance(self.start, FisheyeCamera)
         center = (s.fisheye_center_ratio if is_fisheye else s.center_ratio) * self.start.size_px[0]
         of_lens = s.fisheye_coefficients if is_fisheye else s.coefficients
@@ -69,14 +70,14 @@ class ForwardParameters:
         return np.array([s.angle_rad, s.angle_rad, s.height_m, s.log_focal, center, center, s.log_line_width, *lens])
 
     def vector(self, camera: PinholeCamera, log_line_width: float = 0.0) -> FloatArray:
-        """Return the numbers (G,) of a camera."""
+        """Return the vector (G,) of a camera."""
         log_focal = math.log(camera.focal_px[0] / self.start.focal_px[0])
         lens = (*camera.distortion, 0.0, 0.0)[: self.coefficients]
         mounting = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
         return np.array([*mounting, log_focal, *camera.center_px, log_line_width, *lens])
 
     def camera(self, vector: FloatArray) -> PinholeCamera:
-        """Return the camera of numbers (G,), of which those of lines and lens may be left out."""
+        """Return the camera of a vector (G,), in which line width and lens may be missing."""
         tilt, roll, height, log_focal, u, v = vector[:LINE_WIDTH].tolist()
         scale, start, lens = math.exp(log_focal), self.start, vector[LENS:].tolist()
         return replace(
@@ -92,7 +93,7 @@ class ForwardParameters:
     def by_coefficients(self, camera: PinholeCamera, pixels: FloatArray, normal: FloatArray) -> FloatArray:
         """Return derivatives (N, C) of pixels (N, 2) along normals (N, 2) by the coefficients of the distortion.
 
-        Pixels that the camera shows of no ray move with none.
+        They are 0 for pixels without a ray.
         """
         rays = camera.pixel_to_camera_ray(pixels)
         at = camera.camera_ray_to_pixel(rays)

@@ -1,8 +1,7 @@
-"""Robust least squares of a camera: its parameters are common to all frames, the robot's pose is another in each.
+"""Robust least squares for camera parameters common to all frames, with the robot's pose as a nuisance in each frame.
 
-Residuals are in pixels. A frame's own unknowns, its pose and the sway of the body that carries the camera, are
-eliminated from its normal equations (Schur complement). Residuals that they could explain do not change the camera, and
-a step costs as much as its frames.
+Residuals are in pixels. A frame's nuisance parameters, the pose and the sway of the body with the camera, are
+eliminated from its normal equations (Schur complement), so that the cost of a step is linear in the number of frames.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, Int64Array
 
-# precision of a frame's pose under its prior, 1/m^2 and 1/rad^2: next to nothing is known
+# prior precision of a frame's pose, 1/m^2 and 1/rad^2: nearly uninformative
 POSE_PRECISION = 1.0
 # half of the residuals of a normal distribution lie within 0.674 standard deviations
 _MEDIAN_TO_STD = 1.483
@@ -24,8 +23,8 @@ _MEDIAN_TO_STD = 1.483
 class Noise(NamedTuple):
     """Noise of measured points."""
 
-    point_std_px: float  #: standard deviation of a point alone
-    #: that of the offset which all points of a group share: an edge's paint and tape, a sector's lens or mirror
+    point_std_px: float  #: standard deviation of a single point's error
+    #: that of the offset common to all points of a group, from an edge's paint or tape, or a sector's lens or mirror
     group_std_px: float
 
 
@@ -33,13 +32,13 @@ class Noise(NamedTuple):
 class Residuals:
     """Residuals of one frame's points, with their derivatives."""
 
-    residual_px: FloatArray  #: (N,) float64: expected less measured, along the normal of the edge
+    residual_px: FloatArray  #: (N,) float64: prediction minus measurement, along the normal of the edge
     by_camera: FloatArray  #: (N, G) float64: derivatives by the camera's parameters
-    by_frame: FloatArray  #: (N, F) float64: derivatives by the frame's own unknowns
-    group: Int64Array  #: (N,) int64: points of one number have a common error
+    by_frame: FloatArray  #: (N, F) float64: derivatives by the frame's nuisance parameters
+    group: Int64Array  #: (N,) int64: points of one group share an error
 
     def take(self, chosen: npt.NDArray[np.bool_] | slice) -> Residuals:
-        """Return the points where a mask is true, or of a slice."""
+        """Return the points selected by a mask or a slice."""
         return Residuals(self.residual_px[chosen], self.by_camera[chosen], self.by_frame[chosen], self.group[chosen])
 
 
@@ -52,34 +51,34 @@ def spread_px(residual_px: FloatArray, min_px: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Robust:
-    """How residuals are weighed: by Tukey's function within a gate, and by the noise that they show within it."""
+    """Weights of residuals: Tukey's biweight within a gate, and a noise estimate from the residuals inside it."""
 
-    noise: Noise  #: at least
-    gates_px: tuple[float, ...]  #: of the steps, down to a few times the noise
-    min_points: int  #: points that must agree
-    last_gate: float = 3.5  #: of the steps after these, in robust standard deviations
-    min_agreeing_ratio: float = 0.5  #: of all points, those that must agree: more than other robots hide
+    noise: Noise  #: least noise
+    gates_px: tuple[float, ...]  #: gates of the first steps, decreasing to a few times the noise
+    min_points: int  #: least number of points with weight
+    last_gate: float = 3.5  #: gate of later steps, in robust standard deviations
+    min_agreeing_ratio: float = 0.5  #: least ratio of points with weight, above that which other robots can hide
 
     def scaled(self, gates: float, noise: float) -> Robust:
-        """Return the same with larger gates and noise."""
+        """Return these settings with gates and noise multiplied by factors."""
         point_px, group_px = self.noise
         gates_px = tuple(gates * gate for gate in self.gates_px)
         return replace(self, noise=Noise(noise * point_px, noise * group_px), gates_px=gates_px)
 
     def weighed(self, residual_px: FloatArray, gate_px: float) -> tuple[FloatArray, Noise]:
-        """Weigh residuals (N,).
+        """Return the weights of residuals (N,) and the noise.
 
         Parameters
         ----------
         gate_px : float
-            Residuals beyond it have no weight; 0: beyond the last gate.
+            Greatest residual with a weight; 0 for the last gate.
 
         Returns
         -------
         weight : (N,) float64
             From 0 to 1.
         noise : Noise
-            Where points agree worse than their noise lets expect, their common error is taken to be larger, too.
+            If residuals exceed their expected noise, the common error is scaled up with them.
         """
         inside = np.abs(residual_px) < (gate_px or self.gates_px[-1])
         spread = spread_px(residual_px[inside], self.noise.point_std_px)
@@ -88,22 +87,22 @@ class Robust:
         return np.asarray((1.0 - off**2) ** 2), noise
 
     def is_supported(self, weight: FloatArray) -> bool:
-        """Whether enough points have weight (N,)."""
+        """Whether enough points have a positive weight (N,)."""
         return int(np.count_nonzero(weight)) >= max(self.min_points, self.min_agreeing_ratio * len(weight))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameEquations:
-    """What a frame's points tell: of the camera's parameters, G numbers, then of the frame's own unknowns, F."""
+    """Normal equations of one frame, for G camera parameters followed by F nuisance parameters of the frame."""
 
     information: FloatArray  #: (G + F, G + F) float64
-    gradient: FloatArray  #: (G + F,) float64: of the log-likelihood, where the points were linearised
-    #: (F,), (F,) float64: precision of the frame's own unknowns under their prior, and its gradient there
+    gradient: FloatArray  #: (G + F,) float64: of the log-likelihood, at the point of linearisation
+    #: (F,), (F,) float64: prior precision of the nuisance parameters, and the gradient of their log-prior
     own: FloatArray
     own_gradient: FloatArray
 
     def reduced(self) -> tuple[FloatArray, FloatArray]:
-        """Leave out the frame's own unknowns: information (G, G) on the camera's parameters, and gradient (G,)."""
+        """Marginalise the nuisance parameters: information (G, G) on the camera's parameters, and gradient (G,)."""
         size = len(self.gradient) - len(self.own)
         cross = self.information[:size, size:]
         solved = self._own_solved(np.column_stack([cross.T, self.gradient[size:] + self.own_gradient]))
@@ -111,13 +110,13 @@ class FrameEquations:
         return (information + information.T) / 2, self.gradient[:size] - cross @ solved[:, -1]
 
     def own_step(self, step: FloatArray) -> FloatArray:
-        """Return the best step (F,) of the frame's own unknowns with one (G,) of the camera's parameters."""
+        """Return the best step (F,) of the nuisance parameters for a step (G,) of the camera's parameters."""
         size = len(step)
         right = self.gradient[size:] + self.own_gradient - self.information[size:, :size] @ step
         return self._own_solved(right)
 
     def scores(self, points: Residuals, weight: FloatArray, noise: Noise) -> FloatArray:
-        """Return the gradient (S, G) by each group of the points (N,), the frame's own unknowns left out."""
+        """Return the gradient (S, G) from each group of the points (N,), with nuisance parameters eliminated."""
         size = points.by_camera.shape[1]
         rows = points.by_camera - points.by_frame @ self._own_solved(self.information[size:, :size])
         _, member = np.unique(points.group, return_inverse=True)
@@ -132,7 +131,7 @@ class FrameEquations:
 
 
 def solve(system: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the solution of linear equations, as `numpy.linalg.solve` does."""
+    """Return the solution of linear equations, like `numpy.linalg.solve`."""
     return np.asarray(np.linalg.solve(system, right), dtype=np.float64)
 
 
@@ -141,8 +140,8 @@ def frame_equations(
 ) -> FrameEquations:
     """Return the normal equations of weighted residuals.
 
-    The covariance of a group is a diagonal one of its points plus that of an offset common to them, of rank one. It is
-    inverted by the formula of Sherman and Morrison.
+    The covariance of a group is diagonal plus a rank-one term for the common offset, and is inverted by the
+    Sherman-Morrison formula.
 
     Parameters
     ----------
@@ -164,14 +163,14 @@ def frame_equations(
 
 
 def sandwich(information: FloatArray, scores: FloatArray) -> FloatArray:
-    """Covariance (G, G) of parameters by independent groups of points that err more than their noise.
+    """Covariance (G, G) of parameters from independent groups of points, whose errors may exceed the assumed noise.
 
     Parameters
     ----------
     information : (G, G) float64
-        Of all points and the prior.
+        Information of all points and the prior.
     scores : (S, G) float64
-        Gradient of the log-likelihood by each group, at the estimate.
+        Gradients of the groups' log-likelihoods at the estimate.
     """
     covariance = np.linalg.inv(information)
     moved = scores @ covariance

@@ -1,6 +1,6 @@
-"""Set-ups near the one at hand: each differs from it by one slip that people make, and says which.
+"""Set-ups that differ from a given one by one common mistake each.
 
-`NEAR` is the table of them, gross slips first; each entry yields the set-ups of one kind that apply.
+`NEAR` lists generators of them, each for one kind of mistake, gross ones first.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.evaluation.dataset import Truth
 from robocup_vision.evaluation.truth_units import MEND, other_readings
 
-# errors of a tape measure, a data sheet or another lens at which localisers fail or err
+# typical errors of a tape measure, a data sheet or another lens that matter to localisers
 _RATIOS = (0.85, 0.9, 0.95, 1.05, 1.1, 1.15)
 
 
@@ -33,23 +33,23 @@ def _as_it_is(picture: UInt8Array) -> UInt8Array:
 
 @dataclass(frozen=True, eq=False)
 class SetUp:
-    """What pictures are looked at with."""
+    """Everything that is needed to interpret pictures."""
 
     field: Field
     camera: OmniCamera | PinholeCamera
-    size_px: tuple[int, int]  #: width and height of the pictures as they are
+    size_px: tuple[int, int]  #: width and height of the unchanged pictures
     truth: Mapping[str, Truth]  #: known poses, by picture
-    seen: Callable[[UInt8Array], UInt8Array] = _as_it_is  #: turns a picture as it is into one of the camera's
+    seen: Callable[[UInt8Array], UInt8Array] = _as_it_is  #: converts a picture to the camera's format
 
 
 @dataclass(frozen=True, eq=False)
 class NearSetUp:
-    """A set-up that differs by one slip."""
+    """The given set-up with one assumed mistake corrected."""
 
-    subject: str  #: what is wrong if it fits
-    words: str  #: what it has instead of what, to follow "with"
-    set_up: SetUp  #: it
-    mend: str = ""  #: what to write where
+    subject: str  #: subject of the mistake
+    words: str  #: description of the change, to follow "with"
+    set_up: SetUp  #: the changed set-up
+    mend: str = ""  #: how to correct the files
 
 
 def _truth_units(own: SetUp) -> Iterator[NearSetUp]:
@@ -60,7 +60,7 @@ def _truth_units(own: SetUp) -> Iterator[NearSetUp]:
 
 
 def _picture(own: SetUp) -> Iterator[NearSetUp]:
-    """Turn, flip and resize pictures, and swap red and blue."""
+    """Rotate, flip and resize pictures, and swap red and blue."""
     size_px, shown_px = own.size_px, own.camera.size_px
     changes: list[tuple[str, Callable[[UInt8Array], UInt8Array], str]] = []
     if size_px == shown_px:
@@ -118,7 +118,7 @@ def _tilt(own: SetUp) -> Iterator[NearSetUp]:
 
 
 def _lens_of_other_size(own: SetUp) -> Iterator[NearSetUp]:
-    """Take focal length and centre for those of pictures of half or double the size."""
+    """Treat focal length and centre as those of pictures of half or double the size."""
     camera = own.camera
     if not isinstance(camera, PinholeCamera):
         return
@@ -135,7 +135,7 @@ def _lens_of_other_size(own: SetUp) -> Iterator[NearSetUp]:
 
 
 def _lens_model(own: SetUp) -> Iterator[NearSetUp]:
-    """Take a pinhole camera's lens for a fisheye, a fisheye for a pinhole camera, and either without its distortion."""
+    """Treat a pinhole lens as a fisheye, a fisheye as a pinhole lens, and either without its distortion."""
     camera = own.camera
     if not isinstance(camera, PinholeCamera):
         return
@@ -153,7 +153,7 @@ def _lens_model(own: SetUp) -> Iterator[NearSetUp]:
 
 
 def _mirroring(own: SetUp) -> Iterator[NearSetUp]:
-    """Look into the mirror the other way round."""
+    """Invert the mirroring."""
     camera = own.camera
     if isinstance(camera, OmniCamera):
         other = replace(camera, mirrored=not camera.mirrored)
@@ -185,7 +185,7 @@ def _fields(own: SetUp) -> Iterator[NearSetUp]:
 
 
 def _sizes(own: SetUp) -> Iterator[NearSetUp]:
-    """Try focal lengths and heights, or ranges of a mirror, some percent off."""
+    """Try wrong focal lengths and heights, or ranges of a mirror."""
     camera = own.camera
     if isinstance(camera, OmniCamera):
         for ratio in _RATIOS:
@@ -205,7 +205,7 @@ def _sizes(own: SetUp) -> Iterator[NearSetUp]:
 
 
 def _longer(curve: FloorRange, ratio: float) -> FloorRange:
-    """Return a curve whose ranges are so many times as long."""
+    """Return a curve with its ranges multiplied by a ratio."""
     if isinstance(curve, Hyperboloid):
         return replace(curve, A_px_per_m=curve.A_px_per_m / ratio, B_per_m=curve.B_per_m / ratio)
     if isinstance(curve, Tangent):

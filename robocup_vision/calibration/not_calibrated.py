@@ -1,4 +1,4 @@
-"""Result of a calibration that the images do not determine: falsy, with the reason, as `NotLocated` is for a pose."""
+"""Result of a calibration that the images do not determine: falsy, with a reason, like `NotLocated` for a pose."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Literal
 class NotCalibrated:
     """The images do not determine the calibration. Falsy."""
 
-    reason: str  #: why, in words a user understands
-    notes: tuple[str, ...] = ()  #: frames that were of no use, and why
+    reason: str  #: reason, in words for the user
+    notes: tuple[str, ...] = ()  #: unused frames, with reasons
 
     def __bool__(self) -> Literal[False]:
         return False

@@ -1,6 +1,6 @@
-"""The starts of a calibration: tried by any workers, each once, even where the calibration was interrupted.
+"""Trials of a calibration's starts: distributed over workers, and resumed after an interruption.
 
-Only the starts are kept: they take the time, and what comes after them follows from them.
+Only the results of the starts are stored: they take most of the time, and later steps follow from them.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ FIT_CODEC = ValueCodec(
 
 
 class StartTrials:
-    """Tries the starts of one calibration.
+    """Evaluates the starts of one calibration.
 
     Parameters
     ----------
     workers : Workers, optional
-        Who tries them; this process unless given.
+        Workers for the trials; this process by default.
     kept : ResumeFile, optional
-        Where results are kept, and those of an interrupted calibration are found.
+        File for results, with those of an interrupted calibration.
 
     Attributes
     ----------
     done : int
-        How many are finished, those found among them.
+        Number of finished starts, including stored ones.
     """
 
     def __init__(self, workers: Workers | None = None, kept: ResumeFile | None = None) -> None:
@@ -56,8 +56,7 @@ class StartTrials:
     def results(self, start: Start[P, R], pieces: Sequence[P], label: str) -> list[R]:
         """Return the result of each piece, in order.
 
-        Calls must come in the same order with the same pieces whenever a calibration is repeated: results are found
-        again by their number.
+        Results are identified by their number, so a repeated calibration must make the same calls in the same order.
         """
         first, self._begun = self._begun, self._begun + len(pieces)
         found = {} if self._kept is None else self._kept.found

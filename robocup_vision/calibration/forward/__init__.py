@@ -1,1 +1,1 @@
-"""A forward camera by pictures of a field: its lens and how it is mounted."""
+"""Calibration of a forward camera's lens and mounting from pictures of a field."""

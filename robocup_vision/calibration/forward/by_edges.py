@@ -1,4 +1,4 @@
-"""Estimates a forward camera's lens and how it is mounted by all edges of the field in view, on any field."""
+"""Calibration of a forward camera's lens and mounting from all visible edges of any field."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ def calibrate_by_edges(
     trials: StartTrials,
     settings: EdgeCalibrationSettings = EdgeCalibrationSettings(),
 ) -> JointFit | NotCalibrated:
-    """Calibrate a camera by all edges in view.
+    """Calibrate a camera from all visible edges.
 
     Parameters
     ----------
     frames : mapping of int to (H, W, 3) uint8
         BGR, by index.
     starts : sequence of PinholeCamera
-        One of them is about right: focal length within 10 %, height within 15 %, tilt, the same in all pictures,
-        within 3 degrees.
+        Cameras of which one is close to the true one: focal length within 10 %, height within 15 %, and tilt, the same
+        in all pictures, within 3 degrees.
     """
     prepare("pinhole_edges")
     calibrator = Calibrator(field, frames, prior, _EdgeLocator(field, settings), settings)
@@ -56,14 +56,14 @@ def calibrate_by_edges(
 
 @dataclass(frozen=True, eq=False)
 class _EdgeLocator:
-    """Locates cameras by the edges of lines, goals and walls."""
+    """Locates cameras by edges of lines, goals and walls."""
 
     field: Field
     settings: EdgeCalibrationSettings
     nothing: str = "neither lines, goals nor walls place the camera in any of the images"
 
     def of_start(self, camera: PinholeCamera) -> Locate:
-        """Return what locates a camera that is about right."""
+        """Return a function that locates a start camera."""
         settings = self.settings
         loose = replace(
             camera,
@@ -78,7 +78,7 @@ class _EdgeLocator:
         return self._of(loose, settings.start_range_m)
 
     def of_fit(self, fit: JointFit) -> Locate:
-        """Return what locates a camera that was fitted."""
+        """Return a function that locates a fitted camera."""
         std, own = np.sqrt(np.diag(fit.covariance)), self.settings.fit
         _, sway = fit.camera.sway_std_rad(own.sway_std_rad)
         tilt_std = math.hypot(sway, float(std[TILT]))
@@ -92,7 +92,7 @@ class _EdgeLocator:
         return self._of(camera, self.settings.range_m)
 
     def _of(self, camera: PinholeCamera, range_m: float) -> Locate:
-        """Return what locates a camera as surely as it says, by lines so far away."""
+        """Return a function that locates a camera within its standard deviations, by lines up to a range."""
         own = self.settings
         how = FinderSettings(max_range_m=range_m, nods=(), candidates=own.candidates, max_std_m=own.max_std_m)
         weights = load_edge_weights()
@@ -105,7 +105,7 @@ class _EdgeLocator:
             answer = finder.find(frame, near)
             if not answer:
                 return None
-            # one picture determines the focal length by the camera's height; the joint fit uses all of them
+            # the focal length that a single picture gives depends on the assumed height; the joint fit uses all
             held = np.array([*answer.estimate.pose.array, *answer.camera_unknowns[:3], 0.0])
             probability = 1.0 / (1.0 + math.exp(-answer.evidence.log_odds_anywhere(weights)))
             return probability, Sighting(frame, held, follower.painted_edges)
@@ -114,7 +114,7 @@ class _EdgeLocator:
 
 
 def _bent(calibrator: Calibrator, straight: JointFit) -> JointFit:
-    """Return the fit by a lens that bends lines, where it clearly does."""
+    """Return a fit with distortion if that is significant."""
     parameters = ForwardParameters(straight.parameters.start)
     vector = parameters.vector(straight.camera)
     vector[:LENS] = straight.vector[:LENS]

@@ -1,7 +1,7 @@
-"""Estimates a forward camera that a neck may turn, from pictures of a goal and what else of the field is around it.
+"""Calibration of a forward camera that a neck may turn, from pictures of a goal and its surroundings on the field.
 
-A goal tells where the camera was, and its tilt and roll, in each picture. From there camera and poses are fitted
-together by all edges in view (`joint_fit`), with tilt and roll free in each picture.
+A goal determines the camera's place, tilt and roll in each picture. From these, camera and poses are fitted together to
+all visible edges (`joint_fit`), with tilt and roll free in each picture.
 """
 
 from __future__ import annotations
@@ -28,12 +28,11 @@ from robocup_vision.localization.goal.geometry import HEIGHT, LOG_FOCAL, ROLL, T
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.localization.model_edges.field_edges import field_edges
 
-# standard deviations of a start, of the logarithm of the focal length and of the height: farther off, goals are not
-# found
+# standard deviations of a start: logarithm of the focal length, and height; goals are not found with larger errors
 _FOCAL_STD, _HEIGHT_STD_M = 0.05, 0.03
-# how far a neck turns a camera up or down, and a body that walks leans
+# standard deviation of the tilt of a camera on a neck or a walking body
 _NECK_STD_RAD = 0.5
-# a camera whose tilt differs less than this between pictures is fixed on its robot
+# greatest difference of the tilt between pictures of a camera that is fixed on its robot
 _MAX_TILT_SPREAD_RAD = math.radians(1.0)
 
 
@@ -45,7 +44,7 @@ def calibrate_by_goals(
     trials: StartTrials,
     settings: EdgeCalibrationSettings = EdgeCalibrationSettings(),
 ) -> JointFit | NotCalibrated:
-    """Calibrate a camera, which a neck may turn, by goals and the edges around them.
+    """Calibrate a camera, which a neck may turn, from goals and the edges around them.
 
     Parameters
     ----------
@@ -54,7 +53,7 @@ def calibrate_by_goals(
     frames : mapping of int to (H, W, 3) uint8
         BGR, by index.
     prior : mapping of int to Pose2 or None
-        Where the camera roughly was (0.4 m, 9 degrees), by index. With one, lines are enough, without a goal in view.
+        Approximate camera poses (0.4 m, 9 degrees), by index. A picture with one needs only lines, and no goal.
 
     Raises
     ------
@@ -78,13 +77,13 @@ def calibrate_by_goals(
 
 @dataclass(frozen=True, eq=False)
 class _GoalLocator:
-    """Locates cameras, tilted by nobody knows how much, by goals and the lines around them."""
+    """Locates cameras of unknown tilt by goals and the lines around them."""
 
     field: Field
     nothing: str = "no goal is found in any of the images, whatever the focal length may be"
 
     def of_start(self, camera: PinholeCamera) -> Locate:
-        """Return what locates a camera that is about right."""
+        """Return a function that locates a start camera."""
         loose = replace(
             camera,
             tilt_rad=None,
@@ -100,7 +99,7 @@ class _GoalLocator:
             if isinstance(found, NotLocated):
                 return None
             held = found.unknowns
-            # of starts that find as many goals, the one that moves least under its priors is the best
+            # among starts that find equally many goals, the one with the least deviation from its prior is best
             moved = (held[[LOG_FOCAL, HEIGHT]] - (0.0, camera.height_m)) / (_FOCAL_STD, _HEIGHT_STD_M)
             unknowns = np.array([*found.estimate(near).pose.array, *held[[TILT, ROLL, HEIGHT]], 0.0])
             return math.exp(-0.5 * float(np.abs(moved).max()) ** 2), Sighting(frame, unknowns, edges)
@@ -108,5 +107,5 @@ class _GoalLocator:
         return locate
 
     def of_fit(self, fit: JointFit) -> Locate:
-        """Return what locates a camera that was fitted."""
+        """Return a function that locates a fitted camera."""
         return self.of_start(fit.camera)

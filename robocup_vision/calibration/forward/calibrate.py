@@ -1,8 +1,8 @@
-"""Calibrates a forward camera, pinhole or fisheye, by pictures of a field.
+"""Calibration of a forward camera, pinhole or fisheye, from pictures of a field.
 
-All edges in view come first (`calibrate_by_edges`): of any field, if the tilt is the same in all pictures. Pictures of
-a goal and the lines around it are taken where edges fail, and where goals show the half and the start's tilt is
-unknown: a neck may have turned the camera (`calibrate_by_goals`).
+All visible edges are used first (`calibrate_by_edges`), on any field, if the tilt is the same in all pictures. Pictures
+of a goal and the lines around it are used if that fails, or if goals show the half of the field and the start's tilt
+is unknown, because a neck may have turned the camera (`calibrate_by_goals`).
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
 
-# standard deviation of the logarithm of the lines' width: a tape measure's
+# standard deviation of the logarithm of the lines' width, that of a tape measure
 _SAME_WIDTH = 0.03
-# a less certain result is refused: relative focal length, height
+# greatest standard deviations of a result: relative focal length, height
 _MAX_FOCAL_STD, _MAX_HEIGHT_STD_M = 0.03, 0.03
 
 
 @dataclass(frozen=True)
 class ForwardFrame:
-    """One picture that was used: its index in the sequence, and its own tilt and roll (radians)."""
+    """One picture in use: its index in the sequence, and its own tilt and roll (radians)."""
 
     index: int
     name: str
@@ -50,21 +50,21 @@ class ForwardCalibration:
     Parameters
     ----------
     camera : PinholeCamera
-        With its standard deviations; tilt and roll where they were the same in all pictures, else None.
+        Camera with its standard deviations; tilt and roll are None if they differ between the pictures.
     std : mapping of str to float
-        Standard deviations of ``focal_px``, ``height_m``, ``center_u_px``, ``center_v_px``; where they were the same in
-        all pictures, of ``tilt_rad`` and ``roll_rad``; where they were fitted, of the coefficients of the distortion,
-        ``k1`` and ``k2``.
+        Standard deviations of ``focal_px``, ``height_m``, ``center_u_px``, ``center_v_px``; of ``tilt_rad`` and
+        ``roll_rad`` if they are the same in all pictures; of the distortion's coefficients ``k1`` and ``k2`` if they
+        were fitted.
     correlation : float
-        Between focal length and height.
+        Correlation of focal length and height.
     frames : tuple of ForwardFrame
-        Pictures used.
+        Pictures in use.
     notes : tuple of str
         Messages for the user.
     residual_px : float
-        Root mean square of what edges in the pictures are off.
+        Root mean square of the edges' residuals.
     line_width_m : float or None
-        Of the painted lines by the pictures; None where too few are so near that both edges are seen.
+        Width of the painted lines by the pictures; None if too few are near enough to show both edges.
     """
 
     camera: PinholeCamera
@@ -86,23 +86,23 @@ def calibrate_forward(
     max_frames: int = 24,
     trials: StartTrials | None = None,
 ) -> ForwardCalibration | NotCalibrated:
-    """Calibrate a forward camera by pictures of a field, taken anywhere.
+    """Calibrate a forward camera from pictures of a field, taken anywhere.
 
     Parameters
     ----------
     field : Field
-        With goals of posts and a bar, if a neck turns the camera between the pictures.
+        With goals of posts and a bar if a neck turns the camera between the pictures.
     images : sequence of (H, W, 3) uint8
         BGR, all of one size. Each is read when it is needed.
     start : PinholeCamera or KnownOfCamera, optional
-        A camera within some 18 % in focal length and 15 % in height, its tilt to 3 degrees or unknown; or what is known
-        of one: lenses, heights and tilts are tried for what is not. Without it, of a pinhole camera nothing.
+        A camera within about 18 % in focal length and 15 % in height, with a tilt within 3 degrees or unknown; or rough
+        knowledge of one, in which trial values replace unknown ones. By default an unknown pinhole camera.
     poses : mapping of str to Pose2, optional
         Approximate camera poses (0.4 m, 9 degrees), by image.
     max_frames : int
-        Largest number of pictures used; they are evenly spread.
+        Greatest number of pictures in use; they are evenly spread.
     trials : StartTrials, optional
-        Tries the starts: with other workers, or where an interrupted calibration was.
+        Evaluates the starts, with workers or after an interruption.
 
     Raises
     ------
@@ -124,14 +124,14 @@ def calibrate_forward(
     prior = {index: (poses or {}).get(called[index]) for index in frames}
     is_tilt_known = start.tilt_rad is not None
     results: list[ForwardCalibration | NotCalibrated] = []
-    # where goals show the half, a pose is needed to determine the tilt
+    # if goals show the half, the localisers need a pose to determine the tilt
     is_fisheye = isinstance(start, FisheyeCamera) or (isinstance(start, KnownOfCamera) and start.model == "fisheye")
     if is_tilt_known or is_fisheye or not field.shows_half:
         rim = dark_rim(list(frames.values())) if is_fisheye else None
         height, width = next(iter(frames.values())).shape[:2]
         edges = calibrate_by_edges(field, frames, starts_of((width, height), start), prior, trials)
         by_edges = _result(edges, field, len(frames), called, rim, notes)
-        # a tilt that differs between the pictures leaves few of them
+        # few pictures agree if the tilt differs between them
         if is_fisheye or (by_edges and 2 * len(by_edges.frames) >= len(frames)):
             return by_edges
         if not any(goal.kind == "posts" for goal in field.goals):
@@ -156,7 +156,7 @@ def _result(
     rim: tuple[float, float, float] | None,
     notes: tuple[str, ...],
 ) -> ForwardCalibration | NotCalibrated:
-    """Return a calibration by edges with what it says to the user, or why it is refused."""
+    """Return a calibration with notes for the user, or the reason for its refusal."""
     if isinstance(found, NotCalibrated):
         return NotCalibrated(found.reason, notes)
     std, camera, used = np.sqrt(np.diag(found.covariance)), found.camera, found.unknowns

@@ -1,8 +1,8 @@
-"""Fits a forward camera from starts that are about right, by pictures that are located one by one.
+"""Fit of a forward camera from approximate starts, to pictures that are located one by one.
 
-Pictures are located with the camera as it is thought to be, loosely at first, and then camera and poses are fitted
-together (`joint_fit`). The pictures are located again with the result: more of them, and by farther lines. Which starts
-are followed so far is told by how many pictures they locate.
+Pictures are located with a start, within a wide uncertainty, and then camera and poses are fitted together
+(`joint_fit`). With the result more pictures are located, by farther lines, and the fit is repeated. Only the starts
+that locate most pictures are fitted.
 """
 
 from __future__ import annotations
@@ -26,62 +26,61 @@ from robocup_vision.progress import progress
 
 @dataclass(frozen=True, slots=True)
 class EdgeCalibrationSettings:
-    """Settings of a calibration by edges."""
+    """Settings of a calibration by edges or goals."""
 
-    #: pictures that starts are compared by; one that has located none of the first half of them is given up
+    #: number of pictures by which starts are compared; a start that locates none of the first half is discarded
     start_frames: int = 6
-    #: starts that all pictures are located by; how often they are located with the best, each time with the result
-    #: before: the second time more of them are located, the third time nothing changes
+    #: number of starts that are fitted to all pictures, and number of rounds of locating and fitting with the best one
     starts_followed: int = 4
     rounds: int = 3
-    #: standard deviations while starts are compared: of the tilt, of the height and of the focal length, the latter two
-    #: by themselves. The poses found serve to begin a fit.
+    #: standard deviations while starts are compared: of the tilt, and of height and focal length, relative; the poses
+    #: only have to start a fit
     angle_std_rad: float = 0.05
     height_ratio: float = 0.1
     focal_std: float = 0.06
-    #: how far lines may be away that a start, and that a result, proposes poses by
+    #: greatest ranges of lines by which poses are proposed, with a start and with a result
     start_range_m: float = 6.0
     range_m: float = 10.0
-    #: what a picture alone must show of its pose. That is less than one that is to be located: the pictures together
-    #: decide, as one camera must fit them all.
+    #: limits for the pose of a single picture, weaker than those of localisation, because one camera has to fit all
+    #: pictures
     candidates: CandidateSettings = CandidateSettings(min_probability=0.1, max_candidates=1)
     max_std_m: float = 0.3
     fit: JointFitSettings = JointFitSettings()  #: of the joint fit
 
 
-# locates a camera by a picture alone, perhaps near a pose: how probably it is right, and where it was
+# locates a camera from one picture, optionally near a pose: probability of the pose, and sighting
 Locate = Callable[[UInt8Array, Pose2 | None], tuple[float, Sighting] | None]
 
 
 class Locator(Protocol):
-    """Locates cameras by what single pictures show."""
+    """Locates cameras in single pictures."""
 
     @property
     def nothing(self) -> str:
-        """What is said where no start locates any picture."""
+        """Message if no start locates any picture."""
         ...
 
     def of_start(self, camera: PinholeCamera) -> Locate:
-        """Return what locates a camera that is about right."""
+        """Return a function that locates a start camera."""
         ...
 
     def of_fit(self, fit: JointFit) -> Locate:
-        """Return what locates a camera that was fitted."""
+        """Return a function that locates a fitted camera."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Calibrator:
-    """Fits cameras by pictures of a field."""
+    """Fits cameras to pictures of a field."""
 
     field: Field
     frames: Mapping[int, UInt8Array]  #: (H, W, 3) uint8, BGR, by index
-    prior: Mapping[int, Pose2 | None]  #: where the camera roughly was
+    prior: Mapping[int, Pose2 | None]  #: approximate poses of the camera
     locator: Locator
     settings: EdgeCalibrationSettings
 
     def best(self, starts: Sequence[PinholeCamera], trials: StartTrials) -> JointFit | NotCalibrated:
-        """Return the fit from the likeliest starts that most pictures agree with."""
+        """Return the fit with which most pictures agree, among those from the best starts."""
         settings = self.settings
         some = dict(list(self.frames.items())[:: -(-len(self.frames) // settings.start_frames)])
         ranks = trials.results(_RankStart(some, self.prior, self.locator), starts, "starts")
@@ -99,7 +98,7 @@ class Calibrator:
         return best
 
     def _followed(self, start: PinholeCamera) -> JointFit | None:
-        """Locate pictures with a start, and fit; then again with what was fitted."""
+        """Locate pictures with a start, and fit; then repeat both with the result."""
         upright = start.with_orientation(0.0, start.tilt_rad, start.roll_rad or 0.0)
         parameters = ForwardParameters(upright, bends=isinstance(start, FisheyeCamera) or start.is_bent)
         first = self.located(self.locator.of_start(upright))
@@ -107,18 +106,18 @@ class Calibrator:
         return None if fit is None else self.again(fit)
 
     def again(self, fit: JointFit) -> JointFit | None:
-        """Locate pictures with a camera that was fitted, each alone, and fit it again."""
+        """Locate pictures one by one with a fitted camera, and fit it again."""
         return self.fitted(fit.parameters, self.located(self.locator.of_fit(fit)), fit.vector)
 
     def located(self, locate: Locate) -> dict[int, Sighting]:
-        """Return the pictures that are located."""
+        """Return the located pictures."""
         found = {index: locate(frame, self.prior[index]) for index, frame in self.frames.items()}
         return {index: one[1] for index, one in found.items() if one is not None}
 
     def fitted(
         self, parameters: ForwardParameters, sightings: Mapping[int, Sighting], vector: FloatArray
     ) -> JointFit | None:
-        """Fit camera and poses from where pictures were located; None where no picture agrees."""
+        """Fit camera and poses to located pictures; None if no picture agrees."""
         return JointFitter(self.field, parameters, self.settings.fit).fit(sightings, vector)
 
 
@@ -130,7 +129,7 @@ class _RankStart:
 
     def __call__(self) -> Callable[[PinholeCamera], float]:
         def rank(camera: PinholeCamera) -> float:
-            """Return how many pictures a camera locates."""
+            """Return the expected number of pictures that a camera locates."""
             locate = self.locator.of_start(camera)
             total = 0.0
             for number, (index, frame) in enumerate(self.frames.items()):

@@ -1,7 +1,7 @@
-"""Fits one camera and its pose in each of many pictures together, by the field's edges that the pictures show.
+"""Joint fit of one camera and its poses in several pictures to the visible edges of the field.
 
-What all pictures have in common is one vector (`ForwardParameters`). Each picture has its own place, heading, and
-deviations of tilt, roll and height from their means. Edges are predicted and searched for anew in every step.
+The parameters common to all pictures are one vector (`ForwardParameters`). Each picture has its own place, heading, and
+deviations of tilt, roll and height from their means. Edges are predicted and searched again in every step.
 """
 
 from __future__ import annotations
@@ -31,56 +31,57 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.model_edges import tables
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
 
-# each picture's tilt, roll and height among the unknowns of `kernels.model_edges`
+# indices of tilt, roll and height in the unknowns of `kernels.model_edges`
 _MOUNTING = slice(tables.TILT, tables.HEIGHT + 1)
 
 
 @dataclass(frozen=True, slots=True)
 class JointFitSettings:
-    """Settings of the joint fit. Pixels are of any picture, but for those of a picture 208 wide where it says so."""
+    """Settings of the joint fit."""
 
-    #: how far a body nods, rolls and rises about its rest
+    #: standard deviations of a body's tilt and roll, and of its height, about their rest
     sway_std_rad: float = 0.01
     sway_std_m: float = 0.003
-    #: noise of a sample alone, and of what all samples of an edge have in common; gates of the first steps, pixels of a
-    #: picture 208 wide: from what a start is off down to noise; samples that a picture must show, or it is left out
+    #: noise of a single sample, and common noise of the samples of an edge, in pixels of any picture; gates of the
+    #: first steps in pixels of a picture 208 wide, decreasing from a start's error to the noise; and least number of
+    #: samples of a picture
     robust: Robust = Robust(Noise(0.15, 0.2), (4.0, 4.0, 3.0, 2.0, 1.5), 12)
-    last_steps: int = 5  #: steps that follow the gates
-    #: largest spread of a picture's residuals relative to the median picture's: one with more was placed wrongly
+    last_steps: int = 5  #: number of steps after the gates
+    #: greatest spread of a picture's residuals relative to the median picture's; pictures above it have a wrong pose
     max_spread_ratio: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """A picture of which is known where it was taken."""
+    """A located picture."""
 
     frame: UInt8Array  #: (H, W, 3) uint8: BGR
     #: (7,) float64: unknowns of `kernels.model_edges`: the camera's place, heading, tilt, roll and height; then 0
     unknowns: FloatArray
-    edges: tables.FieldEdges  #: the field's edges, paint as bright as the picture shows it
+    edges: tables.FieldEdges  #: the field's edges, with the paint brightness of the picture
 
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """A camera by many pictures."""
+    """A camera fitted to several pictures."""
 
     camera: PinholeCamera  #: the result
-    parameters: ForwardParameters  #: what the vector means
-    #: (G,), (G, G) float64: of what is common: tilt, roll (rad), height (m), logarithm of the focal length, ...
+    parameters: ForwardParameters  #: meaning of the vector
+    #: (G,), (G, G) float64: common parameters: tilt, roll (rad), height (m), logarithm of the focal length, ...
     vector: FloatArray
     covariance: FloatArray
-    unknowns: Mapping[int, FloatArray]  #: of each picture that agrees: the unknowns of `kernels.model_edges`
-    residual_px: Mapping[int, FloatArray]  #: of the samples that count in each of them
+    unknowns: Mapping[int, FloatArray]  #: unknowns of `kernels.model_edges` for each agreeing picture
+    residual_px: Mapping[int, FloatArray]  #: residuals of the inliers in each of them
 
     @property
     def rms_px(self) -> float:
-        """Root mean square of the residuals of all samples that count."""
+        """Root mean square of the residuals of all inliers."""
         return math.sqrt(float(np.mean(np.concatenate(list(self.residual_px.values())) ** 2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Picture:
-    """What a picture tells at one state."""
+    """Equations of a picture at one state."""
 
     equations: FrameEquations
     information: FloatArray
@@ -90,12 +91,12 @@ class _Picture:
 
 
 class JointFitter:
-    """Fits cameras of one kind of lens by pictures of one field.
+    """Fits cameras with one lens model to pictures of one field.
 
     Parameters
     ----------
     parameters : ForwardParameters
-        What is unknown, and the start.
+        Free parameters, and the start.
     """
 
     def __init__(
@@ -117,12 +118,12 @@ class JointFitter:
         sightings : mapping of int to Sighting
             Pictures, by index.
         vector : (G,) float64
-            Where to begin; what is believed before is the parameters' start.
+            Start of the fit; the prior is about the parameters' start.
 
         Returns
         -------
         JointFit or None
-            None where no picture agrees.
+            None if no picture agrees.
         """
         start = self._parameters.vector(self._parameters.start)
         prior = np.diag(self._parameters.start_std**-2.0)
@@ -147,7 +148,7 @@ class JointFitter:
                 unknowns[index][: tables.LOG_FOCAL] += picture.equations.own_step(step)
                 unknowns[index][_MOUNTING] += step[: HEIGHT + 1]
         scores = np.array([one.gradient for one in pictures.values()])
-        # pictures differ by more than their samples' noise
+        # differences between pictures exceed their samples' noise
         scores = (scores - scores.mean(axis=0)) * math.sqrt(len(scores) / max(len(scores) - 1, 1))
         residual_px = {index: one.residual_px for index, one in pictures.items()}
         parameters, covariance = self._parameters, sandwich(total, scores)
@@ -178,7 +179,7 @@ class JointFitter:
         return _Picture(equations, *equations.reduced(), residual[weight > 0], noise.point_std_px)
 
     def _without_misplaced(self, pictures: dict[int, _Picture]) -> dict[int, _Picture]:
-        """Return the pictures that the camera fits about as well as the median one."""
+        """Return the pictures whose residuals are comparable to the median one's."""
         spreads = [one.spread_px for one in pictures.values()]
         most = self._settings.max_spread_ratio * float(np.median(spreads)) if spreads else 0.0
         return {index: one for index, one in pictures.items() if one.spread_px <= most}

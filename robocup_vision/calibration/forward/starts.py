@@ -1,7 +1,7 @@
 """Starts of a calibration: the known parameters of a camera, and trial values of lens and mounting for the others.
 
-A fisheye's circle is found by its rim: what is dark in every picture and reaches a corner is beyond the lens, or a part
-of the robot. The border of the lens is a circle about the picture's middle; that of a robot's part is none.
+A fisheye's image circle is found by its rim. Regions that are dark in every picture and reach a corner are beyond the
+lens or part of the robot. The lens's border is a circle about the picture's middle; that of the robot is not.
 """
 
 from __future__ import annotations
@@ -19,39 +19,39 @@ from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 
-# what is tried where it is not known: steps are as far apart as a fit bridges
+# trial values of unknown parameters, with steps within the convergence range of a fit
 # least and greatest horizontal field of view
 _VIEWS_RAD = {
     "pinhole": (math.radians(42.0), math.radians(96.0)),
     "fisheye": (math.radians(75.0), math.radians(190.0)),
 }
-# from one focal length to the next, as a logarithm
+# step of the focal length, as a logarithm
 _FOCAL_STEP = 0.13
-# of small robots to those of the middle size, and large humanoids
+# from small robots to those of the middle size, and large humanoids
 _HEIGHTS_M = (0.16, 0.21, 0.28, 0.37, 0.5, 0.66, 0.88)
-# least and greatest tilt, and from one to the next
+# least and greatest tilt, and step
 _TILTS_RAD, _TILT_STEP_RAD = (-0.7, 0.1), 0.1
-# logarithms of the focal length that are tried about that of a camera file
+# deviations from a camera file's focal length, as logarithms
 _LOG_FOCALS = (-0.16, -0.08, 0.0, 0.08, 0.16)
-# of the brightness of the picture's middle third: a rim is darker in every picture; light strays into it
+# brightness of a rim relative to the picture's middle third, above that of stray light
 _DARK = 0.15
-# of the radius: how near to the circle the border is; and of all directions in which a circle has a border in the
-# picture, those in which it is found there
+# greatest distance of the border from the circle, relative to the radius; least ratio of the directions with a visible
+# circle in which the border is found
 _NEAR, _MIN_FOUND = 0.01, 0.8
 _DIRECTIONS = 360
 _MIN_DIRECTIONS = 40
-# of the greatest radius, what is used: lenses fade towards the rim
+# usable ratio of the greatest radius, because lenses darken towards the rim
 _USED = 0.98
 LENS_MODELS: tuple[LensModel, ...] = ("pinhole", "fisheye")
 
 
 def dark_rim(frames: Sequence[UInt8Array]) -> tuple[float, float, float] | None:
-    """Return centre u, v and radius (px) of the circle outside of which all pictures are dark; None without one.
+    """Return centre u, v and radius (px) of the circle beyond which all pictures are dark; None without one.
 
     Parameters
     ----------
     frames : sequence of (H, W, 3) uint8
-        BGR, of one camera: the more of them, the less often something dark is taken for the rim.
+        BGR, of one camera; more frames reduce confusion of dark objects with the rim.
     """
     brightest = np.max([cv2.blur(np.max(frame, axis=-1), (3, 3)) for frame in frames], axis=0).astype(np.float64)
     height, width = brightest.shape
@@ -75,13 +75,13 @@ def dark_rim(frames: Sequence[UInt8Array]) -> tuple[float, float, float] | None:
 
 
 def circle_of(rim: tuple[float, float, float], center_px: tuple[float, float]) -> tuple[float, float]:
-    """Return the inner and outer radius (px) about a lens's centre that a rim leaves in use."""
+    """Return the usable inner and outer radius (px) about a lens's centre, limited by a rim."""
     u, v, radius = rim
     return 0.0, _USED * radius - float(np.hypot(u - center_px[0], v - center_px[1]))
 
 
 def _outermost(lit: BoolArray) -> FloatArray:
-    """(N, 2) float64: the last lit pixels along rays from the middle that are dark from there to the border."""
+    """(N, 2) float64: the outermost lit pixels on rays from the middle, if not at the picture's border."""
     height, width = lit.shape
     middle = np.array([(width - 1) / 2, (height - 1) / 2])
     found = []
@@ -97,7 +97,7 @@ def _outermost(lit: BoolArray) -> FloatArray:
 
 
 def _circle(points: FloatArray) -> tuple[float, float, float]:
-    """Centre and radius of the circle through points (N, 2), by least squares of the squared radius."""
+    """Return centre and radius of the circle through points (N, 2), by least squares of the squared radius."""
     design = np.column_stack([2.0 * points, np.ones(len(points))])
     (u, v, rest), *_ = np.linalg.lstsq(design, (points**2).sum(axis=1), rcond=None)
     return float(u), float(v), float(np.sqrt(max(rest + u * u + v * v, 1e-9)))
@@ -108,23 +108,23 @@ LensModel = Literal["pinhole", "fisheye"]
 
 @dataclass(frozen=True, slots=True)
 class KnownOfCamera:
-    """What is roughly known of a camera; None: nothing.
+    """Rough knowledge of a camera; None is unknown.
 
     Parameters
     ----------
     model : {"pinhole", "fisheye"}
-        Of its lens.
+        Model of the lens.
     view_rad : float or None
-        Horizontal field of view, to a tenth.
+        Horizontal field of view, within 10 %.
     height_m : float or None
-        Of the lens over the floor, to a tenth.
+        Height of the lens above the floor, within 10 %.
     tilt_rad : float or None
-        To 3 degrees; negative where it looks down. It must be the same in all pictures.
+        Tilt within 3 degrees, negative downwards. It must be the same in all pictures.
 
     Raises
     ------
     ArgumentError
-        A value is out of its bounds.
+        If a value is out of its bounds.
     """
 
     model: LensModel = "pinhole"
@@ -146,9 +146,9 @@ class KnownOfCamera:
 
 
 def starts_of(size_px: tuple[int, int], known: KnownOfCamera | PinholeCamera) -> list[PinholeCamera]:
-    """Return cameras of which one is about right, where nothing tells the centre with it in the picture's middle.
+    """Return cameras of which one is close to the true one; an unknown centre is the picture's middle.
 
-    Of a camera they have its height, focal lengths about its own, and its tilt if it has one.
+    Starts from a camera have its height, focal lengths near its own, and its tilt if it has one.
     """
     tilts = _tilts() if known.tilt_rad is None else [known.tilt_rad]
     if isinstance(known, PinholeCamera):
@@ -178,6 +178,6 @@ def _tilts() -> list[float]:
 
 
 def _focal_px(width_px: int, view_rad: float, model: LensModel) -> float:
-    """Focal length with which a lens shows so much of the horizon across the picture."""
+    """Return the focal length for a horizontal field of view."""
     half = view_rad / 2
     return 0.5 * width_px / (math.tan(half) if model == "pinhole" else half)

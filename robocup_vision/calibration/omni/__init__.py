@@ -1,1 +1,1 @@
-"""Calibrates a mirror camera from unlabelled images of the field."""
+"""Calibration of a mirror camera from unlabelled images of the field."""

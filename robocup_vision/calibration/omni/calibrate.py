@@ -1,12 +1,12 @@
-"""Calibrates a mirror camera by unlabelled frames of the field: centre, tilt and curve, with the pose of each frame.
+"""Calibration of a mirror camera from unlabelled frames of the field: centre, tilt and curve, and a pose of each frame.
 
-1. Points: the floor's edge and the white lines of each frame are found by the start camera, or by a guess.
-2. Starts: curves of several horizons and scales, each with poses by the localisers and a short fit. The best few are
-   fitted to the end, with weights that narrow down to the points' own accuracy (`starts`).
-3. The points are found again by the new camera, the poses are searched over the whole field, and all is fitted again
+1. Points: the floor's edge and the white lines of each frame are detected with the start camera, or a guess.
+2. Starts: curves of several horizons and scales, each with poses from the localisers and a short fit. The best few are
+   fitted until convergence, with weights that narrow down to the points' accuracy (`starts`).
+3. The points are detected again with the new camera, the poses are searched on the whole field, and the fit is repeated
    (`fit`).
-4. The family of curves, and whether the tilt is fitted, are chosen by held-out points (`choice`).
-5. Without walls, each frame is looked at by the camera found: the robot must find itself where the fit puts it.
+4. Cross-validation chooses the family of curves, and whether the tilt is fitted (`choice`).
+5. Without walls, the pose in each frame located with the result must agree with the fit's.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ __all__ = ["CalibratedFrame", "NotCalibrated", "OmniCalibration", "calibrate_omn
 def guessed_cameras(
     field: Field, size_px: tuple[int, int], settings: OmniCalibrationSettings = OmniCalibrationSettings()
 ) -> list[OmniCamera]:
-    """Guess mirror cameras for a field by the size of their images alone.
+    """Return guesses of a mirror camera for a field, from the images' size alone.
 
-    The centre is the images' middle. The floor range at half of the radius grows from one camera to the next. Where
-    walls bound the floor there is one camera: the search finds the range.
+    The centre is the images' middle. The cameras differ in the floor range at half the radius. On a field with walls
+    there is one camera, because the search determines the range.
     """
     width, height = size_px
     side = min(width, height)
@@ -78,27 +78,26 @@ def calibrate_omni(
     settings: OmniCalibrationSettings = OmniCalibrationSettings(),
     trials: StartTrials | None = None,
 ) -> OmniCalibration | NotCalibrated:
-    """Calibrate a mirror camera by frames of a field, taken anywhere on it, at any heading.
+    """Calibrate a mirror camera from frames of a field, taken at any place and heading.
 
-    Heading, offset and mirroring of the camera on the robot are taken from the start: pictures of a field do not show
-    them.
+    Heading, offset and mirroring of the camera are taken from the start, because images of a field do not show them.
 
     Parameters
     ----------
     frames : sequence of (H, W, 3) uint8
-        BGR, all of one size. They are read one at a time, several times each, so they may lie on a disk. One that
-        raises a `FrameError` is left out.
+        BGR, all of one size. They are read one at a time, and several times, so the sequence may read them from a disk.
+        Frames that raise a `FrameError` are left out.
     start : OmniCamera, optional
-        Start of the fit. Without it the centre starts in the image's middle, with curves of every kind. Where there are
-        no walls, and nothing like the start is an answer, curves of every kind are tried about its centre.
+        Start of the fit. Without it the centre starts in the image's middle, with curves of several kinds. If a field
+        has no walls, and no camera near the start fits, several curves are tested about its centre.
     mask : (H, W) uint8, optional
-        Pixels where it is not zero are not used.
+        Non-zero pixels are ignored.
     names : sequence of str, optional
-        Of the frames; "frame 0" and so on unless given.
+        Names of the frames; "frame 0" and so on by default.
     max_frames : int
-        Largest number of frames used; they are evenly spread.
+        Greatest number of frames in use; they are evenly spread.
     trials : StartTrials, optional
-        Tries the starts: with other workers, or where an interrupted calibration was.
+        Evaluates the starts, with workers or after an interruption.
 
     Raises
     ------
@@ -119,7 +118,7 @@ def calibrate_omni(
     answer = _Calibration(field, frames, labels, chosen, start, mask, settings, trials).run()
     if isinstance(answer, OmniCalibration) or start is None or field.is_bounded:
         return answer
-    # a few lines are explained by several cameras, and the one nearest to a wrong start need not be the best of them
+    # few lines are compatible with several cameras, and the one near a wrong start need not be the best
     other = _Calibration(field, frames, labels, chosen, None, mask, settings, trials, mount=start).run()
     if not isinstance(other, OmniCalibration):
         return answer
@@ -127,9 +126,9 @@ def calibrate_omni(
 
 
 class _Calibration:
-    """One calibration, step by step.
+    """One calibration.
 
-    `mount`: camera whose heading, offset and mirroring are taken, without its curve; used where there is no start.
+    `mount`: camera that provides heading, offset and mirroring but no curve; used without a start.
     """
 
     def __init__(
@@ -261,18 +260,18 @@ class _Calibration:
         return self.settings.max_unknown_log_curve if self.start is None else self.settings.max_log_curve
 
     def _answers(self, fits: Sequence[Fit], search: Search) -> list[_Explained]:
-        """Return the fits repeated with points found by their own cameras, the best first."""
+        """Return the fits repeated with points from their own cameras, best first."""
         explained = [self._refitted(fit, search) for fit in fits]
         found = [e for e in explained if e is not None]
         most = max((len(e.sightings) for e in found), default=1)
         return sorted((e.of_frames(most) for e in found), key=lambda e: e.fit.cost)
 
     def _refitted(self, fit: Fit, search: Search) -> _Explained | None:
-        """Find the points again by a fit's camera, locate every frame again, and repeat the fit."""
+        """Measure the points again with a fit's camera, locate every frame again, and repeat the fit."""
         camera, settings = fit.camera, self.settings
         inner, outer = camera.usable_radius_px
         if self.start is None:
-            # floor farther away than the field is long is not on the field
+            # floor beyond this is outside the field
             farthest_m = settings.farthest_diagonals * float(np.hypot(*np.ptp(self.field.floor_polygon, axis=0)))
             outer = min(outer, float(camera.floor_range.radius_px(1.0 / farthest_m)))
         cut = dataclasses.replace(camera, usable_radius_px=(inner, outer))
@@ -294,10 +293,10 @@ class _Calibration:
         return _Explained(dataclasses.replace(fit, poses=kept), sightings, search, dict(self.notes))
 
     def _with_poses(self, sightings: list[Sighting], search: Search, camera: OmniCamera) -> list[Sighting]:
-        """Return the sightings that have a pose; where the localiser gave none, the pose is searched by lines alone.
+        """Return the sightings with a pose, from the localiser or else by a search with lines alone.
 
-        By a camera that is not yet right the localiser seldom gives a pose. A wrong pose by lines is found out later,
-        as the frame's points then disagree with the fit.
+        An inaccurate camera seldom gives a pose by the localiser. Wrong poses from lines are rejected later, because
+        the frame's points then disagree with the fit.
         """
         located = []
         for sighting in sightings:
@@ -311,7 +310,7 @@ class _Calibration:
         return located
 
     def _agreeing(self, sightings: list[Sighting], fit: Fit, points: Points, unit_px: float) -> list[Sighting]:
-        """Return the sightings whose points agree with a fit, with the fit's poses."""
+        """Return the sightings whose points agree with a fit, with its poses."""
         kept = []
         for place, sighting in enumerate(sightings):
             agrees = np.abs(fit.residual_px[points.frame == place]) < self.settings.agreement * unit_px
@@ -379,7 +378,7 @@ class _Calibration:
 
 @dataclass(frozen=True, eq=False)
 class _Explained:
-    """A fit to points found by its own camera: the fit, the frames that agree with it, and notes on the others."""
+    """A fit to points from its own camera, with the agreeing frames, and notes on the others."""
 
     fit: Fit
     sightings: list[Sighting]
@@ -387,14 +386,14 @@ class _Explained:
     notes: dict[int, str]
 
     def of_frames(self, count: int) -> _Explained:
-        """Return the same with the fit's mean cost over `count` frames, where a frame that was left out costs 1."""
+        """Return this with the mean cost over `count` frames, of which missing ones have cost 1."""
         ratio = len(self.sightings) / count
         fit = dataclasses.replace(self.fit, cost=ratio * self.fit.cost + 1.0 - ratio)
         return dataclasses.replace(self, fit=fit)
 
 
 def _distinct(fits: Sequence[Fit], max_ratio: float, settings: OmniCalibrationSettings) -> list[Fit]:
-    """Return, of fits ordered by cost, the best and those about as good whose cameras differ from all kept before."""
+    """Return the best of fits in order of cost, and those of similar cost whose cameras differ from all before."""
     kept = [fits[0]]
     for fit in fits[1:]:
         if fit.cost > max_ratio * fits[0].cost + settings.rival_excess:
@@ -408,6 +407,6 @@ def _distinct(fits: Sequence[Fit], max_ratio: float, settings: OmniCalibrationSe
 
 
 def _difference(fit: Fit, other: Fit) -> tuple[float, float]:
-    """Distance of two cameras' centres, pixels, and relative difference of their curves' main numbers."""
+    """Distance of two cameras' centres in pixels, and relative difference of their curves' main parameters."""
     difference = np.abs(fit.vector - other.vector)
     return float(np.hypot(*difference[CENTER])), float(difference[SCALE : HORIZON + 1].max())

@@ -1,4 +1,4 @@
-"""Chooses a mirror's family of curves, and whether its tilt is fitted, by points that are held out of the fit."""
+"""Choice of a mirror's family of curves, and whether to fit its tilt, by cross-validation; checks of the result."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ MORE = "give more frames, from other places and headings"
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One family of cameras that was tried."""
+    """One evaluated family of cameras."""
 
     curve: Curve  #: its curve
-    tilted: bool  #: whether its tilt was free
-    held_out_cost: float  #: mean robust loss, 0 to 1, of the points held out of the fit
-    held_out_px: float  #: median distance of those that agree, pixels
+    tilted: bool  #: whether its tilt was fitted
+    held_out_cost: float  #: mean robust loss, 0 to 1, of the held-out points
+    held_out_px: float  #: median residual of their inliers, pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Trial:
     choice: Choice
-    # (N,) of each point under the fit it was held out of
+    # (N,) loss of each point under the fit that did not use it
     loss: FloatArray
 
 
 class Chooser:
-    """Tries families of cameras on the same points.
+    """Compares families of cameras on the same points.
 
     Parameters
     ----------
     fit : Fit
         Start of every family.
     max_change : (float, float, float)
-        Largest changes from the start, see `CameraModel.bounds`.
+        Greatest changes from the start, see `CameraModel.bounds`.
     unit_px : float
         Pixels of one unit of residuals, see `Search.unit_px`.
     settings : OmniCalibrationSettings, optional
@@ -70,17 +70,17 @@ class Chooser:
         sectors = settings.choice.sectors
         offset = points.pixels - np.array(fit.camera.center_px)
         sector = np.floor(np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) * sectors).astype(int)
-        # other sectors in every other frame, so that no direction is held out everywhere
+        # alternating between frames, so that no direction is held out in all of them
         self._half = halves(sector + points.frame, points.frame)
         self._tried: tuple[_Trial, ...] = ()
-        # the errors of one sector's points in one frame are correlated
+        # errors within one sector of a frame are correlated
         self._group = np.unique(points.frame * 2 * sectors + sector, return_inverse=True)[1].ravel()
 
     def choose(self) -> tuple[Choice, ...]:
-        """Return all that was tried, the best first: the fit's family, level, unless another is significantly better.
+        """Return all choices, best first: the fit's family without tilt, unless another is significantly better.
 
-        Where lines may be painted beside their places in the field file, a tilt is seldom significant, and a level
-        camera would move all of it into the centre. There the tilt stays free under its prior.
+        If painted lines may deviate from the field file, a tilt is seldom significant, and an untilted camera would
+        compensate all of it by its centre. There the tilt is always fitted, under its prior.
         """
         usual = self.fit.model.curve
         assert usual != "magnified"
@@ -100,14 +100,14 @@ class Chooser:
         return (best.choice, *others)
 
     def equally_good(self, chosen: Choice) -> tuple[Choice, ...]:
-        """Return the other curves that were tried and, tilted alike, explain the held-out points as well."""
+        """Return the other tilted curves that are not significantly worse on the held-out points."""
         best = next((trial for trial in self._tried if trial.choice is chosen), None)
         if best is None:
             return ()
         return tuple(one.choice for one in self._tried if one is not best and not self._is_better(best, one))
 
     def _is_tilted(self, choice: Choice) -> bool:
-        """Whether the tilt found is significant."""
+        """Whether the fitted tilt is significant."""
         fit = self.final(choice, self._settings.scale_px)
         joint = self._joint(self.points)
         covariance = joint.covariance(fit)[TILT, TILT]
@@ -119,7 +119,7 @@ class Chooser:
         return bool(gain.sum() > self._settings.min_gain_stds * np.sqrt(np.sum(gain**2)))
 
     def final(self, choice: Choice, scale_px: float) -> Fit:
-        """Fit a family to all points, with a last residual scale in pixels."""
+        """Fit a family to all points, with a final residual scale in pixels."""
         return self._fit(self.points, choice.curve, choice.tilted, (*self._scales, scale_px))
 
     def _try(self, curve: Curve, tilted: bool) -> _Trial:
@@ -156,18 +156,18 @@ class Chooser:
 
 
 def halves(sector: Int64Array, frame: Int64Array) -> Int64Array:
-    """Divide points (N,) into halves 0 and 1 by every other sector, so that each frame has points in both.
+    """Split points (N,) into halves 0 and 1 by even and odd sectors, so that each frame has points in both.
 
     Parameters
     ----------
     frame : (N,) int64
-        Its frame, of at least two points.
+        Frame of each point; at least two points in each.
     """
     half = sector % 2
     for one in np.unique(frame):
         own = np.flatnonzero(frame == one)
         if len(np.unique(half[own])) == 1:
-            # a frame that shows a line in one direction only
+            # all points in one sector
             half[own] = np.arange(len(own)) % 2
     return half
 
@@ -176,13 +176,13 @@ def halves(sector: Int64Array, frame: Int64Array) -> Int64Array:
 class CalibratedFrame:
     """One frame of a calibration."""
 
-    index: int  #: index among the frames given
+    index: int  #: index in the given sequence
     name: str
-    pose: Pose2  #: of the robot; on a point-symmetric field perhaps half a turn off
+    pose: Pose2  #: of the robot; on a point-symmetric field possibly rotated by half a turn
     #: (B, 2) float64, (L, 2) float64: points of the floor's edge and of painted lines
     boundary_px: FloatArray
     line_px: FloatArray
-    #: (B,) float64, (L,) float64: their signed distances from the walls and lines of the pose
+    #: (B,) float64, (L,) float64: their signed residuals from the walls and lines
     boundary_residual_px: FloatArray
     line_residual_px: FloatArray
 
@@ -193,16 +193,16 @@ class OmniCalibration:
 
     camera: OmniCamera  #: ready for a camera file
     frames: tuple[CalibratedFrame, ...]  #: the frames used
-    #: standard deviations: ``center_u_px``, ``center_v_px``, ``tilt_x_rad``, ``tilt_y_rad``, and, relative, those of
-    #: the curve's two main numbers, ``scale`` (near the centre) and ``horizon``. They are marginal: a number that
-    #: correlates with another has a large one.
+    #: standard deviations: ``center_u_px``, ``center_v_px``, ``tilt_x_rad``, ``tilt_y_rad``, and the relative ones of
+    #: the curve's main parameters, ``scale`` (near the centre) and ``horizon``. They are marginal, so that they are
+    #: large for correlated parameters.
     std: dict[str, float]
-    choices: tuple[Choice, ...]  #: families of curves that were tried, the chosen one first
-    notes: tuple[str, ...]  #: what the images do not determine, or do not separate, and which frames were left out
+    choices: tuple[Choice, ...]  #: evaluated families of curves, the chosen one first
+    notes: tuple[str, ...]  #: parameters that the images do not determine or separate, and unused frames
 
 
 def standard_deviations(covariance: FloatArray) -> dict[str, float]:
-    """Name the square roots of a covariance's diagonal (G, G) as `OmniCalibration.std` does."""
+    """Return the square roots of a covariance's diagonal (G, G) with the names of `OnlineCalibration.std`."""
     std = np.sqrt(np.diag(covariance))
     names = ("center_u_px", "center_v_px", "tilt_x_rad", "tilt_y_rad", "scale", "horizon")
     return {name: float(value) for name, value in zip(names, std, strict=False)}
@@ -211,10 +211,10 @@ def standard_deviations(covariance: FloatArray) -> dict[str, float]:
 def range_std(
     fit: Fit, covariance: FloatArray, radius_px: FloatArray, equally_good: Sequence[OmniCamera] = ()
 ) -> FloatArray:
-    """Return the largest relative standard deviation (R,), all around, of the floor's range at some image radii (R,).
+    """Return the greatest relative standard deviation (R,), over all bearings, of the floor range at image radii (R,).
 
-    The range is measured from the foot of the mirror's axis, where the calibration puts the robot. A centre and a tilt
-    that compensate for each other do not change it. Cameras that explain the images as well count as likely.
+    The range is measured from the foot of the mirror's axis, where the calibration puts the robot, so that a centre and
+    a tilt that compensate for each other do not change it. Equally good cameras contribute their differences.
     """
     bearing = np.arange(12) * math.tau / 12
     pixels = fit.camera.polar_to_pixel(bearing[:, None], radius_px[None]).reshape(-1, 2)
@@ -236,14 +236,14 @@ def range_std(
 def undetermined(
     fit: Fit, covariance: FloatArray, tilted: bool, unknown: bool, settings: OmniCalibrationSettings
 ) -> list[str]:
-    """Return a sentence for each number that the images do not determine, or do not separate from another.
+    """Return a note for each parameter that the images do not determine, or do not separate from another.
 
     Parameters
     ----------
     tilted : bool
         Whether the tilt was fitted.
     unknown : bool
-        Whether there was no start.
+        Whether there is no start.
     settings : OmniCalibrationSettings
         Its `max_correlation` is used.
     """
@@ -273,25 +273,25 @@ def confirmed(
     mask: UInt8Array | None = None,
     settings: OmniCalibrationSettings = OmniCalibrationSettings(),
 ) -> tuple[list[Sighting], dict[int, str]]:
-    """Look at the frames of a fit by its camera.
+    """Verify a fit by locating the robot in each frame with the fitted camera.
 
     Parameters
     ----------
     frames : sequence of (H, W, 3) uint8
-        All frames, of which the sightings' indices speak.
+        All frames, to which the sightings' indices refer.
     fit : Fit
         Camera, and the pose of each sighting.
     mask : (H, W) uint8, optional
-        Pixels where it is not zero are not used.
+        Non-zero pixels are ignored.
     settings : OmniCalibrationSettings, optional
         Its `max_confirmed_radii` and `points` are used.
 
     Returns
     -------
     list of Sighting
-        Those in whose frames the robot finds itself where the fit puts it, with the fit's poses.
+        Sightings whose located pose agrees with the fit, with the fit's poses.
     dict of int to str
-        Why each other frame, by its index, was not confirmed.
+        Reason for each other frame, by its index.
     """
     observer = Observer(field, fit.model.written(fit.vector), mask, locate=True, settings=settings.points)
     max_m = settings.max_confirmed_radii * field.robot_radius_m
@@ -310,21 +310,21 @@ def confirmed(
 
 @dataclass(frozen=True, eq=False)
 class Trust:
-    """Says why a fit cannot be trusted."""
+    """Checks whether a fit is reliable."""
 
     field: Field
     line_map: LineMap
-    started: bool  #: whether there was a start
+    started: bool  #: whether there is a start
     unit_px: float  #: pixels of one unit of residuals, see `Search.unit_px`
     settings: OmniCalibrationSettings = OmniCalibrationSettings()  #: its limits are used
 
     def problem(self, fit: Fit, covariance: FloatArray, points: Points, model: CameraModel) -> str:
-        """Return why a fit cannot be trusted; empty if it can.
+        """Return why a fit is not reliable; empty if it is.
 
         Parameters
         ----------
         model : CameraModel
-            The family that the search began with; its `frame` is the start.
+            The family at the start of the search; its `frame` is the start.
         """
         settings = self.settings
         agrees = np.abs(fit.residual_px) < settings.agreement * self.unit_px
@@ -357,7 +357,7 @@ class Trust:
         return ""
 
     def range_note(self, fit: Fit, covariance: FloatArray, equally_good: Sequence[OmniCamera] = ()) -> str:
-        """Return how well the floor's range is known, near and far; by cameras that explain the images as well, too."""
+        """Return the standard deviations of the floor range, near and far, also with equally good cameras."""
         known = self._known(self._range_std(fit, covariance))
         if not equally_good:
             return f"its standard deviation is {known}"
@@ -376,7 +376,7 @@ class Trust:
         return range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / self._range_m), equally_good)
 
     def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
-        """Return why lines alone do not determine a camera; empty if they do."""
+        """Return why lines alone do not determine the camera; empty if they do."""
         settings = self.settings
         features = self._features(fit, points, agrees)
         single, unknown = len(fit.poses) == 1, not self.started
@@ -385,7 +385,7 @@ class Trust:
         few = single and features <= settings.min_started_features
         height_m, highest_m = fit.camera.height_m or 0.0, settings.max_height_radii * self.field.robot_radius_m
         if few and unknown and height_m > highest_m:
-            # a field of like shape and other size is explained by a higher mirror
+            # a similar field of another size fits with a higher mirror
             return (
                 f"the curve is that of a mirror {height_m:.2f} m high, more than robots are: is field "
                 f"'{self.field.name}' that of the image? {MORE}, or a start"
@@ -402,7 +402,7 @@ class Trust:
         return ""
 
     def _features(self, fit: Fit, points: Points, agrees: npt.NDArray[np.bool_]) -> int:
-        """Count the field's lines and arcs that have enough points on them."""
+        """Return the number of the field's lines and arcs with enough points."""
         floor_m = fit.camera.pixel_to_floor(points.pixels[agrees])
         frame = points.frame[agrees]
         count = np.zeros(len(self.field.lines) + len(self.field.arcs), dtype=np.int64)

@@ -1,12 +1,12 @@
-"""One robust least-squares fit of a mirror camera and of the robot's pose in every frame, to walls and lines seen.
+"""Robust least-squares fit of a mirror camera and of the robot's pose in every frame to measured walls and lines.
 
-Every residual is the distance in pixels, across it, of a measured point from where the field's wall or line lies in
-the image: metric residuals would reward a curve that shrinks the field. It is written in homogeneous floor points
-(X, Y, W), which pass through the horizon (W = 0) smoothly: a straight wall or line with normal n and distance d is
-n.(X, Y) = d W, and the difference G of both sides over |dG/dpixel| is the distance in pixels.
+A residual is the perpendicular distance in pixels of a measured point from the projected wall or line: metric residuals
+would reward a curve that shrinks the field. It is computed with homogeneous floor points (X, Y, W), which are smooth
+across the horizon (W = 0): a straight wall or line with normal n and distance d is n.(X, Y) = d W, and the difference G
+of both sides over |dG/dpixel| is the distance in pixels.
 
-A laboratory's lines are painted by hand, centimetres off the drawing. A camera fitted to the drawing would absorb those
-centimetres into its centre and tilt, so a fit may move each line and arc by three numbers (`OnPaint`).
+Hand-painted lines may deviate from the field file by centimetres. A camera fitted to the file would absorb the
+deviation in its centre and tilt, so a fit may move each line and arc by three parameters (`OnPaint`).
 """
 
 from __future__ import annotations
@@ -36,28 +36,28 @@ from robocup_vision.calibration.omni.settings import JointFitSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.lines import nearest_lines
 
-# sideways at the start and at the end of a line; radius and centre of an arc
+# sideways at the start and at the end of a line; or radius and centre of an arc
 _NUMBERS = 3
-# steps of the numerical derivatives, in the vector's own units
+# step of the numerical derivatives, in each parameter's unit
 _STEP = 1e-4
 _MIN_SLOPE = 1e-9
 
 
 class LineForms(NamedTuple):
-    """On which line or arc floor points lie, and their covectors."""
+    """Lines or arcs of floor points, with their covectors."""
 
-    which: Int64Array  #: (N,) int64: the line; arcs follow the lines
-    form: FloatArray  #: (N, 3) float64: n_x, n_y, -d of the line; an arc's is that of its tangent there
-    part: FloatArray  #: (N,) float64: how far along the line, 0 at its start to 1 at its end; NaN on an arc
+    which: Int64Array  #: (N,) int64: index of the line; arcs follow the lines
+    form: FloatArray  #: (N, 3) float64: n_x, n_y, -d of the line, or of an arc's tangent at the point
+    part: FloatArray  #: (N,) float64: position along the line, from 0 to 1; NaN on an arc
 
 
 class FieldShape:
-    """A field's walls and lines, from which distances of points are measured.
+    """A field's walls and lines, for residuals of points.
 
     Parameters
     ----------
     settings : JointFitSettings, optional
-        Says how far away a line point may be.
+        Provides the greatest range of a line point.
     """
 
     def __init__(self, field: Field, settings: JointFitSettings = JointFitSettings()) -> None:
@@ -68,9 +68,9 @@ class FieldShape:
         ends = np.vstack([self.walls, self.lines])
         along = ends[:, 2:] - ends[:, :2]
         normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
-        # (S, 3): n_x, n_y, -d of every straight thing
+        # (S, 3): n_x, n_y, -d of all straight walls and lines
         self.straight = np.column_stack([normal, -np.einsum("ij,ij->i", normal, ends[:, :2])])
-        # walls stand where the field has them, and tell where the lines are
+        # walls are where the field file says, and fix the pose without the lines
         self.paint_std_m = 0.0 if field.is_bounded else settings.paint_std_widths * field.line_width_m
 
     def visible_wall(self, eye_m: FloatArray, direction: FloatArray) -> Int64Array:
@@ -86,7 +86,7 @@ class FieldShape:
         return np.where(np.isfinite(t[np.arange(len(t)), wall]), wall, -1)
 
     def nearest(self, field_m: FloatArray) -> LineForms:
-        """Return the lines and arcs that floor points (N, 2), field frame, lie nearest to."""
+        """Return the lines and arcs nearest to floor points (N, 2), field frame."""
         _, _, which = nearest_lines(np.ascontiguousarray(field_m), self.lines, self.arcs)
         count = len(self.lines)
         form = np.empty((len(which), 3))
@@ -104,27 +104,27 @@ class FieldShape:
 
 
 def homogeneous(camera: OmniCamera, pixels: FloatArray) -> FloatArray:
-    """Floor points (N, 3) as X, Y, W, robot frame: the floor point is (X, Y) / W, and W <= 0 from the horizon on."""
+    """Return floor points (N, 3) as X, Y, W, robot frame: the place is (X, Y) / W; W <= 0 on and above the horizon."""
     ray, (x_m, y_m, height_m) = camera.pixel_to_ray(pixels), camera.viewpoint_m
     weight = -ray[:, 2] / height_m
     point = np.column_stack([ray[:, 0] + weight * x_m, ray[:, 1] + weight * y_m, weight])
-    # the curve says nothing there
+    # the curve is undefined there
     point[np.isnan(weight)] = -1.0
     return point
 
 
 @dataclass(frozen=True, eq=False)
 class OnPaint:
-    """Which points lie on a line or arc near the field, and how its paint moves what they are compared with."""
+    """Points on lines or arcs, and the effect of painted deviations on their covectors."""
 
-    is_line: npt.NDArray[np.bool_]  #: (N,) bool: of all points
+    is_line: npt.NDArray[np.bool_]  #: (N,) bool: whether each point is on a line or arc
     which: Int64Array  #: (K,) int64: line or arc of each of those points
-    #: (K, 3) float64: by how much the line lies farther out at that point, for each of its paint's numbers
+    #: (K, 3) float64: derivatives of the line's outward shift at the point by the paint's parameters
     by_paint: FloatArray
 
     @staticmethod
     def of(is_line: npt.NDArray[np.bool_], lines: LineForms) -> OnPaint:
-        """Return those of points (N,), some of which lie on these lines."""
+        """Return those for points (N,), of which some are on these lines."""
         straight = np.isfinite(lines.part)
         by_paint = np.ones((len(lines.which), _NUMBERS))
         part = lines.part[straight]
@@ -133,11 +133,11 @@ class OnPaint:
         return OnPaint(is_line, lines.which, by_paint)
 
     def move(self, covector: FloatArray, paint_m: FloatArray) -> None:
-        """Move the points' covectors (N, 3) in place to where paint (L, 3) lies, see `Fit`."""
+        """Shift the points' covectors (N, 3) in place by the paint (L, 3), see `Fit`."""
         covector[self.is_line, 2] -= np.einsum("ij,ij->i", self.by_paint, paint_m[self.which])
 
     def derivative(self, weight: FloatArray, paint_m: FloatArray) -> FloatArray:
-        """Return the derivative (N, 3 L) of what covectors say of points with W (N,) by the numbers of paint (L, 3)."""
+        """Return derivatives (N, 3 L) of covector times point, with W (N,), by the parameters of paint (L, 3)."""
         by_paint = np.zeros((len(weight), paint_m.size))
         columns = _NUMBERS * self.which[:, None] + np.arange(_NUMBERS)
         by_paint[np.flatnonzero(self.is_line)[:, None], columns] = -self.by_paint * weight[self.is_line, None]
@@ -146,15 +146,15 @@ class OnPaint:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Measured points of several frames, frame by frame."""
+    """Measured points of several frames, ordered by frame."""
 
-    pixels: FloatArray  #: (N, 2) float64: places in the image
+    pixels: FloatArray  #: (N, 2) float64: image points
     frame: Int64Array  #: (N,) int64: index of the frame, ascending; every frame has points
-    is_line: npt.NDArray[np.bool_]  #: (N,) bool: on a painted line; else at the foot of a wall
-    weight: FloatArray  #: (N,) float64: weight of each
+    is_line: npt.NDArray[np.bool_]  #: (N,) bool: whether it is on a painted line; else it is at the foot of a wall
+    weight: FloatArray  #: (N,) float64: weights
 
     def take(self, chosen: npt.NDArray[np.bool_]) -> Points:
-        """Return the points where this mask is true."""
+        """Return the points selected by a mask."""
         return Points(self.pixels[chosen], self.frame[chosen], self.is_line[chosen], self.weight[chosen])
 
     @property
@@ -165,32 +165,32 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A camera and poses that explain the points."""
+    """A camera and poses fitted to points."""
 
-    model: CameraModel  #: the family
-    vector: FloatArray  #: (G,) float64: its member
+    model: CameraModel  #: family of the camera
+    vector: FloatArray  #: (G,) float64: parameters of the camera
     poses: FloatArray  #: (F, 3) float64: x, y, theta of the robot in every frame
     cost: float  #: weighted mean of r^2 / (r^2 + s^2), 0 to 1
-    #: (N,) float64: signed distances; infinite where a line point shows no floor near the field
+    #: (N,) float64: signed residuals; infinite for a line point without floor near the field
     residual_px: FloatArray
-    #: (L, 3) float64: where each line and arc is painted, from where the field has it: sideways at the start and at the
-    #: end of a line; radius and centre of an arc. None: just there.
+    #: (L, 3) float64: deviation of each line and arc from the field file: sideways at the start and at the end of a
+    #: line; radius and centre of an arc. None: no deviation.
     paint_m: FloatArray | None = None
 
     @property
     def camera(self) -> OmniCamera:
-        """The camera fitted."""
+        """The fitted camera."""
         return self.model.camera(self.vector)
 
 
 class _State(NamedTuple):
-    """The points as a camera at poses sees them."""
+    """The linearised points for a camera at poses."""
 
     place: FloatArray  # (N, 3), see `homogeneous`
-    # (N, 3), (N, 3, 3): linear forms that vanish on what each point belongs to, and their derivatives by the pose
+    # (N, 3), (N, 3, 3): linear forms that vanish on each point's wall or line, and their derivatives by the pose
     covector: FloatArray
     by_pose: FloatArray
-    # (N, 2), (N,): the forms' derivatives by the pixel, and their size
+    # (N, 2), (N,): the forms' derivatives by the pixel, and their norms
     by_pixel: FloatArray
     slope: FloatArray
     residual_px: FloatArray
@@ -199,13 +199,12 @@ class _State(NamedTuple):
 
 
 class JointFit:
-    """Fits families of cameras to the same points.
+    """Fits cameras of any family to the same points.
 
     Parameters
     ----------
     painted : bool
-        Whether lines are painted somewhat beside where the field has them: each one's offset is fitted, too, within
-        what a painter errs.
+        Whether the deviations of painted lines from the field file are fitted under their prior.
     """
 
     def __init__(
@@ -236,20 +235,20 @@ class JointFit:
         repeats: int = 3,
         most: int = 15,
     ) -> Fit:
-        """Fit from a start.
+        """Fit a camera and poses from a start.
 
         Parameters
         ----------
         scales_px : tuple of float
-            Widths of the redescending weights, the widest first.
+            Scales of the redescending weights, decreasing.
         prior : (G,) float64
-            Mean of the vector's prior; its standard deviations are the model's.
+            Mean of the vector's prior; the model provides its standard deviations.
         free : (G,) bool, optional
-            Which numbers are fitted; all unless given. The others are fixed.
+            Whether each parameter is fitted or fixed; all are fitted by default.
         repeats : int
-            Iterations at each width.
+            Iterations at each scale.
         most : int
-            Iterations at the last one; fewer if nothing moves any more.
+            Greatest number of iterations at the last one, until convergence.
         """
         vector, poses = vector.copy(), poses.copy()
         free = np.ones(len(vector), dtype=bool) if free is None else free
@@ -264,11 +263,11 @@ class JointFit:
         return Fit(model, vector, poses, self.cost(residual, scales_px[-1]), residual, paint)
 
     def cost(self, residual_px: FloatArray, scale_px: float) -> float:
-        """Weighted mean (0 to 1) of the truncated squares of residuals (N,) at a width."""
+        """Return the weighted mean (0 to 1) of the truncated squares of residuals (N,) at a scale."""
         return float(self.points.weight @ truncated(residual_px, scale_px)) / self._total
 
     def residuals(self, camera: OmniCamera, poses: FloatArray, paint_m: FloatArray | None = None) -> FloatArray:
-        """Signed distances (N,) in pixels of the points from the walls and lines of poses (F, 3).
+        """Return signed residuals (N,) in pixels of the points from the walls and lines at poses (F, 3).
 
         See `Fit` for `paint_m`.
         """
@@ -291,14 +290,14 @@ class JointFit:
     def _covectors(
         self, camera: OmniCamera, place: FloatArray, poses: FloatArray
     ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_], OnPaint]:
-        """Linear forms (N, 3) that vanish on what each point belongs to; by the pose (N, 3, 3); known (N,); the lines.
+        """Return linear forms (N, 3) of each point's wall or line, derivatives (N, 3, 3), known (N,), and the lines.
 
-        The second array's middle index is x, y, theta. An arc's form is that of its tangent there.
+        The middle index of the derivatives is x, y, theta of the pose. An arc's form is that of its tangent.
         """
         points, shape = self.points, self.shape
         pose = poses[points.frame]
         c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-        # (N, 3) in the field frame, still homogeneous
+        # (N, 3) in the field frame, homogeneous
         x = c * place[:, 0] - s * place[:, 1] + pose[:, 0] * place[:, 2]
         y = s * place[:, 0] + c * place[:, 1] + pose[:, 1] * place[:, 2]
         form = np.zeros((len(x), 3))
@@ -311,7 +310,7 @@ class JointFit:
             direction = np.column_stack([x, y]) - eye * place[:, 2:]
             index = shape.visible_wall(eye[wall], direction[wall])
             hit = shape.straight[index]
-            # outwards, so that floor seen beyond the wall is positive and what hides its foot negative
+            # outward normal: positive for floor beyond the wall, negative for what hides its foot
             side = np.where(np.einsum("ij,ij->i", hit[:, :2], eye[wall]) + hit[:, 2] > 0, -1.0, 1.0)
             form[wall] = hit * side[:, None]
             known[wall] = index >= 0
@@ -335,10 +334,10 @@ class JointFit:
         free: npt.NDArray[np.bool_],
         paint_m: FloatArray | None = None,
     ) -> Residuals:
-        """Linearise the points by the vector (G,) and the own poses; by their sectors they err together.
+        """Linearise the points by the vector (G,) and the poses, with image sectors as groups.
 
-        Points of which nothing is known have an infinite residual. With `paint_m` (L, 3), see `Fit`, its 3 L numbers
-        follow those of the vector.
+        The residual of points without a wall or line is infinite. The 3 L parameters of `paint_m` (L, 3), see `Fit`,
+        follow the vector.
         """
         pixels = self.points.pixels
         state = self._state(model.camera(vector), poses, paint_m)
@@ -346,7 +345,7 @@ class JointFit:
         if paint_m is not None:
             by_paint = state.on.derivative(state.place[:, 2], paint_m)
         by_vector = np.zeros((len(pixels), len(vector)))
-        # only a pixel's place relative to the centre counts
+        # the camera depends on pixels relative to the centre
         by_vector[:, CENTER] = -state.by_pixel
         for g in np.flatnonzero(free):
             if g < TILT.start:
@@ -368,7 +367,7 @@ class JointFit:
     def _frames(
         self, points: Residuals, scale_px: float, noise_px: float
     ) -> list[tuple[Residuals, FloatArray, Noise, FrameEquations]]:
-        """Return each frame's points with their weights, at a width of the loss, their noise and equations."""
+        """Return points, weights at a scale of the loss, noise and equations of each frame."""
         noise, own = Noise(noise_px, 0.0), np.full(3, POSE_PRECISION)
         weight = self.points.weight * (1.0 - truncated(points.residual_px, scale_px)) ** 2
         frames = []
@@ -378,7 +377,7 @@ class JointFit:
         return frames
 
     def _prior(self, model: CameraModel, paint_m: FloatArray | None) -> FloatArray:
-        """Precision of the numbers of vector and paint under their prior."""
+        """Prior precision of the parameters of vector and paint."""
         paint = np.full(0 if paint_m is None else paint_m.size, max(self.shape.paint_std_m, 1e-9))
         return np.asarray(np.concatenate([model.prior_std(), paint]) ** -2.0)
 
@@ -393,10 +392,10 @@ class JointFit:
         bounds: tuple[FloatArray, FloatArray],
         free: npt.NDArray[np.bool_],
     ) -> float:
-        """Do one Gauss-Newton step in place; return its length, relative to the bounds of a step, for a stop test."""
+        """Do one Gauss-Newton step in place; return its size relative to the bounds of a step, for a stop test."""
         settings, count = self.settings, len(vector)
         points = self.linearise(model, vector, poses, free, paint_m)
-        # lines out of view stay where they are
+        # invisible lines are fixed
         seen = np.flatnonzero(points.by_camera[:, count:].any(axis=0))
         moves = np.concatenate([np.flatnonzero(free), count + seen])
         points = replace(points, by_camera=points.by_camera[:, moves])
@@ -426,10 +425,10 @@ class JointFit:
         return float(moved.max(initial=0.0) + np.abs(pose_step).max())
 
     def covariance(self, fit: Fit) -> FloatArray:
-        """Covariance (G, G) of a fit's vector, with unknown poses and paint. Points that err together count once.
+        """Covariance (G, G) of a fit's vector, marginalised over poses and paint.
 
-        Points of one frame and one sector of the image are one group. Every number counts as unknown, even if it was
-        fixed in the fit.
+        Points of one frame and one sector of the image form a group with correlated errors. All parameters count as
+        free, also those that were fixed in the fit.
         """
         points = self.linearise(fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool), fit.paint_m)
         spread = spread_px(points.residual_px, self.settings)
@@ -442,12 +441,12 @@ class JointFit:
 
 
 def truncated(residual_px: FloatArray, scale_px: float) -> FloatArray:
-    """Return the loss (N,) of residuals, 0 to 1: their squares, truncated softly at a width."""
+    """Return the loss (N,) of residuals, 0 to 1: softly truncated squares at a scale."""
     return np.asarray(1.0 - 1.0 / (1.0 + np.square(residual_px / scale_px)))
 
 
 def spread_px(residual_px: FloatArray, settings: JointFitSettings = JointFitSettings()) -> float:
-    """Robust standard deviation of residuals (N,), from those that agree with one another."""
+    """Robust standard deviation of residuals (N,) after rejection of outliers."""
     within = 3.0
     for _ in range(5):
         good = residual_px[np.abs(residual_px) <= within]

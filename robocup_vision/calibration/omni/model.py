@@ -1,8 +1,8 @@
-"""A mirror camera as a short vector of numbers that a fit can move: centre, tilt and the curve.
+"""A mirror camera as a vector of parameters for a fit: centre, tilt and curve.
 
-The same two numbers describe every curve, those that images determine best: K, the slope of the radius over floor range
-near the centre (px/m), and H, the radius of the horizon (px). A family's further numbers follow them. So a fit may
-start from any family and end in another. A paraboloid of these is q = K/R (1 - (R/H)^2), of height H/(2K).
+All curves share the two parameters that images determine best: K, the slope of the radius over floor range near the
+centre (px/m), and H, the radius of the horizon (px). A family's further parameters follow, so that a fit may start from
+a curve of another family. A paraboloid is q = K/R (1 - (R/H)^2), of height H/(2K).
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from robocup_vision.calibration.omni.settings import CameraModelSettings
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent, magnified
 from robocup_vision.camera.omni import OmniCamera
 
-# "own": the curve of a start that is a table, stretched; it keeps the kinks that no other family has
+# "own": the stretched table of a start, which keeps kinks that other families cannot represent
 Curve = Literal["hyperboloid", "tangent", "table", "own"]
 CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")
-# the curve of the camera at hand, whatever it is: centre and tilt move, and its image radii are magnified
+# "magnified": the given curve of any family; centre and tilt are free, and its image radii are magnified
 Family = Literal[Curve, "magnified"]
 
 CENTER, TILT, SCALE, HORIZON = slice(0, 2), slice(2, 4), 4, 5
@@ -33,11 +33,11 @@ CENTER, TILT, SCALE, HORIZON = slice(0, 2), slice(2, 4), 4, 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BentCurve:
-    """A curve whose image radius is stretched a little, smoothly along the radius; written as a table."""
+    """A curve with a small smooth stretch of the image radius; written as a table."""
 
-    base: Hyperboloid | Table  #: what is bent
+    base: Hyperboloid | Table  #: the unstretched curve
     nodes_px: FloatArray  #: (B,) float64: image radii, increasing
-    #: (B,) float64: by how much the radius is stretched at the nodes, of itself; linear between them, constant beyond
+    #: (B,) float64: relative stretch of the radius at the nodes; linear between them, constant beyond
     stretch: FloatArray
 
     def inverse_range_per_m(self, radius_px: npt.ArrayLike) -> FloatArray:
@@ -55,7 +55,7 @@ class BentCurve:
 
     @property
     def implied_height_m(self) -> float | None:
-        """Height of the hyperboloid that was bent; a table has none."""
+        """Height of the stretched hyperboloid; a table has none."""
         return self.base.implied_height_m
 
 
@@ -73,7 +73,7 @@ def tangent_of(scale_px_per_m: float, horizon_px: float) -> Tangent:
 
 
 def scale_and_horizon(curve: FloorRange, usable_radius_px: tuple[float, float]) -> tuple[float, float]:
-    """K (px/m) and H (px) of any curve: exact where they are its own, else of the paraboloid most like it."""
+    """Return K (px/m) and H (px) of a curve: its own, or those of the best-fitting paraboloid."""
     if isinstance(curve, Hyperboloid):
         root = math.sqrt(curve.C_px2)
         scale = curve.A_px_per_m - curve.B_per_m * root
@@ -92,7 +92,7 @@ def scale_and_horizon(curve: FloorRange, usable_radius_px: tuple[float, float]) 
 
 
 def _prolonged(table: Table, ratio: float) -> Table:
-    """Table with a row more at either end, its radius so many times smaller or larger, on along the last rows."""
+    """Return a table extended at both ends by one row, its radius divided and multiplied by a ratio, linear in 1/r."""
     radius, q = table.table_radius_px, 1.0 / table.table_range_m
     first, last = radius[0] / ratio, radius[-1] * ratio
     inner = q[0] + (q[0] - q[1]) / (radius[1] - radius[0]) * (radius[0] - first)
@@ -106,14 +106,14 @@ def _prolonged(table: Table, ratio: float) -> Table:
 
 @dataclass(frozen=True, eq=False)
 class CameraModel:
-    """A family of cameras: what stays as it is, and how a vector becomes one of them.
+    """A family of cameras with its parameter vector.
 
-    The vector: centre u, v (px); tilt about x, y (rad); log K, log H; a hyperboloid's and a table's log of sqrt(C)/H;
-    the stretches of a table, and of the family "own", which stretches the table of `frame`. Of the family "magnified"
-    the first four, and the logarithm of the curve's magnification.
+    The vector: centre u, v (px); tilt about x, y (rad); log K, log H; for a hyperboloid and a table log of sqrt(C)/H;
+    the stretches of a table, or of the table of `frame` in the family "own". The family "magnified" has the first
+    four, and the logarithm of the curve's magnification.
     """
 
-    #: gives everything that is not in the vector: size, usable radii, heading, offset, whether it is mirrored
+    #: provides all that is not in the vector: size, usable radii, heading, offset, mirroring
     frame: OmniCamera
     curve: Family  #: the family
     settings: CameraModelSettings = CameraModelSettings()  #: prior and bounds of the vector
@@ -130,16 +130,16 @@ class CameraModel:
 
     @cached_property
     def _own(self) -> tuple[Table, float, float]:
-        """The start's table, somewhat longer, and its K and H."""
+        """The start's extended table, and its K and H."""
         table = self.frame.floor_range
         if not isinstance(table, Table):
             raise ArgumentError(f"only a table can be stretched as it is, got a {type(table).__name__}")
         return _prolonged(table, self.settings.prolonged), *scale_and_horizon(table, self.frame.usable_radius_px)
 
     def vector(self, camera: OmniCamera) -> FloatArray:
-        """Vector (G,) of the member of this family that is most like a camera."""
+        """Return the vector (G,) of the member of this family that is closest to a camera."""
         if self.curve == "magnified":
-            # by the floor that the middle of the image shows
+            # compared at the floor range shown at the middle radius
             middle_px = 0.5 * sum(self.frame.usable_radius_px)
             same_floor = self.frame.floor_range.inverse_range_per_m(middle_px)
             factor = float(camera.floor_range.radius_px(same_floor)) / middle_px
@@ -157,7 +157,7 @@ class CameraModel:
         return vector
 
     def camera(self, vector: FloatArray) -> OmniCamera:
-        """Return the camera of a vector; a table's still as the bent curve it is fitted as (see `written`)."""
+        """Return the camera of a vector; a table is a `BentCurve` (see `written`)."""
         height = self.frame.viewpoint_height_m
         curve = self.frame.floor_range
         if self.curve == "magnified":
@@ -178,7 +178,7 @@ class CameraModel:
             mirror = hyperboloid_of(scale, horizon, horizon * math.exp(vector[6]))
             curve = mirror if self.curve == "hyperboloid" else BentCurve(mirror, self._nodes_px, vector[7:])
         if self.curve != "hyperboloid":
-            # a picture of the floor does not show it: the start's, or that of the paraboloid with this K and H
+            # images of the floor do not determine it: the start's, or that of the paraboloid with this K and H
             height = self.frame.height_m if self.frame.height_m is not None else horizon / (2 * scale)
         return dataclasses.replace(
             self.frame,
@@ -189,13 +189,13 @@ class CameraModel:
         )
 
     def written(self, vector: FloatArray) -> OmniCamera:
-        """Return the camera of a vector as a camera file holds it."""
+        """Return the camera of a vector in the form of a camera file."""
         camera = self.camera(vector)
         bent = camera.floor_range
         if not isinstance(bent, BentCurve):
             return camera
         if isinstance(bent.base, Table):
-            # the rows that it has, where they went: a kink is one of them
+            # its own rows, moved, because they include the kinks
             rows = np.union1d(bent.radius_px(1.0 / bent.base.table_range_m), bent.nodes_px)
             return dataclasses.replace(camera, floor_range=Table(rows, 1.0 / bent.inverse_range_per_m(rows)))
         inner, outer = camera.usable_radius_px
@@ -208,7 +208,7 @@ class CameraModel:
         return dataclasses.replace(camera, floor_range=curve)
 
     def prior_std(self) -> FloatArray:
-        """(G,) standard deviations of the vector under the prior."""
+        """(G,) prior standard deviations of the vector."""
         width, height = self.frame.size_px
         settings = self.settings
         std = np.full(self.size, settings.bend_std)
@@ -222,14 +222,14 @@ class CameraModel:
     def bounds(
         self, start: FloatArray, center_px: float, log_scale: float, log_horizon: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bound (G,) of a vector fitted from a start.
+        """Return lower and upper bounds (G,) of a vector fitted from a start.
 
         Parameters
         ----------
         center_px : float
-            Largest change of either coordinate of the centre.
+            Greatest change of either coordinate of the centre.
         log_scale, log_horizon : float
-            Largest changes of the logarithms of K and H.
+            Greatest changes of the logarithms of K and H.
         """
         reach = np.full(self.size, self.settings.max_bend)
         reach[CENTER] = center_px

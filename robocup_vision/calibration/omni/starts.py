@@ -1,8 +1,7 @@
 """Starts for the fit of a mirror camera: the points of each frame, and curves of several horizons and scales.
 
-Of a frame only its points are kept, the floor's edge and white lines, so that a folder of a thousand images needs no
-more memory than one of them. One start is not enough: a curve that is a fifth off puts robots in the wrong place, and
-the fit then settles there.
+Only the points of a frame are kept, so that memory does not grow with the size of the images. Several starts are
+needed: with a curve that is wrong by a fifth, poses are wrong and the fit converges to a wrong solution.
 """
 
 from __future__ import annotations
@@ -35,26 +34,26 @@ from robocup_vision.vision import Vision
 class Sighting:
     """The points of one frame."""
 
-    index: int  #: number of the frame
+    index: int  #: index of the frame
     #: (K,) float64: image radius of the floor's edge at each bearing about the observer's centre; NaN where none
     radius_px: FloatArray
-    boundary_px: FloatArray  #: (B, 2) float64: the same as pixels, without gaps
+    boundary_px: FloatArray  #: (B, 2) float64: the same edge as pixels, without gaps
     line_px: FloatArray  #: (L, 2) float64: points on painted lines
-    line_weight: FloatArray  #: (L,) float64: 1 with floor on both sides, less otherwise
-    pose: Pose2 | None  #: the robot's pose by this frame and the observer's camera
+    line_weight: FloatArray  #: (L,) float64: 1 for floor on both sides, else less
+    pose: Pose2 | None  #: the robot's pose from this frame with the observer's camera
 
 
 class Observer:
-    """Finds points in frames by a camera that may be wrong.
+    """Finds points in frames with a camera that may be inaccurate.
 
     Parameters
     ----------
     camera : OmniCamera
-        Its centre and usable radii are used, and its curve for the width of lines.
+        Its centre and usable radii are used, and its curve for the expected width of lines.
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are ignored.
     locate : bool
-        Whether poses are estimated, too: they need a camera that is nearly right.
+        Whether to estimate poses, which needs a nearly correct camera.
     """
 
     def __init__(
@@ -81,7 +80,7 @@ class Observer:
         Raises
         ------
         FrameError
-            If the frame has another size or type than the camera says.
+            If the frame's size or type differs from the camera's.
         """
         self._vision.forget()
         view = self._vision.look(frame)
@@ -92,19 +91,19 @@ class Observer:
         boundary = view.boundary_px if self.field.is_bounded else np.empty((0, 2))
         seen = np.isfinite(boundary).all(axis=1)
         pose = view.pose.pose if self._locate and view.pose else None
-        # a copy that may be written to, as a view hands it to its loops: for another type they would be compiled anew
+        # a writable copy: a read-only array would be another type to the compiled kernels, and cause a recompilation
         radius_px = np.array(view.boundary_radius_px)
         return Sighting(index, radius_px, boundary[seen], lines.pixels[chosen], lines.weight[chosen], pose)
 
     @property
     def inner_radius_px(self) -> float:
-        """Image radius beyond which floor surrounds the robot in the frames so far."""
+        """Image radius beyond which floor surrounds the robot, in the frames so far."""
         least = self._settings.min_floor_ratio * self.floor_ratio.max()
         return float(self.polar.radius_px[int(np.argmax(self.floor_ratio >= least))])
 
 
 def points_of(sightings: Sequence[Sighting]) -> Points:
-    """Return all points of some sightings for a fit."""
+    """Return the points of several sightings for a fit."""
     pixels, frame, is_line, weight = [], [], [], []
     for index, sighting in enumerate(sightings):
         boundary, lines = len(sighting.boundary_px), len(sighting.line_px)
@@ -117,30 +116,30 @@ def points_of(sightings: Sequence[Sighting]) -> Points:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Finds starts of a fit: curves, with a pose for each frame."""
+    """Finds starts of a fit: a curve and a pose for each frame."""
 
     field: Field
     shape: FieldShape
     line_map: LineMap
     model: CameraModel  #: the family of curves
-    start: FloatArray  #: (G,) float64: mean of the prior: a camera file's vector, or a guess
+    start: FloatArray  #: (G,) float64: mean of the prior, from a camera file or a guess
     bounds: tuple[FloatArray, FloatArray]  #: ((G,), (G,)) float64: lower and upper bound of the vector
-    is_guess: bool  #: whether the start's curve is a guess; its horizon is then not used
+    is_guess: bool  #: whether the start's curve is a guess, whose horizon is ignored
     settings: OmniCalibrationSettings = OmniCalibrationSettings()  #: its `starts` and `fit` are used
 
     @property
     def unit_px(self) -> float:
-        """Pixels of one "unit" of the settings, see `REFERENCE_RADIUS_PX`."""
+        """Size of one "unit" of the settings in pixels, see `REFERENCE_RADIUS_PX`."""
         inner, outer = self.model.frame.usable_radius_px
         return max(1.0, (outer - inner) / REFERENCE_RADIUS_PX)
 
     def best(self, sightings: Sequence[Sighting], polar: PolarView, trials: StartTrials) -> list[Fit]:
-        """Return the best distinct long fits to the frames that show most, best first.
+        """Return distinct long fits to the frames with most points, best first.
 
         Parameters
         ----------
         polar : PolarView
-            The view in which the floor's edges were found.
+            The view in which the floor's edges were measured.
         """
         settings = self.settings.starts
         most = sorted(sightings, key=lambda s: -(len(s.boundary_px) + len(s.line_px)))[: settings.frames]
@@ -160,7 +159,7 @@ class Search:
         trials: StartTrials,
         label: str,
     ) -> list[Fit]:
-        """Fits of level cameras from several starts, best first, just long enough to rank them."""
+        """Return short fits of untilted cameras from several starts, for ranking, best first."""
         tried = trials.results(_ShortFit(self, sightings, polar), vectors, label)
         return sorted((fit for fit in tried if fit is not None), key=lambda fit: fit.cost)
 
@@ -182,13 +181,13 @@ class Search:
         return curves
 
     def pose_by_lines(self, camera: OmniCamera, sighting: Sighting) -> Pose2 | None:
-        """Return the likeliest pose by a frame's lines alone; None where they are too few."""
+        """Return the likeliest pose from a frame's lines alone; None if there are too few."""
         points = LinePoints.from_pixels(camera, sighting.line_px, sighting.line_weight)
         found = search_by_lines(points, self.line_map, 1)
         return found[0].pose if found else None
 
     def poses(self, camera: OmniCamera, sightings: Sequence[Sighting], polar: PolarView) -> FloatArray | None:
-        """Return the robot's pose (F, 3) in every frame by a camera; None where one is not found."""
+        """Return the robot's pose (F, 3) in every frame for a camera; None if one of them is not found."""
         fitter = None
         if self.field.is_bounded:
             seen_from = dataclasses.replace(camera, center_px=polar.camera.center_px, tilt_rad=(0.0, 0.0))

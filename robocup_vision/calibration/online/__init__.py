@@ -1,4 +1,4 @@
-"""Calibration while a robot plays; see `calibration` for how."""
+"""Calibration of cameras while a robot plays; the module `calibration` explains the method."""
 
 from robocup_vision.calibration.online.calibration import OnlineCalibration, OnlineState
 from robocup_vision.calibration.online.settings import OnlineSettings

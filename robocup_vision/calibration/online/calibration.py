@@ -1,7 +1,7 @@
-"""Estimates what a camera file has wrong while a robot plays: a knock, a warm mount, a rough calibration.
+"""Estimation of errors in a camera file while a robot plays, from a knock, a warm mount or a rough calibration.
 
-Every few frames the edges in view are fitted anew with the camera's parameters free within what is believed of them;
-the robot's pose is marginalised out. An information filter joins the frames, forgets slowly, and notices a knock.
+Every few frames the visible edges are fitted with the camera's parameters free within their present covariance, and
+the robot's pose is marginalised. An information filter combines the frames, forgets slowly, and detects knocks.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.camera.rig import Rig, save_rig
 from robocup_vision.view import View
 
-# between frames without times
+# assumed between frames without times
 _USUAL_STEP_S = 1 / 30
 
 
@@ -38,14 +38,14 @@ Camera = OmniCamera | PinholeCamera | Rig
 
 
 class EvidenceMaker(Protocol):
-    """What one kind of camera needs: its parameters as a vector, and evidence on them.
+    """Interface of one kind of camera: its parameters as a vector, and evidence about them.
 
     Attributes
     ----------
     start, std, knock_std, reach : (G,) float64
-        The file's values, their standard deviations, by how much a knock moves them, and the bounds of their change.
+        The file's values, their standard deviations, those of a knock's changes, and the bounds of the total change.
     tries_others : bool
-        Whether a robot that is not located tries other cameras.
+        Whether other parameters are tried while the robot is not located.
     """
 
     start: FloatArray
@@ -56,7 +56,7 @@ class EvidenceMaker(Protocol):
 
     @property
     def slices(self) -> tuple[slice, slice, int] | None:
-        """Where the vector has the centre, the tilt, and the logarithm of the scale; of a rig None."""
+        """Indices of the centre, the tilt, and the logarithm of the scale in the vector; None for a rig."""
         ...
 
     def vector(self, camera: Any) -> FloatArray:
@@ -64,26 +64,26 @@ class EvidenceMaker(Protocol):
         ...
 
     def camera(self, vector: FloatArray) -> Any:
-        """Return the camera of parameters."""
+        """Return the camera with these parameters."""
         ...
 
     def shift_px(self, camera: Any, other: Any) -> float:
-        """Greatest distance between the images of the same places through two cameras."""
+        """Greatest distance between the images of the same places in two cameras."""
         ...
 
     def watch(self, view: View) -> None:
-        """Take note of a view, whether its frame is used or not."""
+        """Update with a view, whether or not its frame is used."""
         ...
 
     def of(self, frame: Any, view: View, belief: Belief) -> FrameEquations | None:
-        """Return what a frame tells, about the belief's start.
+        """Return a frame's equations about the belief's start.
 
-        None where it shows too little, or most of it contradicts the field.
+        None if it has too few points, or most of them contradict the field.
 
         Parameters
         ----------
         frame : (H, W, 3) uint8
-            BGR; of a rig one for each camera, or None.
+            BGR; for a rig a sequence with one for each camera, or None.
         """
         ...
 
@@ -107,20 +107,20 @@ def _make_evidence(
 class OnlineState:
     """State of an online calibration."""
 
-    #: now in use. Of a pinhole camera tilt and roll.
+    #: in use; for a pinhole camera tilt and roll
     center_px: tuple[float, float]
     tilt_rad: tuple[float, float]
     #: their standard deviations
     center_std_px: tuple[float, float]
     tilt_std_rad: tuple[float, float]
-    #: factor of the image about its centre, against the camera file's; its standard deviation
+    #: scale of the image about its centre relative to the camera file, and its standard deviation
     scale: float
     scale_std: float
-    moved_px: float  #: distance of the centre from the camera file's
-    tilted_rad: float  #: difference of the tilt from the camera file's
-    at_bound: bool  #: whether the estimate lies at the bound: then calibrate again, or look for a loose mount
+    moved_px: float  #: distance of the centre from that in the camera file
+    tilted_rad: float  #: difference of the tilt from that in the camera file
+    at_bound: bool  #: whether the estimate is at the bound: the camera needs a calibration, or its mount is loose
     steps: int  #: number of changes of the camera so far
-    knocks: int  #: number of knocks noticed so far
+    knocks: int  #: number of detected knocks
 
     def __str__(self) -> str:
         moved = f"centre moved by {self.moved_px:.2f} px, tilt by {math.degrees(self.tilted_rad):.2f} deg"
@@ -128,12 +128,12 @@ class OnlineState:
 
 
 class OnlineCalibration:
-    """Refines a camera by the frames of a `Vision`; pass it to that `Vision` as `online`.
+    """Refines a camera with the frames of a `Vision`, to which it is passed as `online`.
 
     Parameters
     ----------
     camera : OmniCamera, PinholeCamera or Rig
-        As in its file: start, and centre of the bounds. Of a rig's cameras pan, tilt, roll and height are refined.
+        As in its file: start, and centre of the bounds. In a rig pan, tilt, roll and height of each camera are refined.
     """
 
     def __init__(
@@ -158,7 +158,7 @@ class OnlineCalibration:
 
     @property
     def state(self) -> OnlineState:
-        """Current state: the camera in use, and how sure that is; a rig has `mountings`, and raises ArgumentError."""
+        """Current camera and its uncertainty; raises ArgumentError for a rig, which has `mountings`."""
         start, std = self._frames.start, self._filter.std
         if self._frames.slices is None:
             raise ArgumentError("an online calibration of a rig has no state of one camera: see its mountings")
@@ -183,14 +183,14 @@ class OnlineCalibration:
 
     @property
     def mountings(self) -> tuple[Mounting, ...]:
-        """How each camera of a rig is mounted, as now in use, and how sure that is; else raises ArgumentError."""
+        """Current mounting of each camera of a rig, with its uncertainty; raises ArgumentError without a rig."""
         if not isinstance(self._frames, RigEvidence):
             raise ArgumentError("an online calibration of one camera has no mountings: see its state")
         return self._frames.mountings(self._now, self._filter.std)
 
     @property
     def mean(self) -> FloatArray:
-        """(G,) float64: estimate of the camera's parameters, as `parameters_of` has them."""
+        """(G,) float64: estimate of the camera's parameters, see `parameters_of`."""
         return self._filter.mean.copy()
 
     @property
@@ -199,7 +199,7 @@ class OnlineCalibration:
         return self._filter.covariance.copy()
 
     def parameters_of(self, camera: Camera) -> FloatArray:
-        """Parameters (G,) of a camera of the same kind.
+        """Return the parameters (G,) of a camera of the same kind.
 
         A mirror camera's: centre u, v (px), tilt about x, y (rad), logarithm of the curve's magnification. A pinhole
         camera's: tilt, roll (rad), height (m), logarithm of the focal length's scale, centre u, v (px). A rig's, for
@@ -208,11 +208,11 @@ class OnlineCalibration:
         return self._frames.vector(camera)
 
     def shift_px(self, other: Camera) -> float:
-        """Greatest distance between the images of the same places through the camera in use and another."""
+        """Greatest distance between the images of the same places in the present and another camera."""
         return self._frames.shift_px(self.camera, other)
 
     def follow(self, frame: Any, view: View) -> Camera | None:
-        """Take in a frame (H, W, 3) uint8, of a rig a sequence, and its view; return a better camera, or None."""
+        """Update with a frame (H, W, 3) uint8, for a rig a sequence, and its view; return a new camera, or None."""
         self._frames.watch(view)
         self._t_s = view.t_s if view.t_s is not None else max(self._t_s, 0.0) + _USUAL_STEP_S
         if view.pose or self._located_s is None:
@@ -235,7 +235,7 @@ class OnlineCalibration:
         return self._step()
 
     def _try(self) -> Camera | None:
-        """Return another camera that may be the true one, for a robot that is not located."""
+        """Return another possible camera while the robot is not located."""
         settings, frames, belief = self.settings, self._frames, self._filter
         if not frames.tries_others or 0.0 <= self._t_s - self._stepped_s < settings.min_step_s:
             return None
@@ -251,7 +251,7 @@ class OnlineCalibration:
         return self._use(tries[self._tried])
 
     def _step(self) -> Camera | None:
-        """Return the camera now believed in, if it differs by enough from that in use."""
+        """Return the estimated camera if it differs significantly from the present one."""
         if 0.0 <= self._t_s - self._stepped_s < self.settings.min_step_s:
             return None
         vector = self._bounded(self._filter.mean)
@@ -273,7 +273,7 @@ class OnlineCalibration:
         return self.camera
 
     def save(self, path: str | Path) -> None:
-        """Write the camera now in use as a camera file, or a rig as a rig file with its camera files beside it."""
+        """Write the present camera as a camera file, or a rig as a rig file with its camera files beside it."""
         if isinstance(self.camera, Rig):
             save_rig(self.camera, path)
         else:

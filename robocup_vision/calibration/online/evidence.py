@@ -1,4 +1,4 @@
-"""Evidence of one frame on a camera: what its points tell, fitted within what is believed of the camera."""
+"""Evidence of one frame about a camera: a fit of its points under the prior of the camera's parameters."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from robocup_vision.calibration.least_squares import FrameEquations, Residuals, 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Log-likelihood of the camera's parameters, as a Gaussian in information form, by one frame."""
+    """Log-likelihood of the camera's parameters given one frame, as a Gaussian in information form."""
 
-    linearised_at: FloatArray  #: (G,) float64: where it was linearised
+    linearised_at: FloatArray  #: (G,) float64: point of linearisation
     information: FloatArray  #: (G, G) float64: may be singular
-    gradient: FloatArray  #: (G,) float64: of the log-likelihood there
+    gradient: FloatArray  #: (G,) float64: gradient of the log-likelihood at that point
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """What is believed of a camera's parameters before a frame."""
+    """Prior of a camera's parameters before a frame."""
 
     #: (G,), (G, G) float64
     mean: FloatArray
     covariance: FloatArray
-    start: FloatArray  #: (G,) float64: those by which the frame was located, where the fit begins
+    start: FloatArray  #: (G,) float64: parameters with which the frame was located, and start of the fit
 
 
 def fit_frame(
@@ -39,21 +39,21 @@ def fit_frame(
     robust: Robust,
     skew_px: float = 0.0,
 ) -> FrameEquations | None:
-    """Fit a camera's parameters and a frame's own unknowns.
+    """Fit a camera's parameters and a frame's nuisance parameters.
 
     Parameters
     ----------
     points_at : callable
         Returns the frame's points for a step (G + F,) from the start.
     own, own_off : (F,) float64
-        Precision of the frame's own unknowns under their prior, and how far off its mean they are at the start.
+        Prior precision of the nuisance parameters, and their deviation from the prior's mean at the start.
     skew_px : float
-        Standard deviation of a further error that the points of a group share.
+        Standard deviation of an additional error shared by the points of a group.
 
     Returns
     -------
     FrameEquations or None
-        About the start. None where too few points agree.
+        Equations about the start; None if too few points agree.
     """
     size, precision = len(belief.start), np.linalg.inv(belief.covariance)
     step = np.zeros(size + len(own))

@@ -1,4 +1,4 @@
-"""What a frame of a mirror camera tells of its centre, tilt and curve: floor's outline and lines against the field."""
+"""Evidence of a frame about a mirror camera's centre, tilt and curve, from the floor's outline and lines."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DESIGN_HEIGHT_PX = 220.0
 
 
 class MirrorEvidence:
-    """Makes evidence of frames of one mirror camera.
+    """Computes evidence from frames of one mirror camera.
 
     The parameters: centre u, v (px), tilt about x, y (rad), and the logarithm of the curve's magnification.
     """
@@ -44,7 +44,7 @@ class MirrorEvidence:
         self.std[CENTER], self.std[TILT] = mirror.center_std_px * self._px, mirror.tilt_std_rad
         self.std[SCALE] = mirror.curve_std
         self.knock_std = self.std.copy()
-        # a knock bends no mirror
+        # a knock does not change the mirror
         self.knock_std[SCALE] = 0.0
         self.reach = np.full(self._model.size, 6.0 * mirror.curve_std)
         self.reach[CENTER], self.reach[TILT] = settings.max_center_px, settings.max_tilt_rad
@@ -60,17 +60,17 @@ class MirrorEvidence:
         return self._model.camera(vector)
 
     def watch(self, view: View) -> None:
-        """Take note of a view: nothing to do, as a mirror camera's picture is taken at once for all its parts."""
+        """Do nothing: all parts of a mirror camera's picture are assumed to be taken at the same time."""
 
     def shift_px(self, camera: OmniCamera, other: OmniCamera) -> float:
-        """Greatest distance between the images of the same floor through two cameras."""
+        """Greatest distance between the images of the same floor in two cameras."""
         inner, outer = camera.usable_radius_px
         pixels = camera.polar_to_pixel(np.arange(0.0, math.tau, 0.5)[:, None], np.linspace(inner, 0.8 * outer, 4))
         moved = other.floor_to_pixel(camera.pixel_to_floor(pixels.reshape(-1, 2))) - pixels.reshape(-1, 2)
         return float(np.nanmax(np.hypot(moved[:, 0], moved[:, 1])))
 
     def of(self, frame: UInt8Array, view: View, belief: Belief) -> FrameEquations | None:
-        """Return what a frame tells: see `EvidenceMaker`."""
+        """Return a frame's evidence, see `EvidenceMaker`."""
         points = self._points(frame, view)
         if points is None:
             return None
@@ -79,11 +79,11 @@ class MirrorEvidence:
         pose, free = view.pose.pose.array, np.ones(size, dtype=bool)
 
         def points_at(step: FloatArray) -> Residuals:
-            # a body leans about its foot: seen from there as a tilt and a shift, and the pose takes up the shift
+            # a body rotates about its foot, which appears as a tilt and a shift; the pose absorbs the shift
             of_camera, of_pose, lean = np.split(step, (size, size + 3))
             seen = joint.linearise(self._model, belief.start + of_camera, (pose + of_pose)[None], free)
             by_lean = seen.by_camera[:, TILT]
-            # an edge of the floor and a line in one sector err each by its own
+            # errors of the floor's edge and of lines in one sector are independent
             group = 2 * seen.group + points.is_line
             return Residuals(
                 seen.residual_px + by_lean @ lean, seen.by_camera, np.hstack([seen.by_frame, by_lean]), group

@@ -1,9 +1,8 @@
-"""Estimates a camera's parameters over time: an information filter that forgets slowly and notices a knock.
+"""Filter of a camera's parameters over time: an information filter that forgets slowly and detects knocks.
 
-What no frame tells stays at the camera file's value with its stated standard deviation: that is the prior, and nothing
-else is decided by thresholds. A knock is a change point: beliefs that the camera was moved at one of the last moments
-are carried along, and one of them, widened, replaces the estimate when the frames since then are likelier under it, by
-as much as knocks are rare.
+The prior has the camera file's values and their standard deviations; parameters without evidence keep them. A knock is
+a change point: several alternative beliefs assume that the camera was moved at one of the last moments. One of them,
+widened, replaces the estimate if the likelihood ratio of the frames since then exceeds the prior odds against a knock.
 """
 
 from __future__ import annotations
@@ -20,28 +19,26 @@ from robocup_vision.geometry import Pose2
 
 @dataclass(frozen=True, slots=True)
 class ParameterFilterSettings:
-    """How fast is forgotten, what counts as new, and what is believed of knocks.
+    """Settings of forgetting, of independent frames, and of knocks.
 
     Parameters
     ----------
     memory_s : float
-        Time constant with which the estimate returns to the file's values and standard deviations where nothing tells:
-        mounts get warm and loose within a match's half.
+        Time constant with which the estimate returns to the file's values and standard deviations without evidence:
+        mounts get warm and loose within a half of a match.
     same_place_m, same_heading_rad : float
-        A frame from so near to one that has been used tells whether the camera has moved, and nothing else: it shows
-        the same edges with the same errors.
+        Greatest distance and angle to the place of a used frame at which a frame counts only as evidence of knocks,
+        because it shows the same edges with the same errors.
     places : int
-        So many places are remembered. Older ones count as new: light and what stands around have changed.
+        Number of remembered places. Older ones count as new, because light and surroundings have changed.
     knock_every_s : float
-        A knock is expected once in so many seconds of play: robots fall, and are run into.
+        Mean time between knocks in play: robots fall, and are hit.
     wrong_ratio : float
-        Of the frames, those that are taken for something that they are not: a single frame counts for no more than
-        that against the parameters.
+        Ratio of frames with wrong associations, which bounds the evidence of a single frame for or against a belief.
     alike_s : float
-        Correlation time of the frames' errors: they show the same edges, and count as one against the parameters.
+        Correlation time of the frames' errors: frames within it show the same edges, and count as one.
     moments, moment_s : int, float
-        How many moments are carried along at which the camera may have been moved, the likeliest, and the time between
-        them.
+        Number of the likeliest moments of a knock that are kept, and time between them.
     """
 
     memory_s: float = 1200.0
@@ -57,22 +54,22 @@ class ParameterFilterSettings:
 
 @dataclass
 class CameraBelief:
-    """A Gaussian over a camera's parameters, and the places whose frames it is made of."""
+    """A Gaussian over a camera's parameters, and the places of its frames."""
 
-    #: (G,), (G, G) float64: of the parameters
+    #: (G,), (G, G) float64
     mean: FloatArray
     covariance: FloatArray
-    since_s: float = 0.0  #: from when on the camera is believed to be as it is
-    nats: float = 0.0  #: how much likelier the frames since then are under it than under the estimate, logarithm
-    places: list[Pose2] = field(default_factory=list)  #: the camera's, newest last
+    since_s: float = 0.0  #: time since which the camera is assumed unchanged
+    nats: float = 0.0  #: log likelihood ratio of the frames since then, against the estimate
+    places: list[Pose2] = field(default_factory=list)  #: poses of the camera, newest last
 
     def forget(self, keep: float, start: FloatArray, prior: FloatArray) -> None:
-        """Return a little towards the prior: `keep` is what is left."""
+        """Move towards the prior; `keep` is the ratio that remains."""
         self.mean = start + keep * (self.mean - start)
         self.covariance = keep**2 * self.covariance + (1.0 - keep**2) * prior
 
     def is_new(self, pose: Pose2, settings: ParameterFilterSettings) -> bool:
-        """Whether no frame has been used from near there."""
+        """Whether no used frame is from a place near this one."""
         for place in self.places:
             distance_m, angle_rad = place.error_to(pose)
             if distance_m < settings.same_place_m and angle_rad < settings.same_heading_rad:
@@ -80,7 +77,7 @@ class CameraBelief:
         return True
 
     def take(self, evidence: Evidence, pose: Pose2, settings: ParameterFilterSettings) -> None:
-        """Take in a frame, if it was taken at a new place."""
+        """Update with a frame, if it is from a new place."""
         if not self.is_new(pose, settings):
             return
         self.places = [*self.places[1 - settings.places :], pose]
@@ -94,14 +91,14 @@ class CameraBelief:
 
 
 class ParameterFilter:
-    """Estimate of a camera's parameters.
+    """Filter of a camera's parameters.
 
     Parameters
     ----------
     start, std : (G,) float64
         The file's values, and their standard deviations.
     knock_std : (G,) float64
-        By how much a knock moves them.
+        Standard deviations of the changes by a knock.
     """
 
     def __init__(
@@ -132,11 +129,11 @@ class ParameterFilter:
 
     @property
     def widened(self) -> FloatArray:
-        """(G, G) float64: covariance if a knock came just now."""
+        """(G, G) float64: covariance after a knock at this moment."""
         return self.covariance + self._knock
 
     def take(self, evidence: Evidence, pose: Pose2, dt_s: float) -> None:
-        """Take in a frame."""
+        """Update with a frame."""
         s = self.settings
         self._t_s += dt_s
         keep = math.exp(-dt_s / s.memory_s)
@@ -152,17 +149,17 @@ class ParameterFilter:
             belief.take(evidence, pose, s)
         likeliest = max(self._moved, key=lambda belief: belief.nats)
         if likeliest.nats >= math.log(s.knock_every_s / s.alike_s):
-            # frames before the knock may have gone into it, too
+            # the belief may contain frames from before the knock
             self._now = CameraBelief(likeliest.mean, likeliest.covariance + self._knock)
             self._now.take(evidence, pose, s)
             self._moved = []
             self.knocks += 1
         elif max(ratios) < most:
-            # what speaks as strongly as a wrong frame can is a wrong frame, or one after a knock
+            # evidence at its bound is an association error, or a frame after a knock
             self._now.take(evidence, pose, s)
 
     def _add_moment(self) -> None:
-        """Begin to believe that the camera was moved just now, in place of the least likely such belief."""
+        """Add the belief that the camera was moved at this moment, in place of the least likely one."""
         s = self.settings
         if self._moved and self._t_s - max(belief.since_s for belief in self._moved) < s.moment_s:
             return
@@ -171,7 +168,7 @@ class ParameterFilter:
 
 
 def log_evidence(evidence: Evidence, mean: FloatArray, covariance: FloatArray) -> float:
-    """Logarithm of a frame's likelihood under a Gaussian belief, up to what the belief does not change."""
+    """Log-likelihood of a frame under a Gaussian belief, up to a constant."""
     size = len(mean)
     away = mean - evidence.linearised_at
     # the frame's log-likelihood about the belief's mean

@@ -1,6 +1,6 @@
-"""Evidence of a frame on a pinhole camera's lens and mounting: the field's edges in view against their predictions.
+"""Evidence of a frame about a pinhole camera's lens and mounting, from the residuals of the field's edges.
 
-Tilt, roll and height at rest are separated from the body's sway in one frame by the sway's standard deviation.
+The prior of the body's sway separates tilt, roll and height at rest from their deviations in one frame.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ _ANGLES = slice(0, 2)
 
 
 class PinholeEvidence:
-    """Makes evidence of frames of one pinhole camera.
+    """Computes evidence from frames of one pinhole camera.
 
     The parameters: tilt, roll (rad) and height (m) at rest, logarithm of the focal length's scale, centre u, v (px).
 
     Parameters
     ----------
     camera : PinholeCamera
-        As in its file, its tilt known.
+        As in its file, with a known tilt.
     """
 
     slices = (CENTER, _ANGLES, LOG_FOCAL)
-    # without a prior a pinhole camera locates the robot even if it is only about right
+    # even an inaccurate pinhole camera locates the robot
     tries_others = False
 
     def __init__(self, field: Field, camera: PinholeCamera, mask: UInt8Array | None, settings: OnlineSettings) -> None:
@@ -58,7 +58,7 @@ class PinholeEvidence:
         self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
         self._finder = EdgePointFinder(field, camera.size_px[0], EdgeSettings(), mask)
         self._reach_px = own.reach_px * px
-        # time of the last view (s), and the camera's heading, tilt and roll in it
+        # time (s) of the last view, and the camera's heading, tilt and roll in it
         self._held: tuple[float, tuple[float, float, float]] | None = None
         self._turn_radps = 0.0
         self._lens, self._lens_of = lens_table(camera), self.start.copy()
@@ -72,7 +72,7 @@ class PinholeEvidence:
         return self._parameters.camera(vector)
 
     def shift_px(self, camera: PinholeCamera, other: PinholeCamera) -> float:
-        """Largest distance, pixels, between the images of one place in two cameras: on the floor, and far away."""
+        """Greatest distance, pixels, between the images of one place on the floor or far away in two cameras."""
         width, height = camera.size_px
         across, down = np.linspace(0.1, 0.9, 4) * width, np.linspace(0.1, 0.9, 4) * height
         pixels = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
@@ -85,7 +85,7 @@ class PinholeEvidence:
         return float(np.nanmax(np.hypot(*(moved - pixels).T)))
 
     def watch(self, view: View) -> None:
-        """Measure how fast the camera turns from view to view."""
+        """Update the camera's turning rate with a view."""
         held = view.camera
         if not view.pose or not isinstance(held, PinholeCamera) or view.t_s is None:
             self._held = None
@@ -94,34 +94,34 @@ class PinholeEvidence:
         self._turn_radps = 0.0
         if self._held is not None and view.t_s > self._held[0]:
             heading, *others = (wrap_angle(now - before) for now, before in zip(angles, self._held[1], strict=True))
-            # frames of a camera file with a readout time have been straightened, up to this fraction
+            # frames of a camera file with a readout time were straightened, up to this ratio
             left = self._settings.straightened_to if self._file.readout_s else 1.0
             self._turn_radps = math.hypot(left * heading, *others) / (view.t_s - self._held[0])
         self._held = (view.t_s, angles)
 
     def of(self, frame: UInt8Array, view: View, belief: Belief) -> FrameEquations | None:
-        """Return what a frame tells: see `EvidenceMaker`."""
+        """Return a frame's evidence, see `EvidenceMaker`."""
         held = view.camera
         assert isinstance(held, PinholeCamera)
         assert view.pose
         return self.equations(frame, held, view.pose.pose.compose(held.camera_in_robot), belief)
 
     def equations(self, frame: UInt8Array, held: PinholeCamera, pose: Pose2, belief: Belief) -> FrameEquations | None:
-        """Return what a frame tells of the parameters and its own unknowns, about the belief's start and the pose.
+        """Return a frame's equations for the parameters and its nuisance parameters, about the belief's start and pose.
 
-        Its own unknowns are the camera's pose on the field, and the body's sway in tilt, roll and height.
+        The nuisance parameters are the camera's pose on the field, and the body's sway in tilt, roll and height.
 
         Parameters
         ----------
         held : PinholeCamera
-            As the camera was held in it.
+            The camera in this frame.
         pose : Pose2
-            Of the camera on the field.
+            Pose of the camera on the field.
 
         Returns
         -------
         FrameEquations or None
-            None where `of` returns it.
+            None under the conditions of `of`.
         """
         mounting = np.array([held.tilt_rad or 0.0, held.roll_rad or 0.0, held.height_m])
         if not np.array_equal(self._lens_of, belief.start):
@@ -136,7 +136,7 @@ class PinholeEvidence:
             return Residuals(points.residual(rows @ step), points.by_camera, points.by_frame, points.feature)
 
         sway = np.concatenate([np.zeros(3), mounting - belief.start[: HEIGHT + 1]])
-        # standard deviation of the shift of rows that are evenly spread over the readout
+        # standard deviation of the shift of image rows, which are uniformly distributed over the readout
         readout_s = self._file.readout_s or self._settings.readout_s
         skew_px = self._lens[0] * self._turn_radps * readout_s / math.sqrt(12.0)
         return fit_frame(points_at, belief, self._own, sway, self._settings.robust, skew_px)

@@ -1,9 +1,9 @@
-"""What the frames of a rig tell of how its cameras are mounted: each one's edges, and the one body that carries them.
+"""Evidence of frames about the mountings of a rig's cameras, which share one body.
 
-Every camera's frame is fitted as that of a single camera (`PinholeEvidence`), about the body's pose as this camera
-alone measured it. That all of them saw one body at one moment ties their mountings to each other: the body's pose and
-its sway are unknowns that they share, and are left out last. What all pans have in common is the body's heading: no
-frame tells it, and it stays where the files together say it is.
+Every camera's frame is fitted like that of a single camera (`PinholeEvidence`), about the body's pose from this camera
+alone. The body's pose and sway are nuisance parameters common to the cameras of one moment, and are eliminated last.
+They couple the mountings. A common change of all pans is the body's heading, which no frame determines: it keeps the
+value that the files together give.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from robocup_vision.camera.rig import Rig
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.view import RigView, View
 
-# parameters of a camera: tilt, roll and height as a single camera's first ones, and its pan
+# parameters of a camera: tilt, roll and height, as the first ones of a single camera, and its pan
 _HELD, _PAN, _SIZE = 3, 3, 4
-# a frame's own unknowns: the body's pose on the field; its sway: nose up, to the left up (rad), and up (m)
+# a frame's nuisance parameters: the body's pose on the field; its sway: nose up, left side up (rad), and up (m)
 _POSE, _BODY = 3, 6
-# lenses are as their files say: so little is believed of any change, in each parameter's own unit
+# standard deviation of changes of the lens, which is practically fixed, in each parameter's unit
 _LENS_STD = 1e-6
 
 
 class _Terms(NamedTuple):
-    """What a camera tells of its parameters and the body's pose and sway (10, 10), (10,); the sway's precision (3,)."""
+    """A camera's information (10, 10) and gradient (10,) on parameters, body pose and sway; sway precision (3,)."""
 
     information: FloatArray
     gradient: FloatArray
@@ -43,16 +43,16 @@ class _Terms(NamedTuple):
 
 
 class RigEvidence:
-    """Makes evidence of the frames of a rig.
+    """Computes evidence from the frames of a rig.
 
     The parameters, for each camera: tilt, roll (rad) and height (m) at rest, pan (rad).
 
     Parameters
     ----------
     rig : Rig
-        As in its files, the cameras' tilts known.
+        As in its files, with known tilts.
     masks : sequence of ((H, W) uint8 or None), optional
-        As for a `Vision`.
+        As in `Vision`.
     """
 
     slices = None
@@ -80,7 +80,7 @@ class RigEvidence:
         return np.concatenate([[*eye.vector(camera)[:_HELD], camera.pan_rad or 0.0] for eye, camera in cameras])
 
     def camera(self, vector: FloatArray) -> Rig:
-        """Return the rig of parameters (4 n,)."""
+        """Return the rig with parameters (4 n,)."""
         cameras = tuple(
             replace(eye.camera(_with_lens(eye, held)), pan_rad=float(held[_PAN]))
             for eye, held in zip(self._eyes, vector.reshape(-1, _SIZE), strict=True)
@@ -88,7 +88,7 @@ class RigEvidence:
         return replace(self._rig, cameras=cameras)
 
     def mountings(self, vector: FloatArray, std: FloatArray) -> tuple[Mounting, ...]:
-        """Return parameters (4 n,) and their standard deviations as each camera's mounting."""
+        """Return parameters (4 n,) and their standard deviations as mountings."""
         return tuple(
             Mounting(pan, tilt, roll, height, pan_std, tilt_std, roll_std, height_std)
             for (tilt, roll, height, pan), (tilt_std, roll_std, height_std, pan_std) in zip(
@@ -97,17 +97,17 @@ class RigEvidence:
         )
 
     def shift_px(self, rig: Rig, other: Rig) -> float:
-        """Greatest distance between the images of the same places through two rigs."""
+        """Greatest distance between the images of the same places in two rigs."""
         return max(eye.shift_px(*pair) for eye, *pair in zip(self._eyes, rig.cameras, other.cameras, strict=True))
 
     def watch(self, view: View) -> None:
-        """Take note of how fast the cameras turn from view to view."""
+        """Update the cameras' turning rates with a view."""
         assert isinstance(view, RigView)
         for eye, one in zip(self._eyes, view.views, strict=True):
             eye.watch(one)
 
     def of(self, frame: Sequence[UInt8Array | None], view: View, belief: Belief) -> FrameEquations | None:
-        """Return what the frames of a look tell: see `EvidenceMaker`; None for one that was not given."""
+        """Return the evidence of simultaneous frames, see `EvidenceMaker`; a missing frame is None."""
         assert isinstance(view, RigView)
         assert view.pose
         size = len(belief.start)
@@ -129,14 +129,14 @@ class RigEvidence:
     def _of_camera(
         self, eye: PinholeEvidence, frame: UInt8Array, view: View, body: Pose2, belief: Belief
     ) -> _Terms | None:
-        """Return what a camera tells; None where that is too little.
+        """Return one camera's evidence; None if it is too little.
 
         Parameters
         ----------
         body : Pose2
-            The body's at the moment of the look, by all cameras.
+            Pose of the body at the moment of the frames, from all cameras.
         belief : Belief
-            Of the camera's four parameters.
+            Prior of the camera's four parameters.
         """
         held = view.camera
         measured = self._measured(view)
@@ -154,14 +154,14 @@ class RigEvidence:
         off = np.zeros(len(own))
         off[_HELD : _HELD + _POSE] = expected.array - place.array
         off[_HELD + _POSE - 1] = wrap_angle(expected.theta_rad - place.theta_rad)
-        # the edges were linearised at the sway of this frame's fit
+        # the edges were linearised at the sway in this frame's fit
         off[_HELD + _POSE :] = found.own_gradient[_POSE:] / found.own[_POSE:]
         information = found.information[np.ix_(own, own)]
         gradient = found.gradient[own] - information @ off
         return _Terms(by.T @ information @ by, by.T @ gradient, found.own[_POSE:])
 
     def _measured(self, view: View) -> Pose2 | None:
-        """Return the body's pose as one camera alone measured it; None where it took the body for elsewhere."""
+        """Return the body's pose from one camera alone; None if it disagrees with the common pose."""
         estimate = view.pose if view.measurement is None else view.measurement
         if not estimate or not view.pose:
             return None
@@ -172,12 +172,12 @@ class RigEvidence:
 
 
 def _with_lens(eye: PinholeEvidence, held: FloatArray) -> FloatArray:
-    """Return a single camera's parameters of how it is held, with the lens of its file."""
+    """Return a single camera's parameters from its mounting, and the lens of its file."""
     return np.concatenate([held[:_HELD], eye.start[_HELD:]])
 
 
 def _by_body(held: PinholeCamera, place: Pose2, body: Pose2) -> FloatArray:
-    """(9, 10) float64: derivatives of a camera's parameters, pose and sway by its parameters, and the body's two."""
+    """(9, 10) float64: derivatives of a camera's mounting, pose and sway by its parameters, and body pose and sway."""
     by = np.zeros((_HELD + _BODY, _SIZE + _BODY))
     by[:_HELD, :_HELD] = np.eye(_HELD)
     x, y, turn, tilt, roll, height = range(_HELD, _HELD + _BODY)
