@@ -1,4 +1,4 @@
-"""What the lengths and angles of a camera can be: numbers beyond are in millimetres, or in degrees."""
+"""Bounds of a camera's lengths and angles, which detect values in millimetres or degrees."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from typing import NamedTuple
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import in_degrees
 
-# no robot carries its camera higher; the viewpoint that a mirror's fitted curve implies may lie farther up
+# greatest height of a robot's camera; a viewpoint from a mirror's fitted curve may be higher
 _MAX_LENGTH_M, _MAX_VIEWPOINT_M = 3.0, 100.0
 _MAX_STD_RAD = 0.5
 _POSITIVE = ("height_m", "viewpoint_height_m")
 
 
 class Problem(NamedTuple):
-    """What is wrong with a value of a camera, and what may have been meant."""
+    """Problem of a camera's value, with a hint on its cause."""
 
     what: str
     hint: str = ""
 
 
 def problem_of(name: str, value: float | tuple[float, ...] | None) -> Problem | None:
-    """Return what is wrong with a camera's length or angle; None where nothing is, or nothing is known of it.
+    """Return the problem of a camera's length or angle; None if there is none, or the value is unknown.
 
     Parameters
     ----------
     name : str
-        Of the key: "_m" ends a length, "_rad" an angle; "_std_m" and such a standard deviation.
+        Name of the key: a length ends in "_m", an angle in "_rad", standard deviations in "_std_m" and the like.
     value : float, tuple of float or None
-        Of the key.
+        Value of the key.
     """
     for one in value if isinstance(value, tuple) else (value,):
         if one is None:
@@ -58,7 +58,7 @@ def require_bounds(values: Mapping[str, float | tuple[float, ...] | None]) -> No
     Raises
     ------
     ArgumentError
-        If one is out of its bounds.
+        If a value is out of its bounds.
     """
     for name, value in values.items():
         problem = problem_of(name, value)

@@ -1,4 +1,4 @@
-"""camera.toml: strict reading, load-time checks that name file, key and value, and writing."""
+"""camera.toml: strict reading, checks that report file, key and value, and writing."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from robocup_vision.files.text_files import write_lines
 Camera: TypeAlias = Union[OmniCamera, PinholeCamera]  # noqa: UP007  (evaluated, on 3.10 too)
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
-# no sensor has more: such a size is a slip, and its tables would fill the memory
+# the greatest size of sensors; the tables of a greater one would exhaust the memory
 Pixels = Annotated[int, msgspec.Meta(gt=0, le=16384)]
 
-# inverse ranges below this (floor a thousand km away) count as horizon
+# inverse ranges below this (floor farther than 1000 km) count as above the horizon
 NEAREST_HORIZON_PER_M = 1e-6
-# values beyond what can be computed with give infinite or undefined numbers, which the checks refuse
+# extreme values give infinite or undefined numbers, which the checks report
 _refusing_extremes = np.errstate(over="ignore", divide="ignore", invalid="ignore")
 
 
@@ -103,8 +103,8 @@ def load_camera(path: str | Path) -> Camera:
     ------
     FileError
         If the file is missing, a key is missing, unknown or of the wrong type, a mirror's floor range is not strictly
-        increasing over the usable radii, or pixel -> floor -> pixel (pinhole: pixel -> ray -> pixel) does not come
-        back over the image.
+        increasing over the usable radii, or pixel -> floor -> pixel (pinhole: pixel -> ray -> pixel) is not the
+        identity over the image.
     """
     raw = read_toml(path)
     model = raw.get("model", ...)
@@ -196,7 +196,7 @@ def _check_omni(path: str | Path, camera: OmniCamera) -> None:
     defined = np.isfinite(q)
     if not np.all(np.diff(q[defined]) < 0):
         raise FileError(path, "is not strictly increasing over usable_radius_px", key="floor_range")
-    # a table may end before the usable radius does, other curves may pass the horizon: only the floor must come back
+    # a table may end within the usable radii, and other curves may pass the horizon: only floor pixels are checked
     bearings = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
     pixels = camera.polar_to_pixel(bearings[:, None], radii[None, defined & (q > NEAREST_HORIZON_PER_M)]).reshape(-1, 2)
     floor = camera.pixel_to_floor(pixels)
@@ -245,12 +245,12 @@ def _keys_of(f: _ForwardFile) -> dict[str, Any]:
 
 @_refusing_extremes
 def check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
-    """Check that a pinhole camera's pixels come back from their rays.
+    """Check that pixels of a pinhole camera are recovered from their rays.
 
     Raises
     ------
     FileError
-        If they do not, or the optical axis lies outside the image; it names the file that the camera is of.
+        If they are not, or the optical axis lies outside the image; it reports the camera's file.
     """
     _check_center(path, camera)
     width, height = camera.size_px
@@ -258,7 +258,7 @@ def check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
     pixels = np.stack([u.ravel(), v.ravel()], axis=-1)
     rays = camera.pixel_to_camera_ray(pixels)
     if isinstance(camera, FisheyeCamera):
-        # beyond its circle a fisheye's picture is dark
+        # pixels outside the circle of a fisheye show nothing
         shown = np.isfinite(rays).all(axis=1)
         if not shown.any():
             raise FileError(path, "shows nothing of the image", key="usable_radius_px", value=camera.usable_radius_px)
@@ -277,14 +277,14 @@ def check_pinhole(path: str | Path, camera: PinholeCamera) -> None:
 
 
 def save_camera(camera: Camera, path: str | Path) -> None:
-    """Write a camera file that `load_camera` reads back to the same camera.
+    """Write a camera file from which `load_camera` reads the same camera.
 
     Raises
     ------
     FileError
         If the file cannot be written.
     ArgumentError
-        If the floor range is of a kind that camera files do not have.
+        If camera files do not support the kind of floor range.
     """
     lines = _pinhole_lines(camera) if isinstance(camera, PinholeCamera) else _omni_lines(camera)
     write_lines(path, lines)

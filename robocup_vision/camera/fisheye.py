@@ -1,7 +1,7 @@
-"""The fisheye camera: pixels <-> rays <-> floor, by a radius that grows with the angle off the axis.
+"""The fisheye camera: pixels <-> rays <-> floor, with an image radius that increases with the angle off the axis.
 
-It is mounted as a pinhole camera is, and everything that takes one takes it too. Its rays may lie more than 90 degrees
-off the axis; what is found in the picture by its edges lies within `WIDEST_RAD` of the axis.
+It is a `PinholeCamera` for all users of these. Its rays may be more than 90 degrees off the axis, but methods based on
+edges in the picture use only those within `WIDEST_RAD`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 
 Projection = Literal["kannala_brandt", "equidistant", "equisolid"]
 PROJECTIONS: tuple[Projection, ...] = ("kannala_brandt", "equidistant", "equisolid")
-# the greatest angle off the axis at which a ray still has a slope that is computed with
+# greatest angle off the axis of a ray with a useful slope
 WIDEST_RAD = math.radians(84.0)
 _TABLE = 2049
 _ANGLE_STEP_RAD = 1e-6
@@ -28,23 +28,23 @@ _ANGLE_STEP_RAD = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class FisheyeCamera(PinholeCamera):
-    """A camera whose lens shows a ray at angle t off its axis at a radius of about f t.
+    """A camera whose lens maps a ray at angle t off its axis to a radius of about f t.
 
     The other parameters are those of `PinholeCamera`; `focal_px` is f along u and along v.
 
     Parameters
     ----------
     distortion : tuple of float
-        Of "kannala_brandt": k1 to k4 of OpenCV's fisheye model; empty: all 0. Empty for the other projections.
+        Coefficients k1 to k4 of OpenCV's fisheye model for "kannala_brandt", empty for all 0. Else empty.
     projection : {"kannala_brandt", "equidistant", "equisolid"}
         r = f (t + k1 t^3 + k2 t^5 + k3 t^7 + k4 t^9); r = f t; r = 2 f sin(t / 2).
     usable_radius_px : (float, float) or None
-        Inner and outer radius of the circle that the lens fills, along u; None: all that the projection shows.
+        Inner and outer radius of the lens's image circle, along u; None for the whole range of the projection.
 
     Raises
     ------
     ArgumentError
-        The projection is none of these, it has other coefficients, or its radius does not grow from the axis on.
+        If the projection is unknown, has other coefficients, or its radius does not increase from the axis.
     """
 
     projection: Projection = "kannala_brandt"
@@ -83,11 +83,11 @@ class FisheyeCamera(PinholeCamera):
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """k1 to k4 of the radius as an odd polynomial of the angle; all 0 for the other projections."""
+        """k1 to k4 of the radius as an odd polynomial of the angle; 0 for the other projections."""
         return self.distortion or (0.0,) * 4
 
     def image_radius(self, angle_rad: FloatArray) -> FloatArray:
-        """Distance (...) from the centre, in focal lengths, of rays at angles (...) off the axis."""
+        """Radial distance (...) from the centre, in focal lengths, of rays at angles (...) off the axis."""
         if self.projection == "equisolid":
             return np.asarray(2.0 * np.sin(0.5 * angle_rad))
         k1, k2, k3, k4 = self.coefficients
@@ -96,7 +96,7 @@ class FisheyeCamera(PinholeCamera):
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        """Angles and radii, as far as the radius grows, or as the lens's circle reaches."""
+        """Angles and radii, in the range in which the radius increases."""
         angle = np.linspace(0.0, math.pi, _TABLE)
         radius = self.image_radius(angle)
         grows = np.diff(radius) > 0.0
@@ -107,7 +107,7 @@ class FisheyeCamera(PinholeCamera):
 
     @property
     def widest_rad(self) -> float:
-        """The greatest angle off the axis that the lens shows."""
+        """The greatest visible angle off the axis."""
         angle, radius = self._table
         if self.usable_radius_px is None:
             return float(angle[-1])
@@ -115,11 +115,11 @@ class FisheyeCamera(PinholeCamera):
 
     @property
     def widest_slope(self) -> float:
-        """See `PinholeCamera.widest_slope`: beyond `WIDEST_RAD` no ray has one."""
+        """See `PinholeCamera.widest_slope`: at most that of `WIDEST_RAD`."""
         return math.tan(min(self.widest_rad, WIDEST_RAD))
 
     def angle_of_radius(self, radius: FloatArray) -> FloatArray:
-        """Invert `image_radius`; NaN beyond the lens's circle."""
+        """Invert `image_radius`; NaN outside the lens's circle."""
         angles, radii = self._table
         angle = np.interp(radius, radii, angles)
         for _ in range(3):
@@ -129,7 +129,7 @@ class FisheyeCamera(PinholeCamera):
         return np.where(angle <= self.widest_rad + 1e-9, np.where(radius <= radii[-1], angle, np.nan), np.nan)
 
     def pixel_to_camera_ray(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Return unit directions (..., 3) in the camera frame of pixels (..., 2); NaN where the lens shows nothing."""
+        """Return unit directions (..., 3) in the camera frame of pixels (..., 2); NaN outside the lens."""
         plane = (np.asarray(pixels, dtype=np.float64) - self.center_px) / self.focal_px
         radius = np.hypot(plane[..., 0], plane[..., 1])
         angle = self.angle_of_radius(radius)
@@ -139,7 +139,7 @@ class FisheyeCamera(PinholeCamera):
         return np.concatenate([np.cos(angle)[..., None], -plane * across[..., None]], axis=-1)
 
     def camera_ray_to_pixel(self, rays: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) of directions (..., 3) in the camera frame; NaN beyond the lens's circle."""
+        """Pixels (..., 2) of directions (..., 3) in the camera frame; NaN outside the lens's circle."""
         ray = np.asarray(rays, dtype=np.float64)
         aside = np.hypot(ray[..., 1], ray[..., 2])
         angle = np.arctan2(aside, ray[..., 0])
@@ -149,13 +149,13 @@ class FisheyeCamera(PinholeCamera):
         return np.asarray(-ray[..., 1:] * scale[..., None] * self.focal_px + self.center_px)
 
     def ideal_slopes(self, pixels: npt.ArrayLike) -> FloatArray:
-        """See `PinholeCamera.ideal_slopes`: NaN farther than `WIDEST_RAD` off the axis."""
+        """See `PinholeCamera.ideal_slopes`: NaN beyond `WIDEST_RAD` off the axis."""
         ray = self.pixel_to_camera_ray(pixels)
         ahead = np.where(ray[..., :1] >= math.cos(WIDEST_RAD) - 1e-12, ray[..., :1], np.nan)
         return np.asarray(-ray[..., 1:] / ahead)
 
     def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Floor points (..., 2), robot frame, metres, seen at pixels (..., 2); NaN from the horizon on."""
+        """Floor points (..., 2), robot frame, metres, at pixels (..., 2); NaN on and above the horizon."""
         ray = self.pixel_to_ray(pixels)
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = np.where(ray[..., 2] < -1e-9, -self.height_m / ray[..., 2], np.nan)

@@ -1,7 +1,7 @@
-"""The three curves from image radius R (px) to floor range r (m) of a mirror camera.
+"""Three kinds of curves from image radius R (px) to floor range r (m) of a mirror camera.
 
-Everything is written in the inverse range q = 1/r, which stays finite and smooth through the horizon (q = 0): straight
-walls are straight in q, and rays above the horizon simply have a negative q.
+They are expressed by the inverse range q = 1/r, which is finite and smooth across the horizon (q = 0) and negative
+above it. Straight walls are straight in q.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ class FloorRange(Protocol):
     """A curve from image radius to floor range."""
 
     def inverse_range_per_m(self, radius_px: npt.ArrayLike) -> FloatArray:
-        """1/r for image radii >= 0 (any shape, px), 1/m; zero or negative from the horizon on, NaN where undefined.
+        """Return 1/r for image radii >= 0 (any shape, px), 1/m; q <= 0 on and above the horizon, NaN where undefined.
 
-        At R = 0, straight down, it is infinite (or NaN: a table need not begin there).
+        At R = 0, straight down, it is infinite; NaN outside a table.
         """
         ...
 
     def radius_px(self, inverse_range_per_m: npt.ArrayLike) -> FloatArray:
-        """Image radius (px) for inverse ranges (any shape, 1/m); NaN where the curve has none."""
+        """Return the image radius (px) of inverse ranges (any shape, 1/m); NaN where undefined."""
         ...
 
     @property
     def implied_height_m(self) -> float | None:
-        """Height of the effective viewpoint over the floor if the curve's parameters determine it."""
+        """Height of the effective viewpoint above the floor if the curve's parameters determine it."""
         ...
 
 
@@ -41,8 +41,8 @@ class FloorRange(Protocol):
 class Hyperboloid:
     """r = R / (A - B sqrt(C + R^2)): a hyperboloidal mirror (Sekimori et al. 2001, eq. 26).
 
-    A - B sqrt(C) nearly cancels, so the three numbers are to be taken as exact. In an image s times larger they are
-    A s, B, C s^2.
+    A - B sqrt(C) nearly cancels, so the constants need their full precision. In an image s times larger they are A s,
+    B, C s^2.
     """
 
     #: the three constants, all positive
@@ -60,7 +60,7 @@ class Hyperboloid:
         """R, see `FloorRange`: the root of (A - qR)^2 = B^2 (C + R^2) with A - qR > 0."""
         q = np.asarray(inverse_range_per_m, dtype=np.float64)
         a, b2 = self.A_px_per_m, self.B_per_m**2
-        # (q^2 - B^2) R^2 - 2 A q R + (A^2 - B^2 C) = 0; written so that q = B, a linear equation, is no special case
+        # (q^2 - B^2) R^2 - 2 A q R + (A^2 - B^2 C) = 0, in a form that is also valid for q = B, a linear equation
         constant = a * a - b2 * self.C_px2
         with np.errstate(invalid="ignore", divide="ignore"):
             root = np.sqrt((a * q) ** 2 - (q * q - b2) * constant)
@@ -69,7 +69,7 @@ class Hyperboloid:
 
     @property
     def implied_height_m(self) -> float | None:
-        """The mirror's outer focus over the floor: sqrt(C / (A^2 - B^2 C))."""
+        """The mirror's outer focus above the floor: sqrt(C / (A^2 - B^2 C))."""
         # a product, unlike a power, overflows to infinity
         denominator = self.A_px_per_m * self.A_px_per_m - self.B_per_m * self.B_per_m * self.C_px2
         return math.sqrt(self.C_px2 / denominator) if denominator > 0 else None
@@ -97,7 +97,7 @@ class Tangent:
 
     @property
     def implied_height_m(self) -> float | None:
-        """None: a b do not fix the viewpoint."""
+        """None: a and b do not determine the viewpoint."""
         return None
 
 
@@ -130,17 +130,17 @@ class Table:
 
     @property
     def implied_height_m(self) -> float | None:
-        """None: a table does not fix the viewpoint."""
+        """None: a table does not determine the viewpoint."""
         return None
 
 
 def magnified(curve: FloorRange, factor: float) -> FloorRange:
-    """Return a curve whose image radii are so many times larger, of the same family.
+    """Return the curve of the same family with its image radii multiplied by a factor.
 
     Raises
     ------
     ArgumentError
-        If the curve is of none of the three families.
+        If the curve belongs to none of the three families.
     """
     if isinstance(curve, Hyperboloid):
         return Hyperboloid(curve.A_px_per_m * factor, curve.B_per_m, curve.C_px2 * factor**2)
@@ -152,7 +152,7 @@ def magnified(curve: FloorRange, factor: float) -> FloorRange:
 
 
 def _interpolate(x: FloatArray, known_x: FloatArray, known_y: FloatArray) -> FloatArray:
-    # the ends belong to the table although a pixel or a floor point there is a rounding error outside
+    # tolerance for rounding errors of pixels and floor points at the ends
     slack = 1e-9 * known_x[-1]
     inside = (x >= known_x[0] - slack) & (x <= known_x[-1] + slack)
     return np.where(inside, np.interp(x, known_x, known_y), np.nan)

@@ -1,6 +1,6 @@
-"""Calibrations that other programs have written: ROS' camera_info, OpenCV's FileStorage and Kalibr's camchain, as YAML.
+"""Import of calibrations from other programs: ROS' camera_info, OpenCV's FileStorage and Kalibr's camchain, as YAML.
 
-They hold the lens; how the camera is mounted they do not know. OpenCV reads the text: its YAML is enough for all three.
+They contain the lens but not the mounting. OpenCV's YAML parser is sufficient for all three.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from field_models.errors import FileError
 from field_models.near_names import did_you_mean
 from robocup_vision.camera.pinhole import DISTORTION_LENGTHS
 
-# of ROS and Kalibr, and of OpenCV: the projection of Kannala and Brandt
+# names in ROS and Kalibr, and in OpenCV, of the projection of Kannala and Brandt
 _FISHEYE = ("equidistant", "fisheye")
 _BROWN_CONRADY = ("plumb_bob", "rational_polynomial", "radtan", "none")
 _HEADER = "%YAML:1.0\n---\n"
-# names of the same thing, in the order in which they are looked for
+# alternative names, in the order of the search
 _OPENCV_MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M1")
 _OPENCV_LENS = (
     "distortion_coefficients",
@@ -36,7 +36,7 @@ _OPENCV_SIZE = ("image_size", "imageSize", "size", "resolution")
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """A lens, as keys of a camera file."""
+    """A lens, with the keys of a camera file."""
 
     size_px: tuple[int, int]
     focal_px: tuple[float, float]
@@ -46,17 +46,17 @@ class Calibration:
 
 
 def read_ros(path: str | Path, size_px: tuple[int, int] | None = None) -> Calibration:
-    """Read a camera_info file as camera_calibration writes it, or a message as `ros2 topic echo` prints it.
+    """Read a camera_info file as written by camera_calibration, or a message as printed by `ros2 topic echo`.
 
     Parameters
     ----------
     size_px : (int, int), optional
-        Of the images, where the file does not say.
+        Size of the images, if it is not in the file.
 
     Raises
     ------
     FileError
-        If it cannot be read, is of another program, or has a lens that no camera file describes.
+        If it cannot be read, is from another program, or has a lens model that camera files do not support.
     """
     raw = _Yaml.read(path)
     matrix = raw.numbers(("camera_matrix", "k", "K"), "is no ROS camera_info", count=9)
@@ -70,7 +70,7 @@ def read_ros(path: str | Path, size_px: tuple[int, int] | None = None) -> Calibr
 
 
 def read_opencv(path: str | Path, size_px: tuple[int, int] | None = None) -> Calibration:
-    """Read a calibration that OpenCV's FileStorage has written; see `read_ros`."""
+    """Read a calibration written by OpenCV's FileStorage; see `read_ros`."""
     raw = _Yaml.read(path)
     matrix = raw.numbers(_OPENCV_MATRIX, "is no calibration of OpenCV", count=9)
     lens = raw.numbers(_OPENCV_LENS, "is missing")
@@ -80,14 +80,14 @@ def read_opencv(path: str | Path, size_px: tuple[int, int] | None = None) -> Cal
 
 
 def read_kalibr(path: str | Path, size_px: tuple[int, int] | None = None, name: str | None = None) -> Calibration:
-    """Read one camera, by default the only one, of Kalibr's camchain; see `read_ros`.
+    """Read one camera of Kalibr's camchain, by default the only one; see `read_ros`.
 
     Parameters
     ----------
     path, size_px
-        As of `read_ros`.
+        See `read_ros`.
     name : str, optional
-        Of the camera in the file, such as "cam1".
+        Name of the camera in the file, such as "cam1".
     """
     chain = _Yaml.read(path)
     names = [key for key, value in chain.values.items() if isinstance(value, dict) and "intrinsics" in value]
@@ -128,7 +128,7 @@ class _Yaml:
             raise FileError(path, "is not UTF-8 text") from None
         own = text.lstrip().startswith("%YAML")
         if not own:
-            # OpenCV wants lists deeper than their key, and one document
+            # OpenCV needs lists that are indented more than their key, and a single document
             text = _HEADER + re.split(r"^---\s*$", text.lstrip().removeprefix("---"), flags=re.MULTILINE)[0]
             text = re.sub(r"^(\s*)- ", r"\1  - ", text, flags=re.MULTILINE)
         try:
@@ -136,7 +136,7 @@ class _Yaml:
             root = storage.root()
             values = _plain(root) if root.isMap() else {}
         except (cv2.error, SystemError) as error:
-            # OpenCV's own error, with the line in brackets, is its cause
+            # the cause is OpenCV's error, with the line in brackets
             found = re.search(r"\((\d+)\): ([^\n]+)", str(error.__cause__ or error))
             line = int(found[1]) - (0 if own else _HEADER.count("\n")) if found else 0
             where = f" (line {line}: {found[2]})" if found else ""
@@ -146,7 +146,7 @@ class _Yaml:
         return cls(path, values)
 
     def hint(self) -> str:
-        """Return what the file rather is, by the names in it."""
+        """Return a hint on the file's actual kind, by its keys."""
         names = self.values.keys()
         if any(isinstance(value, dict) and "intrinsics" in value for value in self.values.values()):
             kind = "kalibr"
@@ -163,7 +163,7 @@ class _Yaml:
         return float(value) if isinstance(value, int | float) else default
 
     def numbers(self, names: tuple[str, ...], missing: str, count: int | None = None) -> list[float]:
-        """Return the numbers under the first of some names: a list, or a matrix with its data."""
+        """Return the numbers of the first key that exists: a list, or a matrix with its data."""
         key = next((name for name in names if name in self.values), None)
         if key is None:
             raise FileError(self.path, f"{missing}{self.hint()}", key=self.prefix + names[0])

@@ -1,4 +1,4 @@
-"""A forward camera's lens as compiled loops take it: one row of numbers, whatever the lens's model."""
+"""Table of a forward camera's lens for compiled loops, in one format for all lens models."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.algebra.lens import CELLS, INVERSE_CELLS
 
-# margins of the table beyond the squared slopes in the picture, and of the view beyond its slopes
+# margins of the table's squared slopes and of the view's slopes beyond those in the picture
 _MARGIN2, _MARGIN = 1.1, 1.02
-# of the radius by the angle, for derivatives: rounding and curvature are both below 1e-9
+# step of the radius's numerical derivative: errors of rounding and curvature are both below 1e-9
 _ANGLE_STEP_RAD = 1e-5
 _BORDER = 33
 
 
 def lens_table(camera: PinholeCamera) -> FloatArray:
-    """Return a camera's lens as `kernels.algebra.lens` reads it, (15,) float64 without distortion, else (1295,).
+    """Return the table of `kernels.algebra.lens` for a camera: (15,) float64 without distortion, else (1295,).
 
-    A lens is followed as far as the picture shows it, and nowhere beyond the camera's greatest slope.
+    It covers the picture, but not beyond the camera's widest slope.
     """
     width, height = camera.size_px
     u, v = np.linspace(0.0, width - 1.0, _BORDER), np.linspace(0.0, height - 1.0, _BORDER)
@@ -31,7 +31,7 @@ def lens_table(camera: PinholeCamera) -> FloatArray:
     slopes = camera.ideal_slopes(border)
     seen = np.isfinite(slopes).all(axis=1)
     slopes = slopes[seen]
-    # where the picture holds the lens's whole circle, or a corner of its rim, the lens's own end counts
+    # if parts of the picture are beyond the lens's circle, the limit is that of the lens
     widest = np.abs(slopes).max(axis=0) if seen.all() else np.full(2, camera.widest_slope)
     most2 = _MARGIN2 * float((slopes**2).sum(axis=1).max()) if seen.all() else math.inf
     if camera.is_bent:
@@ -53,7 +53,7 @@ def lens_table(camera: PinholeCamera) -> FloatArray:
 
 
 def _radius_and_slope(camera: PinholeCamera, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Image radius, for a focal length of one, and its derivative by the angle."""
+    """Return the image radius, for a focal length of one, and its derivative by the angle."""
     low = np.maximum(angle - _ANGLE_STEP_RAD, 0.0)
     radius = camera.image_radius(angle)
     return radius, (camera.image_radius(angle + _ANGLE_STEP_RAD) - camera.image_radius(low)) / (
@@ -62,8 +62,8 @@ def _radius_and_slope(camera: PinholeCamera, angle: FloatArray) -> tuple[FloatAr
 
 
 def _stretch(camera: PinholeCamera, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """G = (image radius) / sin(angle), and its derivative by the cosine."""
-    near = np.maximum(angle, 1e-3)  # g is even in the angle: nearer to the axis it is its value there to 1e-6
+    """Return g = (image radius) / sin(angle), and its derivative by the cosine."""
+    near = np.maximum(angle, 1e-3)  # g is even in the angle, and constant near the axis to 1e-6
     radius, slope = _radius_and_slope(camera, near)
     sine = np.sin(near)
     g = radius / sine
@@ -71,7 +71,7 @@ def _stretch(camera: PinholeCamera, angle: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _inverse(camera: PinholeCamera, angle: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Cosine of the angle, and sin(angle) / (image radius), each with its derivative by the squared radius."""
+    """Return the angle's cosine, and sin(angle) / (image radius), each with its derivative by the squared radius."""
     near = np.maximum(angle, 1e-3)
     radius, slope = _radius_and_slope(camera, near)
     by_squared = 1.0 / (2.0 * radius * slope)
@@ -83,7 +83,7 @@ def _inverse(camera: PinholeCamera, angle: FloatArray) -> tuple[tuple[FloatArray
 
 
 def _cells(at: FloatArray, values: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Hermite cells (N, 4): the coefficients of cubics in the place within each cell, 0 to 1."""
+    """Return Hermite cells (N, 4): coefficients of cubics in the position within each cell, 0 to 1."""
     step = np.diff(at)
     begin, end = values[:-1], values[1:]
     out, into = slopes[:-1] * step, slopes[1:] * step

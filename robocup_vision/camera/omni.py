@@ -1,4 +1,4 @@
-"""The mirror camera: pixels <-> rays <-> floor, by one curve of the image radius, a centre and a small tilt."""
+"""The mirror camera: pixels <-> rays <-> floor, with one curve of the image radius, a centre and a small tilt."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from robocup_vision.geometry import Pose2
 
 # lengths and angles, see `camera.bounds`
 BOUNDED_KEYS = ("offset_m", "heading_rad", "tilt_rad", "viewpoint_height_m")
-# inverse ranges at which image radii are tabulated: their steps stay below a pixel
+# number of inverse ranges with tabulated image radii, whose steps are below a pixel
 _TABULATED = 1024
 
 
 @dataclass(frozen=True, eq=False)
 class OmniCamera:
-    """A camera that looks up into a mirror of revolution and sees the floor all around the robot.
+    """A camera that looks up into a mirror of revolution, which shows the floor all around the robot.
 
-    Robot frame: x forward, y left, z up, origin on the floor. Camera frame: the same axes moved to the effective
-    viewpoint, then turned by the tilt. Image: u right, v down, pixel centres at integers.
+    Robot frame: x forward, y left, z up, origin on the floor. Camera frame: the same axes translated to the effective
+    viewpoint, then rotated by the tilt. Image: u right, v down, pixel centres at integers.
 
     Parameters
     ----------
@@ -35,19 +35,19 @@ class OmniCamera:
     center_px : (float, float)
         Image of the mirror's axis, u and v.
     usable_radius_px : (float, float)
-        Inner and outer image radius between which the floor can be seen.
+        Inner and outer image radius of visible floor.
     floor_range : FloorRange
-        Inverse range on the floor (1/m) over the image radius (px), for the level camera; the code calls it q.
+        Inverse range on the floor (1/m) over the image radius (px), for an untilted camera; the code calls it q.
     mirrored : bool
-        False: bearing grows counter-clockwise in the image as shown.
+        Whether bearings increase clockwise in the image instead of counter-clockwise.
     heading_rad : float
         Bearing, in the robot frame, of the image's +u direction.
     offset_m : (float, float)
-        Mirror axis, forward and left of the robot's centre.
+        Mirror axis, relative to the robot's centre, forward and left.
     tilt_rad : (float, float)
-        Right-handed rotation from level about the robot's x, then y axis.
+        Right-handed rotation about the robot's x, then y axis.
     viewpoint_height_m : float or None
-        Height of the effective viewpoint over the floor. None: what the curve implies, if it implies any.
+        Height of the effective viewpoint above the floor. None for the curve's implied height, if it has one.
     """
 
     size_px: tuple[int, int]
@@ -67,7 +67,7 @@ class OmniCamera:
 
     @property
     def height_m(self) -> float | None:
-        """Height of the effective viewpoint over the floor, metres; None if it is unknown."""
+        """Height of the effective viewpoint above the floor, metres; None if it is unknown."""
         if self.viewpoint_height_m is not None:
             return self.viewpoint_height_m
         return self.floor_range.implied_height_m
@@ -79,7 +79,7 @@ class OmniCamera:
 
     @property
     def _height_or_one(self) -> float:
-        # a level camera maps pixels to the floor without its height: it cancels, so any will do
+        # the height cancels in the mapping of an untilted camera from pixels to the floor, so any value is valid
         return self.height_m if self.height_m is not None else 1.0
 
     @cached_property
@@ -96,9 +96,9 @@ class OmniCamera:
         return read_only([*self.offset_m, self._height_or_one])
 
     def tabulated_radius_px(self) -> tuple[float, FloatArray]:
-        """Return a step of the inverse range, 1/m, and the image radius (Q,) float64 at 0, 1, ... of it.
+        """Return a step of the inverse range, 1/m, and the image radii (Q,) float64 at its multiples from 0.
 
-        The last is the inner usable radius; NaN where the curve has none: a table does not reach the horizon.
+        The last one is the inner usable radius; they are NaN where the curve is undefined, as a table at the horizon.
         """
         q = np.linspace(0.0, float(self.floor_range.inverse_range_per_m(self.usable_radius_px[0])), _TABULATED)
         return float(q[1]), self.floor_range.radius_px(q)
@@ -121,7 +121,7 @@ class OmniCamera:
     def pixel_to_ray(self, pixels: npt.ArrayLike) -> FloatArray:
         """Return unit directions (..., 3) in the robot frame of pixels (..., 2); NaN where the curve is undefined.
 
-        Where `height_m` is None, elevations are those of a viewpoint 1 m high.
+        If `height_m` is None, elevations assume a viewpoint 1 m high.
         """
         points = np.asarray(pixels, dtype=np.float64)
         radius = np.hypot(points[..., 0] - self.center_px[0], points[..., 1] - self.center_px[1])
@@ -134,7 +134,7 @@ class OmniCamera:
         return ray @ self.camera_to_robot.T
 
     def ray_to_pixel(self, directions: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) of directions (..., 3) in the robot frame; NaN where the mirror does not show them."""
+        """Pixels (..., 2) of directions (..., 3) in the robot frame; NaN outside the mirror."""
         ray = np.asarray(directions, dtype=np.float64) @ self.camera_to_robot
         horizontal = np.hypot(ray[..., 0], ray[..., 1])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -143,7 +143,7 @@ class OmniCamera:
         return self.polar_to_pixel(np.arctan2(ray[..., 1], ray[..., 0]), radius)
 
     def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Floor points (..., 2), robot frame, metres, seen at pixels (..., 2); NaN from the horizon on."""
+        """Floor points (..., 2), robot frame, metres, at pixels (..., 2); NaN on and above the horizon."""
         ray = self.pixel_to_ray(pixels)
         with np.errstate(divide="ignore", invalid="ignore"):
             scale = np.where(ray[..., 2] < -1e-9, -self._height_or_one / ray[..., 2], np.nan)
@@ -155,7 +155,7 @@ class OmniCamera:
         Raises
         ------
         ArgumentError
-            If a point is off the floor and `height_m` is not known: its pixel depends on it.
+            If a point is above the floor and `height_m` is unknown.
         """
         points = np.asarray(points_m, dtype=np.float64)
         if self.height_m is None and np.any(points[..., 2] != 0):

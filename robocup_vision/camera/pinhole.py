@@ -1,9 +1,8 @@
-"""The pinhole camera: pixels <-> rays <-> floor, by focal length, OpenCV's lens distortion and a mounting.
+"""The pinhole camera: pixels <-> rays <-> floor, with focal length, OpenCV's lens distortion and a mounting.
 
 Camera frame: x ahead along the optical axis, y left, z up. Ideal pixels are those of a lens without distortion.
-`pan_rad`, `tilt_rad` and `roll_rad` may be None, where a neck moves between frames (`Mounting`): everything in the
-camera's own frame still works, and only the mappings to and from the robot frame need the tilt.
-`kernels.algebra.pinhole` holds the same equations for compiled code.
+`pan_rad`, `tilt_rad` and `roll_rad` may be None if a neck moves between frames (`Mounting`): only the mappings to and
+from the robot frame need the tilt. `kernels.algebra.pinhole` has the same equations for compiled code.
 """
 
 from __future__ import annotations
@@ -22,12 +21,12 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.camera.bounds import problem_of, require_bounds
 from robocup_vision.geometry import Pose2
 
-# nearer to the camera's plane than this a point has no pixel
+# least depth of a point with a pixel
 _MIN_DEPTH_M = 1e-6
-# numbers of coefficients that OpenCV's distortion may have
+# allowed numbers of OpenCV's distortion coefficients
 DISTORTION_LENGTHS = (0, 4, 5, 8)
-_WIDEST_SLOPE = 8.0  # tangent of the largest angle off the axis that a distorted lens is followed to: 83 degrees
-# error of a distorted slope at which its iteration ends
+_WIDEST_SLOPE = 8.0  # tangent of the greatest angle off the axis of a distorted lens: 83 degrees
+# tolerance of the inverted distortion, as a slope
 _DISTORTED_STEP = 1e-12
 # step of the numerical derivative of a fisheye's radius
 _ANGLE_STEP_RAD = 1e-6
@@ -36,7 +35,7 @@ _ANGLE_STEP_RAD = 1e-6
 def camera_rotation(pan_rad: npt.ArrayLike, tilt_rad: npt.ArrayLike, roll_rad: npt.ArrayLike) -> FloatArray:
     """Rotation (..., 3, 3) from the camera frame into that of the angles (...), Rz(pan) Ry(-tilt) Rx(roll).
 
-    Both frames are x forward, y left, z up; a positive tilt looks up. All three angles have one shape.
+    Both frames are x forward, y left, z up; a positive tilt is upwards. All three angles have the same shape.
     """
     cp, sp = np.cos(pan_rad), np.sin(pan_rad)
     ct, st = np.cos(tilt_rad), np.sin(tilt_rad)
@@ -68,7 +67,7 @@ def project_ideal(
     center_px : (float, float)
         Image of the optical axis.
     points_m : (..., 3) float64
-        Ahead, left and up.
+        Coordinates ahead, left and up.
     """
     points = np.asarray(points_m, dtype=np.float64)
     depth = np.where(points[..., 0] > _MIN_DEPTH_M, points[..., 0], np.nan)
@@ -78,18 +77,17 @@ def project_ideal(
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """Orientation and height of a pinhole camera in one frame; what is None is as the camera file says.
+    """Orientation and height of a pinhole camera in one frame; None stands for the camera file's value.
 
-    The angles are those of the camera file: R = Rz(pan) Ry(-tilt) Rx(roll), robot frame, so that a camera that looks
-    down has a negative tilt. The body's sway belongs to tilt and roll where a sensor tells it, else to their standard
-    deviations.
+    The angles are those of the camera file: R = Rz(pan) Ry(-tilt) Rx(roll), robot frame, with a negative tilt
+    downwards. A measured sway of the body is part of tilt and roll; an unmeasured one is in their standard deviations.
 
     Parameters
     ----------
     pan_rad, tilt_rad, roll_rad : float or None
         Orientation.
     height_m : float or None
-        Of the centre of projection over the floor.
+        Height of the centre of projection above the floor.
     pan_std_rad, tilt_std_rad, roll_std_rad, height_std_m : float or None
         Standard deviations of these in this frame.
 
@@ -118,16 +116,16 @@ class Mounting:
 
     @property
     def known(self) -> dict[str, float]:
-        """What is not None, by name."""
+        """Values that are not None, by name."""
         return {name: value for name in MOUNTING_NAMES if (value := getattr(self, name)) is not None}
 
     @property
     def pans_only(self) -> bool:
-        """Whether it tells nothing but the pan, and how well that is known."""
+        """Whether it contains only the pan and its standard deviation."""
         return not self.known.keys() - {"pan_rad", "pan_std_rad"}
 
 
-# also columns of frames.csv
+# also the columns of frames.csv
 MOUNTING_NAMES = tuple(field.name for field in dataclasses.fields(Mounting))
 # lengths and angles, see `camera.bounds`
 BOUNDED_KEYS = (*MOUNTING_NAMES, "offset_m", "focal_std_px", "readout_s")
@@ -138,9 +136,9 @@ _MOUNTING_BUT_PAN = tuple(name for name in MOUNTING_NAMES if not name.startswith
 class PinholeCamera:
     """A forward-looking camera with one centre of projection.
 
-    Robot frame: x forward, y left, z up, origin on the floor. Camera frame: the same axes moved to the centre of
-    projection and turned by pan, tilt and roll; the optical axis is its +x, image u grows towards its -y, v towards
-    its -z. Image: u right, v down, pixel centres at integers.
+    Robot frame: x forward, y left, z up, origin on the floor. Camera frame: the same axes translated to the centre of
+    projection and rotated by pan, tilt and roll; the optical axis is its +x, image u increases towards its -y, v
+    towards its -z. Image: u right, v down, pixel centres at integers.
 
     Parameters
     ----------
@@ -151,23 +149,23 @@ class PinholeCamera:
     center_px : (float, float)
         Image of the optical axis, u and v.
     height_m : float
-        Of the centre of projection over the floor.
+        Height of the centre of projection above the floor.
     distortion : tuple of float
-        OpenCV's coefficients k1, k2, p1, p2[, k3[, k4, k5, k6]]; empty: none.
+        OpenCV's coefficients k1, k2, p1, p2[, k3[, k4, k5, k6]]; empty for none.
     offset_m : (float, float)
         Centre of projection, forward and left of the robot's centre.
     pan_rad, tilt_rad, roll_rad : float or None
-        Orientation in the robot frame, see `camera_rotation`; None: unknown.
+        Orientation in the robot frame, see `camera_rotation`; None if unknown.
     height_std_m, focal_std_px : float
-        How well `height_m` and `focal_px` are known (one standard deviation).
+        Standard deviations of `height_m` and `focal_px`.
     roll_std_rad : float or None
-        Standard deviation of the roll about `roll_rad` (0 where that is None); None: unknown.
+        Standard deviation of the roll about `roll_rad` (or 0); None if unknown.
     tilt_std_rad : float or None
-        Standard deviation of the tilt about `tilt_rad`; None: that of the roll.
+        Standard deviation of the tilt about `tilt_rad`; None for that of the roll.
     pan_std_rad : float
         Standard deviation of the pan about `pan_rad`.
     readout_s : float
-        Rolling shutter: how long after the first row the last one is read (`RollingShutter`).
+        Rolling shutter: time between readout of the first and the last row (`RollingShutter`).
     """
 
     size_px: tuple[int, int]
@@ -202,27 +200,27 @@ class PinholeCamera:
 
     @property
     def known_orientation(self) -> bool:
-        """Whether pixels can be mapped to the robot's floor: the tilt is known (an unknown pan or roll counts as 0)."""
+        """Whether pixels can be mapped to the robot's floor, which needs the tilt (an unknown pan or roll is 0)."""
         return self.tilt_rad is not None
 
     def with_orientation(self, pan_rad: float | None, tilt_rad: float | None, roll_rad: float | None) -> PinholeCamera:
-        """Return this camera as the neck holds it now; None: unknown."""
-        # called once or more a frame: checks and tables of the lens are kept
+        """Return this camera with another orientation; None if unknown."""
+        # called at least once in every frame: without checks, and with the same tables of the lens
         other = object.__new__(type(self))
         vars(other).update(vars(self), pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
         vars(other).pop("camera_to_robot", None)
         return other
 
     def held(self, mounting: Mounting) -> PinholeCamera:
-        """Return this camera as neck and body hold it in a frame."""
+        """Return this camera with the mounting of a frame."""
         return self._with_mounting(mounting.known)
 
     def held_as(self, other: PinholeCamera) -> PinholeCamera:
-        """Return this camera as another one is held: its pan, tilt, roll and height, and how well they are known."""
+        """Return this camera with another one's pan, tilt, roll and height, and their standard deviations."""
         return self._with_mounting({name: getattr(other, name) for name in MOUNTING_NAMES})
 
     def is_held_as(self, other: PinholeCamera) -> bool:
-        """Whether another camera's tilt, roll and height are these, and known as well; its pan may differ."""
+        """Whether another camera has the same tilt, roll and height with the same standard deviations."""
         return all(getattr(self, name) == getattr(other, name) for name in _MOUNTING_BUT_PAN)
 
     def _with_mounting(self, values: Mapping[str, float | None]) -> PinholeCamera:
@@ -235,13 +233,13 @@ class PinholeCamera:
     def as_fitted(
         self, tilt_rad: float, roll_rad: float, height_m: float, focal_px: tuple[float, float]
     ) -> PinholeCamera:
-        """Return this camera as a frame shows it to be held and focused, all lengths positive; an unknown pan is 0."""
+        """Return this camera with fitted orientation, height and focal length (positive); an unknown pan is 0."""
         other = self.with_orientation(self.pan_rad or 0.0, tilt_rad, roll_rad)
         vars(other).update(focal_px=focal_px, height_m=height_m)
         return other
 
     def in_size(self, size_px: tuple[int, int]) -> PinholeCamera:
-        """Return the camera that takes the same pictures in another width and height."""
+        """Return the camera for the same pictures in another width and height."""
         if size_px == self.size_px:
             return self
         across, down = self.size_px[0] / size_px[0], self.size_px[1] / size_px[1]
@@ -254,20 +252,20 @@ class PinholeCamera:
         )
 
     def sway_std_rad(self, usual_rad: float) -> tuple[float, float]:
-        """Return the standard deviations of tilt and roll: what is told of them, or else that of a body that moves."""
+        """Return the standard deviations of tilt and roll, with a default for unknown ones."""
         roll = usual_rad if self.roll_std_rad is None else self.roll_std_rad
         return roll if self.tilt_std_rad is None else self.tilt_std_rad, roll
 
     @property
     def camera_in_robot(self) -> Pose2:
-        """The camera's foot on the floor and the heading of its axis, robot frame; an unknown pan counts as 0."""
+        """The camera's foot on the floor and the heading of its axis, robot frame; an unknown pan is 0."""
         return Pose2(*self.offset_m, self.pan_rad or 0.0)
 
     @cached_property
     def camera_to_robot(self) -> FloatArray:
         """(3, 3) float64: rotation of directions from the camera frame into the robot frame.
 
-        An unknown pan or roll counts as 0.
+        An unknown pan or roll is 0.
 
         Raises
         ------
@@ -284,7 +282,7 @@ class PinholeCamera:
         return read_only([*self.offset_m, self.height_m])
 
     def pixel_to_camera_ray(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Return unit directions (..., 3) in the camera frame of pixels (..., 2); NaN where the lens shows nothing."""
+        """Return unit directions (..., 3) in the camera frame of pixels (..., 2); NaN outside the lens."""
         slopes = self.ideal_slopes(pixels)
         ray = np.empty((*slopes.shape[:-1], 3))
         ray[..., 0] = 1.0 / np.sqrt(1.0 + slopes[..., 0] ** 2 + slopes[..., 1] ** 2)
@@ -293,33 +291,33 @@ class PinholeCamera:
 
     @property
     def is_bent(self) -> bool:
-        """Whether the lens shows straight lines bent."""
+        """Whether the lens has a distortion."""
         return any(self.distortion)
 
     @property
     def without_lens(self) -> PinholeCamera:
-        """The camera with the same focal length, centre and mounting whose lens has no distortion."""
+        """The camera without distortion, with the same focal length, centre and mounting."""
         return replace(self, distortion=()) if self.is_bent else self
 
     def ideal_slopes(self, pixels: npt.ArrayLike) -> FloatArray:
-        """How far right and down for each unit ahead lies what pixels (..., 2) show; NaN where that is not ahead."""
+        """Slopes right and down (tangents) of rays at pixels (..., 2); NaN for rays that do not point ahead."""
         slopes = (np.asarray(pixels, dtype=np.float64) - self.center_px) / self.focal_px
         return self._undistort(slopes) if self.is_bent else slopes
 
     def ideal_pixels(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) as `without_lens` would show them; NaN where the lens shows nothing ahead."""
+        """Pixels (..., 2) mapped into `without_lens`; NaN outside the lens or not ahead."""
         points = np.asarray(pixels, dtype=np.float64)
         return np.asarray(self.ideal_slopes(points) * self.focal_px + self.center_px) if self.is_bent else points
 
     def pixel_slopes(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-        """Return how far right and down per unit ahead the lens shows some pixels; in plain floats, as they are few."""
+        """Return slopes right and down at a few pixels, as plain floats for speed."""
         if self.is_bent:
             return [(right, down) for right, down in self.ideal_slopes(pixels).tolist()]
         (center_u, center_v), (focal_u, focal_v) = self.center_px, self.focal_px
         return [((u - center_u) / focal_u, (v - center_v) / focal_v) for u, v in pixels]
 
     def camera_ray_to_pixel(self, rays: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) of directions (..., 3) in the camera frame; NaN behind the camera or beyond its lens."""
+        """Pixels (..., 2) of directions (..., 3) in the camera frame; NaN behind the camera or outside the lens."""
         ray = np.asarray(rays, dtype=np.float64)
         ahead = ray[..., :1] > 0
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -329,15 +327,15 @@ class PinholeCamera:
         return np.asarray(slopes * self.focal_px + self.center_px)
 
     def pixel_to_ray(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Return unit directions (..., 3) in the robot frame of pixels (..., 2); NaN where the lens shows nothing."""
+        """Return unit directions (..., 3) in the robot frame of pixels (..., 2); NaN outside the lens."""
         return self.pixel_to_camera_ray(pixels) @ self.camera_to_robot.T
 
     def ray_to_pixel(self, directions: npt.ArrayLike) -> FloatArray:
-        """Pixels (..., 2) of directions (..., 3) in the robot frame; NaN behind the camera or beyond its lens."""
+        """Pixels (..., 2) of directions (..., 3) in the robot frame; NaN behind the camera or outside the lens."""
         return self.camera_ray_to_pixel(np.asarray(directions, dtype=np.float64) @ self.camera_to_robot)
 
     def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:
-        """Floor points (..., 2), robot frame, metres, seen at pixels (..., 2); NaN from the horizon on."""
+        """Floor points (..., 2), robot frame, metres, at pixels (..., 2); NaN on and above the horizon."""
         slopes = self.ideal_slopes(pixels)
         right, down, turn = slopes[..., 0], slopes[..., 1], self.camera_to_robot
         rise = turn[2, 0] - turn[2, 1] * right - turn[2, 2] * down
@@ -369,12 +367,12 @@ class PinholeCamera:
         return p1, p2
 
     def image_radius(self, angle_rad: FloatArray) -> FloatArray:
-        """Distance (...) from the centre, in focal lengths, of rays at angles (...) off the axis: the radial part."""
+        """Radial distance (...) from the centre, in focal lengths, of rays at angles (...) off the axis."""
         slope = np.tan(angle_rad)
         return np.asarray(slope * self._radial(slope**2)[0])
 
     def angle_of_radius(self, radius: FloatArray) -> FloatArray:
-        """Invert `image_radius`, up to the lens's end."""
+        """Invert `image_radius`, within the lens."""
         slope, distorted = self._radial_table
         angle = np.arctan(np.interp(radius, distorted, slope))
         for _ in range(4):
@@ -383,7 +381,7 @@ class PinholeCamera:
         return np.asarray(angle)
 
     def _radial(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Radial factor and its derivative by the squared slope."""
+        """Return the radial factor and its derivative by the squared slope."""
         k1, k2, _, _, k3, k4, k5, k6 = self.coefficients
         top = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
         bottom = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
@@ -393,7 +391,7 @@ class PinholeCamera:
 
     @cached_property
     def _radial_table(self) -> tuple[FloatArray, FloatArray]:
-        """Undistorted and distorted slopes, up to where the lens model first folds back on itself."""
+        """Undistorted and distorted slopes, up to the first fold of the lens model."""
         slope = np.linspace(0.0, _WIDEST_SLOPE, 4097)
         factor, derivative = self._radial(slope**2)
         grows = (factor + 2.0 * slope**2 * derivative > 0) & (factor > 0)
@@ -402,14 +400,14 @@ class PinholeCamera:
 
     @property
     def widest_slope(self) -> float:
-        """Tangent of the largest angle off the optical axis that a lens with distortion is followed to."""
+        """Tangent of the greatest angle off the optical axis of a lens with distortion."""
         return float(self._radial_table[0][-1])
 
     def _distort(self, slopes: FloatArray) -> FloatArray:
         p1, p2 = self.tangential
         x, y = slopes[..., 0], slopes[..., 1]
         r2 = x * x + y * y
-        # beyond the fold the polynomial would bring rays back into the image that the lens never shows
+        # beyond the fold the polynomial would map rays into the image that the lens does not show
         factor = np.where(r2 <= self.widest_slope**2, self._radial(r2)[0], np.nan)
         cross = 2.0 * x * y
         return np.stack(
@@ -417,7 +415,7 @@ class PinholeCamera:
         )
 
     def _undistort(self, distorted: FloatArray) -> FloatArray:
-        """Invert `_distort` by Newton's method, started from the radial part's tabulated inverse."""
+        """Invert `_distort` by Newton's method, from the tabulated inverse of the radial part."""
         p1, p2 = self.tangential
         undistorted_table, distorted_table = self._radial_table
         length = np.hypot(distorted[..., 0], distorted[..., 1])

@@ -1,4 +1,4 @@
-"""Several cameras on one body, and rig.toml, the file that names them."""
+"""Several cameras on one body, and their file rig.toml."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robocup_vision.camera.files import Camera, load_camera, save_camera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.files.text_files import write_lines
 
-# as long as the pose filter remembers how the robot moved; what is larger counts milliseconds
+# the memory of the pose filter for motion; greater values are probably in milliseconds
 _MAX_LATENCY_S = 1.0
 
 
@@ -29,15 +29,15 @@ class Rig:
     cameras : tuple of PinholeCamera
         Each with its own `offset_m` and `pan_rad`.
     latency_s : tuple of float
-        How long before the time that comes with it each camera's frame was taken; empty: all 0.
+        Time from each camera's exposure to the time stamp of its frame; empty for all 0.
     names : tuple of str
-        Of the cameras, as messages name them; empty: "camera 0", "camera 1" and so on.
+        Names of the cameras in messages; empty for "camera 0", "camera 1" and so on.
 
     Raises
     ------
     ArgumentError
         If there is no camera, one of several is a mirror camera or has no pan, two have the same place and
-        orientation, or latencies or names are not as many as the cameras.
+        orientation, or the number of latencies or names differs from that of the cameras.
     """
 
     cameras: tuple[PinholeCamera, ...]
@@ -88,17 +88,17 @@ class _RigFile(StrictStruct):
 
 
 def load_rig(path: str | Path) -> Rig:
-    """Load and check a rig file and the camera files that it names.
+    """Load and check a rig file and its camera files.
 
     Parameters
     ----------
     path : str or Path
-        A ``rig.toml``; camera files are looked for beside it.
+        A ``rig.toml``; camera files are relative to its directory.
 
     Raises
     ------
     FileError
-        If a file is missing or wrong, there is no camera, or the cameras are no rig (`Rig`).
+        If a file is missing or wrong, there is no camera, or the cameras are not a valid `Rig`.
     """
     described = convert(path, read_toml(path), _RigFile)
     if not described.cameras:
@@ -119,7 +119,7 @@ def load_rig(path: str | Path) -> Rig:
 
 
 def save_rig(rig: Rig, path: str | Path) -> None:
-    """Write a rig file that `load_rig` reads back to the same rig, and beside it a file of its name for each camera.
+    """Write a rig file for `load_rig`, with a file for each camera, named after it, in the same directory.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def save_rig(rig: Rig, path: str | Path) -> None:
 
 
 def load_camera_or_rig(path: str | Path) -> Camera | Rig:
-    """Load a camera file, or a rig file where it has the key `cameras`; raises as `load_camera` and `load_rig` do."""
+    """Load a rig file if it has the key `cameras`, else a camera file; raises as `load_rig` and `load_camera` do."""
     return load_rig(path) if "cameras" in read_toml(path) else load_camera(path)
 
 
