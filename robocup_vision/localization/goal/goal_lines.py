@@ -44,25 +44,23 @@ class MarkSettings:
     contrast_width_px: float = 1.5
     min_seen: int = 10  #: least number of places that show a line
     #: noise of one place; lines that look thinner than the width are fainter, and noisier in proportion
-    sample_error_px: float = 0.45
+    sample_error_px: float = 0.4
     sharp_width_px: float = 0.5
-    line_error_px: float = 0.045  #: common error of all places: lens and paint
-    paint_error_m: float = 0.003  #: standard deviation of painted lines
-    #: probability of seeing a line that is due, less where it looks thinner than the width; its spread about its place
+    line_error_px: float = 0.15  #: common error of all places on lines, and of all lines drawn: lens and paint
+    #: probability of seeing a line that is due, less where it looks thinner than the width
     seen_ratio: float = 0.8
     full_width_px: float = 0.35
-    spread_px: float = 0.4
     clutter_ratio: float = 0.2  #: probability that something passes for a line where none is due
 
 
 @dataclass(frozen=True, slots=True)
 class GoalLineSettings:
-    """Settings of the fit of a goal of a hue and the lines around it."""
+    """Settings of the fit of a goal and the lines around it."""
 
     marks: MarkSettings = MarkSettings()
-    #: longest search from a line's predicted place, and the loss's scale, round by round
+    #: longest search from a line's predicted place, round by round; the loss's scale is a part of it
     reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
-    scales_px: tuple[float, ...] = (3.0, 1.5, 1.0)
+    scale_ratio: float = 0.4
     #: common error of all places on fields with white goals: their cameras' lenses are calibrated less exactly
     white_line_error_px: float = 1.0
     min_evidence: float = 5.0  #: least log odds of lines against clutter
@@ -72,8 +70,6 @@ class GoalLineSettings:
     certain_m: float = 0.06
     iterations: int = 4  #: steps of each round
     reweighted: int = 3  #: last rounds, whose weights follow the residuals of the round before
-    #: edges farther off are no edges of the goal, and tell nothing of the others: blur moves one by half a pixel
-    max_edge_error_px: float = 0.5
     prior_marks: float = 4.0  #: number of marks of the expected noise that are added to those whose scatter is measured
 
 
@@ -87,14 +83,13 @@ class Marks(NamedTuple):
     reach_px: float  #: length of the search to both sides
     is_seen: BoolArray  #: (N,): whether a line is seen
 
-    def added_to(self, samples: FitSamples, settings: MarkSettings, line_width_m: float) -> FitSamples:
+    def added_to(self, samples: FitSamples, settings: MarkSettings) -> FitSamples:
         """Add the marks that are seen to a goal's samples."""
         seen = self.is_seen
         width_px, count = self.width_px[seen], np.count_nonzero(seen)
         blurred = settings.sample_error_px * np.maximum(1.0, settings.sharp_width_px / width_px)
-        paint = settings.paint_error_m / line_width_m * width_px
         # what all have in common counts for each
-        sigma = np.sqrt(blurred**2 + paint**2 + settings.line_error_px**2 * count)
+        sigma = np.sqrt(blurred**2 + settings.line_error_px**2 * count)
         return samples._replace(
             mark_m=self.floor_m[seen],
             mark_uv=self.uv[seen],
@@ -105,7 +100,8 @@ class Marks(NamedTuple):
     def nats(self, residual_px: FloatArray, settings: MarkSettings) -> float:
         """Log-likelihood ratio of lines to clutter, by residuals (N,); those not seen do not count."""
         seen = settings.seen_ratio * np.minimum(1.0, self.width_px / settings.full_width_px)
-        near = np.exp(-0.5 * (residual_px / settings.spread_px) ** 2) / (settings.spread_px * math.sqrt(math.tau))
+        spread_px = settings.sample_error_px
+        near = np.exp(-0.5 * (residual_px / spread_px) ** 2) / (spread_px * math.sqrt(math.tau))
         anywhere = settings.clutter_ratio / (2.0 * self.reach_px)
         of_seen = np.log1p(seen * (near / anywhere - 1.0))
         return float(np.where(self.is_seen, of_seen, np.log1p(-seen)).sum())
@@ -123,11 +119,11 @@ class GoalLines:
 
     def __init__(self, lines: LineMap, camera: PinholeCamera, settings: GoalLineSettings = GoalLineSettings()) -> None:
         self._settings, self._camera = settings, camera
-        self._line_width_m = float(lines.field.line_width_m)
+        line_width_m = float(lines.field.line_width_m)
         self._points, self._directions, starts = along_lines(lines)
         marks = settings.marks
-        self._limits = MarkLimits(self._line_width_m, marks.spacing_px, marks.min_width_px)
-        self._pen = line_pen(self._points, starts, self._line_width_m)
+        self._limits = MarkLimits(line_width_m, marks.spacing_px, marks.min_width_px)
+        self._pen = line_pen(self._points, starts, line_width_m)
 
     def join(self, frame: UInt8Array, goal: Candidate, arc: GoalArc | None) -> list[CameraEstimate]:
         """Fit goal and lines together: candidate cameras, none where no lines are in view.
@@ -175,7 +171,7 @@ class GoalLines:
         for k in Apart(self._settings.same_m / 2).first(places, len(fits)):
             _, line_fit, samples = fits[k]
             reach = self._settings.reach_on_arc_stds * math.sqrt(line_fit.covariance[HEADING, HEADING])
-            drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
+            drawn = drawing.settle(model, samples, line_fit.unknowns, reach, self._settings.marks.line_error_px)
             if drawn is not None:
                 moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
                 settled.append((drawn.likelihood, moved, samples))
@@ -192,16 +188,18 @@ class GoalLines:
         """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
         settings = self._settings
         joined, marks = of_goal, None
-        for reach, scale in zip(settings.reaches_px, settings.scales_px, strict=True):
+        scales = np.empty(0)
+        for reach in settings.reaches_px:
             marks = self._look(frame, model, p, reach)
             if np.count_nonzero(marks.is_seen) < settings.marks.min_seen:
                 return None
-            joined = marks.added_to(of_goal, settings.marks, self._line_width_m)
-            p, cost, information = fit_samples(model, joined, p, np.full(settings.iterations, scale))
+            joined = marks.added_to(of_goal, settings.marks)
+            scales = np.full(settings.iterations, settings.scale_ratio * reach)
+            p, cost, information = fit_samples(model, joined, p, scales)
             if not math.isfinite(cost):
                 return None
         assert marks is not None
-        expected, scales = joined.sigma, np.full(settings.iterations, settings.scales_px[-1])
+        expected = joined.sigma
         for _ in range(settings.reweighted):
             residual = sample_residuals(model, joined, p)
             joined = joined._replace(sigma=self._reweighted(joined.edge, residual, expected, len(of_goal.sigma)))
@@ -218,15 +216,13 @@ class GoalLines:
         """Noise (S,) of samples by their residuals: of edges as a whole, and of marks as they scatter.
 
         The border of a lamp's streak along a bar passes for the bar's edge: each edge is as uncertain as it is off, so
-        that all others overrule it. Where some edges are off in a picture, the others may be as well, though the fit
-        has followed them: each is also as uncertain as edges are off on average, up to `max_edge_error_px` each.
+        that all others overrule it.
         """
         settings, n = self._settings, len(edge)
         count = np.bincount(edge, minlength=EDGES)
         square = (np.bincount(edge, residual[:n], EDGES) / np.maximum(count, 1)) ** 2
-        typical = np.minimum(square, settings.max_edge_error_px**2)[count > 0].mean() if n else 0.0
         sigma = sigma.copy()
-        sigma[:n] = np.sqrt(sigma[:n] ** 2 + ((square + typical) * count)[edge])
+        sigma[:n] = np.sqrt(sigma[:n] ** 2 + (square * count)[edge])
         squares = np.minimum((residual[first_mark:] / sigma[first_mark:]) ** 2, _FAR2)
         sigma[first_mark:] *= math.sqrt((squares.sum() + settings.prior_marks) / (len(squares) + settings.prior_marks))
         return sigma

@@ -82,7 +82,6 @@ class ProfileSettings:
     foot_error_px: float = 0.06
     #: fraction of a piece's variance that is common to its whole edge (feet: twice that), as measured on rendered goals
     common: float = 0.5
-    min_samples: int = 10  #: edges that must be measured: more than the unknowns
     #: unknowns that the goal's edges determine, and the weight of the edges' own noise, in samples
     freedom: int = 5
     trusted: float = 2.0
@@ -346,8 +345,8 @@ def polish(
 ) -> GoalFit:
     """Fit the sections of a BGR frame from the edges' fit; return that unchanged where they do not confirm it."""
     sections = _SectionFit(image, camera, model, found.unknowns, appearance, settings)
-    measured = sections.samples() if sections.count >= settings.min_samples and sections.fit() else None
-    if measured is None or len(measured.edge) < settings.min_samples or len(np.unique(measured.edge)) < EDGES:
+    measured = sections.samples() if sections.count and sections.fit() else None
+    if measured is None or len(np.unique(measured.edge)) < EDGES:
         return found
     samples, single = _with_feet(*_weighed(measured, settings), found.samples)
     p, cost, information = fit(model, samples, sections.p[:8], _SCALES)

@@ -68,9 +68,7 @@ class SearchSettings:
     )
     shaded: float = 0.5  #: paint of a goal, even in its own shade, is no darker than this part of the carpet
     beyond_m: float = 0.5  #: a robot may stand this far outside the carpet that the field file guarantees
-    #: pairs of posts that are tried: white ones among clutter, and ones of a hue
-    white_pairs: int = 14
-    hue_pairs: int = 6
+    max_pairs: int = 14  #: pairs of strips that are tried as posts
     colors: GoalColorSettings = GoalColorSettings()
     strips: StripSettings = StripSettings()
 
@@ -181,7 +179,7 @@ class GoalSearch:
             found = strips(runs, 4, carpet, certain=False, settings=self.settings.strips)
             sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
             appearance = EdgeAppearance(np.full(3, 3**-0.5), math.inf, 1.0)
-            pairs = self._pairs([s for s in found if math.isfinite(s.foot)], self.settings.white_pairs)
+            pairs = self._pairs([s for s in found if math.isfinite(s.foot)])
             yield Proposal(sides, found, pairs, picture.whiteness, carpet, 1, self.white_model, appearance)
 
     def by_silhouettes(self, picture: GoalPicture) -> list[Candidate]:
@@ -232,10 +230,9 @@ class GoalSearch:
         paint = np.array(COLOR_NAMES[color], dtype=np.float64)
         away = paint - paint.mean()
         appearance = EdgeAppearance(away / float(np.linalg.norm(away)), self.settings.glare, 0.0)
-        pairs = self._pairs(found, self.settings.hue_pairs)
-        return Proposal(sides, found, pairs, mask, carpet, factor, self.colored_model, appearance)
+        return Proposal(sides, found, self._pairs(found), mask, carpet, factor, self.colored_model, appearance)
 
-    def _pairs(self, found: list[Strip], max_pairs: int) -> list[tuple[Strip, Strip]]:
+    def _pairs(self, found: list[Strip]) -> list[tuple[Strip, Strip]]:
         """Pairs of strips that can be the posts of one goal, the strongest first."""
         wide = self.shape.width_m / (2 * self.shape.radius_m)
         focal_px = self.camera.focal_px[0]
@@ -253,7 +250,7 @@ class GoalSearch:
                 continue
             pairs.append((a.strength * b.strength, a, b))
         pairs.sort(key=lambda pair: -pair[0])
-        return [(a, b) for _, a, b in pairs[:max_pairs]]
+        return [(a, b) for _, a, b in pairs[: self.settings.max_pairs]]
 
     def _fits(self, frame: UInt8Array, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
         """Fits to a pair of strips, best first, one for each row that the bar may be in."""

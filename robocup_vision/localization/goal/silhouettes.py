@@ -49,17 +49,12 @@ class SilhouetteSettings:
     tilt_cells: float = 2.9
     column_cells: float = 1.5
     large_ratio: float = 0.5  #: goals wider than this fraction of a picture are searched in one of half the size
-    max_bearing_rad: float = 0.2  #: bearings from a goal that looks small differ by no more
     blur_px: float = 0.8  #: blur before gradients are taken: no edge is sharper, but noise is
     edge_ratio: float = 4.0  #: ratio of an edge's gradient to the picture's median gradient
-    min_step: float = 4.0  #: least difference of an edge, grey levels over two pixels, whatever the picture
-    #: fraction of a goal's silhouette with an edge exactly there, and in a neighbouring cell
-    there_ratio: float = 0.45
-    nearby_ratio: float = 0.35
+    #: fraction of a goal's silhouette with an edge exactly there, and of that with one in a neighbouring cell instead
+    seen_ratio: float = 0.4
     painted_ratio: float = 0.5  #: fraction of posts and bar that has kept its hue
-    #: places that are settled, and cameras that are proposed
-    settled: int = 30
-    proposed: int = 12
+    proposed: int = 20  #: cameras that are settled and proposed
     apart: Apart = Apart(0.1, 0.03)  #: of two cameras
 
 
@@ -123,7 +118,7 @@ class SilhouetteSearch:
         away, places = nearest_m, [np.empty((0, 2))]
         while away < farthest_m:
             step = s.place_cells / (view[0] * shape.width_m / away)
-            count = math.ceil(math.pi / min(2 * step, s.max_bearing_rad))
+            count = math.ceil(math.pi / (2 * step))
             turned = (np.arange(1, count) / count - 0.5) * math.pi
             places.append(np.stack([shape.line_x_m - away * np.cos(turned), away * np.sin(turned)], axis=-1))
             away *= 1.0 + step
@@ -163,8 +158,7 @@ class SilhouetteSearch:
         strongest_gradients(np.asarray(cv2.GaussianBlur(picture, (0, 0), s.blur_px), np.uint8), along, down)
         # every fourth pixel each way: the median of a picture needs no more
         square = along[::4, ::4] ** 2 + down[::4, ::4] ** 2
-        least = max(s.edge_ratio**2 * float(np.median(square)), s.min_step**2)
-        return Gradients(along, down, least)
+        return Gradients(along, down, s.edge_ratio**2 * float(np.median(square)))
 
     def edges(self, gradients: Gradients, cell_px: int = 1) -> Edges:
         """Mark edges in a picture of cells so wide."""
@@ -182,7 +176,7 @@ class SilhouetteSearch:
             seen = self.edges(gradients, bank.cell_px)
             found = np.empty((len(bank.cameras.places_m), 4))
             score_places(bank.scene, self.evidence(seen, paint, carpet), bank.cameras, found)
-            for place in np.argsort(-found[:, 0], kind="stable")[: s.settled].tolist():
+            for place in np.argsort(-found[:, 0], kind="stable")[: s.proposed].tolist():
                 nats, heading, tilt, of_paint = found[place].tolist()
                 p = np.array([*bank.cameras.places_m[place], heading, tilt, bank.cameras.roll_rad])
                 likely.append((nats, of_paint, float(bank.cell_px), p))
@@ -190,7 +184,7 @@ class SilhouetteSearch:
         height = float(self._model.prior[HEIGHT])
         settled = [
             (of_paint + settle(self._scene, *whole, height, step_px, p), p)
-            for nats, of_paint, step_px, p in likely[: s.settled]
+            for nats, of_paint, step_px, p in likely[: s.proposed]
             if math.isfinite(nats)
         ]
         settled.sort(key=lambda one: -one[0])
@@ -221,8 +215,8 @@ class SilhouetteSearch:
 
     def _edge_nats(self, levels: UInt8Array) -> FloatArray:
         """(4, 3) float64: see `kernels.goal.silhouettes.Evidence`; clutter has the picture's mean rates."""
-        s = self.settings
-        of_goal = np.array([1 - s.there_ratio - s.nearby_ratio, s.nearby_ratio, s.there_ratio])
+        seen = self.settings.seen_ratio
+        of_goal = np.array([1 - 2 * seen, seen, seen])
         nats = np.empty((_DIRECTIONS, 3))
         for direction in range(_DIRECTIONS):
             there = np.count_nonzero(levels & (1 << direction)) / levels.size
