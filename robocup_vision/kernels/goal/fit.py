@@ -20,6 +20,10 @@ from robocup_vision.kernels.goal.picture import (
     predict_goal,
 )
 
+# inverse variance, 1/m^2 and 1/rad^2, of what neither samples nor priors determine: above the rounding errors of the
+# others' information, so that the whole is definite
+_OPEN = 1e-4
+
 
 class FitSamples(NamedTuple):
     """What was measured, in ideal pixels.
@@ -214,7 +218,7 @@ def normal_equations(
             normal[i, i] = 1.0
             right[i] = 0.0
         else:
-            normal[i, i] += priors.weight[i] + 1e-9
+            normal[i, i] += priors.weight[i] + _OPEN
             right[i] -= priors.weight[i] * (p[i] - priors.expected[i])
     for i in range(8):
         for j in range(i):

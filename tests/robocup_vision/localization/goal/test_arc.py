@@ -1,5 +1,7 @@
 """The arc of cameras that see a far goal alike: on exact samples with known noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,8 @@ from field_models import load_field
 from robocup_vision.kernels.goal.edge_places import goal_points
 from robocup_vision.localization.goal.arc import follow_arc, turned
 from robocup_vision.localization.goal.edges import FOOT_OFFSETS, EdgeSamples
-from robocup_vision.localization.goal.fit import covariance_of, fit, goal_model, weigh
-from robocup_vision.localization.goal.geometry import HEADING, goal_shape, project
+from robocup_vision.localization.goal.fit import covariance_of, fit, goal_model, only, weigh
+from robocup_vision.localization.goal.geometry import EDGES, HEADING, Y, goal_shape, project
 from sim2d.rendering.goal.scenes import ers7_camera
 
 SHAPE = goal_shape(load_field("four_legged_2007"))
@@ -72,6 +74,21 @@ def test_what_is_held_has_no_variance():
     held = np.isinf(MODEL.weight)
     assert held.any()
     assert not covariance_of(MODEL, information)[held].any()
+
+
+@pytest.mark.parametrize("y_m", [-0.8, 0.0, 0.9])
+def test_what_one_post_leaves_open_is_definite_beyond_rounding(y_m):
+    """Roots of its variances are taken: rounding errors of the rest must not make one negative."""
+    seen = samples(np.random.default_rng(0))
+    of_post = only(seen, np.arange(EDGES) < 2, np.array([True, False]))
+    of_post = replace(of_post, sigma=np.full(len(of_post.sigma), 0.02))
+    start = TRUTH.copy()
+    start[Y] = y_m
+    _, cost, information = fit(MODEL, of_post, start, np.full(1, 0.3))
+    assert np.isfinite(cost)
+    least, *_, most = np.linalg.eigvalsh(information)
+    assert least > 100 * np.finfo(np.float64).eps * most
+    assert np.linalg.eigvalsh(covariance_of(MODEL, information)[:2, :2])[1] > 1.0
 
 
 def test_turning_keeps_the_goal_where_it_is_seen():
