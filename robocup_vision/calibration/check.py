@@ -70,7 +70,6 @@ class Finding:
 
     #: "size", "pictures", "camera", "channels", "field", "mirrored", "heading", "centre", "curve", "lens", "colours",
     #: "truth", "odometry", or the subject of a similar set-up that fits
-    #: "truth", "odometry", or what is wrong by a set-up near this one that fits
     subject: str
     state: State  #: the result
     evidence: str  #: a sentence with numbers
@@ -82,13 +81,11 @@ class CheckSettings:
 
     #: greatest number of images in use, evenly spread; of images tested with learnt colours; and of images for the
     #: calibration of a pinhole camera
-    #: camera
     max_images: int = 24
     max_tried: int = 8
     max_calibrated: int = 12
     #: ratios of located images above which the field is right, and below which it is wrong; between them the images may
     #: just show too little
-    #: them they may just show too little
     min_located_ratio: float = 0.8
     min_some_ratio: float = 0.3
     min_some_agreeing: float = 0.5  #: least ratio of located images whose poses agree with truth or odometry

@@ -61,7 +61,6 @@ class ColorCalibration:
     colors: Colors  #: content of a colour file
     frames: int  #: number of frames used
     #: number of pixels from which each coloured class was learnt; 0 if it was not seen and has the field file's colour
-    #: one that the field file names
     pixels: Mapping[str, int]
     notes: tuple[str, ...] = ()  #: messages for the user
 

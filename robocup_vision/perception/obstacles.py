@@ -47,7 +47,7 @@ class Obstacle:
     #: standard deviation of its range, from the samples' spacing there and the camera's errors; NaN if not known
     range_std_m: float = math.nan
     #: hue of most of its saturated pixels, such as its team's, in the frame's colours: 0 red, a third of a turn green,
-    #: two thirds blue. None if next to nothing is saturated.
+    #: two thirds blue. None if hardly any pixel is saturated.
     hue_rad: float | None = None
     #: computes its `kind`; None if it cannot be known
     kind_teller: Callable[[], Kind | None] | None = dataclass_field(default=None, repr=False, compare=False)
@@ -132,7 +132,7 @@ class ObstacleFinder:
         robot, covariance = (0.0, 0.0, 0.0), _NO_POSE
         if isinstance(pose, PoseEstimate):
             robot, covariance = (pose.pose.x_m, pose.pose.y_m, pose.pose.theta_rad), pose.covariance
-        # a forward camera's view ends with rows that see nothing
+        # the last rows of a forward camera's view are outside the picture
         seen = view.bearings if isinstance(view, PolarView) else view.seen_bearings
         found = np.empty((seen, 6))
         count = find_things(

@@ -93,7 +93,7 @@ def render_pinhole(
     Parameters
     ----------
     camera : PinholeCamera
-        As held by the neck: its tilt must be known, an unknown pan or roll counts as 0.
+        Camera with its present orientation: its tilt must be known, an unknown pan or roll is 0.
     pose : Pose2
         Pose of the robot in the field frame (of the camera if its offset and pan are 0).
     backdrop : Backdrop, optional

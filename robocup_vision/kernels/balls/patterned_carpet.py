@@ -44,7 +44,6 @@ def measure_carpet(
         A pixel with less hue and more greenness may be carpet: see `classify`.
     scratch : (4, N) float64
         Room for one more than the number of sampled pixels.
-        Room for as many pixels as are looked at, and one more.
     """
     height, width, _ = blurred.shape
     hues, greens, levels = scratch[0], scratch[1], scratch[2]

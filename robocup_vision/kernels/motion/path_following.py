@@ -141,7 +141,7 @@ def _turned(vector: Pair, angle: float) -> Pair:
 
 @compiled(error_model="numpy")
 def _allowances(discs: FloatArray, start: Start, sigmas: float) -> FloatArray:
-    """Return (M,), metres, by which each disc is already too near: such a robot may go on if it gets no nearer."""
+    """Return (M,) metres by which each disc is already too near, as motions away from it must remain allowed."""
     given = np.empty(discs.shape[0])
     now = (start.covariance[0, 0], start.covariance[0, 1], start.covariance[1, 1])
     for m in range(discs.shape[0]):

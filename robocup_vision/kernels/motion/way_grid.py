@@ -296,7 +296,7 @@ def straight_part(
 ) -> tuple[int, int]:
     """Return two cells of a way: the last one that can be reached straight, and the one `beyond` cells after it.
 
-    A cell can be reached straight if no cell of the line costs more than the most expensive one of the way so far.
+    A cell can be reached straight if no cell of the line costs more than the most expensive one of the way up to it.
     """
     size = price.shape[0]
     length = 1

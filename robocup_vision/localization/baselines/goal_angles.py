@@ -135,7 +135,6 @@ def axes_by_regression(region: UInt8Array) -> GoalAxes | None:
 
     Rows with two runs are posts, and columns between the posts with one run are the bar. Rows and columns with wider
     runs are not used, because a slanted bar merges with a post in some rows, and a post with the bar.
-    some rows, and a post into the bar: those rows and columns, whose runs are wider than the rest, are left out.
     """
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     if len(rows) < _MIN_SIZE_PX or len(columns) < _MIN_SIZE_PX:

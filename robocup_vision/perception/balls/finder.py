@@ -72,7 +72,7 @@ class BallFinder:
         return _placed(*self._look.sightings(seen))
 
     def find_colored(self, seen: BallFrame) -> tuple[Ball, ...]:
-        """Find balls of the colour that the field file names, whatever the search for others is."""
+        """Find balls of the field file's colour, independent of the method for other balls."""
         return _placed(*self._colored.sightings(seen))
 
     def find_swapped(self, seen: BallFrame) -> tuple[Ball, ...]:

@@ -141,7 +141,7 @@ class BallSizes:
         along, across = self.along_across_px
         known = (along > 0) & (across > 0)
         size = np.log(np.where(known, along * across, 1.0)) / 2
-        # the derivative along the ray is unknown at the ends of what is known
+        # no derivative along the ray at the ends of the range of known sizes
         change = np.abs(np.gradient(size)) * (known & np.roll(known, 1) & np.roll(known, -1))
         sway_px = self.sway_rad * self.camera.focal_px[1] if isinstance(self.camera, PinholeCamera) else 0.0
         # bounded, because any size is possible where the sway reaches the horizon

@@ -14,7 +14,7 @@ from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors
 from robocup_vision.perception.markings.marking import MarkingSettings, PenaltyMark
 
-# width by which holes in the bare carpet exceed what lies on it
+# margin by which the holes in the bare carpet extend beyond the objects that cause them
 _BARE_MARGIN_PX = 4
 # directions of the points of a mark's outline
 _OUTLINE = np.linspace(0.0, math.tau, 17)[:-1]
