@@ -1,9 +1,9 @@
 """Yako et al.'s method as printed: colour region, axes by regression, three angles, a table of angles over the field.
 
 A published reference for comparison with the direct fit. Where the paper is open, this file chooses: bounds of hue and
-brightness as in `perception.goal_region`; the bilateral filter smooths the picture, because it would not change a region
-of two values; the rows and columns of a regression; and the thresholds of the common region, which the paper tuned to
-each picture's truth: twice the tightest ones with a common region. Tilt, roll and covariance are not in the paper.
+brightness as in `perception.goal_region`; the bilateral filter smooths the picture, because it would not change a
+region of two values; the rows and columns of a regression; and the thresholds of the common region, which the paper
+tuned to each picture's truth: twice the tightest ones with a common region. The paper has no tilt, roll and covariance.
 """
 
 from __future__ import annotations
