@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from wrong_files import problem_of
 
 from field_models import ArgumentError, FileError, FrameError, RobocupVisionError
 from robocup_vision.evaluation.dataset import Truth, load_dataset
@@ -253,10 +254,8 @@ def test_methods_by_edges_take_a_mounting(folder: Path, method: str) -> None:
 )
 def test_wrong_frames(folder: Path, old: str, new: str, problem: str) -> None:
     add(folder, 'frames = "frames.csv"')
-    (folder / "frames.csv").write_text(FRAMES.replace(old, new))
-    with pytest.raises(RobocupVisionError) as caught:
-        load_dataset(folder)
-    assert str(caught.value).startswith(f"{folder / 'frames.csv'}: {problem}")
+    found = problem_of(lambda path: load_dataset(path.parent), folder / "frames.csv", FRAMES, old, new)
+    assert found.startswith(problem)
 
 
 @pytest.mark.parametrize(
@@ -283,12 +282,9 @@ def test_wrong_frames(folder: Path, old: str, new: str, problem: str) -> None:
 )
 def test_wrong_description(folder: Path, old: str, new: str, problem: str) -> None:
     (folder / "empty").mkdir()
-    text = (folder / "dataset.toml").read_text()
-    assert old in text
-    (folder / "dataset.toml").write_text(text.replace(old, new))
-    with pytest.raises(RobocupVisionError) as caught:
-        load_dataset(folder)
-    assert str(caught.value).startswith(f"{folder / 'dataset.toml'}: {problem}")
+    path = folder / "dataset.toml"
+    found = problem_of(lambda path: load_dataset(path.parent), path, path.read_text(), old, new)
+    assert found.startswith(problem)
 
 
 @pytest.mark.parametrize(
