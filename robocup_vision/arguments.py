@@ -91,7 +91,7 @@ def as_prior(value: object) -> PoseEstimate | Pose2 | None:
     return value
 
 
-def as_time(value: object, name: str = "t_s") -> float:
+def as_time(value: object) -> float:
     """Return a time, seconds.
 
     Raises
@@ -101,9 +101,9 @@ def as_time(value: object, name: str = "t_s") -> float:
     """
     if isinstance(value, float) and -_MAX_TIME_S <= value <= _MAX_TIME_S:
         return value
-    time_s = as_number(name, value)
+    time_s = as_number("t_s", value)
     if abs(time_s) > _MAX_TIME_S:
-        raise ArgumentError(f"{name} must be in seconds, at most {_MAX_TIME_S:g}, got {time_s:g}")
+        raise ArgumentError(f"t_s must be in seconds, at most {_MAX_TIME_S:g}, got {time_s:g}")
     return time_s
 
 

@@ -18,13 +18,11 @@ class OrbExtractor:
     ----------
     camera : PinholeCamera
         As for `SiftExtractor`.
-    at_most : int
-        Keep this many.
     """
 
-    def __init__(self, camera: PinholeCamera, *, at_most: int = 800) -> None:
+    def __init__(self, camera: PinholeCamera) -> None:
         self.camera = camera
-        self._orb = cv2.ORB.create(nfeatures=at_most)
+        self._orb = cv2.ORB.create(nfeatures=800)
 
     def extract(self, frame: UInt8Array) -> Features:
         """Find the features of a frame, (H, W, 3) uint8 BGR; the descriptors' 256 bits as unit vectors."""

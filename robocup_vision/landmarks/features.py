@@ -81,22 +81,15 @@ class SiftExtractor:
     ----------
     camera : PinholeCamera
         Frames must have its size; its distortion is taken out of the keypoints' places.
-    contrast_threshold : float
-        OpenCV's: below it, keypoints are unstable.
-    at_most : int
-        Keep this many, those of highest contrast; 0: all.
     shrink : int
         Look at the frame reduced by this factor: the fine octaves are given up, and with them most of the time.
     """
 
-    def __init__(
-        self, camera: PinholeCamera, *, contrast_threshold: float = 0.02, at_most: int = 0, shrink: int = 1
-    ) -> None:
+    def __init__(self, camera: PinholeCamera, *, shrink: int = 1) -> None:
         self.camera = camera
         self.shrink = shrink
-        self._sift = cv2.SIFT.create(
-            nfeatures=at_most, contrastThreshold=contrast_threshold, enable_precise_upscale=True
-        )
+        # keypoints of less contrast are unstable
+        self._sift = cv2.SIFT.create(contrastThreshold=0.02, enable_precise_upscale=True)
 
     def extract(self, frame: UInt8Array) -> Features:
         """Find the features of a frame, (H, W, 3) uint8 BGR.

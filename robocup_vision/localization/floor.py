@@ -25,7 +25,6 @@ from robocup_vision.localization.evidence import (
     LineOdds,
     OutlineEvidence,
     OutlineTally,
-    PoseEvidence,
     load_evidence,
     no_lines,
     odds_text,
@@ -87,8 +86,6 @@ class OutlineFitter:
         Its floor must be bounded by walls or boards.
     view : PolarView
         Defines the bearings of the outline.
-    evidence : PoseEvidence, optional
-        Decides whether a pose is accepted; by default the package's own.
 
     Raises
     ------
@@ -102,11 +99,10 @@ class OutlineFitter:
         camera: OmniCamera,
         view: PolarView,
         settings: OutlineSettings = OutlineSettings(),
-        evidence: PoseEvidence | None = None,
     ) -> None:
         require_bounded(field)
         self.field, self.camera, self.view, self.settings = field, camera, view, settings
-        self.evidence = load_evidence() if evidence is None else evidence
+        self.evidence = load_evidence()
         self.model = OutlineModel(field, camera, view, settings.noise, settings.camera)
         self.search = OutlineSearch(self.model, settings.search)
         self._outline_evidence = OutlineEvidence(view, self.model.unit_px, self.evidence.outline)

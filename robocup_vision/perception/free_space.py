@@ -215,9 +215,7 @@ class FloorMarking:
         other._view = view
         return other
 
-    def mark(
-        self, samples: UInt8Array, llr: npt.NDArray[np.int8], outermost: npt.NDArray[np.int64] | None = None
-    ) -> UInt8Array:
+    def mark(self, samples: UInt8Array, llr: npt.NDArray[np.int8]) -> UInt8Array:
         """Mark each sample: (K, M) uint8, 0 blocked, 1 floor, 2 line.
 
         Parameters
@@ -226,12 +224,10 @@ class FloorMarking:
             Colours.
         llr : (K, M) int8
             The floor's log-likelihood ratios.
-        outermost : (K,) int64, optional
-            Column of each bearing's outermost floor, -1 if not known; samples beyond it are skipped.
         """
-        if outermost is None:
-            outermost = self._none_known
         out = np.empty(llr.shape, dtype=np.uint8)
-        view, is_ring = self._view, self._view.is_ring
-        free_floor.passable(samples, llr, view.shown, *self.widest_line, view.columns_in_use, is_ring, outermost, out)
+        view, unknown = self._view, self._none_known
+        free_floor.passable(
+            samples, llr, view.shown, *self.widest_line, view.columns_in_use, view.is_ring, unknown, out
+        )
         return out

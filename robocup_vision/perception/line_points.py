@@ -178,13 +178,8 @@ class LineFinder:
         row, column = np.divmod(near, seen.shape[1])
         self._near = (row * cell + cell // 2) * width + column * cell + cell // 2
 
-    def find(self, frame: npt.NDArray[np.uint8], *, marks_bare: bool = True) -> LinePoints:
-        """Find line points.
-
-        Parameters
-        ----------
-        marks_bare : bool, optional
-            Whether to find the bare floor, too.
+    def find(self, frame: npt.NDArray[np.uint8]) -> LinePoints:
+        """Find line points, and the bare floor.
 
         Raises
         ------
@@ -223,7 +218,7 @@ class LineFinder:
             self.camera,
             found[strong, :2],
             np.where(two_sided[strong], 1.0, settings.one_sided_weight),
-            self._bare(floor) if marks_bare else None,
+            self._bare(floor),
         )
 
     def _bare(self, floor: UInt8Array) -> npt.NDArray[np.bool_]:

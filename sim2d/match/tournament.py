@@ -279,9 +279,7 @@ class RoundRobin:
         values = {key: value for key, value in plan_json(self.plan).items() if key not in ("ours", "theirs")}
         return {**values, "table": list(self.names)}
 
-    def table_json(
-        self, results: Sequence[dict[str, Any]], settings: RatingSettings = RatingSettings()
-    ) -> dict[str, Any]:
+    def table_json(self, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """Return the table as JSON values: a row for each player, the best first.
 
         Parameters
@@ -289,7 +287,7 @@ class RoundRobin:
         results : sequence of dict
             What stands in the match.json of each match, in the order of `plans`.
         """
-        ratings = rate_players(self._points(results), settings)
+        ratings = rate_players(self._points(results))
         order = sorted(range(len(self.players)), key=lambda index: (-ratings.elo[index], self.names[index]))
         return {
             "format": 1,

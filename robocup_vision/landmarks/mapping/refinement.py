@@ -20,6 +20,8 @@ from robocup_vision.landmarks.pose_fit import world_to_camera
 _CHUNK = 1500
 # squared width of the weights, in variances of one number
 _WIDTH2 = 9.0
+# the adjustment ends when no pose moves farther
+_SETTLED_M = 1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +60,6 @@ def refine(
     fixed: BoolArray,
     *,
     iterations: int = 5,
-    tolerance_m: float = 1e-5,
 ) -> Refined:
     """Adjust poses and landmarks.
 
@@ -74,8 +75,6 @@ def refine(
         Fixed poses. At least one must be fixed, or the map has no place.
     iterations : int
         At most.
-    tolerance_m : float
-        Stop when no pose moves farther.
     """
     poses, landmarks = np.array(poses), np.array(landmarks_m)
     order = np.argsort(observations.landmark, kind="stable")
@@ -90,7 +89,7 @@ def refine(
         moves[~fixed] = step.reshape(-1, 3)
         poses += moves
         landmarks += _back(system, s, moves, len(landmarks))
-        if np.abs(moves).max(initial=0.0) < tolerance_m:
+        if np.abs(moves).max(initial=0.0) < _SETTLED_M:
             break
     system = _linearise(rig, poses, landmarks, s)
     reduced, _, inverse = _reduce(system, s, slot, fixed, len(landmarks))

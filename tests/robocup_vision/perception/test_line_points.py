@@ -114,13 +114,6 @@ def test_bare_floor_holds_no_line(finder, mirror_camera, paint_field):
     assert LineMap(FIELD).nearest(bare).distance_m.min() > FIELD.line_width_m / 2
 
 
-def test_bare_floor_is_left_out_where_nobody_asks_for_it(finder, mirror_camera, paint_field):
-    frame = paint_field(mirror_camera, FIELD, POSE)
-    asked, left_out = finder.find(frame), finder.find(frame, marks_bare=False)
-    np.testing.assert_array_equal(left_out.pixels, asked.pixels)
-    assert left_out.bare_floor is None
-
-
 def test_masked_pixels_are_never_points(mirror_camera, paint_field):
     mask = np.zeros((240, 320), dtype=np.uint8)
     mask[:, 160:] = 255
