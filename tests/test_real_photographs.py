@@ -11,7 +11,7 @@ import pytest
 from field_models import load_field
 from robocup_vision.calibration.forward.calibrate import calibrate_forward
 from robocup_vision.calibration.forward.starts import KnownOfCamera
-from robocup_vision.camera import FisheyeCamera, load_camera
+from robocup_vision.camera import load_camera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
@@ -151,16 +151,6 @@ def test_a_lens_by_photographs_of_which_some_are_placed_wrongly():
 @pytest.mark.parametrize("start", ["20250208_r4_cam0", "20250717_r4_cam0", "20260503_r3_cam0"])
 def test_what_looks_like_a_goal_gives_no_pose_against_the_lines(start):
     """Each shows something white and upright; the poses that it would give put lines on bare carpet."""
-    camera = FisheyeCamera(
-        (608, 800),
-        (325.9, 325.9),
-        (304.7, 393.7),
-        0.769,
-        (-0.0216, -0.0029, 0.0, 0.0),
-        pan_rad=0.0,
-        tilt_rad=0.009,
-        roll_rad=-0.006,
-        roll_std_rad=0.01,
-    )
+    camera = load_camera(DATA / "msl_fisheye_camera.toml")
     (frame,) = fisheye_photographs(start)
     assert not Vision(load_field(DATA / "msl_fisheye_field.toml"), camera).look(frame).pose

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -26,24 +27,14 @@ from robocup_vision import Vision
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.forward.calibrate import ForwardCalibration, calibrate_forward
 from robocup_vision.calibration.forward.starts import KnownOfCamera
-from robocup_vision.camera import FisheyeCamera
+from robocup_vision.camera import FisheyeCamera, load_camera
 from robocup_vision.geometry import Pose2
 from robocup_vision.view import View
 
 FOLDER, HOME = "msl_fisheye", "2026"
 DATA = Path(__file__).resolve().parents[2] / "tests" / "data"
 FIELD = DATA / "msl_fisheye_field.toml"
-CAMERA = FisheyeCamera(
-    (608, 800),
-    (325.9, 325.9),
-    (304.7, 393.7),
-    0.769,
-    (-0.0216, -0.0029, 0.0, 0.0),
-    pan_rad=0.0,
-    tilt_rad=0.009,
-    roll_rad=-0.006,
-    roll_std_rad=0.01,
-)
+CAMERA = cast(FisheyeCamera, load_camera(DATA / "msl_fisheye_camera.toml"))
 WRONG_M = 0.3
 THINGS, BOX_KEYS = ("obstacle", "human"), ("xmin", "xmax", "ymax")
 # boxes are 4 px too wide

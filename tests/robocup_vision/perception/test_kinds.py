@@ -1,7 +1,6 @@
 """Upright pictures show what stands on a foot at one size; kinds are told by the frame that was looked at, or not."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +9,7 @@ import pytest
 
 from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
-from robocup_vision.camera import FisheyeCamera, PinholeCamera
+from robocup_vision.camera import FisheyeCamera, PinholeCamera, load_camera
 from robocup_vision.perception.joined import join_obstacles
 from robocup_vision.perception.kinds.network import FOOT_PX, PIXEL_M, SEEN_PX, KindSource, log_odds, upright_pictures
 from robocup_vision.perception.networks import Shrunk, read_network
@@ -128,15 +127,7 @@ def test_a_thing_of_no_camera_is_of_unknown_kind():
     [((337.1, 469.0), "person"), ((388.5, 430.7), "robot"), ((493.0, 441.9), "robot"), ((200.0, 520.0), None)],
 )
 def test_a_robot_and_a_person_of_a_photograph_are_told_apart(pixel, kind):
-    camera = replace(
-        FISHEYE,
-        focal_px=(325.9, 325.9),
-        center_px=(304.7, 393.7),
-        height_m=0.769,
-        distortion=(-0.0216, -0.0029, 0.0, 0.0),
-        tilt_rad=0.009,
-        roll_rad=-0.006,
-    )
+    camera = load_camera(Path(__file__).parents[2] / "data" / "msl_fisheye_camera.toml")
     frame = np.asarray(cv2.imread(str(REAL / "20260503_r5_cam0_20260503_111804.jpg")), dtype=np.uint8)
     foot = camera.pixel_to_floor(np.array([pixel]))
     assert KindSource(lambda: frame, camera, foot).kind(0) == kind
