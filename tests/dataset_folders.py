@@ -9,6 +9,9 @@ import numpy as np
 from robocup_vision.camera import OmniCamera, PinholeCamera, save_camera
 from robocup_vision.geometry import Pose2
 
+# the file of a mirror camera of 64 x 56 pixels
+SMALL_CAMERA = (Path(__file__).parent / "fuzz" / "corpus" / "tangent_camera.toml").read_text()
+
 
 def write_dataset(
     path: Path,

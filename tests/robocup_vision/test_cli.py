@@ -13,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from dataset_folders import SMALL_CAMERA
 from PIL import Image
 
 from field_models import field_names
@@ -20,18 +21,6 @@ from robocup_vision import cli
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation import run
 from robocup_vision.geometry import Pose2
-
-CAMERA = """
-format = 1
-model = "omni"
-size_px = [64, 56]
-center_px = [31.5, 27.5]
-usable_radius_px = [6.5, 27.0]
-[floor_range]
-kind = "tangent"
-a_m = 0.2
-b_per_px = 0.05
-"""
 
 
 class BrightnessVision:
@@ -57,7 +46,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     images.mkdir()
     for index, level in enumerate((0, 90, 120)):
         cv2.imwrite(str(images / f"{index}.png"), np.full((56, 64, 3), level, dtype=np.uint8))
-    (tmp_path / "camera.toml").write_text(CAMERA)
+    (tmp_path / "camera.toml").write_text(SMALL_CAMERA)
     (tmp_path / "field.toml").write_text((files("field_models") / "fields" / "ssl_2001.toml").read_text())
     return images
 

@@ -11,21 +11,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from dataset_folders import SMALL_CAMERA
 
 from robocup_vision.evaluation.run import evaluate
 
 SIZE = (64, 56)
-CAMERA = """
-format = 1
-model = "omni"
-size_px = [64, 56]
-center_px = [31.5, 27.5]
-usable_radius_px = [6.5, 27.0]
-[floor_range]
-kind = "tangent"
-a_m = 0.2
-b_per_px = 0.05
-"""
 DATASET = """
 format = 1
 field = "ssl_2001"
@@ -131,7 +121,7 @@ def folder(tmp_path: Path) -> Path:
     """Return a dataset folder of five images that are seen 1 cm too far in x, the last with truth but no heading."""
     root = tmp_path / "set"
     (root / "images").mkdir(parents=True)
-    (root / "camera.toml").write_text(CAMERA)
+    (root / "camera.toml").write_text(SMALL_CAMERA)
     (root / "dataset.toml").write_text(DATASET)
     rows = []
     for index in range(5):
