@@ -47,21 +47,24 @@ def report(tmp_path):
     return path
 
 
-def test_a_report_fits_its_window_and_filters_by_reason(node, report, tmp_path):
-    """Only this finds a report that a browser draws overlapping, and a filter that hides the wrong images."""
-    done = node("report_page.mjs", report, tmp_path)
+def fits_its_window(node, page, tmp_path):
+    """Check a page in windows of three widths; return what the browser tells of it."""
+    done = node("report_page.mjs", page, tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout.splitlines()[-1])
-    assert told["errors"] == []
-    assert told["console"] == []
-
+    assert told["errors"] == told["console"] == []
     assert set(told["widths"]) == {"390", "1280", "1920"}
     for width, seen in told["widths"].items():
         assert seen["boxes"] > 100
         assert seen["overlaps"] == [], width
         assert seen["beyond"] == [], width
         assert seen["document_px"] <= int(width)
+    return told
 
+
+def test_a_report_fits_its_window_and_filters_by_reason(node, report, tmp_path):
+    """Only this finds a report that a browser draws overlapping, and a filter that hides the wrong images."""
+    told = fits_its_window(node, report, tmp_path)
     (ink, paper), (dark_ink, dark_paper) = told["light"], told["dark"]
     assert ink + 300 < paper
     assert dark_paper + 300 < dark_ink
@@ -105,13 +108,4 @@ def test_a_comparison_fits_its_window(node, tmp_path):
         path.write_bytes(cv2.imencode(".png", np.full((220, 256, 3), 120, np.uint8))[1].tobytes())
     path = tmp_path / "comparison.html"
     path.write_text(render_comparison(compare(first, second), tmp_path), encoding="utf-8")
-    done = node("report_page.mjs", path, tmp_path)
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
-    assert told["errors"] == told["console"] == []
-    assert set(told["widths"]) == {"390", "1280", "1920"}
-    for width, seen in told["widths"].items():
-        assert seen["boxes"] > 100
-        assert seen["overlaps"] == [], width
-        assert seen["beyond"] == [], width
-        assert seen["document_px"] <= int(width)
+    fits_its_window(node, path, tmp_path)

@@ -324,10 +324,7 @@ def test_frames_without_a_field_are_not_located(ssl_field, paper_camera, nominal
 @pytest.mark.parametrize(
     ("frame", "message"),
     [
-        (
-            np.zeros((220, 256), dtype=np.uint8),
-            r"uint8 \(220, 256, 3\) as the camera file says, got uint8 \(220, 256\)",
-        ),
+        (np.zeros((220, 256), dtype=np.uint8), r"\(220, 256, 3\) as the camera file says, got uint8 \(220, 256\)"),
         (np.zeros((220, 256, 4), dtype=np.uint8), r"got uint8 \(220, 256, 4\)"),
         (np.zeros((480, 640, 3), dtype=np.uint8), r"must be uint8 \(220, 256, 3\) as .*, got uint8 \(480, 640, 3\)"),
         (np.zeros((256, 220, 3), dtype=np.uint8), r"got uint8 \(256, 220, 3\)"),

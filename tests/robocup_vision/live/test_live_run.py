@@ -89,12 +89,25 @@ def newest(feed, robot="scripted"):
     return {"t_s": None} if picture is None else split_picture(picture.data)[0]
 
 
-def test_frames_are_looked_at_and_the_end_is_said(run_of, vision, frames):
-    source = _Scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)])
-    run, feed = run_of(source)
+def run_to_end(run, feed):
     run.start()
     until(lambda: feed.status[1]["ended"])
     feed.wait_until_made(WAIT_S)
+
+
+def run_to_pause(run, feed):
+    """Start a run that pauses at once; return how many frames it has shown."""
+    run.pause(True)
+    run.start()
+    run.pause(True)
+    until(lambda: feed.wait_until_made(1.0))
+    return run.loops[0].frames
+
+
+def test_frames_are_looked_at_and_the_end_is_said(run_of, vision, frames):
+    source = _Scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)])
+    run, feed = run_of(source)
+    run_to_end(run, feed)
     assert newest(feed)["pose"]["located"]
     assert newest(feed)["settings"] == {"method": "field"}
     assert lines(feed) == [f"scripted: ended after {len(frames)} frames"]
@@ -106,9 +119,7 @@ def test_a_frame_of_another_size_is_shown_and_said_once(run_of, vision, frames):
     small = np.ascontiguousarray(frames[0][::2, ::2])
     script = [(0.0, frames[0]), (0.1, small), (0.2, small), 0.01]
     run, feed = run_of(_Scripted(vision, script))
-    run.start()
-    until(lambda: feed.status[1]["ended"])
-    feed.wait_until_made(WAIT_S)
+    run_to_end(run, feed)
     told = newest(feed)
     assert told["size_px"] == [small.shape[1], small.shape[0]]
     assert "layers" not in told
@@ -119,9 +130,7 @@ def test_a_frame_of_another_size_is_shown_and_said_once(run_of, vision, frames):
 def test_after_a_bad_frame_the_run_goes_on(run_of, vision, frames):
     script = [(0.0, frames[0]), FrameError("film.png: is damaged"), (0.2, frames[0])]
     run, feed = run_of(_Scripted(vision, script))
-    run.start()
-    until(lambda: feed.status[1]["ended"])
-    feed.wait_until_made(WAIT_S)
+    run_to_end(run, feed)
     assert lines(feed) == ["scripted: film.png: is damaged", "scripted: ended after 2 frames"]
     assert newest(feed)["t_s"] == 0.2
 
@@ -130,8 +139,7 @@ def test_a_stall_is_said_and_that_it_is_over(run_of, vision, frames, monkeypatch
     monkeypatch.setattr("robocup_vision.live.sources.source_loop._STALL_S", 0.05)
     script = [(0.0, frames[0]), 0.06, 0.06, 0.01, (0.2, frames[0])]
     run, feed = run_of(_Scripted(vision, script))
-    run.start()
-    until(lambda: feed.status[1]["ended"])
+    run_to_end(run, feed)
     said = lines(feed)
     assert said[0] == "scripted: stalls: no frame for 0.05 s"
     assert said[1].startswith("scripted: frames come again, after 0.")
@@ -142,8 +150,7 @@ def test_a_bug_ends_one_source_and_is_said(run_of, vision, frames):
     broken = _Scripted(vision, [ZeroDivisionError("oh")], name="broken")
     good = _Scripted(vision, [(0.0, frames[0])], name="good")
     run, feed = run_of(broken, good)
-    run.start()
-    until(lambda: feed.status[1]["ended"])
+    run_to_end(run, feed)
     assert "broken: ended: ZeroDivisionError: oh" in lines(feed)
     assert "good: ended after 1 frames" in lines(feed)
 
@@ -151,11 +158,7 @@ def test_a_bug_ends_one_source_and_is_said(run_of, vision, frames):
 def test_a_film_pauses_steps_and_goes_on(run_of, vision, frames):
     run, feed = run_of(_Scripted(vision, [(n / 20, frames[0]) for n in range(12)], waits=True))
     assert run.offers == {"pause", "save", "record"}
-    run.pause(True)
-    run.start()
-    run.pause(True)
-    until(lambda: feed.wait_until_made(1.0))
-    before = run.loops[0].frames
+    before = run_to_pause(run, feed)
     run.step()
     run.step()
     until(lambda: run.loops[0].frames == before + 2)
@@ -184,11 +187,7 @@ def test_things_are_put_elsewhere_even_while_it_stands_still(run_of, vision, fra
     source = _Simulation(vision, [(n / 20, frames[0]) for n in range(50)])
     run, feed = run_of(source)
     assert "place" in run.offers
-    run.pause(True)
-    run.start()
-    run.pause(True)
-    until(lambda: feed.wait_until_made(1.0))
-    before = run.loops[0].frames
+    before = run_to_pause(run, feed)
     run.place("ball", 0.5, 0.25, None)
     until(lambda: run.loops[0].frames == before + 1)
     assert source.placed == [("ball", 0.5, 0.25, None)]
@@ -237,8 +236,7 @@ def test_what_runs_is_recorded(run_of, vision, frames, tmp_path):
     run, feed = run_of(_Scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)]))
     run.record_to(tmp_path / "run.mcap")
     assert feed.status[1]["recording"].endswith("run.mcap")
-    run.start()
-    until(lambda: feed.status[1]["ended"])
+    run_to_end(run, feed)
     run.record(False)
     assert feed.status[1]["recording"] == ""
     assert len(list(Recording(tmp_path / "run.mcap").frames())) == len(frames)
@@ -284,8 +282,7 @@ def test_a_camera_is_calibrated_from_the_page(run_of, dataset, tmp_path, monkeyp
     with pytest.raises(ArgumentError, match="collect frames first"):
         run.calibrate("omni")
     run.collect(True)
-    run.start()
-    until(lambda: feed.status[1]["ended"])
+    run_to_end(run, feed)
     until(lambda: feed.status[1]["calibration"]["frames"] >= 5)
     run.collect(False)
     run.calibrate("omni")

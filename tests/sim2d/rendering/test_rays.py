@@ -20,12 +20,17 @@ def paper_range_m(radius_px: np.ndarray) -> np.ndarray:
     return radius_px / (10.12 - 2.054e-2 * np.sqrt(2.298e5 + radius_px**2)) / 1000
 
 
+def from_centre_px(rays: MirrorRays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return how far the pixels lie to the right of the centre and below it, and their image radius."""
+    v, u = np.divmod(rays.pixel_index, 256)
+    return u - 127.5, v - 109.5, np.hypot(u - 127.5, v - 109.5)
+
+
 def test_floor_distance_follows_the_paper():
     rays = MirrorRays(sekimori_camera(), 1)
-    v, u = np.divmod(rays.pixel_index, 256)
-    radius = np.hypot(u - 127.5, v - 109.5)
+    right, down, radius = from_centre_px(rays)
     floor = (radius > 27) & (radius < 112)
-    bearing = np.arctan2(-(v - 109.5), u - 127.5)
+    bearing = np.arctan2(-down, right)
     x, y = rays.floor_m * rays.cos, rays.floor_m * rays.sin
     expected = paper_range_m(radius)
     np.testing.assert_allclose(x[floor], (expected * np.cos(bearing))[floor], rtol=2e-5, atol=1e-6)
@@ -36,8 +41,7 @@ def test_viewpoint_is_the_focus_of_the_papers_mirror():
     assert RAYS.height_m == pytest.approx(0.205, abs=0.001)
     # level rays are those of the horizon at R = 113.8 px
     rays = MirrorRays(sekimori_camera(), 1)
-    v, u = np.divmod(rays.pixel_index, 256)
-    radius = np.hypot(u - 127.5, v - 109.5)
+    radius = from_centre_px(rays)[2]
     assert np.all(rays.slope[radius > 114.0] > 0)
     assert np.all(rays.slope[radius < 113.6] < 0)
 
@@ -73,8 +77,7 @@ def test_shares_of_pixels():
 
 def test_patch_sizes_are_the_floor_between_neighbouring_radii():
     rays = MirrorRays(sekimori_camera(), 1)
-    v, u = np.divmod(rays.pixel_index, 256)
-    radius = np.hypot(u - 127.5, v - 109.5)
+    radius = from_centre_px(rays)[2]
     floor = (radius > 27) & (radius < 110)
     step = paper_range_m(radius[floor] + 0.01) - paper_range_m(radius[floor] - 0.01)
     np.testing.assert_allclose(rays.patch_m[0, floor], step / 0.02, rtol=1e-2)

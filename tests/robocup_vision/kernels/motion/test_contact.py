@@ -55,6 +55,13 @@ def test_position_and_velocity_are_continuous_and_acceleration_is_limited(vx, vy
         assert np.hypot(*(after - 2 * now + before)) <= acceleration * h * h * 1.001 + 1e-12
 
 
+def any_profile(rng):
+    if rng.random() < 0.5:
+        return grown(rng.uniform(0.1, rng.uniform(0.2, 1.5), 32))
+    # thinner things than any disc leaves, so that no step may be too long
+    return with_minima(np.where(rng.random(BINS) < 0.03, rng.uniform(0.05, 1.0, BINS), 2.0))
+
+
 def plain_blocked(start, velocity, target, acceleration, profile, times):
     x, y = plain_positions(start, velocity, target, acceleration, times).T
     r = np.hypot(x, y)
@@ -65,10 +72,7 @@ def plain_blocked(start, velocity, target, acceleration, profile, times):
 @given(seeds, st.sampled_from([0.3, 1.2, 4.0]), st.sampled_from([0.001, 0.004, 0.02]))
 def test_time_to_contact_agrees_with_fine_sampling(seed, acceleration, step_m):
     rng = np.random.default_rng(seed)
-    if rng.random() < 0.5:
-        profile, smallest = grown(rng.uniform(0.1, rng.uniform(0.2, 1.5), 32))
-    else:  # thinner things than any disc leaves, so that no step may be too long
-        profile, smallest = with_minima(np.where(rng.random(BINS) < 0.03, rng.uniform(0.05, 1.0, BINS), 2.0))
+    profile, smallest = any_profile(rng)
     start = HERE if rng.random() < 0.5 else tuple(rng.uniform(-0.02, 0.02, 2))
     velocity, target = tuple(rng.uniform(-0.8, 0.8, 2)), tuple(rng.uniform(-0.8, 0.8, 2))
     fastest = max(math.hypot(*velocity), math.hypot(*target))
@@ -108,10 +112,7 @@ def plain_contact_times(start, velocities, targets, acceleration, horizons, step
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0, 1, LANES, 2 * LANES + 3, 80]), st.sampled_from([0.001, 0.02]))
 def test_each_time_is_that_of_the_command_alone(seed, count, step_m):
     rng = np.random.default_rng(seed)
-    if rng.random() < 0.5:
-        profile, smallest = grown(rng.uniform(0.1, rng.uniform(0.2, 1.5), 32))
-    else:
-        profile, smallest = with_minima(np.where(rng.random(BINS) < 0.03, rng.uniform(0.05, 1.0, BINS), 2.0))
+    profile, smallest = any_profile(rng)
     start = (0.0, 0.0) if rng.random() < 0.5 else tuple(rng.uniform(-0.3, 0.3, 2))
     velocities, targets = rng.uniform(-0.8, 0.8, (2, 2, count))
     still, same = rng.random((2, count)) < 0.1
