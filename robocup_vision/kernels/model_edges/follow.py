@@ -171,7 +171,14 @@ def _follow(
     # where much is in view, samples farther apart tell as much
     spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * looked / settings.ample_samples)
     z = modes[0].copy()
-    clear, best_score = _assess(image, scene, prior, settings, spacing_px, buffers, fit, light, z)
+    # modes of one prior differ little in how wide a line is in the picture
+    moved(prior, z, fit.unknowns)
+    least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * light
+    look = LineLook(
+        max(least, 5.0 * fit.carpet[3]), settings.line_width_m, settings.max_line_widths, settings.point_stride
+    )
+    points = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, buffers.points)
+    clear, best_score = _assess(image, scene, prior, settings, spacing_px, buffers, points, fit, light, z)
     if not clear and most_modes > 1:
         modes = np.zeros((most_modes, UNKNOWNS))
         _, kept = propose(image, scene, prior, settings, buffers, fit.carpet, light, modes)
@@ -180,7 +187,7 @@ def _follow(
         for k in range(1, kept):
             for j in range(UNKNOWNS):
                 z[j] = modes[k, j]
-            clear, score = _assess(image, scene, prior, settings, spacing_px, buffers, fit, light, z)
+            clear, score = _assess(image, scene, prior, settings, spacing_px, buffers, points, fit, light, z)
             last = k
             if score > best_score:
                 best, best_score = k, score
@@ -190,7 +197,7 @@ def _follow(
             # back to the best of them
             for j in range(UNKNOWNS):
                 z[j] = modes[best, j]
-            _assess(image, scene, prior, settings, spacing_px, buffers, fit, light, z)
+            _assess(image, scene, prior, settings, spacing_px, buffers, points, fit, light, z)
     return best_score > NO_FIT
 
 
@@ -202,11 +209,12 @@ def _assess(
     settings: FollowSettings,
     spacing_px: float,
     buffers: Buffers,
+    points: int,
     fit: Fit,
     light: float,
     z: FloatArray,
 ) -> tuple[bool, float]:
-    """Refine a mode and weigh it.
+    """Refine a mode and weigh it, with the line points of the picture.
 
     Returns
     -------
@@ -221,19 +229,14 @@ def _assess(
         return False, NO_FIT
     seen, missing, upright, hidden = judge(image, fit.carpet, settings, buffers, count, step)
     moved(prior, z, fit.unknowns)
-    least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * light
-    widest = settings.max_line_widths
-    look = LineLook(max(least, 5.0 * fit.carpet[3]), settings.line_width_m, widest, settings.point_stride)
-    number = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, buffers.points)
     silent, lens = scene.field.silent, scene.lens
-    right, neutral = explained(buffers, number, count, step, spacing_px, settings.gate_px, silent, lens, fit.unknowns)
-    number -= neutral
+    right, neutral = explained(buffers, points, count, step, spacing_px, settings.gate_px, silent, lens, fit.unknowns)
     far = 0.0
     for j in range(UNKNOWNS):
         far += z[j] * z[j]
     figures[0], figures[1], figures[2], figures[3] = count, looked_for(buffers, count), seen, missing
     figures[4], figures[5], figures[6] = inliers, rms, far
-    figures[7], figures[8] = number, right
+    figures[7], figures[8] = points - neutral, right
     figures[9], figures[10] = _edges_found(buffers, count), position_std(fit.information)
     figures[11], figures[12] = upright, hidden
     odds = log_odds(figures, settings.weights)
