@@ -53,7 +53,7 @@ class EdgeSettings:
     #: the prior
     bent_ratio: float = 0.4
     #: hypotheses of which the mode is chosen
-    hypotheses: int = 100
+    hypotheses: int = 50
     #: least number of inliers: two may agree by chance
     min_inliers: int = 3
     #: least samples found on edges that the field's other half lacks for a frame to show the half: two may agree by
