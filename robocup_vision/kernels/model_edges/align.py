@@ -1,7 +1,7 @@
 """Moves proposed poses to where the line points lie on the field's lines, tilt and roll included.
 
-A bank's poses are a quarter of a metre apart and know nothing of the nod. A few robust steps on the table of distances
-cost little, and order the proposals far better than the bank alone.
+The bank's poses are a quarter of a metre apart and have the tilt at rest. A few robust steps on the table of distances
+cost little, and rank the proposals far better than the bank alone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robocup_vision.kernels.model_edges.find import Bank, upright_mismatch
 
 SIZE = 5  # x, y, heading, tilt, roll
 FAR = 1e3  # pixels, of a point beside the field
-DROPPED = 1e9  # cost of a pose that is not moved on; a loop of fast mathematics knows no infinity
+DROPPED = 1e9  # cost of a dropped pose; fast mathematics has no infinity
 
 
 class Alignment(NamedTuple):
@@ -306,7 +306,7 @@ def align_poses(
     left = count
     for turn in range(turns + 1):
         gate_px = how.gates_px[min(turn, turns - 1)]
-        # before its first step a pose says little, and for that step every other point will do: their order is mixed
+        # every other point is enough for the first step, as their order is random
         slopes = how.slopes[: (how.slopes.shape[0] + 1) // 2] if turn == 0 else how.slopes
         halves = 0 < turn < turns and left > likely
         number = 0

@@ -1,4 +1,4 @@
-"""White lines whatever the pose: bright bands between carpets, along rows and columns.
+"""Finds white lines without a pose: bright bands between carpets, along rows and columns.
 
 Where the camera's tilt is known a band must be as wide on the floor as a line; where it is not, widths bound the tilt.
 """
@@ -18,7 +18,7 @@ from robocup_vision.kernels.model_edges.prediction import on_floor, pose_frame
 
 ONE, TWO = np.uintp(1), np.uintp(2)
 FLANK = 3  # pixels beside a band that blur leaves to the carpet
-# of a line's width, that a band has on the floor at least; a row or column crosses lines at up to 60 degrees
+# least and greatest width of a band on the floor, in widths of a line: a row or column crosses it at up to 60 degrees
 MIN_WIDTHS, MAX_WIDTHS = 0.5, 2.0
 BLUR_PX = 3.0  # what blur adds to a band
 

@@ -1,7 +1,7 @@
-"""Leaves out what passes for the side of a post or beacon and is the border of somebody who stands before it.
+"""Leaves out candidates for the side of a post or beacon that are the outline of a robot before it.
 
-Dark robots before a bright wall show steps like those of a white post, as straight and as strong. But a post ends at
-its foot: below it there is carpet, while the border of somebody nearer goes on.
+A dark robot before a bright wall shows steps like those of a white post, as straight and as strong. But a post ends at
+its foot: below it there is carpet, while the outline of a nearer robot goes on.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Colours of a picture: the carpet's own, told from the picture, and whether a colour is carpet or a mark's paint.
+"""Estimates the carpet's colour from a picture, and classifies a colour as carpet or as a mark's paint.
 
-Search and verdict ask both for every sample: a line lies between carpets, and what hides it is no carpet.
+Search and verdict use both for every sample: a line lies between carpets, and what hides a line is not carpet.
 """
 
 from __future__ import annotations
@@ -15,36 +15,37 @@ from robocup_vision.kernels.model_edges.tables import FloatArray, Int64Array, UI
 ONE, TWO = np.uintp(1), np.uintp(2)
 GRID = 24  # places along each image axis at which the carpet is looked at
 TONES = 24
-# of all light, by which green leads in a surely green tone, and of the pixels, that a carpet beside somebody near fills
+# least excess of green in a surely green tone, as a fraction of all light; and least fraction of the pixels that the
+# carpet fills beside a near robot
 MIN_SURE_GREEN, MIN_BESIDE = 0.1, 0.1
-# of all light, by which green leads in a carpet that glare has bleached, and does not in noisy grey; and of the pixels,
-# that carpet in another light fills
+# the same of a carpet bleached by glare, which noisy grey does not reach; and of a carpet in other light
 MIN_GREEN, MIN_OTHER = 0.03, 0.05
-# of a picture's width: what is so small may be a blurred line, and no patch of carpet in other light; by so much of it
-# the light of neighbouring grass may differ
+# a patch of carpet in other light is wider than the picture's width divided by this, a blurred line is not; and the
+# fraction by which the light of neighbouring grass may differ
 PATCHES, SAME_LIGHT = 60, 0.4
-# sum of the channels from which on a pixel has a tone; in a dark hall so much of the mean
+# least sum of the channels of a pixel that has a tone; in a dark hall, as a fraction of the mean
 MIN_LIGHT, DARK_RATIO = 60.0, 0.5
-# of the carpet's saturation, what is left of it beside something white; blue's or red's part of grey light
+# fraction of the carpet's saturation that is left beside something white; fraction of blue or red in grey light
 MIN_SATURATION, GREY = 0.5, 1.0 / 3.0
 # numbers that describe a carpet, see `carpet_look`; of one in sun and shade
 CARPET, LIT_CARPET = 5, 8
 # rows of carpet below its end, and columns between those in which it is looked for
 END_ROWS, END_STRIDE = 3, 4
-# of a paint: shadows leave less than half of it, blur mixes the background in, lamps have a tint
+# least brightness, cosine of hue and whiteness of a paint, relative to the nominal one: shadows leave less than half,
+# blur mixes the background in, lamps have a tint
 MIN_PAINT, MIN_HUE_COS, MIN_WHITENESS = 0.3, 0.7, 0.5
 
 
 @compiled(fastmath=True, error_model="numpy")
 def _leads_in_green(i: int, j: int) -> float:
-    """By how much of all light green leads over blue and red in a cell of tones."""
+    """Return the excess of green over blue and red in a cell of tones, as a fraction of all light."""
     blue, red = (i - 0.5) / (TONES - 1), (j - 0.5) / (TONES - 1)
     return 1.0 - blue - red - max(blue, red)
 
 
 @compiled(fastmath=True, error_model="numpy")
 def _with_neighbours(tones: Int64Array, i: int, j: int) -> int:
-    """Pixels of a cell and of those around it: their mode does not depend on where cells begin."""
+    """Count the pixels of a cell and its neighbours: the mode of this count does not depend on where cells begin."""
     near = 0
     for k in range(-1, 2):
         for m in range(-1, 2):
@@ -54,9 +55,9 @@ def _with_neighbours(tones: Int64Array, i: int, j: int) -> int:
 
 @compiled(fastmath=True, error_model="numpy")
 def _commonest(tones: Int64Array, total: int) -> tuple[int, int]:
-    """Cell of the commonest tone; where that is not green but another common one is, of the latter.
+    """Return the cell of the commonest tone; where that is not green, the commonest green one if it is common enough.
 
-    Somebody near may fill more of the picture than the carpet does.
+    A near robot may fill more of the picture than the carpet does.
     """
     best, bi, bj = -1, 1, 1
     for i in range(1, TONES + 1):
@@ -80,13 +81,13 @@ def _commonest(tones: Int64Array, total: int) -> tuple[int, int]:
 
 @compiled(fastmath=True, error_model="numpy")
 def _is_green(b: float, g: float, r: float) -> bool:
-    """Whether green leads in a colour, as it does even in a carpet that glare has bleached."""
+    """Return whether green is the strongest channel, as it is even in a carpet bleached by glare."""
     return g - max(b, r) > MIN_GREEN * (b + g + r)
 
 
 @compiled(fastmath=True, error_model="numpy")
 def _other_light(greens: Int64Array, total: int, bi: int, bj: int) -> tuple[int, int]:
-    """Cell of the green tone farthest from the carpet's, of those that are common; the carpet's without any.
+    """Return the cell of the common green tone farthest from the carpet's; the carpet's own cell if there is none.
 
     Glare and overexposure bleach a carpet in the sun, and cameras deepen the colours of shadows.
     """
@@ -101,9 +102,9 @@ def _other_light(greens: Int64Array, total: int, bi: int, bj: int) -> tuple[int,
 
 @compiled(fastmath=True, error_model="numpy")
 def _lies_in_patches(image: UInt8Array, top: int, i: int, j: int, least: float) -> bool:
-    """Whether most pixels of a green tone, of at least this light, have green ones, as light, on three sides.
+    """Return whether most pixels of a green tone have equally light green neighbours on three sides.
 
-    Blur mixes carpet into bands.
+    The tone then is a patch of carpet, and not a line that blur mixes with carpet.
     """
     height, width = image.shape[0], image.shape[1]
     away = max(width // PATCHES, 2)
@@ -218,7 +219,7 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
 
 @compiled(fastmath=True, error_model="numpy")
 def other_light(carpet: FloatArray) -> float:
-    """Sum of blue, green and red of a carpet in other light; where only one is known, of that."""
+    """Return the sum of blue, green and red of the carpet's second tone; of its only tone where it has one."""
     if carpet.shape[0] > CARPET:
         return float(carpet[5] + carpet[6] + carpet[7])
     return float(carpet[0] + carpet[1] + carpet[2])

@@ -19,7 +19,7 @@ from robocup_vision.kernels.model_edges.prediction import on_floor, pose_frame
 BINS = 96  # of bearing across the picture
 LIKENESS = 0.93  # cosine between a colour and the paint that it is
 FIRST_POINTS = 14
-_SAMPLED = 31  # of so many scores one tells how low the best are
+_SAMPLED = 31  # one in so many scores is sampled to bound the best ones
 _FAR_M = 1e3  # from lines, of what lies beside the table
 
 
@@ -147,7 +147,7 @@ def floor_places(
 
 @compiled(fastmath=True, error_model="numpy")
 def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: float, c: float, s: float) -> float:
-    """Sum of squared distances from lines in tolerances, each at most 1."""
+    """Return the sum of squared distances from lines in units of the tolerance, each at most 1."""
     total = 0.0
     inverse = 1.0 / bank.cell_m
     last_row, last_column = bank.distance_m.shape[0] - 1, bank.distance_m.shape[1] - 1
@@ -166,7 +166,7 @@ def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: flo
 
 @compiled(error_model="numpy", inline="always")
 def _is_same_item(items: FloatArray, m: int) -> bool:
-    """Whether an upright stands where the one before it does: another colour of a beacon."""
+    """Return whether an upright stands at the place of the one before: it is another colour of the same beacon."""
     for k in range(5):
         if items[m, k] != items[m - 1, k]:
             return False

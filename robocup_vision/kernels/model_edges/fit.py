@@ -1,6 +1,6 @@
 """One fit of pose, tilt, roll and height to candidates along normals, with a prior as a factor.
 
-Unknowns are the prior's own standard normal ones, so that what the prior does not leave open needs no special case.
+The unknowns are standard normal under the prior, so that an unknown that the prior fixes needs no special case.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ BINS = 64  # of the histogram of residuals
 
 
 class Gates(NamedTuple):
-    """Widths (G,) of a fit's gates, pixels, and how many steps follow under one made for the residuals' scatter."""
+    """Widths (G,) of a fit's gates, pixels, and the number of steps after them whose gate follows the residuals."""
 
     width_px: FloatArray
     sharp_steps: int
@@ -48,9 +48,9 @@ def msac(
     gate_px: float,
     max_cost: float,
 ) -> float:
-    """Cost a hypothesis: squared residuals in gates, at most 1 a sample.
+    """Return the cost of a hypothesis: squared residuals in units of the gate, at most 1 for each sample.
 
-    A cost of `max_cost` or more may be returned for a greater one.
+    The sum ends early where it reaches `max_cost`.
     """
     cost = 0.0
     for n in range(count):
@@ -122,7 +122,7 @@ def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: Follo
             substitute(small, 3, right)
             for j in range(UNKNOWNS):
                 z[j] = rows[pick[0], j] * right[0] + rows[pick[1], j] * right[1] + rows[pick[2], j] * right[2]
-            # of one mode alone only the best matters
+            # where one mode is wanted, only the best cost is needed
             max_cost = costs[first] if modes.shape[0] == 1 else 1e9
             costs[made] = msac(rows, count, found, z, gate_px, max_cost)
             for j in range(UNKNOWNS):
@@ -195,11 +195,11 @@ def _gather(
 ) -> None:
     """Sum up information (7, 7) and gradient (7,) of the weighted residuals, and in `agree` the weights of each thing.
 
-    Samples of one edge share what lens, paint and tape got wrong. Their covariance is that of their own noise and of an
-    offset common to them; its inverse is the former's less a matrix of rank one. A sample may be of another thing than
-    its edge, as one beside a crossing is of the other line: nothing tells where it is the only one of its line or post,
-    while several agree by chance the less the more they are. If it is, the edge may be within the gate of where they
-    are, or so far off them as all others put it, see `off_the_rest`; and `off_alone` of single samples.
+    Samples of one edge share the error of lens, paint and tape. Their covariance is that of their own noise and of a
+    common offset; its inverse is that of the noise less a matrix of rank one. A sample may be stray: it may lie on
+    another object, as one beside a crossing lies on the other line. The more samples of an object agree, the less
+    probable it is that all are stray. If they are, the edge is off by up to the gate or as far as `off_the_rest` says;
+    `off_alone` does the same for single samples.
     """
     rows, samples, information, gradient = buffers.rows, buffers.samples, buffers.information, buffers.gradient
     agree[:] = 0.0
@@ -248,7 +248,7 @@ def robust_fit(
 ) -> tuple[int, float, bool]:
     """Tukey-weighted Gauss-Newton steps under narrowing gates.
 
-    What agrees worse than its noise says knows less than that says.
+    Where the residuals scatter more than the stated noise, the noise is scaled up to their scatter.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def robust_fit(
             for j in range(UNKNOWNS):
                 expected += rows[n, j] * z[j]
             r = nearest(found, n, expected)
-            # what may be off by more is not left out for being off, nor does it say that the rest does not agree
+            # a sample that may be off has a wider gate, and counts less in the root mean square
             doubt = 1.0 + own2[n] / settings.sigma_px**2
             if abs(r) < narrowest:
                 inliers += 1

@@ -30,14 +30,14 @@ from robocup_vision.kernels.model_edges.verdict import explained, judge, log_odd
 
 MODES = 5  # looked at before giving up
 NO_FIT = -1e9  # score of a mode that cannot be fitted
-CARPET_LIGHT = 225.0  # blue, green and red of the carpet under the light that channels' steps are given for
+CARPET_LIGHT = 225.0  # sum of blue, green and red of the carpet in the nominal light
 
 
 @compiled(fastmath=True, error_model="numpy")
 def brightness(carpet: FloatArray) -> float:
-    """Light of a picture, relative to that which channels are given for, by its carpet: in the shade, if there is any.
+    """Return the light of a picture relative to that of the nominal colours, by its carpet; in the shade, if any.
 
-    Lines in the shade are fainter, and those in glare hardly brighter than it.
+    Lines in the shade are fainter; lines in glare are hardly brighter than the carpet.
     """
     light = min(carpet[0] + carpet[1] + carpet[2], other_light(carpet))
     return float(min(max(light / CARPET_LIGHT, 0.15), 1.6))
@@ -63,9 +63,9 @@ def prepare(
     camera_prior : (2, 4) float64
         Tilt, roll, height and logarithm of focal length at rest, and their standard deviations.
     keep : (4,) float64
-        Fraction of the last frame's deviation that is left.
+        Fraction of the last frame's deviation that remains.
     sway : (2, 4) float64
-        What they were off by in the last frame, and its variance; then, what is expected now.
+        In: the deviations from rest in the last frame, and their variances. Out: those expected now.
     into : Prior
         Result.
 
@@ -163,12 +163,12 @@ def _follow(
     if not knows_carpet:
         carpet_look(image, int(scene.lens[3] + scene.lens[1] * math.tan(prior.mean[3])), fit.carpet)
     light = brightness(fit.carpet)
-    # the best mode alone is chosen sooner, and in most frames no other needs a look
+    # choosing the best mode alone is faster, and most frames need no other
     modes = np.zeros((1, UNKNOWNS))
     looked, kept = propose(image, scene, prior, settings, buffers, fit.carpet, light, modes)
     if kept == 0:
         return False
-    # where much is in view, samples farther apart tell as much
+    # with much in view, a wider spacing loses nothing
     spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * looked / settings.ample_samples)
     z = modes[0].copy()
     # modes of one prior differ little in how wide a line is in the picture
@@ -182,7 +182,7 @@ def _follow(
     if not clear and most_modes > 1:
         modes = np.zeros((most_modes, UNKNOWNS))
         _, kept = propose(image, scene, prior, settings, buffers, fit.carpet, light, modes)
-        # proposing anew has overwritten what the first was fitted by
+        # proposing again has overwritten the samples of the first
         best, last = variable(0), variable(-1)
         for k in range(1, kept):
             for j in range(UNKNOWNS):
@@ -194,7 +194,7 @@ def _follow(
                 if clear:
                     break
         if best != last:
-            # back to the best of them
+            # the buffers must hold the samples of the best
             for j in range(UNKNOWNS):
                 z[j] = modes[best, j]
             _assess(image, scene, prior, settings, spacing_px, buffers, points, fit, light, z)
@@ -240,7 +240,7 @@ def _assess(
     figures[9], figures[10] = _edges_found(buffers, count), position_std(fit.information)
     figures[11], figures[12] = upright, hidden
     odds = log_odds(figures, settings.weights)
-    # an open position shows little, but nothing against the mode
+    # a frame that leaves the position open says nothing against the mode
     if_fixed = odds + settings.weights[8] * (log_std(0.0) - log_std(figures[10]))
     figures[13], figures[14] = odds, if_fixed
     return if_fixed >= settings.sure_log_odds, odds

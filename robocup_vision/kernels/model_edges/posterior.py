@@ -65,7 +65,7 @@ def pose_alone(
     pose_information: FloatArray,
     pose_gradient: FloatArray,
 ) -> bool:
-    """Fill in what the measurements alone tell about x, y and heading, what else is unknown left open as in the prior.
+    """Fill in what the measurements alone say about x, y and heading; the other unknowns keep their prior.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def eigen_3x3(matrix: FloatArray, vectors: FloatArray) -> None:
 def frame_alone(
     information: FloatArray, gradient: FloatArray, open_std: float, covariance: FloatArray
 ) -> tuple[float, float, float]:
-    """Return the step from a fit to where the frame alone has it; a direction left open stays where it is.
+    """Return the step from a fit to the estimate by the frame alone; an open direction keeps the fit's value.
 
     Parameters
     ----------

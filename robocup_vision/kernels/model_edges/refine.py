@@ -20,14 +20,14 @@ from robocup_vision.kernels.model_edges.tables import (
 )
 
 POSE = 3  # x, y and heading lead the unknowns
-# at least and at most, how far a mode that is far from its prior is searched for, in searches near a fit; and how much
-# wider its fit's first gates are
+# least and greatest reach of the search for a mode far from its prior, as multiples of the search near a fit; and the
+# factor on the first gates of its fit
 MIN_SEARCHES, MAX_SEARCHES, ROUGHER = 1.2, 4.0, 2.0
 
 
 @compiled(fastmath=True, error_model="numpy")
 def moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
-    """Fill in the unknowns (7,) of standard normal ones about the prior's mean."""
+    """Fill in the unknowns (7,) that belong to standard normal ones (7,) about the prior's mean."""
     for i in range(UNKNOWNS):
         p[i] = prior.mean[i]
         for j in range(i + 1):
@@ -131,7 +131,7 @@ def refine(
         count = predict(scene.field, scene.lens, here, spacing_px, buffers.samples)
         whiten(buffers.samples, count, prior.root, buffers.rows)
         again_px, gates = near_px, fine
-        # most frames are followed, where nothing far is looked for
+        # derivatives at the prior are inaccurate far from it
         if turn == 0 and settings.bent_ratio > 0.0:
             bent_px = settings.bent_ratio * _farthest(buffers, count, z, variable(POSE), flag(False))
             if bent_px > MIN_SEARCHES * near_px:

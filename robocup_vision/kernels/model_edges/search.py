@@ -27,11 +27,12 @@ from robocup_vision.kernels.model_edges.tables import (
 )
 
 FLANK_PX = 2
-# of lens and pixels, two standard deviations: a window that reached so near a band's other end would draw the edge off
+# two standard deviations of the blur by lens and pixels: a window that reaches so near a band's other end shifts the
+# edge
 END_BLUR_PX = 1.5
-# of a line's full step, that a band shows; what blur may add to its width, and the widest that is read
+# least step of a band, as a fraction of a line's full step; width that blur may add to it; and the widest band read
 MIN_BAND_RATIO, BAND_BLUR_PX, MAX_BAND_PX = 0.25, 4.0, 120.0
-# along a profile: of the search, and all of it
+# greatest reach of a search, and greatest length of its profile
 MAX_REACH_PX, MAX_PROFILE_PX = 110, 480
 ONE, TWO = np.uintp(1), np.uintp(2)
 
@@ -70,9 +71,9 @@ def _borders_rightly(
     carpet: FloatArray,
     brightness: float,
 ) -> bool:
-    """Whether the inside of an edge shows its paint, and beside a line lies carpet.
+    """Return whether the inside of an edge shows its paint, and carpet lies beside a line.
 
-    What borders on something else is the carpet's end, or the outline of somebody before it.
+    Where something else lies beside a line, the edge is the end of the carpet or the outline of a robot.
     """
     origin, advance, beside, inner, gap = profile
     if kind == EDGE:

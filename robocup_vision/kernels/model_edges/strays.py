@@ -1,7 +1,7 @@
-"""Which of the samples that a fit takes may be of another thing than their edge, and how far they may be off then.
+"""Samples that may lie on another object than their edge (stray samples), and how far off these may be.
 
-A stray sample that is the only one to tell a direction is followed, and its residual is next to none: nothing but what
-others, the prior and other lines say of it gives it away.
+A fit follows a stray sample that alone determines a direction, so that its residual is close to zero. Only the other
+samples, the prior and the other lines reveal it.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import substitute
 from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UNKNOWNS, Buffers, Findings, FloatArray, FollowSettings
 
-# so unlikely, samples that agree are not stray
+# with a lower probability that all samples of an object are stray, none is treated as stray
 _FEW_STRAY = 0.01
-# cosine of the angle from which on two lines cross: within a few pixels they are apart
+# lines whose normals have a greater cosine do not cross: within a few pixels they do not part
 _SAME_WAY = 0.97
 
 
 class Noise(NamedTuple):
     """Standard deviation of a sample alone, of the offset that all samples of an edge share, and of a stray sample.
 
-    `stray_ratio`: of the samples, those that are stray.
+    `stray_ratio` is the fraction of the samples that are stray.
     """
 
     sample_px: float
@@ -36,7 +36,7 @@ class Noise(NamedTuple):
 
 @compiled(fastmath=True, error_model="numpy")
 def nearest(found: Findings, n: int, expected: float) -> float:
-    """Residual of the candidate of sample n that lies nearest to where a hypothesis puts it; 1e9 without any."""
+    """Return the residual of sample n's candidate nearest to the expected offset; 1e9 without candidates."""
     best, least = 1e9, 1e9
     for k in range(found.candidates[n]):
         r = found.offset_px[n, k] - expected
@@ -55,14 +55,14 @@ def find_crossed(
     weight: FloatArray,
     crossed: BoolArray,
 ) -> None:
-    """Fill in whether the candidate of a sample on a line lies on another line, found as well, that crosses it there.
+    """Fill in whether the candidate of a sample on a line lies on another line that was found and crosses it there.
 
-    It is that line's, whether or not its own is there as well. `noise_px` is that of one sample.
+    Such a candidate belongs to the other line. `noise_px` is the standard deviation of one sample.
     """
     rows, found, samples = buffers.rows, buffers.found, buffers.samples
     gate_px, near_px = settings.sharp_gates * noise_px, settings.coarse_spacing_px
     which, number = np.empty(count, np.int64), 0
-    # where each candidate lies, and of each line its normal and its distance from the picture's corner along that
+    # pixel of each candidate; normal of each line, and its distance from the picture's corner along the normal
     place, line = np.empty((count, 2)), np.empty((count, 3))
     for n in range(count):
         crossed[n] = False
@@ -92,7 +92,7 @@ def find_crossed(
 
 @compiled(fastmath=True, error_model="numpy")
 def shared_variance(noise: Noise, agree: float, off2: float) -> float:
-    """Variance of the offset that samples of an edge share; of one that is stray its thing lies so far off as well."""
+    """Return the variance of the offset that samples of an edge share, with the chance that all of them are stray."""
     return float(noise.shared_px**2 + (noise.stray_px**2 + off2) * noise.stray_ratio**agree)
 
 
@@ -107,11 +107,11 @@ def off_the_rest(
     agree: FloatArray,
     off2: FloatArray,
 ) -> None:
-    """Fill in how far the samples of each thing lie off where all others and the prior put it, squared pixels.
+    """Fill in how far each object's samples lie from where all other samples and the prior predict them, px squared.
 
-    A fit follows a thing that nothing else tells of, be it stray or not: its residual is next to none. What it would be
-    without the thing is its residual over the part that the fit leaves of it. `root` is the factor of the fit's system,
-    `agree` as of `_gather`; things whose samples are too many to be stray keep their 0.
+    The residual that an object would have without itself in the fit is its residual divided by one minus its leverage.
+    `root` is the Cholesky factor of the fit's system, `agree` is as in `_gather`. Objects with too many samples to be
+    stray keep 0.
     """
     rows, feature = buffers.rows, buffers.samples.feature
     mean, off = np.zeros((off2.shape[0], UNKNOWNS)), np.zeros(off2.shape[0])
@@ -152,13 +152,12 @@ def off_alone(
     off2: FloatArray,
     own2: FloatArray,
 ) -> None:
-    """Fill in by how much each sample may be off that alone tells something, squared pixels.
+    """Fill in how far each single sample may be off, px squared.
 
-    Others of its edge are no witnesses where they do not see what it sees: of a circle's samples that lie on its far
-    side none tells its place along the line through its centre, and the one where it crosses that line may be the
-    line's. What all others and the prior leave open of a sample says what the odds are that it is stray: where they
-    would put it anywhere, those of any sample. The more it may be off, the less it tells. Arguments as of
-    `off_the_rest`, which comes first.
+    Samples of one edge may determine different directions: of a circle's samples, those on its far side say nothing
+    about its place along the line through its centre, and the one at the crossing may belong to that line. So each
+    sample is compared with its prediction by all others and the prior, whose variance determines the odds that it is
+    stray. A sample that may be far off gets a small weight. Arguments are as in `off_the_rest`, which is called first.
     """
     feature, begin = buffers.samples.feature, 0
     for n in range(1, count + 1):
@@ -183,10 +182,10 @@ def _doubt_each(
     doubt2: float,
     own2: FloatArray,
 ) -> None:
-    """See `off_alone`: of the samples from `begin` to `end`, which share an offset, and doubt it by so much already.
+    """Do `off_alone` for the samples from `begin` to `end`, which share an offset.
 
-    A sample is compared with what all others say of it: those of its edge by the offset that they share, and everything
-    by the fit without it, which follows from the fit with it.
+    `doubt2` is the variance that the offset has already for the chance that the whole object is stray. The prediction
+    without a sample follows from the fit with it, by the sample's leverage.
     """
     rows, alone = buffers.rows, 1.0 / noise.sample_px**2
     common, part, common_weight, common_residual = np.zeros(UNKNOWNS), np.empty(UNKNOWNS), 0.0, 0.0
@@ -204,7 +203,7 @@ def _doubt_each(
         w = weight[n] * alone
         if w == 0.0:
             continue
-        # of the offset, as the others tell it
+        # how well the other samples of the edge determine the shared offset
         shared_gain = shared2 / (1.0 + shared2 * (common_weight - w))
         variance, by_fit2 = 1.0 / w + shared_gain, 0.0
         for i in range(UNKNOWNS):

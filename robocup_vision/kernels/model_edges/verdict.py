@@ -24,7 +24,7 @@ from robocup_vision.kernels.model_edges.tables import (
     UInt8Array,
 )
 
-# a line so wide is not overlooked
+# a line at least this wide is found if it is in view
 SURE_PX = 1.0
 
 

@@ -150,12 +150,10 @@ class EdgeFollower:
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
         if not len(field.lines) + len(field.arcs):
             self.numbers = self.numbers._replace(point_stride=_NEVER)
-        # edges far from a search's proposal belong to another one, and those far from a prior that frames before
-        # support are clutter: matches lost robots for twice the time where these were searched
+        # near a search's proposal, and near a prior that frames before support, edges are not looked for farther away:
+        # there they belong to another pose, or to clutter
         near = self.numbers._replace(bent_ratio=0.0)
-        # the odds by which places of a search are compared were found with every sample counted in full
-        proposed = near._replace(stray_ratio=0.0)
-        self._plain_numbers, self._proposed_numbers, self._followed_numbers = plain((self.numbers, proposed, near))
+        self._wide_numbers, self._near_numbers = plain((self.numbers, near))
         draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
         self._scene = Scene(self.edges, self.lens, draws)
         self._buffers = empty_buffers(_MAX_SAMPLES, _MAX_POINTS)
@@ -383,13 +381,13 @@ class EdgeFollower:
         if not prepare(at, prior.covariance, self._camera_prior, self._keep, self._sway, self._prior):
             raise ArgumentError(f"the prior's covariance is not positive definite: {prior.covariance.tolist()}")
         prior_log_odds = self._prior_log_odds(prior, dt_s)
-        numbers = self._followed_numbers if prior_log_odds > 0.0 else self._plain_numbers
+        numbers = self._near_numbers if is_proposal or prior_log_odds > 0.0 else self._wide_numbers
         scene, unknowns, buffers, result = self._plain
         if not follow(
             frame,
             scene,
             unknowns,
-            self._proposed_numbers if is_proposal else numbers,
+            numbers,
             buffers,
             result,
             modes,
@@ -400,7 +398,7 @@ class EdgeFollower:
             return NotLocated(f"no edge of the field is in view from where the camera is looked for, {place}")
         evidence = self.evidence
         if is_proposal:
-            # which of a search's proposals is right, if any, is told by comparing them
+            # a search compares its proposals, and judges them by the comparison
             reason, log_ratio = None, evidence.log_odds
         else:
             reason, log_ratio = weigh(evidence, self.settings, prior_log_odds)

@@ -166,7 +166,7 @@ class TiltFinder(EdgeFinder):
         self._nearness = 1.0
         if not answer:
             return answer
-        # nor is the start of the last fit's tilt evidence
+        # neither is the tilt at which the last fit began evidence
         return replace(answer, likelihood=self.follower.likelihood_under(self._known_std)).without_prior()
 
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:

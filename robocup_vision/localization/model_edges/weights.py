@@ -51,7 +51,7 @@ class EdgeWeights:
     #: (9,) float64: of a fit near a prior, as `kernels.model_edges.verdict.log_odds` takes them
     near_prior: FloatArray
     anywhere: float  #: constant of a fit that begins anywhere, relative to that none of them is right
-    #: what multiplies its terms: poses of one picture are told apart better than those of several
+    #: factor on the terms where poses of one picture are compared: there they discriminate better than between pictures
     within_picture: float
     sure_log_odds: float  #: wrong fits hardly have more
 
