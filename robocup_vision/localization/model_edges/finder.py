@@ -50,7 +50,7 @@ class FinderSettings:
     #: numbers of poses scored by all points, aligned, fitted, and compared with each other
     scored: int = 600
     aligned: int = 100
-    fitted: int = 8
+    fitted: int = 12
     weighed: int = 6
     #: most proposals by beacons and posts, and the distance between them on a circle about one
     max_upright_poses: int = 400
@@ -72,7 +72,7 @@ class FinderSettings:
     #: proposals and answers nearer to each other count as one
     apart: Apart = Apart(0.2, math.radians(6.0))
     #: steps of aligning: scale of the robust weight, pixels of a picture 208 wide
-    gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0)
+    gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0, 3.0)
     #: standard deviations of a pose of the bank, as the prior of its alignment
     near_m: float = 0.12
     near_rad: float = math.radians(3.5)
@@ -100,20 +100,6 @@ class FinderSettings:
     candidates: CandidateSettings = CandidateSettings()
 
 
-# for frames that show little: larger searches
-THOROUGH = FinderSettings(
-    scored=2000,
-    aligned=200,
-    likely=24,
-    fitted=12,
-    max_more_missed=10.0,
-    max_log_likelihood_drop=10.0,
-    gates_px=(20.0, 10.0, 5.0, 3.0, 3.0),
-    settling=4,
-    nods=(),
-)
-
-
 def for_walled_fields(field: Field) -> FinderSettings:
     """Return the settings for a frame that shows little of a floor within walls: their feet look alike at its corners.
 
@@ -121,7 +107,7 @@ def for_walled_fields(field: Field) -> FinderSettings:
     """
     corners = _CORNERS if field.halves_differ else _CORNERS // 2
     candidates = CandidateSettings(max_candidates=corners)
-    return replace(THOROUGH, fitted=24, weighed=12, repeated=4, end_weight=0.5, candidates=candidates)
+    return FinderSettings(fitted=24, weighed=12, nods=(), repeated=4, end_weight=0.5, candidates=candidates)
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.bands import line_bands
 from robocup_vision.kernels.model_edges.carpet import LIT_CARPET, carpet_look, carpet_marks
 from robocup_vision.kernels.model_edges.follow import brightness
-from robocup_vision.localization.model_edges.finder import THOROUGH, Clues, CluesAt, EdgeFinder, TiltedPose
+from robocup_vision.localization.model_edges.finder import Clues, CluesAt, EdgeFinder, FinderSettings, TiltedPose
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
@@ -85,8 +85,7 @@ class TiltFinder(EdgeFinder):
         )
         # one frame must decide: all samples count
         edges = EdgeSettings(in_sun_and_shade=True, ample_samples=math.inf, lines_end_m=_BEYOND_M)
-        how = replace(
-            THOROUGH,
+        how = FinderSettings(
             scored=settings.scored,
             aligned=settings.aligned,
             near_tilt_roll_rad=settings.bank_std_rad,
