@@ -107,7 +107,7 @@ def for_walled_fields(field: Field) -> FinderSettings:
     """
     corners = _CORNERS if field.halves_differ else _CORNERS // 2
     candidates = CandidateSettings(max_candidates=corners)
-    return FinderSettings(fitted=24, weighed=12, nods=(), repeated=4, end_weight=0.5, candidates=candidates)
+    return FinderSettings(repeated=4, end_weight=0.5, candidates=candidates)
 
 
 @dataclass(frozen=True, slots=True)

@@ -246,10 +246,10 @@ def test_a_camera_is_found_without_a_prior(fl_shot, spl_shot):
 @pytest.mark.parametrize(
     ("pose", "turn_rad"),
     [
-        (Pose2(0.69, -0.83, 2.49), 0.15),
+        (Pose2(-1.22, -0.15, -0.13), -0.2),
         (Pose2(1.41, -0.79, -1.15), 0.19),
         (Pose2(-1.02, 0.97, 1.5), -0.25),
-        (Pose2(-0.59, -1.03, -1.15), 0.29),
+        (Pose2(0.99, 0.35, 1.1), 0.19),
     ],
 )
 def test_a_lost_camera_is_found_near_where_it_was_believed_to_be(pose, turn_rad, take_shot):
