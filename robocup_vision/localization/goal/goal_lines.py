@@ -42,14 +42,9 @@ class MarkSettings:
     #: contrast in proportion
     min_contrast: float = 0.4
     contrast_width_px: float = 1.5
-    min_seen: int = 10  #: least number of places that show a line
-    #: noise of one place; lines that look thinner than the width are fainter, and noisier in proportion
-    sample_error_px: float = 0.4
-    sharp_width_px: float = 0.5
+    sample_error_px: float = 0.4  #: noise of one place
     line_error_px: float = 0.15  #: common error of all places on lines, and of all lines drawn: lens and paint
-    #: probability of seeing a line that is due, less where it looks thinner than the width
-    seen_ratio: float = 0.8
-    full_width_px: float = 0.35
+    seen_ratio: float = 0.8  #: probability of seeing a line that is due
     clutter_ratio: float = 0.2  #: probability that something passes for a line where none is due
 
 
@@ -63,7 +58,6 @@ class GoalLineSettings:
     scale_ratio: float = 0.4
     #: common error of all places on fields with white goals: their cameras' lenses are calibrated less exactly
     white_line_error_px: float = 1.0
-    min_evidence: float = 5.0  #: least log odds of lines against clutter
     same_m: float = 0.2  #: fits nearer to each other count as one
     reach_on_arc_stds: float = 2.5  #: longest way along the arc by drawn lines, in standard deviations of the fit
     #: a goal that leaves its camera's position more uncertain than this is searched along its arc
@@ -79,32 +73,29 @@ class Marks(NamedTuple):
     floor_m: FloatArray  #: (N, 2): in the field
     direction: FloatArray  #: (N, 2): across the line there, ideal image
     uv: FloatArray  #: (N, 2): where it was seen, ideal pixels
-    width_px: FloatArray  #: (N,): predicted width of the line
     reach_px: float  #: length of the search to both sides
     is_seen: BoolArray  #: (N,): whether a line is seen
 
     def added_to(self, samples: FitSamples, settings: MarkSettings) -> FitSamples:
         """Add the marks that are seen to a goal's samples."""
         seen = self.is_seen
-        width_px, count = self.width_px[seen], np.count_nonzero(seen)
-        blurred = settings.sample_error_px * np.maximum(1.0, settings.sharp_width_px / width_px)
+        count = np.count_nonzero(seen)
         # what all have in common counts for each
-        sigma = np.sqrt(blurred**2 + settings.line_error_px**2 * count)
+        sigma = math.sqrt(settings.sample_error_px**2 + settings.line_error_px**2 * count)
         return samples._replace(
             mark_m=self.floor_m[seen],
             mark_uv=self.uv[seen],
             mark_direction=self.direction[seen],
-            sigma=np.concatenate([samples.sigma, sigma]),
+            sigma=np.append(samples.sigma, np.full(count, sigma)),
         )
 
     def nats(self, residual_px: FloatArray, settings: MarkSettings) -> float:
         """Log-likelihood ratio of lines to clutter, by residuals (N,); those not seen do not count."""
-        seen = settings.seen_ratio * np.minimum(1.0, self.width_px / settings.full_width_px)
-        spread_px = settings.sample_error_px
+        seen, spread_px = settings.seen_ratio, settings.sample_error_px
         near = np.exp(-0.5 * (residual_px / spread_px) ** 2) / (spread_px * math.sqrt(math.tau))
         anywhere = settings.clutter_ratio / (2.0 * self.reach_px)
         of_seen = np.log1p(seen * (near / anywhere - 1.0))
-        return float(np.where(self.is_seen, of_seen, np.log1p(-seen)).sum())
+        return float(np.where(self.is_seen, of_seen, math.log1p(-seen)).sum())
 
 
 _MISFIT_SCALE_PX = 0.3  # of the loss by which a goal's own edges contradict a camera
@@ -140,7 +131,7 @@ class GoalLines:
             best = int(np.argmax(likely))
             chosen = sorted({int(np.argmin(arc.cost)), best})
             fits = self._fits(frame, model, of_goal, [arc.unknowns[k] for k in chosen])
-            if not fits and len(likely) > 1 and likely[best] >= self._settings.min_evidence:
+            if not fits and len(likely) > 1 and likely[best] > 0.0:
                 # too few places show a line, but all of them together do: as certain as its neighbours are far
                 covariance = arc.covariance[best].copy()
                 covariance[HEADING, HEADING] = np.gradient(arc.unknowns[:, HEADING])[best] ** 2
@@ -156,10 +147,10 @@ class GoalLines:
         marks = self._look(frame, model, p, self._settings.reaches_px[-1])
         exact = marks._replace(is_seen=np.ones_like(marks.is_seen))
         nats = marks.nats(self._residual(model, marks, p), self._settings.marks)
-        return nats, exact.nats(np.zeros(len(marks.width_px)), self._settings.marks)
+        return nats, exact.nats(np.zeros(len(marks.uv)), self._settings.marks)
 
     def _residual(self, model: GoalModel, marks: Marks, p: FloatArray) -> FloatArray:
-        residual = np.empty(len(marks.width_px))
+        residual = np.empty(len(marks.uv))
         floor_residuals(model.scene.camera, p, marks.floor_m, marks.uv, marks.direction, residual)
         return residual
 
@@ -182,7 +173,7 @@ class GoalLines:
     ) -> list[_Fitted]:
         """Fit goal and lines from each start; those that lines confirm."""
         fits = (self._fit(frame, model, samples, p) for p in starts)
-        return [one for one in fits if one is not None and one[0] >= self._settings.min_evidence]
+        return [one for one in fits if one is not None and one[0] > 0.0]
 
     def _fit(self, frame: UInt8Array, model: GoalModel, of_goal: FitSamples, p: FloatArray) -> _Fitted | None:
         """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
@@ -191,7 +182,7 @@ class GoalLines:
         scales = np.empty(0)
         for reach in settings.reaches_px:
             marks = self._look(frame, model, p, reach)
-            if np.count_nonzero(marks.is_seen) < settings.marks.min_seen:
+            if not marks.is_seen.any():
                 return None
             joined = marks.added_to(of_goal, settings.marks)
             scales = np.full(settings.iterations, settings.scale_ratio * reach)
@@ -256,7 +247,7 @@ class GoalLines:
         contrast = contrast / np.minimum(width_px, settings.marks.contrast_width_px)
         known = np.isfinite(offset)
         least = settings.marks.min_contrast * float(np.median(contrast[known])) if known.any() else math.inf
-        return Marks(floor_m, direction, uv, width_px, reach_px, known & (contrast > least))
+        return Marks(floor_m, direction, uv, reach_px, known & (contrast > least))
 
 
 def misfit(model: GoalModel, of_goal: FitSamples, residual_px: FloatArray, p: FloatArray) -> float:

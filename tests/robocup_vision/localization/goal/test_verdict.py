@@ -55,14 +55,14 @@ def test_boxes_before_lines_are_no_goal(name, index):
     assert answer.reason.startswith("no ")
 
 
-@pytest.mark.parametrize("width", [0.4, 3.0])
-def test_what_clutter_shows_speaks_for_no_camera_on_the_whole(width):
-    settings = MarkSettings(seen_ratio=0.8, full_width_px=1.0, sample_error_px=0.5, clutter_ratio=0.3)
+@pytest.mark.parametrize("seen_ratio", [0.3, 0.8])
+def test_what_clutter_shows_speaks_for_no_camera_on_the_whole(seen_ratio):
+    settings = MarkSettings(seen_ratio=seen_ratio, sample_error_px=0.5, clutter_ratio=0.3)
     off = np.linspace(-8.0, 8.0, 8001)
     none = np.empty((1, 2))
 
     def nats(residual_px, is_seen):
-        one = Marks(none, none, none, np.array([width]), 8.0, np.array([is_seen]))
+        one = Marks(none, none, none, 8.0, np.array([is_seen]))
         return one.nats(np.array([residual_px]), settings)
 
     seen, missing = [nats(one, True) for one in off], nats(np.nan, False)
