@@ -141,6 +141,8 @@ class Operator(Closing):
         texts: list[str | bytes] = []
         end_s = time.monotonic() + 0.05
         with self._telling_loss(), suppress(TimeoutError):
+            # at least one, however late a busy machine goes on
+            texts.append(self._socket.recv(timeout=0))
             while time.monotonic() < end_s:
                 texts.append(self._socket.recv(timeout=0))
         return texts

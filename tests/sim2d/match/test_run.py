@@ -197,12 +197,13 @@ def test_command_prints_a_table_and_repeats_its_file(tmp_path, capsys, monkeypat
 
 
 def test_a_report_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
-    class Unwritable(type(tmp_path)):
-        def write_text(self, text, **options):
-            if self.name == "report.html":
-                raise OSError(28, "No space left on device")
-            return super().write_text(text, **options)
+    write_text = Path.write_text
 
-    monkeypatch.setattr(match_run, "Path", Unwritable)
+    def fail_for_the_report(path, *arguments, **options):
+        if path.name == "report.html":
+            raise OSError(28, "No space left on device")
+        return write_text(path, *arguments, **options)
+
+    monkeypatch.setattr(Path, "write_text", fail_for_the_report)
     with pytest.raises(FileError, match=r"report.html: cannot be written \(No space left on device\)"):
         run_match(SHORT, tmp_path)
