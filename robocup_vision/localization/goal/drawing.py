@@ -30,6 +30,8 @@ class DrawingSettings:
     #: steps to either side of a heading, and how often they are halved
     steps: int = 5
     halvings: int = 4
+    #: common error of all drawn lines of lens, blur and paint that the drawing leaves out
+    drawn_to_px: float = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,13 +73,10 @@ class LineDrawing:
         unexplained = max(1.0 - both * both / (own * self._light_square), 1e-9)
         return -0.5 * self._pixels / self._settings.pixels_for_one * math.log(unexplained)
 
-    def settle(
-        self, model: GoalModel, samples: FitSamples, start: FloatArray, reach_rad: float, line_error_px: float
-    ) -> Drawn | None:
+    def settle(self, model: GoalModel, samples: FitSamples, start: FloatArray, reach_rad: float) -> Drawn | None:
         """Find the heading within `reach_rad` at which the drawn lines agree best, all else by the samples.
 
-        `start` (8,) is the samples' best fit; `line_error_px` is the common error of all lines. None where the samples
-        determine no camera, or no lines are visible.
+        `start` (8,) is the samples' best fit. None where the samples determine no camera, or no lines are visible.
         """
         if not self._shows_carpet:
             return None
@@ -99,7 +98,7 @@ class LineDrawing:
         along = (after[0] - before[0]) / (4 * step)
         motion = self._motion_px2(model, before[0], after[0]) / (4 * step) ** 2
         # a faint drawing is located as well as noise allows, a plain one as well as the model describes the picture
-        off_px2 = line_error_px**2 + self._settings.blur_px**2 / likelihood
+        off_px2 = self._settings.drawn_to_px**2 + self._settings.blur_px**2 / likelihood
         covariance = best[2] + np.outer(along, along) * off_px2 / max(motion, 1e-9 * off_px2)
         return Drawn(likelihood, best[0], covariance)
 

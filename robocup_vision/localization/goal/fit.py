@@ -254,6 +254,9 @@ def refine(
     residual = residuals(model, samples, p)
     inlier = np.abs(residual[: len(samples.edge)]) < settings.inlier_px
     ratio = np.bincount(samples.edge[inlier], minlength=EDGES) / np.maximum(samples.expected, 4)
+    # an edge's common error grows with its samples' scatter: blur, compression and glare cause both
+    scatter = float(np.mean(residual[: len(samples.edge)][inlier] ** 2)) if inlier.any() else 0.0
+    information = information / max(1.0, scatter / settings.edge_error_px**2)
     return GoalFit(p, information, samples, residual, ratio, settings)
 
 

@@ -43,7 +43,7 @@ class MarkSettings:
     min_contrast: float = 0.4
     contrast_width_px: float = 1.5
     sample_error_px: float = 0.4  #: noise of one place
-    line_error_px: float = 0.15  #: common error of all places on lines, and of all lines drawn: lens and paint
+    line_error_px: float = 0.045  #: common error of all places: lens and paint
     seen_ratio: float = 0.8  #: probability of seeing a line that is due
     clutter_ratio: float = 0.2  #: probability that something passes for a line where none is due
 
@@ -64,6 +64,8 @@ class GoalLineSettings:
     certain_m: float = 0.06
     iterations: int = 4  #: steps of each round
     reweighted: int = 3  #: last rounds, whose weights follow the residuals of the round before
+    #: edges farther off are no edges of the goal, and tell nothing of the others: blur moves one by half a pixel
+    max_edge_error_px: float = 0.5
     prior_marks: float = 4.0  #: number of marks of the expected noise that are added to those whose scatter is measured
 
 
@@ -162,7 +164,7 @@ class GoalLines:
         for k in Apart(self._settings.same_m / 2).first(places, len(fits)):
             _, line_fit, samples = fits[k]
             reach = self._settings.reach_on_arc_stds * math.sqrt(line_fit.covariance[HEADING, HEADING])
-            drawn = drawing.settle(model, samples, line_fit.unknowns, reach, self._settings.marks.line_error_px)
+            drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
             if drawn is not None:
                 moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
                 settled.append((drawn.likelihood, moved, samples))
@@ -207,13 +209,15 @@ class GoalLines:
         """Noise (S,) of samples by their residuals: of edges as a whole, and of marks as they scatter.
 
         The border of a lamp's streak along a bar passes for the bar's edge: each edge is as uncertain as it is off, so
-        that all others overrule it.
+        that all others overrule it. Where some edges are off in a picture, the others may be as well, though the fit
+        has followed them: each is also as uncertain as edges are off on average, up to `max_edge_error_px` each.
         """
         settings, n = self._settings, len(edge)
         count = np.bincount(edge, minlength=EDGES)
         square = (np.bincount(edge, residual[:n], EDGES) / np.maximum(count, 1)) ** 2
+        typical = np.minimum(square, settings.max_edge_error_px**2)[count > 0].mean() if n else 0.0
         sigma = sigma.copy()
-        sigma[:n] = np.sqrt(sigma[:n] ** 2 + (square * count)[edge])
+        sigma[:n] = np.sqrt(sigma[:n] ** 2 + ((square + typical) * count)[edge])
         squares = np.minimum((residual[first_mark:] / sigma[first_mark:]) ** 2, _FAR2)
         sigma[first_mark:] *= math.sqrt((squares.sum() + settings.prior_marks) / (len(squares) + settings.prior_marks))
         return sigma

@@ -89,8 +89,14 @@ SLIPS = {
         re.compile(r"lens: with distortion = \[\] in the camera file 4 of 4 pictures agree with the truth "),
     ),
     "focal length": (
+        {"camera": replace(FORWARD, focal_px=(200.0, 200.0)), "truth": TRUTH},
+        re.compile(r"focal length: with a focal length of 2[23]\d instead of 200 pixels 4 of 4 pictures agree "),
+    ),
+    "focal length that is fitted in most frames": (
         {"camera": replace(FORWARD, focal_px=(205.0, 205.0)), "truth": TRUTH},
-        re.compile(r"focal length: with a focal length of 2[23]\d instead of 205 pixels 4 of 4 pictures agree "),
+        re.compile(
+            r"lens: by 3 images the focal length is 22\d\.\d \+- \d\.\d px, .*; not so focal_px of the camera file"
+        ),
     ),
     "height": (
         {"camera": replace(FORWARD, height_m=0.37), "truth": TRUTH},

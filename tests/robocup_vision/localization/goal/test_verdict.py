@@ -152,7 +152,7 @@ def test_a_drawing_settles_where_the_camera_stands(far, turn_rad):
     candidate = search.candidates(search.picture(frame))[0][0]
     drawing = LineDrawing(frame, PEN)
     start = turned(candidate.model, truth, turn_rad)
-    drawn = drawing.settle(candidate.model, candidate.fit.samples.for_fit, start, 0.06, 0.15)
+    drawn = drawing.settle(candidate.model, candidate.fit.samples.for_fit, start, 0.06)
     assert drawn is not None
     # the value told pays for what the samples give up there
     assert drawn.likelihood <= drawing.likelihood(candidate.model, drawn.unknowns)
@@ -169,7 +169,7 @@ def test_without_carpet_nothing_is_estimated(far):
     assert drawing.likelihood(search.colored_model, truth) == 0.0
     assert (
         drawing.settle(
-            search.colored_model, search.candidates(search.picture(far[0]))[0][0].fit.samples.for_fit, truth, 0.05, 0.15
+            search.colored_model, search.candidates(search.picture(far[0]))[0][0].fit.samples.for_fit, truth, 0.05
         )
         is None
     )
