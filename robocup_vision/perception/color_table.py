@@ -92,7 +92,7 @@ class Colors:
 
     @property
     def white_cast(self) -> float:
-        """Distance of white from neutral: the greater of |log(R/G)| and |log(B/G)|."""
+        """Distance of white from neutral: the greater absolute value of log R/G and log B/G."""
         return max(abs(math.log(self.line.red_ratio)), abs(math.log(self.line.blue_ratio)))
 
     @cached_property
