@@ -10,7 +10,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import OmniCamera
 from sim2d.kernels.ray_casting import LEVEL, MIN_RUN
 
-# width of the mirror's rim outside the usable radius, relative to it: 4 of 112 pixels in a 256 x 220 image
+# width of the mirror's rim outside the usable radius, as a fraction of that radius
 RIM_MARGIN = 4.0 / 112.0
 
 

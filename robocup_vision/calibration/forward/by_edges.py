@@ -22,7 +22,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
 from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.localization.model_edges.settings import EdgeSettings
-from robocup_vision.localization.model_edges.weights import load_edge_weights
+from robocup_vision.localization.model_edges.weights import packaged_edge_weights
 
 # chi-square with two degrees of freedom, 99.9 %
 _BENDS_CHI2 = 13.8
@@ -95,7 +95,7 @@ class _EdgeLocator:
         """Return a function that locates a camera within its standard deviations, by lines up to a range."""
         own = self.settings
         how = FinderSettings(max_range_m=range_m, nods=(), candidates=own.candidates, max_std_m=own.max_std_m)
-        weights = load_edge_weights()
+        weights = packaged_edge_weights()
         finder = EdgeFinder(EdgeFollower(self.field, camera, EdgeSettings().for_unconfirmed_frames()), how)
 
         def locate(frame: UInt8Array, near: Pose2 | None) -> tuple[float, Sighting] | None:

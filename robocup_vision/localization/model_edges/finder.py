@@ -31,7 +31,7 @@ from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_u
 from robocup_vision.localization.model_edges.evidence import CandidateSettings, accepted, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
-from robocup_vision.localization.model_edges.weights import load_edge_weights
+from robocup_vision.localization.model_edges.weights import packaged_edge_weights
 
 _AnyPose = TypeVar("_AnyPose", bound=Pose2)
 
@@ -159,7 +159,7 @@ class EdgeFinder:
         self._uprights = prepare_uprights(field, self._bank)
         self._sightings = np.zeros((MAX_SIGHTINGS, SIGHTING_COLUMNS))
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
-        self._weights = load_edge_weights()
+        self._weights = packaged_edge_weights()
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         self._searched_m2rad = math.tau * float(np.prod(high - low))
         self._covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2

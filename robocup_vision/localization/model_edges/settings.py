@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robocup_vision.kernels.model_edges.tables import FollowSettings
-from robocup_vision.localization.model_edges.weights import load_edge_weights
+from robocup_vision.localization.model_edges.weights import packaged_edge_weights
 
 DESIGN_WIDTH_PX = 208.0
 
@@ -99,7 +99,7 @@ class EdgeSettings:
 
     def for_width(self, width_px: int, line_width_m: float) -> FollowSettings:
         """Return the numbers for a picture of this width."""
-        weights = load_edge_weights()
+        weights = packaged_edge_weights()
         scale = width_px / DESIGN_WIDTH_PX
         grown = max(1.0, 1.0 + 0.33 * (scale - 1.0) / (640 / 208 - 1.0))
         spacing = self.spacing_px + (self.wide_spacing_px - self.spacing_px) * (scale - 1.0) / (640 / 208 - 1.0)

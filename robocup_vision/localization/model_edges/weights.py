@@ -6,6 +6,7 @@ They are data: `evidence.toml`, which `robocup-vision fit-edge-evidence` writes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -72,3 +73,9 @@ def load_edge_weights(path: str | Path = PACKAGED) -> EdgeWeights:
     described = load_toml(path, _EvidenceFile)
     near_prior = np.array([described.near_prior, *msgspec.structs.astuple(described.weights)])
     return EdgeWeights(near_prior, described.anywhere, described.within_picture, described.sure_log_odds)
+
+
+@lru_cache(maxsize=1)
+def packaged_edge_weights() -> EdgeWeights:
+    """Return the weights that come with the package, read once: calibration in play makes new followers."""
+    return load_edge_weights()
