@@ -141,11 +141,8 @@ class Operator(Closing):
         texts: list[str | bytes] = []
         end_s = time.monotonic() + 0.05
         with self._telling_loss(), suppress(TimeoutError):
-            while True:
+            while time.monotonic() < end_s:
                 texts.append(self._socket.recv(timeout=0))
-                # asked afterwards: a busy machine may begin late, and must read one all the same
-                if time.monotonic() >= end_s:
-                    break
         return texts
 
     @contextmanager
