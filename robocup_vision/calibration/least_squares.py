@@ -117,10 +117,11 @@ class FrameEquations:
 
     def scores(self, points: Residuals, weight: FloatArray, noise: Noise) -> FloatArray:
         """Return the gradient (S, G) from each group of the points (N,), with nuisance parameters eliminated."""
-        size = points.by_camera.shape[1]
+        used = weight > 0
+        points, weight, size = points.take(used), weight[used], points.by_camera.shape[1]
         rows = points.by_camera - points.by_frame @ self._own_solved(self.information[size:, :size])
         _, member = np.unique(points.group, return_inverse=True)
-        scores = np.zeros((int(member.max()) + 1, size))
+        scores = np.zeros((int(member.max(initial=-1)) + 1, size))
         np.add.at(scores, member, -rows * (weight * points.residual_px / noise.point_std_px**2)[:, None])
         return scores
 

@@ -160,6 +160,18 @@ def test_points_off_the_curve_are_unknown_and_cost_most(shape, true_camera):
     assert homogeneous(true_camera, far.pixels).shape == (1, 3)
 
 
+def test_a_point_above_the_horizon_leaves_the_covariance_as_it_is(shape, true_camera):
+    seen = seen_from(load_field("ssl_2001"), shape, true_camera, POSES, np.random.default_rng(3), noise_px=0.2)
+    joint, fit = solve(shape, seen, true_camera, POSES, (1.0, 0.6))
+    sky = Points(
+        np.vstack([seen.pixels, [[129.0, -7.0]]]),
+        np.append(seen.frame, seen.frame[-1]),
+        np.append(seen.is_line, True),
+        np.append(seen.weight, 1.0),
+    )
+    np.testing.assert_allclose(JointFit(shape, sky).covariance(fit), joint.covariance(fit), rtol=0.02, atol=1e-12)
+
+
 def test_spread_ignores_outliers():
     rng = np.random.default_rng(7)
     residual = np.concatenate([rng.normal(0, 0.4, 800), rng.uniform(-50, 50, 200), [np.inf]])
