@@ -45,13 +45,13 @@ $(INSTALLED): pyproject.toml
 	$(PYTHON) -m pip install -qq --disable-pip-version-check --editable '.[test]'; \
 	touch $@
 
-# types are checked on one core while the other compiles: processes of pytest would compile the same loops side by side
+# loops are compiled before the tests, whose processes would compile the same ones side by side
 test: $(INSTALLED)
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/lint-imports --no-cache
 	@echo ".venv/bin/mypy, and robocup-vision warm-up beside it"; \
-	.venv/bin/mypy & types=$$!; .venv/bin/robocup-vision warm-up --jobs 1 || exit 1; wait $$types
+	.venv/bin/mypy & types=$$!; .venv/bin/robocup-vision warm-up --jobs 2 || exit 1; wait $$types
 	$(PYTHON) -m pytest $(PARALLEL) -m "not slow" $(COVERAGE)
 
 slow: $(INSTALLED)
