@@ -74,8 +74,7 @@ def refine_by_lines(
     settings: LineFitSettings = LineFitSettings(),
 ) -> PoseEstimate | NotLocated:
     """Refine a pose by line points."""
-    low, high = line_map.extent_m
-    points = points.take(np.hypot(*points.floor_m.T) <= np.hypot(*(high - low)))
+    points = line_map.within_reach(points)
     if len(points) < settings.min_points:
         return NotLocated(f"only {len(points)} line points")
     unknowns, rows = pose.array.copy(), _empty_rows(len(points))
@@ -125,8 +124,8 @@ def _estimate(
     )
 
 
-def residuals_px(pose: Pose2, points: LinePoints, line_map: LineMap) -> FloatArray:
-    """Return the unsigned residuals (N,) float64 of line points at a pose, px."""
+def residuals_of(pose: Pose2, points: LinePoints, line_map: LineMap) -> PointRows:
+    """Return the residuals of line points (N) at a pose, with their derivatives and nearest lines."""
     rows = _empty_rows(len(points))
     measure_points(pose.array, seen_points(points, line_map), rows)
-    return rows.residual
+    return rows

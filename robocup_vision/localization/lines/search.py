@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from robocup_vision.arrays import BoolArray, FloatArray
+from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.lines.lines import PoseGrid, refine_line_poses, score_pose_grid
 from robocup_vision.localization.distinct import Apart
@@ -61,10 +61,7 @@ def search_by_lines(
 
     On a point-symmetric field one of two poses half a turn apart is returned. Empty if there are too few points.
     """
-    reach_m = float(np.hypot(*(line_map.extent_m[1] - line_map.extent_m[0])))
-    thin = one_per_patch(points.take(has_continuation(points.pixels, settings)), reach_m, settings)
-    if len(thin) < settings.min_points:
-        thin = one_per_patch(points, reach_m, settings)
+    thin = thinned(line_map.within_reach(points), settings)
     if len(thin) < settings.min_points:
         return []
     floor_m = np.ascontiguousarray(thin.floor_m)
@@ -103,21 +100,31 @@ def has_continuation(pixels: FloatArray, settings: LineSearchSettings = LineSear
     return np.asarray(2 * neighbours[v, u] > window)
 
 
-def one_per_patch(
-    points: LinePoints, reach_m: float, settings: LineSearchSettings = LineSearchSettings()
-) -> LinePoints:
+def thinned(points: LinePoints, settings: LineSearchSettings = LineSearchSettings()) -> LinePoints:
+    """Return one point for each patch of floor, without specks unless too few points would be left."""
+    thin = _one_per_patch(points.take(has_continuation(points.pixels, settings)), settings)
+    return thin if len(thin) >= settings.min_points else _one_per_patch(points, settings)
+
+
+def _one_per_patch(points: LinePoints, settings: LineSearchSettings) -> LinePoints:
     """Return at most `max_points` points, one for each patch of floor, preferably with floor on both sides."""
-    points = points.take(np.hypot(*points.floor_m.T) <= reach_m)
     order = np.argsort(-points.weight, kind="stable")
+    member, count = patches(points.floor_m[order], settings)
+    _, first = np.unique(member, return_index=True)
+    # a line crosses a patch in several points; a single point is more likely a speck
+    thin = points.take(order[first])
+    return replace(thin, weight=thin.weight * np.minimum(1.0, count / settings.points_per_patch))
+
+
+def patches(floor_m: FloatArray, settings: LineSearchSettings) -> tuple[Int64Array, Int64Array]:
+    """Return the patch of floor (N,) of each point (N, 2), and the number of points (P,) in each patch."""
     patch_m = settings.patch_m
     while True:
-        cells = np.floor(points.floor_m[order] / patch_m).astype(np.int64)
-        _, first, count = np.unique(cells[:, 0] * 100_003 + cells[:, 1], return_index=True, return_counts=True)
-        if len(first) <= settings.max_points:
-            # a line crosses a patch in several points; a single point is more likely a speck
-            thin = points.take(order[first])
-            return replace(thin, weight=thin.weight * np.minimum(1.0, count / settings.points_per_patch))
-        patch_m *= max(1.1, math.sqrt(len(first) / settings.max_points) * 0.95)
+        cells = np.floor(floor_m / patch_m).astype(np.int64)
+        _, member, count = np.unique(cells[:, 0] * 100_003 + cells[:, 1], return_inverse=True, return_counts=True)
+        if len(count) <= settings.max_points:
+            return member.ravel(), count
+        patch_m *= max(1.1, math.sqrt(len(count) / settings.max_points) * 0.95)
 
 
 def _best_of_grid(floor_m: FloatArray, line_map: LineMap, settings: LineSearchSettings) -> FloatArray:

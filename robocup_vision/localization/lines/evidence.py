@@ -1,0 +1,70 @@
+"""Log-likelihood ratio of a pose by line points: points of painted lines among clutter, against clutter alone.
+
+A point of clutter lies near a line by chance, with a probability that follows from the camera and the density of the
+field's lines: near the robot a few pixels are little floor, far off they reach from line to line. Of the points that a
+pose puts on the carpet an unknown fraction is of lines; the rest is clutter, such as other robots. Points in one patch
+of floor err alike and count as one. Any straight edge can be put on some line by a choice of the pose, so the line that
+has the most evidence does not count.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robocup_vision.arrays import BoolArray, FloatArray
+from robocup_vision.geometry import Pose2
+from robocup_vision.localization.lines.fit import residuals_of
+from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.lines.search import LineSearchSettings, patches
+from robocup_vision.perception.line_points import LinePoints
+
+# bound of the fraction of points on lines, and of the probability of chance: fields and cameras are known no better
+_MAX_RATIO, _CHANCE = 0.98, (1e-3, 1.0 - 1e-6)
+
+
+class LinePointEvidence:
+    """Weighs poses by the line points of one frame.
+
+    Parameters
+    ----------
+    settings : LineSearchSettings
+        Its `noise_px` is the greatest distance of a point from the line that it is on, across the line in the image.
+    """
+
+    def __init__(self, points: LinePoints, line_map: LineMap, settings: LineSearchSettings) -> None:
+        self._points = points = line_map.within_reach(points)
+        self._map, self._near_px = line_map, settings.noise_px
+        member, count = patches(points.floor_m, settings)
+        total = np.bincount(member, points.weight, len(count))
+        full = np.minimum(1.0, count / settings.points_per_patch)
+        self._weight: FloatArray = points.weight * (full / np.maximum(total, 1e-9))[member]
+        metres_per_px = np.sqrt(np.abs(np.linalg.det(points.floor_per_px)))
+        # the lines that a point's surroundings hold if they lie as on the field, but anywhere
+        expected = 2 * self._near_px * metres_per_px * line_map.lines_per_m
+        self._chance: FloatArray = np.clip(1.0 - np.exp(-expected), *_CHANCE)
+
+    def log_odds(self, pose: Pose2) -> float:
+        """Return the log-likelihood ratio of a pose; at least 0."""
+        points = self._points
+        rows = residuals_of(pose, points, self._map)
+        is_on_line = rows.residual <= self._near_px
+        counts = self._map.counts(pose.transform(points.floor_m), is_on_line)
+        weight, chance, on_line = self._weight[counts], self._chance[counts], is_on_line[counts]
+        gain = _gain(weight, chance, on_line)
+        if not on_line.any():
+            return 0.0
+        line = rows.nearest[counts]
+        richest = int(np.bincount(line[on_line], gain[on_line]).argmax())
+        rest = ~(on_line & (line == richest))
+        return max(float(_gain(weight[rest], chance[rest], on_line[rest]).sum()), 0.0)
+
+
+def _gain(weight: FloatArray, chance: FloatArray, on_line: BoolArray) -> FloatArray:
+    """Return the log-likelihood ratio (N,) of each point, by the fraction of points on lines that these points have."""
+    free = float(weight @ (1.0 - chance))
+    if not free > 0.0:
+        return np.zeros(len(weight))
+    ratio = min(max(float(weight @ (on_line - chance)) / free, 0.0), _MAX_RATIO)
+    return np.asarray(weight * np.where(on_line, np.log1p(ratio * (1.0 - chance) / chance), math.log1p(-ratio)))
