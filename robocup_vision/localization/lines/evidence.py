@@ -40,7 +40,8 @@ class LinePointEvidence:
         total = np.bincount(member, points.weight, len(count))
         full = np.minimum(1.0, count / settings.points_per_patch)
         self._weight: FloatArray = points.weight * (full / np.maximum(total, 1e-9))[member]
-        metres_per_px = np.sqrt(np.abs(np.linalg.det(points.floor_per_px)))
+        by_u, by_v = points.floor_per_px[:, :, 0], points.floor_per_px[:, :, 1]
+        metres_per_px = np.sqrt(np.abs(by_u[:, 0] * by_v[:, 1] - by_u[:, 1] * by_v[:, 0]))
         # the lines that a point's surroundings hold if they lie as on the field, but anywhere
         expected = 2 * self._near_px * metres_per_px * line_map.lines_per_m
         self._chance: FloatArray = np.clip(1.0 - np.exp(-expected), *_CHANCE)
