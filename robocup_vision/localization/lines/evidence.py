@@ -15,7 +15,7 @@ import numpy as np
 
 from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.lines.fit import residuals_of
+from robocup_vision.localization.lines.fit import residuals_of, seen_points
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import LineSearchSettings, patches
 from robocup_vision.perception.line_points import LinePoints
@@ -34,29 +34,26 @@ class LinePointEvidence:
     """
 
     def __init__(self, points: LinePoints, line_map: LineMap, settings: LineSearchSettings) -> None:
-        self._points = points = line_map.within_reach(points)
-        self._map, self._near_px = line_map, settings.noise_px
-        member, count = patches(points.floor_m, settings)
+        points = line_map.within_reach(points)
+        self._map, self._seen, self._near_px = line_map, seen_points(points, line_map), settings.noise_px
+        member, _, count = patches(points.floor_m, settings)
         total = np.bincount(member, points.weight, len(count))
         full = np.minimum(1.0, count / settings.points_per_patch)
         self._weight: FloatArray = points.weight * (full / np.maximum(total, 1e-9))[member]
-        by_u, by_v = points.floor_per_px[:, :, 0], points.floor_per_px[:, :, 1]
-        metres_per_px = np.sqrt(np.abs(by_u[:, 0] * by_v[:, 1] - by_u[:, 1] * by_v[:, 0]))
+        metres_per_px = np.sqrt(points.floor_per_px2)
         # the lines that a point's surroundings hold if they lie as on the field, but anywhere
         expected = 2 * self._near_px * metres_per_px * line_map.lines_per_m
         self._chance: FloatArray = np.clip(1.0 - np.exp(-expected), *_CHANCE)
 
     def log_odds(self, pose: Pose2) -> float:
         """Return the log-likelihood ratio of a pose; at least 0."""
-        points = self._points
-        rows = residuals_of(pose, points, self._map)
+        rows = residuals_of(pose, self._seen)
         is_on_line = rows.residual <= self._near_px
-        counts = self._map.counts(pose.transform(points.floor_m), is_on_line)
-        weight, chance, on_line = self._weight[counts], self._chance[counts], is_on_line[counts]
-        gain = _gain(weight, chance, on_line)
-        if not on_line.any():
+        if not is_on_line.any():
             return 0.0
-        line = rows.nearest[counts]
+        counts = self._map.counts(pose.transform(self._seen.floor_m), is_on_line)
+        weight, chance, on_line = self._weight[counts], self._chance[counts], is_on_line[counts]
+        line, gain = rows.nearest[counts], _gain(weight, chance, on_line)
         richest = int(np.bincount(line[on_line], gain[on_line]).argmax())
         rest = ~(on_line & (line == richest))
         return max(float(_gain(weight[rest], chance[rest], on_line[rest]).sum()), 0.0)

@@ -124,8 +124,8 @@ def _estimate(
     )
 
 
-def residuals_of(pose: Pose2, points: LinePoints, line_map: LineMap) -> PointRows:
-    """Return the residuals of line points (N) at a pose, with their derivatives and nearest lines."""
-    rows = _empty_rows(len(points))
-    measure_points(pose.array, seen_points(points, line_map), rows)
+def residuals_of(pose: Pose2, seen: SeenPoints) -> PointRows:
+    """Return the residuals of `seen_points` at a pose, with their derivatives and nearest lines."""
+    rows = _empty_rows(len(seen.floor_m))
+    measure_points(pose.array, seen, rows)
     return rows

@@ -123,7 +123,7 @@ class LinePoseEstimator:
     def _choose(
         self, found: list[LineCandidate], points: LinePoints, evidence: LinePointEvidence
     ) -> Pose2 | NotLocated:
-        """Refine the candidates, and return the best of those whose lines were seen if it has no rival."""
+        """Refine the candidates, and return the likeliest if it has no rival."""
         settings = self.settings
         thin = thinned(points, settings.search)
         answers = [refine_by_lines(one.pose, thin, self.line_map, settings=settings.fit) for one in found]

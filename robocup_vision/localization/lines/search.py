@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -82,10 +83,8 @@ def search_by_lines(
 
 def _metres_per_px(points: LinePoints) -> FloatArray:
     """Return the greatest error on the floor for one pixel in the image, for each point, metres."""
-    j = points.floor_per_px
-    total = (j**2).sum(axis=(1, 2))
-    area = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
-    return np.asarray(np.sqrt((total + np.sqrt(np.maximum(total**2 - 4 * area**2, 0))) / 2))
+    total = (points.floor_per_px**2).sum(axis=(1, 2))
+    return np.asarray(np.sqrt((total + np.sqrt(np.maximum(total**2 - 4 * points.floor_per_px2**2, 0))) / 2))
 
 
 def has_continuation(pixels: FloatArray, settings: LineSearchSettings = LineSearchSettings()) -> BoolArray:
@@ -109,21 +108,29 @@ def thinned(points: LinePoints, settings: LineSearchSettings = LineSearchSetting
 def _one_per_patch(points: LinePoints, settings: LineSearchSettings) -> LinePoints:
     """Return at most `max_points` points, one for each patch of floor, preferably with floor on both sides."""
     order = np.argsort(-points.weight, kind="stable")
-    member, count = patches(points.floor_m[order], settings)
-    _, first = np.unique(member, return_index=True)
+    _, first, count = patches(points.floor_m[order], settings)
     # a line crosses a patch in several points; a single point is more likely a speck
     thin = points.take(order[first])
     return replace(thin, weight=thin.weight * np.minimum(1.0, count / settings.points_per_patch))
 
 
-def patches(floor_m: FloatArray, settings: LineSearchSettings) -> tuple[Int64Array, Int64Array]:
-    """Return the patch of floor (N,) of each point (N, 2), and the number of points (P,) in each patch."""
+class Patches(NamedTuple):
+    """Squares of floor that share N points."""
+
+    member: Int64Array  #: (N,) int64: patch of each point
+    first: Int64Array  #: (P,) int64: first point of each patch
+    points: Int64Array  #: (P,) int64: number of points in each patch
+
+
+def patches(floor_m: FloatArray, settings: LineSearchSettings) -> Patches:
+    """Return the patches of points (N, 2) on the floor."""
     patch_m = settings.patch_m
     while True:
         cells = np.floor(floor_m / patch_m).astype(np.int64)
-        _, member, count = np.unique(cells[:, 0] * 100_003 + cells[:, 1], return_inverse=True, return_counts=True)
+        index = cells[:, 0] * 100_003 + cells[:, 1]
+        _, first, member, count = np.unique(index, return_index=True, return_inverse=True, return_counts=True)
         if len(count) <= settings.max_points:
-            return member.ravel(), count
+            return Patches(member.ravel(), first, count)
         patch_m *= max(1.1, math.sqrt(len(count) / settings.max_points) * 0.95)
 
 

@@ -159,7 +159,7 @@ def test_what_stands_around_the_carpet_is_neither_for_nor_against_a_pose(estimat
     assert distance < 0.02
     assert angle < math.radians(1)
     # points on the carpet speak against it
-    carpet_m = truth.inverse().transform(rng.uniform(*MAP.extent_m, (len(points) - len(lines), 2)))
+    carpet_m = truth.inverse().transform(rng.uniform(*MAP.extent_m, (2 * (len(points) - len(lines)), 2)))
     specks = LinePoints.from_pixels(CAMERA, CAMERA.floor_to_pixel(carpet_m))
     around, among = (LinePointEvidence(seen, MAP, LineSearchSettings()) for seen in (points, joined(lines, specks)))
     assert among.log_odds(truth) < 0.8 * around.log_odds(truth)
