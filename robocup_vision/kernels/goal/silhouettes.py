@@ -28,7 +28,7 @@ _HALF_STEP = math.tan(math.pi / 8)
 _ENDS = 12
 _OUTER_FEET = (0, 6)
 _OTHER_ENDS = (1, 2, 3, 4, 5, 7, 8, 9, 10, 11)
-_SAMPLES = 10
+SAMPLES = 10  # of an edge, and of the axis of a post or of the bar
 # cells, and a factor of half a view, by which a goal may be said to be in view until its points are projected
 _MARGIN = 3.0
 _SLACK = 1.2
@@ -83,20 +83,25 @@ class Evidence(NamedTuple):
 
 
 @compiled
-def strongest_gradients(image: UInt8Array, along: Int32Array, down: Int32Array) -> None:
-    """Differences (H, W) of neighbours along rows and down columns, of the channel where they are greatest."""
-    height, width = image.shape[:2]
+def strongest_gradients(channels: UInt8Array, along: Int32Array, down: Int32Array) -> None:
+    """Differences (H, W) of neighbours along rows and down columns, of that of three channels where they are greatest.
+
+    Channels (3, H, W), one after the other and without branches, let the processor work out several pixels at a time.
+    """
+    height, width = channels.shape[1:]
     along[:], down[:] = 0, 0
     for v in range(1, height - 1):
         for u in range(1, width - 1):
-            best = 0
+            best = best_u = best_v = np.int32(0)
             for c in range(3):
-                du = np.int32(image[v, u + 1, c]) - np.int32(image[v, u - 1, c])
-                dv = np.int32(image[v + 1, u, c]) - np.int32(image[v - 1, u, c])
-                size = int(du * du + dv * dv)
-                if size > best:
-                    best = size
-                    along[v, u], down[v, u] = du, dv
+                du = np.int32(channels[c, v, u + 1]) - np.int32(channels[c, v, u - 1])
+                dv = np.int32(channels[c, v + 1, u]) - np.int32(channels[c, v - 1, u])
+                size = np.int32(du * du + dv * dv)
+                is_greater = size > best
+                best = size if is_greater else best
+                best_u = du if is_greater else best_u
+                best_v = dv if is_greater else best_v
+            along[v, u], down[v, u] = best_u, best_v
 
 
 @compiled
@@ -164,11 +169,11 @@ def _edges_nats(levels: UInt8Array, nats: FloatArray, points: FloatArray) -> flo
     total = 0.0
     for e in range(6):
         u, v = points[2 * e, 0], points[2 * e, 1]
-        along, down = (points[2 * e + 1, 0] - u) / _SAMPLES, (points[2 * e + 1, 1] - v) / _SAMPLES
+        along, down = (points[2 * e + 1, 0] - u) / SAMPLES, (points[2 * e + 1, 1] - v) / SAMPLES
         direction = _direction(along, down)
         # rounded by cutting off
         u, v = u + 0.5 * along + 0.5, v + 0.5 * down + 0.5
-        for _ in range(_SAMPLES):
+        for _ in range(SAMPLES):
             if u >= 0.0 and v >= 0.0 and u < columns and v < rows:
                 bits = levels[int(v), int(u)] >> direction
                 total += nats[direction, (bits & 1) + ((bits >> 4) & 1)]
@@ -185,10 +190,10 @@ def _paint_nats(paint: npt.NDArray[np.float32], points: FloatArray) -> float:
     for element in range(3):
         n = 4 * element
         u, v = 0.5 * (points[n, 0] + points[n + 2, 0]), 0.5 * (points[n, 1] + points[n + 2, 1])
-        along = (0.5 * (points[n + 1, 0] + points[n + 3, 0]) - u) / _SAMPLES
-        down = (0.5 * (points[n + 1, 1] + points[n + 3, 1]) - v) / _SAMPLES
+        along = (0.5 * (points[n + 1, 0] + points[n + 3, 0]) - u) / SAMPLES
+        down = (0.5 * (points[n + 1, 1] + points[n + 3, 1]) - v) / SAMPLES
         u, v = u + 0.5 * along + 0.5, v + 0.5 * down + 0.5
-        for _ in range(_SAMPLES):
+        for _ in range(SAMPLES):
             if u >= 0.0 and v >= 0.0 and u < columns and v < rows:
                 total += paint[int(v), int(u)]
             u += along

@@ -224,12 +224,13 @@ class GoalLines:
 
     def _are_clear(self, pixels: FloatArray, direction: FloatArray, width_px: FloatArray) -> BoolArray:
         """Which places (N,) no other line comes near to: two lines that run into each other look like one."""
-        marks, offset = self._settings.marks, pixels[None] - pixels[:, None]
-        u, v = offset[..., 0], offset[..., 1]
-        across_u, across_v = direction[:, :1], direction[:, 1:]
+        marks = self._settings.marks
+        # how far each place lies from each other one along that one's line, and across it
+        tangent = np.column_stack([direction[:, 1], -direction[:, 0]])
+        along_px, across_px = (axis @ pixels.T - (axis * pixels).sum(axis=1)[:, None] for axis in (tangent, direction))
         # places on the same line are a spacing away along it
-        is_beside = np.abs(u * across_v - v * across_u) <= 0.95 * marks.spacing_px
-        apart_px = np.abs(u * across_u + v * across_v) - (width_px[:, None] + width_px) / 2
+        is_beside = np.abs(along_px) <= 0.95 * marks.spacing_px
+        apart_px = np.abs(across_px) - (width_px[:, None] + width_px) / 2
         is_near = is_beside & (apart_px < marks.clear_px)
         np.fill_diagonal(is_near, False)
         return np.asarray(~is_near.any(axis=1))

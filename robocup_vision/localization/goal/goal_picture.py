@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import NamedTuple
 
 import cv2
@@ -104,9 +104,11 @@ class GoalPicture:
         """
         if color in self._washable:
             return self._washable[color]
-        bgr = np.array(COLOR_NAMES[color])
-        of_hue = 3 * bgr >= bgr.sum()
-        lit, other = self.small[..., of_hue].min(axis=2), self.small[..., ~of_hue].max(axis=2, initial=0)
+        bgr = COLOR_NAMES[color]
+        channels = cv2.split(self.small)
+        of_hue = [one for one, level in zip(channels, bgr, strict=True) if 3 * level >= sum(bgr)]
+        others = [one for one, level in zip(channels, bgr, strict=True) if 3 * level < sum(bgr)]
+        lit, other = reduce(cv2.min, of_hue), reduce(cv2.max, others, np.zeros_like(channels[0]))
         green = self.small[..., 1][self.masks.carpet > 0]
         least = self._shaded * float(np.median(green)) if len(green) else 0.0
         is_washable = (lit >= least) & (_WHITE_RATIO * lit + _NOISE >= other)

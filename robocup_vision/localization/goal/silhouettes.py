@@ -19,7 +19,9 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.picture import GoalScene
+from robocup_vision.kernels.goal.sections import MEMBERS
 from robocup_vision.kernels.goal.silhouettes import (
+    SAMPLES,
     Cameras,
     Evidence,
     Int32Array,
@@ -32,7 +34,7 @@ from robocup_vision.kernels.goal.silhouettes import (
 from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.goal.edges import from_ideal
 from robocup_vision.localization.goal.fit import GoalModel
-from robocup_vision.localization.goal.geometry import HEADING, HEIGHT, ROLL, TILT, UNKNOWNS, X, Y
+from robocup_vision.localization.goal.geometry import EDGES, HEADING, HEIGHT, ROLL, TILT, UNKNOWNS, X, Y
 
 _DIRECTIONS = 4
 # of a cell's 255, what makes it painted
@@ -155,7 +157,8 @@ class SilhouetteSearch:
         """Differentiate a picture."""
         s, (height, width) = self.settings, picture.shape[:2]
         along, down = np.empty((2, height, width), np.int32)
-        strongest_gradients(np.asarray(cv2.GaussianBlur(picture, (0, 0), s.blur_px), np.uint8), along, down)
+        channels = np.asarray(cv2.split(cv2.GaussianBlur(picture, (0, 0), s.blur_px)), np.uint8)
+        strongest_gradients(channels, along, down)
         # every fourth pixel each way: the median of a picture needs no more
         square = along[::4, ::4] ** 2 + down[::4, ::4] ** 2
         return Gradients(along, down, s.edge_ratio**2 * float(np.median(square)))
@@ -201,15 +204,18 @@ class SilhouetteSearch:
         """Evidence that a whole picture shows the goal where a camera (8,) has it; minus infinity behind the camera."""
         return float(silhouette_nats(self._scene, seen, unknowns))
 
+    def most_nats(self, seen: Evidence) -> float:
+        """Evidence of a goal whose edges all lie where a camera has them, in their paint."""
+        return float(SAMPLES * (EDGES * seen.edge_nats[:, -1].mean() + MEMBERS * seen.paint_nats.max()))
+
     def evidence(self, edges: Edges, paint: UInt8Array, carpet: UInt8Array) -> Evidence:
         """Weigh edges, paint and carpet of a picture; the masks may be of another size than the edges."""
         (rows, columns), ratio = edges.levels.shape, self.settings.painted_ratio
         size = (columns, rows)
         painted = cv2.resize(paint, size, interpolation=cv2.INTER_AREA) > _MIN_PAINT
         background = min(max(float(painted.mean()), 0.02), ratio)
-        nats = np.where(painted, math.log(ratio / background), math.log((1 - ratio) / (1 - background))).astype(
-            np.float32
-        )
+        of_paint, of_others = np.log([ratio / background, (1 - ratio) / (1 - background)]).astype(np.float32)
+        nats = np.where(painted, of_paint, of_others)
         green = np.asarray(cv2.resize(carpet, size, interpolation=cv2.INTER_NEAREST), np.uint8)
         return Evidence(*edges, nats, green)
 
