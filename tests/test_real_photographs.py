@@ -154,3 +154,13 @@ def test_what_looks_like_a_goal_gives_no_pose_against_the_lines(start):
     camera = load_camera(DATA / "msl_fisheye_camera.toml")
     (frame,) = fisheye_photographs(start)
     assert not Vision(load_field(DATA / "msl_fisheye_field.toml"), camera).look(frame).pose
+
+
+@needs_photographs
+def test_a_ball_is_found_though_a_yellow_goal_is_the_brightest_thing_in_view():
+    camera = load_camera(DATA / "omni_junior_camera.toml")
+    vision = Vision(load_field(DATA / "omni_junior_field.toml"), camera)
+    view = vision.look(cv2.imread(str(REAL / "omni_junior" / "images" / "frame9.jpg")))
+    ball_m = camera.pixel_to_floor(np.array([553.0, 509.0]))
+    assert len(view.balls) == 1
+    assert math.hypot(view.balls[0].x_m - ball_m[0], view.balls[0].y_m - ball_m[1]) < 0.05

@@ -44,6 +44,10 @@ LLR_PER_UNIT = 1.0 / 16
 LLR_CLIP = 4.0
 # white in a narrow view must extend over this ratio of its bearings, unlike a single object
 _MIN_WHITE_BEARINGS = 0.25
+_MIN_WHITE_SAMPLES = 30
+_MAX_OFF_MIXTURES = 0.05  # sine of the angle between a colour and the plane of mixtures of carpet and lines
+# samples along a bearing: fewer are of the carpet's colour by chance, and a line is no wider
+_CARPET_PATCH, _LINE_ON_CARPET = np.ones((1, 3), np.uint8), np.ones((1, 9), np.uint8)
 # bins have equal widths well below this ratio of a table's brightest level, and equal ratios well above. In the dark,
 # black differs from floor by a third in R/G and B/G and needs finer bins; lit floor varies by more than a bin.
 _EVEN_BELOW = 0.16
@@ -194,21 +198,51 @@ def _near_paint(samples: UInt8Array, name: str) -> npt.NDArray[np.bool_]:
 def _learn_white(
     samples: UInt8Array, shown: npt.NDArray[np.bool_], floor: FloorColor, min_bearings: float
 ) -> PaintColor:
-    colors = pick_colors(samples, shown)
-    places = np.flatnonzero((brightness_of(*colors) > floor.level) & (colors.max(axis=0) < 250))
-    is_beside = floor.log_likelihood_ratio(*colors[:, places]) < 0
-    places = places[is_beside]
-    colors = colors[:, places]
-    if len(places) < 30:
+    colors, bearing = pick_colors(samples, shown), np.nonzero(shown)[0]
+    is_floor = floor.log_likelihood_ratio(*colors) > 0
+    is_bright = ~is_floor & (brightness_of(*colors) > floor.level) & (colors.max(axis=0) < 250)
+    if np.count_nonzero(is_bright) < _MIN_WHITE_SAMPLES:
         return PaintColor(1.0, 1.0)
-    level = brightness_of(*colors)
-    is_bright = level >= np.percentile(level, 60)
+    is_line = is_bright & _has_carpet_around(shown, is_floor)
+    if np.count_nonzero(is_line) >= _MIN_WHITE_SAMPLES:
+        # pixels that a line fills in part are mixed of the carpet's colour and of white, as all white things may be
+        is_mixed = is_bright & _are_mixtures(colors, floor.lit, _typical_paint(colors[:, _brightest(colors, is_line)]))
+        is_bright = is_mixed if np.count_nonzero(is_mixed) >= _MIN_WHITE_SAMPLES else is_bright
+    is_brightest = _brightest(colors, is_bright)
     if min_bearings:
-        of_bearing = np.nonzero(shown)[0][places[is_bright]]
-        if len(np.unique(of_bearing)) < min_bearings * np.count_nonzero(shown.any(axis=1)):
+        of_bearings = len(np.unique(bearing[is_brightest]))
+        if of_bearings < min_bearings * np.count_nonzero(shown.any(axis=1)):
             return PaintColor(1.0, 1.0)
-    # the brightest things may be coloured (a yellow goal, a window), but most are white, so the median is
-    blue, green, red = np.maximum(colors[:, is_bright], 1.0)
+    # without lines the brightest things may be coloured (a yellow goal, a window), but most are white
+    return _typical_paint(colors[:, is_brightest])
+
+
+def _has_carpet_around(shown: npt.NDArray[np.bool_], is_floor: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Which samples shown (N,) have carpet nearby on both sides, as those of lines; goals and walls have it on one."""
+    carpet = np.zeros(shown.shape, np.uint8)
+    carpet[shown] = is_floor
+    carpet = np.asarray(cv2.morphologyEx(carpet, cv2.MORPH_OPEN, _CARPET_PATCH), np.uint8)
+    return np.asarray(cv2.morphologyEx(carpet, cv2.MORPH_CLOSE, _LINE_ON_CARPET)[shown] > 0)
+
+
+def _are_mixtures(colors: FloatArray, one: PaintColor, other: PaintColor) -> npt.NDArray[np.bool_]:
+    """Which colours (3, N) lie in the plane of two others, nearly; none where these are too much alike for a plane."""
+    first, second = (np.array([paint.blue_ratio, 1.0, paint.red_ratio]) for paint in (one, other))
+    plane = np.cross(first / np.linalg.norm(first), second / np.linalg.norm(second))
+    sine = float(np.linalg.norm(plane))
+    if sine < 2 * _MAX_OFF_MIXTURES:
+        return np.zeros(colors.shape[1], bool)
+    return np.asarray(np.abs(plane @ colors) <= _MAX_OFF_MIXTURES * sine * np.linalg.norm(colors, axis=0))
+
+
+def _brightest(colors: FloatArray, wanted: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Which of the wanted colours (3, N) are the brightest two fifths of these."""
+    level = brightness_of(*colors)
+    return np.asarray(wanted & (level >= np.percentile(level[wanted], 60)))
+
+
+def _typical_paint(colors: FloatArray) -> PaintColor:
+    blue, green, red = np.maximum(colors, 1.0)
     return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
 
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from field_models import load_field
 from field_models.errors import FileError
 from field_models.field import COLOR_NAMES
 from robocup_vision.perception.color_table import (
@@ -65,6 +66,25 @@ def test_colours_follow_the_light(ssl_field, paper_camera, nominal_samples, cast
     row = np.array([[np.array(COLOR_NAMES[n]) * cast for n in names]]).clip(0, 255).astype(np.uint8)
     found = [CLASS_NAMES[i] for i in build_color_table(colors).segment(row)[0]]
     assert found == ["floor", "ball", "goal_positive_x", "goal_negative_x"]
+
+
+@settings(max_examples=25)
+@given(
+    cast=st.tuples(*[st.floats(0.8, 1.2)] * 3), filled=st.floats(0.4, 1.0), paint=st.sampled_from(["yellow", "blue"])
+)
+def test_white_is_that_of_lines_though_a_goal_is_brighter(cast, filled, paint):
+    """Lines that fill their pixels in part do not say how white is, but with what carpet is mixed."""
+    carpet, white, goal = (np.array(COLOR_NAMES[name]) * cast for name in ("green", "white", paint))
+    frame = np.empty((160, 83, 3))
+    frame[:] = carpet
+    frame[:, 30:33] = carpet + filled * (white - carpet)
+    frame[:, 70:] = goal
+    frame[::4, 70:76] = white
+    noise = np.random.default_rng(3).normal(0.0, 2.0, frame.shape)
+    samples = np.clip(frame * 0.8 + noise, 0, 255).astype(np.uint8)
+    colors = learn_colors(samples, np.ones((160, 83), dtype=np.uint8), load_field("ssl_2001"))
+    assert colors.line.red_ratio == pytest.approx(cast[2] / cast[1], rel=0.06)
+    assert colors.line.blue_ratio == pytest.approx(cast[0] / cast[1], rel=0.06)
 
 
 def test_a_bright_red_lamp_does_not_spoil_white(ssl_field):

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models import load_field
-from robocup_vision.camera import OmniCamera, Table, Tangent, load_camera
+from robocup_vision.camera import OmniCamera, Tangent, load_camera
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.evidence import LinePointEvidence
@@ -22,6 +22,7 @@ from robocup_vision.localization.lines.search import LineSearchSettings, has_con
 from robocup_vision.perception.line_points import LinePoints
 
 REAL = Path(__file__).resolve().parents[5] / "shared" / "real"
+DATA = Path(__file__).resolve().parents[3] / "data"
 FIELD = load_field("msl_6x4")
 CAMERA = OmniCamera((640, 480), (321.0, 238.0), (40.0, 220.0), Tangent(2.1456, 0.0057291))
 MAP = LineMap(FIELD)
@@ -289,41 +290,10 @@ def test_photographs_with_legs_and_a_room_in_view_are_located(folder, name, trut
     assert answer.pose.error_to(truth, symmetric=True)[0] < max_m
 
 
-JUNIOR_FIELD = """format = 1
-name = "junior"
-source = "rules of 2020; penalty areas by the photographs"
-length_m = 1.81
-width_m = 1.20
-line_width_m = 0.02
-center_line = false
-ball_color = "orange"
-robot_radius_m = 0.11
-[boundary]
-kind = "carpet"
-margin_m = 0.31
-[penalty_area]
-depth_m = 0.3
-width_m = 0.7
-corner_radius_m = 0.1
-"""
-# fitted to the four photographs; drawn into them, the field's lines lie on the painted ones
-JUNIOR_CAMERA = OmniCamera(
-    (791, 711),
-    (397.6, 376.5),
-    (140.0, 305.0),
-    Table(
-        np.arange(130.0, 311.0, 15.0),
-        np.array([0.183, 0.202, 0.232, 0.265, 0.301, 0.342, 0.394, 0.46, 0.544, 0.655, 0.808, 1.002, 1.287]),
-    ),
-    viewpoint_height_m=0.273,
-    tilt_rad=(-0.0354, 0.0154),
-)
-
-
 @pytest.mark.skipif(not (REAL / "omni_junior").exists(), reason="the photographs are not here")
-def test_photographs_of_a_carpet_with_hands_cables_and_robots_are_located(tmp_path):
-    (tmp_path / "field.toml").write_text(JUNIOR_FIELD, encoding="utf-8")
-    estimator = LinePoseEstimator(load_field(tmp_path / "field.toml"), JUNIOR_CAMERA)
+def test_photographs_of_a_carpet_with_hands_cables_and_robots_are_located():
+    field, camera = load_field(DATA / "omni_junior_field.toml"), load_camera(DATA / "omni_junior_camera.toml")
+    estimator = LinePoseEstimator(field, camera)
     poses = {
         "frame11.jpg": Pose2(0.16, -0.37, -3.0),
         "frame5.jpg": Pose2(0.04, 0.35, -0.05),
