@@ -42,10 +42,13 @@ TYPICAL = PointSpread(0.1, 0.5)
 
 
 def neighbours(spread: PointSpread) -> tuple[PointSpread, ...]:
-    """One of `SPREADS` and those that differ from it by one step in mixing or in the lens."""
+    """One of `SPREADS` and those that differ from it by one step in mixing, in the lens or in both."""
     i, j = _MIXED.index(spread.mixed), _LENS_PX.index(spread.lens_px)
-    mixed = [PointSpread(one, spread.lens_px) for one in _MIXED[max(0, i - 1) : i + 2]]
-    return (*mixed, *(PointSpread(spread.mixed, one) for one in _LENS_PX[max(0, j - 1) : j + 2]))
+    return tuple(
+        PointSpread(mixed, lens_px)
+        for mixed in _MIXED[max(0, i - 1) : i + 2]
+        for lens_px in _LENS_PX[max(0, j - 1) : j + 2]
+    )
 
 
 def nearest_best(cost: Callable[[PointSpread], float], start: PointSpread) -> PointSpread:
